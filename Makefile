@@ -61,6 +61,7 @@ benchmark: $(VENV)/.dev  ## speed and accuracy beside those of other programs, o
 	$(BIN)/python -m benchmarks.press_guard
 	$(BIN)/python -m benchmarks.hardness --probe tsis-direct --spheres 40 --rigs 5
 	$(BIN)/python -m benchmarks.hardness --probe tsis-2011 --spheres 20 --rigs 5 --ball
+	$(BIN)/python -m benchmarks.gel_hardness
 	$(BIN)/python -m benchmarks.detection_intervals
 	$(BIN)/python -m benchmarks.detection_study --targets 2000 --seed 1
 	$(BIN)/python -m benchmarks.tampering --trials 1000 --seed 1

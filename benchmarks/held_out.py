@@ -56,7 +56,7 @@ class Condition:
 
 def pressed(phantoms: Sequence[Phantom], protocol: Protocol, rng: np.random.Generator) -> SimulatedCase:
     """Press a phantom for each target frame in turn; the reference is plain tissue like that of the first."""
-    virtual = VirtualProbe(protocol.probe, rng=rng)
+    virtual = VirtualProbe(protocol.probe, rng=rng, strain="small")
     forces = protocol.forces_n * (len(phantoms) // len(protocol.forces_n))
     site = phantoms[0].without_inclusion()
     return SimulatedCase(
@@ -108,7 +108,7 @@ def overexposed(frame: TactileImage) -> TactileImage:
 def untouched(gauge_n: float | None, protocol: Protocol, rng: np.random.Generator) -> SimulatedCase:
     """The first target frame is that of an untouched probe; the gauge reads ``gauge_n``, or the truth."""
     case = always(lumps(LUMP))(protocol, rng)
-    dark = VirtualProbe(protocol.probe, rng=rng).no_contact()
+    dark = VirtualProbe(protocol.probe, rng=rng, strain="small").no_contact()
     dark = dark if gauge_n is None else replace(dark, force_n=gauge_n)
     return replace(case, frames=(dark, *case.frames[1:]))
 
@@ -117,7 +117,7 @@ def of_another_probe(protocol: Protocol, rng: np.random.Generator) -> SimulatedC
     """The calibration is that of the catalog's other probe."""
     case = always(lumps(LUMP))(protocol, rng)
     other = "tsis-2011" if protocol.probe_name == "tsis-domed" else "tsis-domed"
-    return replace(case, calibration=VirtualProbe(load_probe(other), rng=rng).calibration)
+    return replace(case, calibration=VirtualProbe(load_probe(other), rng=rng, strain="small").calibration)
 
 
 ELLIPSOID = replace(LUMP, semi_axes_mm=(7.0, 3.5, 3.5))

@@ -86,7 +86,7 @@ def ordinary(probe: str, force_n: float, presses: int, seed: int) -> dict[str, O
         np.random.SeedSequence(seed).spawn(presses), description=f"{probe}, {force_n:g} N", console=Console(stderr=True)
     ):
         rng = np.random.default_rng(child)
-        virtual = VirtualProbe(pressing, rng=rng)
+        virtual = VirtualProbe(pressing, rng=rng, strain="small")
         name = PHANTOMS[int(rng.integers(len(PHANTOMS)))]
         shown = [virtual.press(tsis.load_phantom(one), force_n=force_n) for one in (name, "plain")]
         fixed = grain(virtual.calibration.pattern_sd, rng)
@@ -119,11 +119,11 @@ def looked_at(frames: list[tsis.TactileImage], virtual: VirtualProbe) -> tuple[t
 def unusual(phantom: tsis.Phantom, presses: int, seed: int) -> tuple[int, int, float]:
     """How many of so many presses are flagged with a reference and without, and the least size over its noise."""
     probe = tsis.load_probe("tsis-2011")
-    known = VirtualProbe(probe, rng=np.random.default_rng(0)).calibration
+    known = VirtualProbe(probe, rng=np.random.default_rng(0), strain="small").calibration
     known = replace(known, probe_young_sd=0.0)  # three dimensions are solved once
     counts, least = [0, 0], np.inf
     for child in np.random.SeedSequence(seed).spawn(presses):
-        virtual = VirtualProbe(probe, rng=np.random.default_rng(child), calibration=known)
+        virtual = VirtualProbe(probe, rng=np.random.default_rng(child), calibration=known, strain="small")
         target, plain = (virtual.press(one, force_n=1.0) for one in (phantom, phantom.without_inclusion()))
         for column, references in enumerate(([plain], [])):
             flags = dict(image_findings([target], references, probe=probe, calibration=known))

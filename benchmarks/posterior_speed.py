@@ -61,7 +61,7 @@ class Bench:
     def of(cls, name: str, forces_n: tuple[float, ...], *, with_reference: bool) -> Bench:
         """Pressed by a virtual probe."""
         probe = tsis.load_probe(name)
-        virtual = VirtualProbe(probe, rng=np.random.default_rng(1))
+        virtual = VirtualProbe(probe, rng=np.random.default_rng(1), strain="small")
         plain = PHANTOM.without_inclusion()
         return cls(
             frames=[virtual.press(PHANTOM, force_n=force) for force in forces_n],

@@ -98,7 +98,7 @@ class Press:
 
 def drawn_press(rng: np.random.Generator) -> Press:
     probe = tsis.load_probe(PROBES[int(rng.integers(len(PROBES)))])
-    virtual = VirtualProbe(probe, rng=rng)
+    virtual = VirtualProbe(probe, rng=rng, strain="small")
     phantom = tsis.load_phantom(PHANTOMS[int(rng.integers(len(PHANTOMS)))])
     force = float(rng.uniform(*FORCES_N))
     bare = Press(

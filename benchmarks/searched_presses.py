@@ -90,7 +90,7 @@ class MovingProbe(VirtualProbe):
     """A virtual probe that presses what lies beside its axis by moving what it would change there."""
 
     def __init__(self, probe: Probe, *, rng: np.random.Generator) -> None:
-        super().__init__(probe, rng=rng)
+        super().__init__(probe, rng=rng, strain="small")
         self._grid = FaceGrid(probe)
         self._lumps: tuple[Inclusion, ...] = ()
         self._solid = False

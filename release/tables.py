@@ -1,9 +1,9 @@
 """The tables that ship with the package, so that no first answer waits for them: `make tables`.
 
-They are what the catalog's probes need at default settings: the contact tables of the hardness estimate, and for the
+They are what the catalog's probes need at default settings: the contact tables of the hardness estimate; for the
 inclusion estimate the light on the lit face, the surrogate of its presses, and what finite strain and uneven tissue add
-to them. Each is what the product itself computes and caches. `tests/files/test_shipped_tables.py` computes them again
-and compares.
+to them; and the solved presses from which others at finite strain continue. Each is what the product itself computes
+and caches. `tests/files/test_shipped_tables.py` computes them again and compares.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from tsis.files import shipped_tables
 from tsis.hardness import build_contact_table
 from tsis.inclusion import InclusionPrior
 from tsis.inclusion.posterior import build_field_table
+from tsis.mechanics.finite_strain import PressSeries
 from tsis.mechanics.surrogate import build_finite_correction
 from tsis.virtual import VirtualProbe
 
@@ -41,6 +42,7 @@ def compute_tables() -> None:
     for name in TISSUE_PROBES:
         build_finite_correction(tsis.load_probe(name))
         build_field_table(tsis.load_probe(name), InclusionPrior())
+        PressSeries(tsis.load_probe(name)).press(tsis.load_phantom("size-8"), force_n=FORCES_N[0])
     virtual = VirtualProbe(tsis.load_probe("tsis-domed"), rng=np.random.default_rng(0))
     phantom = tsis.load_phantom("size-8")
     images = [virtual.press(phantom, force_n=force) for force in FORCES_N]

@@ -85,8 +85,10 @@ class Result:
 def run(rng: np.random.Generator) -> Result:
     """Press once, and once more without errors over the inclusion and over plain tissue."""
     light = irradiance(PROBE)
-    probe = VirtualProbe(PROBE, rng=rng, light=light)
-    exact = VirtualProbe(PROBE, rng=rng, light=light, calibration=without_errors(nominal_calibration(Sensor(), light)))
+    probe = VirtualProbe(PROBE, rng=rng, light=light, strain="small")
+    exact = VirtualProbe(
+        PROBE, rng=rng, light=light, calibration=without_errors(nominal_calibration(Sensor(), light)), strain="small"
+    )
     return Result(
         raw=probe.press(PHANTOM, force_n=FORCE_N),
         untouched=probe.no_contact(),

@@ -153,7 +153,7 @@ def without_errors(virtual: VirtualProbe, rng: np.random.Generator) -> VirtualPr
         shot_noise_grey=0.0,
     )
     quiet = replace(virtual.sensor, read_noise_grey=0.0, shot_noise_grey=0.0)
-    return VirtualProbe(virtual.probe, rng=rng, sensor=quiet, calibration=steady)
+    return VirtualProbe(virtual.probe, rng=rng, sensor=quiet, calibration=steady, strain="small")
 
 
 def run(
@@ -169,7 +169,7 @@ def run(
     ``ideal`` leaves all of that out, so that one press is as good as many; ``progress`` is called with (phantoms
     pressed, in all).
     """
-    virtual = VirtualProbe(tsis.load_probe(probe), rng=rng)
+    virtual = VirtualProbe(tsis.load_probe(probe), rng=rng, strain="small")
     virtual = without_errors(virtual, rng) if ideal else virtual
 
     def pressed(phantom: str, force_n: float) -> list[TactileImage]:

@@ -124,7 +124,7 @@ def run(
     surrogate = build_surrogate(probe, BOX, force_n=FORCE_N)
     ranges = np.array([BOX.diameter_mm, BOX.depth_mm, BOX.young_kpa])
     inclusions = rng.uniform(ranges[:, 0], ranges[:, 1], (SAMPLES, len(PARAMETERS)))
-    virtual = VirtualProbe(probe, rng=rng, light=light)
+    virtual = VirtualProbe(probe, rng=rng, light=light, strain="small")
     phantoms = [tsis.load_phantom(f"calibration-{number}") for number in range(1, 10)]
     truth = np.array([[getattr(phantom.inclusion, name) for name in PARAMETERS] for phantom in phantoms])
     frames = [virtual.press(phantom, force_n=FORCE_N) for phantom in phantoms]

@@ -58,9 +58,8 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("round")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        patch.setattr(
-            sys, "argv", ["tsis", "demo", "--save", "--store", "records", "--phantom", "size-8", "--out", "demo"]
-        )
+        options = ["--seed", "4", "--strain", "small", "--phantom", "size-8", "--out", "demo"]
+        patch.setattr(sys, "argv", ["tsis", "demo", "--save", "--store", "records", *options])
         with pytest.raises(SystemExit) as stop:
             main()
     assert not stop.value.code

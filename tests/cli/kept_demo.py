@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
     from tests.cli.conftest import RunTsis
 
-KNOWN = ("--calibration", "demo/calibration.json", "--scale-mm", "0.0336,0.0392")
+KNOWN = ("--calibration", "demo/calibration.json", "--scale-mm", "0.0336,0.0392", "--strain", "small")
 FRAMES = ("demo/target-0.5N.png", "demo/target-1N.png")
 FORCES = ("--force-n", "0.5", "--force-n", "1")
 

@@ -73,7 +73,7 @@ def everything(folder: Path) -> set[str]:
 def virtual_frames(seed: int, count: int, **settings: float) -> list[NDArray[Any]]:
     """What the virtual camera of that seed sees, frame by frame."""
     rng = np.random.default_rng(seed)
-    probe = VirtualProbe(load_probe("tsis-2011"), rng=rng)
+    probe = VirtualProbe(load_probe("tsis-2011"), rng=rng, strain="small")
     camera = VirtualCamera(probe, load_phantom("hardness-100"), rng=rng, force_n=0.0)
     camera.open()
     for name, value in settings.items():

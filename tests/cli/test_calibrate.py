@@ -389,3 +389,13 @@ def test_answers_guide_a_session_and_forces_may_be_typed(
     other = run_tsis(*arguments)
     assert other.code == 3
     assert "began at gain = 1; the camera is at 2 (--set gain=1, or choose another --session)" in other.err
+
+
+def test_the_light_of_a_session_without_pads_is_refused(run_tsis: RunTsis, tmp_path: Path) -> None:
+    SessionFolder(tmp_path / "frames").begin(SessionSetup(name="bench", probe="tsis-domed", camera="small"))
+    finished = run_tsis("calibrate", "light", "frames")
+    assert finished.code == 3
+    assert finished.err == (
+        "Error: the session in 'frames' must hold presses on soft flat pads; it holds none (tsis calibrate --pad-kpa 5 "
+        "--pad-kpa 10)\n"
+    )

@@ -19,7 +19,7 @@ FILES = {"calibration.json", "index.html", "result.json", "untouched.png", *TARG
 
 
 def test_the_demo_writes_what_it_prints_and_finds_the_inclusion(run_tsis: RunTsis, tmp_path: Path) -> None:
-    finished = run_tsis("demo", "--json", "--phantom", "size-8", "--seed", "3", "--out", "press")
+    finished = run_tsis("demo", "--strain", "small", "--json", "--phantom", "size-8", "--seed", "3", "--out", "press")
     assert finished.code == 0, finished.err
     printed = json.loads(finished.out)
     folder = tmp_path / "press"
@@ -42,12 +42,12 @@ def test_the_demo_writes_what_it_prints_and_finds_the_inclusion(run_tsis: RunTsi
 
 
 def test_the_frames_are_those_that_were_estimated(run_tsis: RunTsis, tmp_path: Path) -> None:
-    run_tsis("demo", "--json", "--seed", "5", "--out", "press")
+    run_tsis("demo", "--strain", "small", "--json", "--seed", "5", "--out", "press")
     target = np.asarray(Image.open(tmp_path / "press" / TARGETS[1]), dtype=float)
     plain = [word for name in REFERENCES for word in ("--reference-press", f"press/{name}")]
     examined = run_tsis(
         *("examine", *(f"press/{name}" for name in TARGETS), *plain, "--calibration", "press/calibration.json"),
-        *("--force-n", "0.5", "--force-n", "1", "--scale-mm", "0.0336,0.0392", "--json"),
+        *("--force-n", "0.5", "--force-n", "1", "--scale-mm", "0.0336,0.0392", "--strain", "small", "--json"),
     )
     assert examined.code == 0, examined.err
     again = json.loads(examined.out)["estimate"]
@@ -65,14 +65,14 @@ def test_the_frames_are_those_that_were_estimated(run_tsis: RunTsis, tmp_path: P
 
 
 def test_one_press_of_the_flat_probe_says_what_it_cannot_tell(run_tsis: RunTsis, tmp_path: Path) -> None:
-    finished = run_tsis("demo", "--probe", "tsis-2011", "--force-n", "1", "--out", "press")
+    finished = run_tsis("demo", "--strain", "small", "--probe", "tsis-2011", "--force-n", "1", "--out", "press")
     assert finished.code == 0, finished.err
     assert "The modulus is not identifiable from this press" in " ".join(finished.out.split())
     assert {path.name for path in (tmp_path / "press").glob("*-*.png")} == {"target-1N.png", "reference-1N.png"}
 
 
 def test_plain_tissue_is_told_from_an_inclusion(run_tsis: RunTsis) -> None:
-    estimate = json.loads(run_tsis("demo", "--phantom", "plain", "--json").out)["estimate"]
+    estimate = json.loads(run_tsis("demo", "--strain", "small", "--phantom", "plain", "--json").out)["estimate"]
     assert estimate["presence"] < 0.5
     assert "truth" not in estimate["parameters"]["diameter_mm"]
 
@@ -80,7 +80,7 @@ def test_plain_tissue_is_told_from_an_inclusion(run_tsis: RunTsis) -> None:
 @pytest.mark.slow
 def test_a_seed_repeats_everything_and_another_changes_it(run_tsis: RunTsis, tmp_path: Path) -> None:
     for folder, seed in (("a", "1"), ("b", "1"), ("c", "2")):
-        assert run_tsis("demo", "--seed", seed, "--out", folder).code == 0
+        assert run_tsis("demo", "--strain", "small", "--seed", seed, "--out", folder).code == 0
     same = [(tmp_path / folder / "index.html").read_bytes() for folder in "abc"]
     assert same[0] == same[1]
     assert same[0] != same[2]
@@ -89,21 +89,21 @@ def test_a_seed_repeats_everything_and_another_changes_it(run_tsis: RunTsis, tmp
 def test_an_existing_folder_is_left_alone(run_tsis: RunTsis, tmp_path: Path) -> None:
     (tmp_path / "press").mkdir()
     (tmp_path / "press" / "mine.txt").write_text("keep")
-    assert run_tsis("demo", "--out", "press").code == 0
+    assert run_tsis("demo", "--strain", "small", "--out", "press").code == 0
     assert [path.name for path in (tmp_path / "press").iterdir()] == ["mine.txt"]
     assert (tmp_path / "press-2" / "index.html").is_file()
 
 
 def test_the_terminal_shows_what_was_believed_what_is_known_and_the_best_that_could_be(run_tsis: RunTsis) -> None:
-    printed = " ".join(run_tsis("demo").out.split())
+    printed = " ".join(run_tsis("demo", "--strain", "small").out.split())
     for words in ("prior", "bound", "truth", "Probability of an inclusion: above 0.999.", "Diameter 10"):
         assert words in printed
-    assert "Prior: diameter 1 to 15 mm" in printed
+    assert "Prior: phantom-2011: diameter 1 to 15 mm" in printed
     assert "Research use only" in printed
 
 
 def test_a_truth_outside_the_prior_is_said(run_tsis: RunTsis) -> None:
-    printed = " ".join(run_tsis("demo", "--diameter-mm", "0.8").out.split())
+    printed = " ".join(run_tsis("demo", "--strain", "small", "--diameter-mm", "0.8").out.split())
     assert "The true diameter_mm 0.8 lies outside the prior's 1 to 15" in printed
     assert "true depth_mm" not in printed
 
@@ -136,7 +136,7 @@ def test_wrong_input_is_one_sentence_and_writes_nothing(
 
 def test_a_folder_that_cannot_be_made_is_one_sentence(run_tsis: RunTsis, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    finished = run_tsis("demo", "--out", "file/press")
+    finished = run_tsis("demo", "--strain", "small", "--out", "file/press")
     assert finished.code == 2
     assert "must be a folder that can be made" in finished.err
     assert finished.err.count("\n") == 1

@@ -50,7 +50,7 @@ def test_commands_show_the_prior_to_start_from(run_tsis: RunTsis, command: str) 
 def test_the_demo_estimates_with_the_prior_of_the_file(run_tsis: RunTsis, tmp_path: Path) -> None:
     """The estimate is that of the call in Python with `InclusionPrior`, on the frames that the demo wrote."""
     (tmp_path / "mine.toml").write_text(SURE)
-    press = ("demo", "--phantom", "size-8", "--seed", "713", "--json")
+    press = ("demo", "--strain", "small", "--phantom", "size-8", "--seed", "713", "--json")
     results = {}
     for name, options in {"mine": ("--prior", "mine.toml"), "default": ()}.items():
         finished = run_tsis(*press, "--out", name, *options)
@@ -114,7 +114,7 @@ def test_the_design_is_judged_by_the_prior_of_the_file(run_tsis: RunTsis, tmp_pa
 )
 def test_what_is_no_prior_is_refused_by_name(run_tsis: RunTsis, tmp_path: Path, text: str, message: str) -> None:
     (tmp_path / "mine.toml").write_text(text)
-    finished = run_tsis("demo", "--prior", "mine.toml")
+    finished = run_tsis("demo", "--strain", "small", "--prior", "mine.toml")
     assert finished.code == 2
     assert finished.err.startswith("Error: 'mine.toml': ")
     assert message in finished.err

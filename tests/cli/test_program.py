@@ -94,7 +94,7 @@ def test_an_interrupt_is_said(run_tsis: RunTsis, monkeypatch: pytest.MonkeyPatch
         raise KeyboardInterrupt
 
     monkeypatch.setattr("tsis.inclusion.estimate", interrupted)
-    finished = run_tsis("demo")
+    finished = run_tsis("demo", "--strain", "small")
     assert finished.code == 130
     assert finished.err == "Interrupted; nothing half-written is left.\n"
     assert list(tmp_path.iterdir()) == []

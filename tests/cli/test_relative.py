@@ -32,7 +32,9 @@ SCALE_TEXT = "0.0336,0.0392"
 def pressed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Presses at two forces on an inclusion and on plain tissue, the untouched probe, and the calibration."""
     folder = tmp_path_factory.mktemp("pressed")
-    probe = VirtualProbe(tsis.load_probe("tsis-2011"), rng=np.random.default_rng(4217), light=LightMap.uniform())
+    probe = VirtualProbe(
+        tsis.load_probe("tsis-2011"), rng=np.random.default_rng(4217), light=LightMap.uniform(), strain="small"
+    )
     phantom = tsis.load_phantom("size-8")
     for force in (0.5, 1.0):
         (folder / f"t{force}.png").write_bytes(png_bytes(probe.press(phantom, force_n=force)))

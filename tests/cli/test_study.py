@@ -34,7 +34,9 @@ def test_a_whole_study(run_tsis: RunTsis) -> None:
     shown = json.loads(run_tsis("study", "show", folder, "--json").out)
     assert (shown["left"], shown["unblinded"]) == (4, None)
     assert shown["next_code"] == open_study(folder).plan.codes[0]
-    done = json.loads(run_tsis("study", "run", folder, "--operator", "Ada", "--save", "records", "--json").out)
+    done = json.loads(
+        run_tsis("study", "run", folder, "--operator", "Ada", "--strain", "small", "--save", "records", "--json").out
+    )
     assert (done["entered"], done["undecided"], done["left"]) == (4, 0, 0)
     fed(run_tsis, folder)
     out = run_tsis("study", "export", folder, "out.csv", "--device", "feeler")
@@ -125,7 +127,7 @@ def test_ctrl_c_between_readings_keeps_what_was_read(run_tsis: RunTsis, monkeypa
         return enter(*arguments, **named)  # type: ignore[arg-type]
 
     monkeypatch.setattr(pressing, "enter_readings", interrupted)
-    done = run_tsis("study", "run", folder, "--operator", "Ada")
+    done = run_tsis("study", "run", folder, "--operator", "Ada", "--strain", "small")
     assert done.code == 130
     assert "Repeat the command" in done.err
     assert len(open_study(folder).readings) == 1

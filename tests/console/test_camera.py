@@ -28,7 +28,7 @@ pytestmark = [pytest.mark.system, pytest.mark.slow, needs_browser]
 def calibration(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """That of the virtual probe under a name of its own."""
     probe = load_probe("tsis-domed")
-    response = VirtualProbe(probe, rng=np.random.default_rng(0)).calibration
+    response = VirtualProbe(probe, rng=np.random.default_rng(0), strain="small").calibration
     calibration_with = ProbeCalibration(
         name="of a Monday", probe=probe.name, response=replace(response, name="of a Monday")
     )

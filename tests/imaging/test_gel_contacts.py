@@ -111,10 +111,11 @@ def test_bad_frames_are_refused_in_one_sentence(frame: Any, reference: Any, said
     assert "\n" not in str(error.value)
 
 
-def test_real_presses_near_their_labels(shared_data: Path) -> None:
+@pytest.mark.parametrize("every", [32, pytest.param(8, marks=pytest.mark.slow)])
+def test_real_presses_near_their_labels(shared_data: Path, every: int) -> None:
     """The labels lie some 2 px to one side of what every method finds; no good contact is far off."""
     with np.load(shared_data / "real" / "taxim_ball" / "dataPack_small.npz", allow_pickle=False) as data:
-        untouched, presses, labels = data["f0"], data["imgs"][::8], data["touch_center"][::8]
+        untouched, presses, labels = data["f0"], data["imgs"][::every], data["touch_center"][::every]
     found = contacts(list(presses), sensor=load_sensor("gelsight-taxim"), reference=untouched)
     good = np.array([contact.good for contact in found])
     shift = np.array([contact.centre_px for contact in found]) - labels

@@ -34,7 +34,7 @@ Frames = tuple[list["TactileImage"], list["TactileImage"]]
 
 
 def bench(seed: int = 3, probe: tsis.Probe = DOMED) -> VirtualProbe:
-    return VirtualProbe(probe, rng=np.random.default_rng(seed), light=LightMap.uniform())
+    return VirtualProbe(probe, rng=np.random.default_rng(seed), light=LightMap.uniform(), strain="small")
 
 
 def pressed(phantom: Phantom, *, seed: int = 3, probe: tsis.Probe = DOMED, site: Phantom = PLAIN) -> Frames:

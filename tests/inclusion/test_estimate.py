@@ -42,7 +42,7 @@ def presses(
     phantom: Phantom, *, seed: int = 2, force_n: float = 1.0, probe: Probe = PROBE
 ) -> tuple[TactileImage, TactileImage]:
     """A press on the phantom and one on plain tissue, of the same virtual probe."""
-    virtual = VirtualProbe(probe, rng=np.random.default_rng(seed), light=EVEN)
+    virtual = VirtualProbe(probe, rng=np.random.default_rng(seed), light=EVEN, strain="small")
     return virtual.press(phantom, force_n=force_n), virtual.press(PLAIN, force_n=force_n)
 
 
@@ -82,7 +82,7 @@ def test_phantoms_of_the_catalog_are_recovered(name: str) -> None:
 def test_so_they_are_under_the_uneven_light_of_lamps(name: str) -> None:
     """The camera sees what rays make of the dent; the estimate knows the light to first order in the slope."""
     phantom = tsis.load_phantom(name)
-    virtual = VirtualProbe(PROBE, rng=np.random.default_rng(3))
+    virtual = VirtualProbe(PROBE, rng=np.random.default_rng(3), strain="small")
     image, reference = virtual.press(phantom, force_n=1.0), virtual.press(PLAIN, force_n=1.0)
     result = estimate(image, probe=PROBE, calibration=virtual.calibration, reference=reference)
     for parameter in ("diameter_mm", "depth_mm"):
@@ -177,7 +177,7 @@ def test_more_presses_narrow() -> None:
     """
     ratios = []
     for seed in (2, 3, 4):
-        virtual = VirtualProbe(PROBE, rng=np.random.default_rng(seed), light=EVEN)
+        virtual = VirtualProbe(PROBE, rng=np.random.default_rng(seed), light=EVEN, strain="small")
         images = [virtual.press(tsis.load_phantom("hardness-100"), force_n=1.0) for _ in range(3)]
         references = [virtual.press(PLAIN, force_n=1.0) for _ in range(3)]
         one, three = (
@@ -239,7 +239,7 @@ def test_an_inclusion_off_the_axis_is_said(lump: tuple[TactileImage, TactileImag
 
 def test_clipped_rings_are_left_out_and_said(found: Estimate) -> None:
     bright = replace(nominal_calibration(Sensor()), gain_grey_per_kpa=125.0)
-    virtual = VirtualProbe(PROBE, rng=np.random.default_rng(2), light=EVEN, calibration=bright)
+    virtual = VirtualProbe(PROBE, rng=np.random.default_rng(2), light=EVEN, calibration=bright, strain="small")
     phantom = tsis.load_phantom("hardness-100")
     image, reference = virtual.press(phantom, force_n=1.0), virtual.press(PLAIN, force_n=1.0)
     assert (image.grey >= 255).any()

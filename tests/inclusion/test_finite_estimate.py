@@ -123,7 +123,7 @@ def test_the_stored_presses_are_solved(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_frames_that_state_small_strain_are_estimated_at_small_strain() -> None:
-    virtual = VirtualProbe(tsis.load_probe("tsis-2011"), rng=np.random.default_rng(5))
+    virtual = VirtualProbe(tsis.load_probe("tsis-2011"), rng=np.random.default_rng(5), strain="small")
     frame = virtual.press(tsis.load_phantom("size-8"), force_n=1.0)
     unstated = replace(frame, settings={})
     cases: tuple[tuple[TactileImage, str | None], ...] = ((frame, None), (unstated, None), (frame, "finite"))

@@ -41,7 +41,7 @@ def table() -> FieldTable:
 
 def test_the_likelihood_is_the_mixture_of_normal_densities() -> None:
     """The reference has one dense covariance a hypothesis, nuisances included."""
-    virtual = VirtualProbe(PROBE, rng=np.random.default_rng(4))
+    virtual = VirtualProbe(PROBE, rng=np.random.default_rng(4), strain="small")
     targets = [virtual.press(replace(TISSUE, inclusion=LUMP), force_n=force) for force in FORCES_N]
     references = [virtual.press(TISSUE, force_n=force) for force in FORCES_N]
     calibration = virtual.calibration
@@ -135,7 +135,7 @@ def test_covariances_between_the_states_lie_between_theirs(table: FieldTable, in
 
 
 def test_even_tissue_costs_little_width() -> None:
-    virtual = VirtualProbe(PROBE, rng=np.random.default_rng(11))
+    virtual = VirtualProbe(PROBE, rng=np.random.default_rng(11), strain="small")
     targets = [virtual.press(replace(TISSUE, inclusion=LUMP), force_n=force) for force in FORCES_N]
     references = [virtual.press(TISSUE, force_n=force) for force in FORCES_N]
     known, found = (

@@ -21,7 +21,7 @@ PLAIN = tsis.load_phantom("plain")
 
 @pytest.fixture(scope="module")
 def virtual() -> VirtualProbe:
-    return VirtualProbe(PROBE, rng=np.random.default_rng(1))
+    return VirtualProbe(PROBE, rng=np.random.default_rng(1), strain="small")
 
 
 @pytest.fixture(scope="module")
@@ -91,7 +91,7 @@ def test_a_frame_far_darker_than_its_force_is_refused(
 @pytest.mark.parametrize("force_n", [0.25, 2.0])
 def test_presses_of_any_strength_are_as_bright_as_their_force(probe: str, force_n: float) -> None:
     pressing = tsis.load_probe(probe)
-    virtual = VirtualProbe(pressing, rng=np.random.default_rng(3))
+    virtual = VirtualProbe(pressing, rng=np.random.default_rng(3), strain="small")
     frame = virtual.press(PLAIN, force_n=force_n)
     found = image_findings([frame], [], probe=pressing, calibration=virtual.calibration)
     assert {flag for flag, _ in found} <= {"saturated", "roundness_not_checked"}
@@ -136,7 +136,7 @@ def test_a_face_that_leaves_the_picture_is_flagged_with_its_share(
 @given(top=st.integers(255, 400))
 def test_less_than_half_of_the_inner_face_is_refused(top: int) -> None:
     frame = TactileImage(grey=np.zeros((492, 768)), mm_per_pixel=(0.0336, 0.0392), force_n=1.0)
-    known = VirtualProbe(PROBE, rng=np.random.default_rng(1)).calibration
+    known = VirtualProbe(PROBE, rng=np.random.default_rng(1), strain="small").calibration
     with pytest.raises(InputError, match=r"half of each ring of the inner face; it shows \d+ %") as refused:
         image_findings([cut(frame, rows=slice(top, None))], [], probe=PROBE, calibration=known)
     assert int(str(refused.value).split("it shows ")[1].split(" %")[0]) <= 50

@@ -167,10 +167,10 @@ def test_a_cut_picture_says_that_it_cannot_tell() -> None:
 @pytest.mark.parametrize("probe", ["tsis-2011", pytest.param("tsis-domed", marks=pytest.mark.slow)])
 def test_ordinary_presses_under_traced_light_are_round_and_square(probe: str) -> None:
     pressing = tsis.load_probe(probe)
-    known = VirtualProbe(pressing, rng=np.random.default_rng(0)).calibration
+    known = VirtualProbe(pressing, rng=np.random.default_rng(0), strain="small").calibration
     known = replace(known, probe_young_sd=0.0)  # one stiffness is pressed once
     for seed in range(4):
-        virtual = VirtualProbe(pressing, rng=np.random.default_rng(seed), calibration=known)
+        virtual = VirtualProbe(pressing, rng=np.random.default_rng(seed), calibration=known, strain="small")
         target, plain = (
             sector_means(virtual.press(tsis.load_phantom(name), force_n=1.0), probe=pressing, calibration=known)
             for name in ("hardness-100", "plain")
@@ -193,7 +193,7 @@ def test_a_probe_that_leans_is_named_with_the_size_of_it(share: float) -> None:
 
 def test_an_axis_some_pixels_off_is_no_tilt() -> None:
     """The rim of a real press is bright, so that a picture moved by a little is brighter on one side."""
-    virtual = VirtualProbe(PROBE, rng=np.random.default_rng(8))
+    virtual = VirtualProbe(PROBE, rng=np.random.default_rng(8), strain="small")
     frame = virtual.press(PLAIN, force_n=1.0)
     x, y = frame.axis()
     moved = replace(frame, axis_px=(x + 3.0, y - 2.0))
@@ -224,9 +224,11 @@ def pair(apart: float) -> Phantom:
 )
 def test_presses_in_three_dimensions(phantom: Phantom, expected: list[str]) -> None:
     pytest.importorskip("ngsolve", reason="the extra fem3d is not installed")
-    answer: Calibration = replace(VirtualProbe(PROBE, rng=np.random.default_rng(0)).calibration, probe_young_sd=0.0)
+    answer: Calibration = replace(
+        VirtualProbe(PROBE, rng=np.random.default_rng(0), strain="small").calibration, probe_young_sd=0.0
+    )
     for seed in range(3):
-        virtual = VirtualProbe(PROBE, rng=np.random.default_rng(seed), calibration=answer)
+        virtual = VirtualProbe(PROBE, rng=np.random.default_rng(seed), calibration=answer, strain="small")
         target, plain = (
             sector_means(virtual.press(one, force_n=1.0), probe=PROBE, calibration=answer) for one in (phantom, PLAIN)
         )

@@ -71,7 +71,7 @@ def test_plain_tissue_needs_no_extra(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_the_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     _hide_ngsolve(monkeypatch)
-    virtual = tsis.virtual.VirtualProbe(PROBE, rng=np.random.default_rng(1), light=LightMap.uniform())
+    virtual = tsis.virtual.VirtualProbe(PROBE, rng=np.random.default_rng(1), light=LightMap.uniform(), strain="small")
     with pytest.raises(MissingExtraError, match=r'needs NGSolve, which is not installed; .* "tsis\[fem3d\]"'):
         virtual.press(lump(offset_mm=(2.0, 1.0)), force_n=1.0)
 

@@ -31,7 +31,7 @@ def upper_end_mm(result: Estimate) -> tuple[Estimate, float]:
 
 
 def pressed(probe: Probe, seed: int) -> TactileImage:
-    virtual = VirtualProbe(probe, rng=np.random.default_rng(seed), light=tsis.model.LightMap.uniform())
+    virtual = VirtualProbe(probe, rng=np.random.default_rng(seed), light=tsis.model.LightMap.uniform(), strain="small")
     return virtual.press(tsis.load_phantom("hardness-100"), force_n=0.5)
 
 

@@ -18,7 +18,7 @@ def result() -> Result:
 
 
 def test_the_bell_is_that_of_the_lamps(result: Result) -> None:
-    even = VirtualProbe(PROBE, rng=np.random.default_rng(1), light=LightMap.uniform())
+    even = VirtualProbe(PROBE, rng=np.random.default_rng(1), light=LightMap.uniform(), strain="small")
     _, under_even = result.row(even.light(PHANTOM.without_inclusion(), force_n=FORCE_N))
     x, under_lamps = result.row(result.plain)
     half_way, middle = np.abs(np.abs(x) - 6.0) < 0.1, np.abs(x) < 0.1

@@ -75,7 +75,7 @@ def test_a_press_between_those_solved_is_as_one_solved_there(probe: str, force: 
 def test_a_prepared_press_is_that_of_the_virtual_probe() -> None:
     probe, rng = tsis.load_probe("tsis-2011"), np.random.default_rng
     site, nearby = drawn("detection-7", PLACES[0], 0.03, rng(5))
-    ours, theirs = PreparedProbe(probe, rng=rng(3)), VirtualProbe(probe, rng=rng(3))
+    ours, theirs = PreparedProbe(probe, rng=rng(3)), VirtualProbe(probe, rng=rng(3), strain="small")
     for name, one in (("detection-7", site), (BLANK, nearby)):
         apart = ours.press_prepared(name, one, 1.0).grey.astype(float)
         apart -= theirs.press(replace(one.phantom, name=""), force_n=1.0).grey

@@ -30,7 +30,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Study:
     folder = tmp_path_factory.mktemp("whole")
     study = made_study(folder / "study", present=2, blank=2)
     with open_store(folder / "records") as store:
-        return press_study(study, operator="Ada", save=store).study
+        return press_study(study, operator="Ada", save=store, strain="small").study
 
 
 def test_inclusions_score_above_blanks(whole: Study) -> None:
@@ -69,18 +69,20 @@ def test_neither_the_log_nor_the_store_is_told_of_the_truth(whole: Study) -> Non
 def test_a_run_that_was_ended_goes_on_with_the_same_readings(whole: Study, tmp_path: Path) -> None:
     study = made_study(tmp_path / "study", present=2, blank=2)
     steps: list[int] = []
-    done = press_study(study, operator="Ada", progress=lambda done, _: steps.append(done), ended=lambda: len(steps) > 2)
+    done = press_study(
+        study, operator="Ada", progress=lambda done, _: steps.append(done), ended=lambda: len(steps) > 2, strain="small"
+    )
     assert (done.entered, done.left) == (2, 2)
-    done = press_study(done.study, operator="Ada")
+    done = press_study(done.study, operator="Ada", strain="small")
     assert (done.entered, done.left) == (2, 0)
     assert said(done.study) == said(whole)
-    assert press_study(done.study, operator="Ada").entered == 0
+    assert press_study(done.study, operator="Ada", strain="small").entered == 0
 
 
 KILLED = """
 import os, sys
 from tsis.study import open_study, press_study
-press_study(open_study(sys.argv[1]), operator="Ada", progress=lambda done, _: done == 2 and os._exit(9))
+press_study(open_study(sys.argv[1]), operator="Ada", progress=lambda done, _: done == 2 and os._exit(9), strain="small")
 """
 
 
@@ -91,7 +93,7 @@ def test_a_killed_run_loses_no_reading(whole: Study, tmp_path: Path) -> None:
     assert killed.returncode == 9
     study = open_study(study.folder)
     assert len(study.readings) == 2
-    assert said(press_study(study, operator="Ada").study) == said(whole)
+    assert said(press_study(study, operator="Ada", strain="small").study) == said(whole)
 
 
 def test_two_runs_do_not_read_at_once(tmp_path: Path) -> None:
@@ -101,12 +103,14 @@ def test_two_runs_do_not_read_at_once(tmp_path: Path) -> None:
     def meanwhile(done: int, _: int) -> None:
         if done == 1:
             with pytest.raises(RecordsError) as said:
-                press_study(study, operator="Ben")
+                press_study(study, operator="Ben", strain="small")
             refused.append(str(said.value))
 
-    assert press_study(study, operator="Ada", progress=meanwhile).entered == 2
+    assert press_study(study, operator="Ada", progress=meanwhile, strain="small").entered == 2
     assert "must be read by one run at a time; another one is under way" in refused[0]
-    assert press_study(study, operator="Ben").entered == 2, "once the first has ended, and from a study read before it"
+    assert press_study(study, operator="Ben", strain="small").entered == 2, (
+        "once the first has ended, and from a study read before it"
+    )
     assert [each.operator for each in open_study(study.folder).readings] == ["Ada", "Ada", "Ben", "Ben"]
 
 
@@ -114,8 +118,8 @@ def test_two_runs_do_not_read_at_once(tmp_path: Path) -> None:
 def test_every_repeat_operator_and_seed_has_errors_of_its_own(tmp_path: Path) -> None:
     study = made_study(tmp_path / "study", present=1, blank=1, repeats=2)
     for operator in ("Ada", "Ben"):
-        study = press_study(study, operator=operator).study
-    study = press_study(study, operator="Eve", seed=1).study
+        study = press_study(study, operator=operator, strain="small").study
+    study = press_study(study, operator="Eve", seed=1, strain="small").study
     frames = [each.evidence["frames_sha256"] for each in study.readings]
     assert len(set(frames)) == len(frames) == 12
     assert [each.repeat for each in study.readings[:4]] == [1, 1, 2, 2]
@@ -127,7 +131,7 @@ def test_a_refused_estimate_is_undecided_and_no_guess(tmp_path: Path, monkeypatc
 
     study = made_study(tmp_path / "study", present=1, blank=1)
     monkeypatch.setattr(pressing, "estimate", refuse)
-    done = press_study(study, operator="Ada")
+    done = press_study(study, operator="Ada", strain="small")
     assert (done.entered, done.undecided, done.left) == (2, 2, 0)
     assert [(each.score, each.reason) for each in done.study.readings] == [
         (None, "images must show contact; got none")
@@ -140,7 +144,7 @@ def test_a_press_that_fails_tells_nothing_of_the_target(tmp_path: Path, monkeypa
 
     study = made_study(tmp_path / "study", present=1, blank=1)
     monkeypatch.setattr("tsis.virtual.VirtualProbe.press", fail)
-    done = press_study(study, operator="Ada")
+    done = press_study(study, operator="Ada", strain="small")
     assert {each.reason for each in done.study.readings} == {"the press could not be computed"}
     assert "detection" not in (study.folder / "log.jsonl").read_text(encoding="utf-8")
 
@@ -150,11 +154,11 @@ def test_a_changed_truth_and_an_unblinded_study_are_not_pressed(whole: Study, tm
     path = study.folder / "sealed.json"
     path.write_bytes(path.read_bytes().replace(b"detection-1", b"detection-3"))
     with pytest.raises(RecordsError, match="sealed truth must be the one"):
-        press_study(study, operator="Ada")
+        press_study(study, operator="Ada", strain="small")
     other = made_study(tmp_path / "other", present=1, blank=1)
     first = whole.readings[0]
     from dataclasses import replace
 
     other = enter_readings(other, [replace(first, code=other.plan.codes[0])], actor="Ada")
     with pytest.raises(RecordsError, match="nothing was pressed"):
-        press_study(unblind(other, by="Ada"), operator="Ada")
+        press_study(unblind(other, by="Ada"), operator="Ada", strain="small")

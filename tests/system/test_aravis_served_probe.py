@@ -38,7 +38,7 @@ def served() -> Iterator[subprocess.Popen[str]]:
 @pytest.fixture(scope="module")
 def light() -> NDArray[np.float64]:
     """Expected grey levels above the background at 20 ms and 0 dB."""
-    rig = VirtualProbe(load_probe("tsis-2011"), rng=np.random.default_rng(SEED))
+    rig = VirtualProbe(load_probe("tsis-2011"), rng=np.random.default_rng(SEED), strain="small")
     return rig.light(phantom_variant("hardness-100", None, None, None), force_n=FORCE_N)
 
 
@@ -130,7 +130,7 @@ def test_sixteen_bits_hold_the_same_grey_levels(served: subprocess.Popen[str]) -
 
 def test_a_second_one_on_the_same_interface_is_refused(served: subprocess.Popen[str]) -> None:
     rng = np.random.default_rng(0)
-    rig = VirtualProbe(load_probe("tsis-2011"), rng=rng)
+    rig = VirtualProbe(load_probe("tsis-2011"), rng=rng, strain="small")
     camera = VirtualCamera(rig, phantom_variant("plain", None, None, None), rng=rng)
     with pytest.raises(CameraError, match=r"another program serves a camera on 127\.0\.0\.1"):
         GigEServer(camera, serial="TSIS02").__enter__()

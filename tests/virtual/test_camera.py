@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 def _camera(**options: Any) -> VirtualCamera:
     rng = np.random.default_rng(7)
-    probe = VirtualProbe(tsis.load_probe("tsis-2011"), rng=rng, light=LightMap.uniform())
+    probe = VirtualProbe(tsis.load_probe("tsis-2011"), rng=rng, light=LightMap.uniform(), strain="small")
     return VirtualCamera(probe, tsis.load_phantom("plain"), rng=rng, **options)
 
 
@@ -138,6 +138,7 @@ class FlatRig:
 
     def __init__(self) -> None:
         self.sensor = Sensor(columns=10, rows=8, read_noise_grey=0.0, shot_noise_grey=0.0)
+        self.frame_settings = {"source": "virtual"}
         self.pressed: list[tuple[Any, float]] = []
         self.gate: threading.Event | None = None
         self.waits = threading.Event()

@@ -24,7 +24,7 @@ MONO_8, MONO_16, RGB_8 = 0x01080001, 0x01100007, 0x02180014
 @pytest.fixture(scope="module")
 def camera() -> VirtualCamera:
     rng = np.random.default_rng(0)
-    rig = VirtualProbe(load_probe("tsis-2011"), rng=rng, light=LightMap.uniform())
+    rig = VirtualProbe(load_probe("tsis-2011"), rng=rng, light=LightMap.uniform(), strain="small")
     return VirtualCamera(rig, load_phantom("plain"), rng=rng)
 
 

@@ -12,7 +12,7 @@ import tsis
 from tsis.errors import InputError
 from tsis.imaging import Sensor, render
 from tsis.mechanics import press
-from tsis.mechanics.finite_strain import FiniteResolution
+from tsis.mechanics.finite_strain import FiniteResolution, PressSeries
 from tsis.mechanics.small_strain import Resolution
 from tsis.model import Calibration, LightMap
 from tsis.optics.irradiance import irradiance
@@ -53,6 +53,7 @@ def virtual(seed: int, calibration: Calibration | None = None, sensor: Sensor = 
         light=LightMap.uniform(),
         calibration=calibration,
         resolution=COARSE,
+        strain="small",
     )
 
 
@@ -79,7 +80,12 @@ def test_the_noise_of_frames_is_that_of_the_calibration(read_noise_grey: float) 
     """Two presses without other errors differ by noise alone: read noise, photon noise and rounding."""
     stated = replace(IDEAL, read_noise_grey=read_noise_grey, shot_noise_grey=0.1)
     probe = VirtualProbe(
-        PROBE, rng=np.random.default_rng(31), light=LightMap.uniform(), calibration=stated, resolution=COARSE
+        PROBE,
+        rng=np.random.default_rng(31),
+        light=LightMap.uniform(),
+        calibration=stated,
+        resolution=COARSE,
+        strain="small",
     )
     assert probe.calibration == stated
     dark = np.diff([probe.no_contact().grey for _ in range(2)], axis=0)
@@ -141,7 +147,7 @@ def test_presses_at_finite_strain_are_those_of_the_finite_strain_model() -> None
         resolution=few,
     )
     plain = LUMP.without_inclusion()
-    field = press(PROBE, plain, force_n=1.0, strain="finite", resolution=few)
+    field = PressSeries(PROBE, few).press(plain, force_n=1.0)
     found = probe.light(plain, force_n=1.0)
     np.testing.assert_allclose(found, render(field, SMALL, IDEAL), rtol=1e-9, atol=1e-9)
     middle = (slice(24, 40), slice(36, 60))
@@ -157,11 +163,22 @@ def off_axis() -> Phantom:
     return replace(LUMP, inclusion=replace(LUMP.inclusion, offset_mm=(3.0, 0.0)))
 
 
+def test_by_default_it_presses_at_finite_strain_and_says_so() -> None:
+    probe = VirtualProbe(PROBE, rng=np.random.default_rng(1), sensor=SMALL, light=LightMap.uniform())
+    assert probe.frame_settings["strain"] == "finite"
+    assert LUMP.inclusion is not None
+    beside = replace(LUMP, inclusion=replace(LUMP.inclusion, offset_mm=(3.0, 0.0)))
+    with pytest.raises(InputError, match=r"only one, for strain='finite'.*VirtualProbe\(strain='small'\) accepts"):
+        probe.press(beside, force_n=1.0)
+
+
 def test_by_default_it_is_lit_by_its_own_lamps() -> None:
     quiet = replace(SMALL, **QUIET)
     light = irradiance(PROBE)
     answer = replace(IDEAL, **QUIET, light=light.near_undented())
-    probe = VirtualProbe(PROBE, rng=np.random.default_rng(1), sensor=quiet, calibration=answer, resolution=COARSE)
+    probe = VirtualProbe(
+        PROBE, rng=np.random.default_rng(1), sensor=quiet, calibration=answer, resolution=COARSE, strain="small"
+    )
     field = press(PROBE, LUMP, force_n=0.1, resolution=COARSE)
     falling = light.on(field, saturation_kpa=answer.saturation_kpa)
     expected = np.clip(np.rint(render(field, quiet, answer, light=falling) + quiet.background_grey), 0.0, 255.0)
@@ -172,7 +189,7 @@ def test_by_default_it_is_lit_by_its_own_lamps() -> None:
 
 
 def test_the_nominal_gain_leaves_room_for_the_brightest_place() -> None:
-    probe = VirtualProbe(PROBE, rng=np.random.default_rng(1), resolution=COARSE)
+    probe = VirtualProbe(PROBE, rng=np.random.default_rng(1), resolution=COARSE, strain="small")
     frame = probe.press(tsis.load_phantom("plain"), force_n=1.0)
     radius = probe.sensor.radius_mm()
     inner = frame.grey[radius < 0.8 * PROBE.radius_mm]
@@ -193,6 +210,7 @@ def test_the_contact_model_can_be_falsified() -> None:
             calibration=replace(IDEAL, **QUIET),
             contact_model=model,
             resolution=COARSE,
+            strain="small",
         )
         seen[model] = [probe.light(LUMP, force_n=force).sum() for force in (0.25, 0.5)]
     ratio = {model: strong / weak for model, (weak, strong) in seen.items()}
@@ -268,14 +286,15 @@ def test_more_force_more_light() -> None:
     ],
 )
 def test_what_a_probe_cannot_be_made_of_is_refused(given: dict[str, Any], sentence: str) -> None:
+    defaults: dict[str, Any] = {"light": LightMap.uniform(), "strain": "small"}
     with pytest.raises(InputError, match=sentence):
-        VirtualProbe(PROBE, rng=np.random.default_rng(1), **({"light": LightMap.uniform()} | given))
+        VirtualProbe(PROBE, rng=np.random.default_rng(1), **(defaults | given))
 
 
 def test_light_of_another_probe_is_refused() -> None:
     light = replace(irradiance(PROBE), radius_mm=5.0)
     with pytest.raises(InputError, match=r"light must be for a face of radius_mm = 12; got 5 \(trace it"):
-        VirtualProbe(PROBE, rng=np.random.default_rng(1), light=light)
+        VirtualProbe(PROBE, rng=np.random.default_rng(1), light=light, strain="small")
 
 
 @pytest.mark.parametrize("force", [0.0, -1.0, 51.0, float("nan")])

@@ -44,7 +44,10 @@ def demo(
     diameter_mm: DiameterMm = None,
     depth_mm: DepthMm = None,
     young_kpa: YoungKpa = None,
-    seed: Annotated[int, typer.Option(help="Seed of every random error.", min=0, max=LARGEST_SEED)] = 4,
+    seed: Annotated[int, typer.Option(help="Seed of every random error.", min=0, max=LARGEST_SEED)] = 0,
+    strain: Annotated[
+        str, typer.Option(help="Mechanics of presses and estimate: finite, seconds a press; small, tenths.")
+    ] = "finite",
     prior: InclusionPriorChoice = None,
     show_prior: ShowPrior = False,
     out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path("tsis-demo"),
@@ -69,7 +72,7 @@ def demo(
     destination = chosen_destination(save, store, number=number)
     with progress_bar("tracing the light of the lamps") as advance:
         light = tsis.optics.irradiance.irradiance(chosen, progress=advance)
-    virtual = tsis.virtual.VirtualProbe(chosen, rng=np.random.default_rng(seed), light=light)
+    virtual = tsis.virtual.VirtualProbe(chosen, rng=np.random.default_rng(seed), light=light, strain=strain)
     untouched = replace(virtual.no_contact(), name="untouched.png")
     references = _presses(virtual, target.without_inclusion(), forces, "reference")
     images = _presses(virtual, target, forces, "target")
@@ -105,7 +108,7 @@ def demo(
         probe=chosen.name,
         calibration=calibration,
         frames={"target": images, "plain": references, "untouched": [untouched]},
-        options={"prior": asdict(assumed)},
+        options={"prior": asdict(assumed), "strain": result.provenance["strain"]},
         name=target.name,
         truth=truth or {},
     )

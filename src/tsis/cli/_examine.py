@@ -112,9 +112,9 @@ def examine(
         bool, typer.Option("--shape", help="Measure ellipse, roundness and outline of the lit area, against the same.")
     ] = False,
     strain: Annotated[
-        str,
-        typer.Option(help="Mechanics of the estimate: finite for laboratory presses, small for virtual ones."),
-    ] = "small",
+        str | None,
+        typer.Option(help="Mechanics of the model: finite, or small for light presses.", show_default="as the presses"),
+    ] = None,
     budget: Annotated[
         bool, typer.Option("--budget", help="List what the uncertainty of the estimate and of the forces consists of.")
     ] = False,
@@ -245,7 +245,7 @@ def examine(
             probe=by.name,
             calibration=usable.calibration,
             frames={"target": frames, "plain": reference_frames},
-            options={"prior": asdict(assumed)} | ({} if strain == "small" else {"strain": strain}),
+            options={"prior": asdict(assumed), "strain": result.provenance.get("strain", strain)},
         )
         publish_and_save(outcome, out, destination, savable, as_json=as_json)
 

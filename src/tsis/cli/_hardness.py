@@ -13,6 +13,16 @@ from rich.table import Table
 
 import tsis
 from tsis.__about__ import CALIBRATION_FILE, LARGEST_SEED, RESEARCH_USE_ONLY, __version__
+from tsis.cli._hardness_contacts import (
+    BallContacts,
+    ContactOptions,
+    ContactsFile,
+    ContactsSensor,
+    CylinderLength,
+    FlatObject,
+    OneSequence,
+    hardness_from_contacts,
+)
 from tsis.cli._options import (
     AsJson,
     PriorFile,
@@ -83,6 +93,12 @@ def hardness(
         str | None, typer.Option(help="Press a virtual sphere of the catalog instead: cl2000x or cl2003x.")
     ] = None,
     demo: Annotated[bool, typer.Option("--demo", help=f"The same as --virtual {DEMO}.")] = False,
+    contacts: ContactsFile = None,
+    sensor: ContactsSensor = None,
+    cylinder_mm: CylinderLength = None,
+    flat: FlatObject = False,
+    ball_contacts: BallContacts = None,
+    sequence: OneSequence = False,
     prior: PriorFile = None,
     show_prior: ShowHardnessPrior = False,
     seed: Annotated[int, typer.Option(help="Seed of the virtual rig's errors.", min=0, max=LARGEST_SEED)] = 1,
@@ -95,8 +111,28 @@ def hardness(
     number: TargetOption = None,
     as_json: AsJson = False,
 ) -> None:
-    """Estimate Young's modulus of a touched object from two presses, with its interval and as Shore hardness."""
+    """Estimate Young's modulus of a touched object from two presses, with its interval and as Shore hardness.
+
+    With --contacts the presses are those of a gel sensor, read by this or any other program.
+    """
     paths = images or []
+    if contacts is not None:
+        if paths or demo or virtual is not None or calibration is not None:
+            raise InputError("--contacts must stand alone: give no images, calibration, --demo or --virtual")
+        own = None if prior is None else tsis.catalog.read_prior_file(prior, tsis.hardness.HardnessPrior)
+        stated = ContactOptions(
+            sensor=sensor,
+            force_n=force_n,
+            radius_mm=radius_mm,
+            radius_sd_mm=radius_sd_mm,
+            cylinder_mm=cylinder_mm,
+            flat=flat,
+            ball=ball_contacts,
+            ball_radius_mm=ball_radius_mm,
+            sequence=sequence,
+        )
+        hardness_from_contacts(contacts, stated, prior=own, as_json=as_json)
+        return
     if save:
         require_no_file("--save", probe)
     assumed = (

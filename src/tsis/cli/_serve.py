@@ -41,7 +41,7 @@ def serve(
     rng = np.random.default_rng(seed)
     target = tsis.catalog.phantom_variant(phantom, diameter_mm, depth_mm, young_kpa)
     with waiting("tracing the light of the lamps"):
-        rig = tsis.virtual.VirtualProbe(tsis.catalog.load_probe(probe), rng=rng)
+        rig = tsis.virtual.VirtualProbe(tsis.catalog.load_probe(probe), rng=rng, strain="small")  # a live view
     camera = tsis.virtual.VirtualCamera(rig, target, rng=rng, force_n=force_n, frames_per_s=SLOWEST)
     server = tsis.virtual.GigEServer(camera, interface=interface, serial=serial, frames_per_s=frames_per_s)
     console = people()

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from enum import StrEnum
-from typing import Annotated
+from functools import partial
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.table import Table
@@ -13,6 +14,12 @@ import tsis
 from tsis.cli._options import AsJson, DepthMm, DiameterMm, ForceN, PhantomName, ProbeOption, YoungKpa, chosen_probe
 from tsis.cli._output import people, print_json, print_notice
 from tsis.cli._progress import waiting
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tsis.model import PressField
+
 
 SHOWN_RADII = 13
 
@@ -33,8 +40,8 @@ def simulate(
     depth_mm: DepthMm = None,
     young_kpa: YoungKpa = None,
     strain: Annotated[
-        Strain, typer.Option(help="small: linear, milliseconds; finite: large deformations and sliding, seconds.")
-    ] = Strain.SMALL,
+        Strain, typer.Option(help="finite: large deformations and sliding, seconds; small: linear, milliseconds.")
+    ] = Strain.FINITE,
     show_catalog: Annotated[bool, typer.Option("--list", help="List the catalog's probes and phantoms.")] = False,
     as_json: AsJson = False,
 ) -> None:
@@ -45,8 +52,10 @@ def simulate(
     pressed = tsis.catalog.phantom_variant(phantom, diameter_mm, depth_mm, young_kpa)
     chosen = chosen_probe(probe)
     with waiting(f"pressing at {strain} strain"):
-        field = tsis.mechanics.press(chosen, pressed, force_n=force_n, strain=strain)
-        reference = tsis.mechanics.press(chosen, pressed.without_inclusion(), force_n=force_n, strain=strain)
+        press: Callable[..., PressField] = partial(tsis.mechanics.press, chosen, strain=strain)
+        if strain == Strain.FINITE and force_n > 0:
+            press = tsis.mechanics.finite_strain.PressSeries(chosen).press
+        field, reference = (press(slab, force_n=force_n) for slab in (pressed, pressed.without_inclusion()))
     change = field.face_displacement_mm - reference.face_displacement_mm
     if as_json:
         print_json(

@@ -24,7 +24,7 @@ _RESULTS = {
     "doctor": ("",),
     "examine": ("", "contacts"),
     "force": ("",),
-    "hardness": ("",),
+    "hardness": ("", "contacts"),
     "logins": ("",),
     "match": ("", "bench"),
     "network": ("apply", "train"),

@@ -12,6 +12,8 @@ from tsis.errors import InputError
 from tsis.model import require_number, require_pair
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     from tsis.hardness._likelihood import HardnessLikelihood
@@ -19,9 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HardnessPrior:
-    """Ranges of the sphere: uniform in the logarithm of the modulus and in Poisson's ratio.
-
-    Raises `InputError` when a range is empty or lies outside.
+    """Ranges, uniform in the logarithm of the modulus and in Poisson's ratio; `InputError` for an empty or invalid one.
 
     Parameters
     ----------
@@ -125,6 +125,15 @@ def explore_modulus(likelihood: HardnessLikelihood, prior: HardnessPrior, radius
         misfit=float(misfit.min()),
         best=(float(np.exp(log_young[best[0]])), float(ratios[best[1]]), float(radii[best[2]])),
     )
+
+
+def modulus_samples(
+    log_likelihood: Callable[[NDArray[np.float64]], NDArray[np.float64]], prior: HardnessPrior
+) -> NDArray[np.float64]:
+    """Equally weighted samples of the modulus in kPa, ascending, for a log likelihood of moduli, shape (n,)."""
+    coarse = np.linspace(np.log(prior.young_kpa[0]), np.log(prior.young_kpa[1]), COARSE)
+    log_young = _where_it_matters(coarse, log_likelihood(np.exp(coarse)))
+    return np.exp(_quantiles(log_young, log_likelihood(np.exp(log_young))))
 
 
 def _where_it_matters(grid: NDArray[np.float64], log_density: NDArray[np.float64]) -> NDArray[np.float64]:

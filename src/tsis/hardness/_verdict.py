@@ -13,6 +13,8 @@ from tsis.model import IMPROBABLE, NOT_IDENTIFIED, probability_bound
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from numpy.typing import NDArray
+
     from tsis.hardness._exploration import HardnessPosterior, HardnessPrior, RadiusPrior
     from tsis.hardness._likelihood import ContactPress, HardnessLikelihood
 
@@ -24,7 +26,10 @@ CLIPPED = 1e-3  # fraction of the contact's pixels
 NOT_ROUND = 1.1  # long over short axis: a sphere on a round probe lights a round patch
 BEYOND = 0.05  # fraction of the moduli for which a press lies outside the table
 SAME_FORCE = 0.02  # relative difference of forces that count as equal
-UNTRUSTED_FLAGS = frozenset(("model_does_not_fit", "saturated", "not_round", "outside_table"))
+UNTRUSTED_FLAGS = frozenset(
+    {"model_does_not_fit", "saturated", "not_round", "outside_table"}
+    | {"contact_too_wide", "contact_too_deep", "gel_not_flat"}
+)
 
 
 def findings(
@@ -38,7 +43,7 @@ def findings(
     objects = [press for press in presses if press.ball_radius_mm is None]
     return [
         *_about_frames(presses),
-        *_about_modulus(posterior, prior),
+        *modulus_findings(posterior.young_kpa, prior),
         *_about_presses(objects, radius),
         *_about_table(objects, likelihood, posterior),
         *_about_fit(presses, posterior, radius),
@@ -66,13 +71,14 @@ def _about_frames(presses: Sequence[ContactPress]) -> Iterator[Finding]:
         yield "not_round", f"{shape}: this is no sphere on the probe's axis, which the model assumes."
 
 
-def _about_modulus(posterior: HardnessPosterior, prior: HardnessPrior) -> Iterator[Finding]:
-    low, high = np.quantile(posterior.young_kpa, [0.05, 0.95])
-    if posterior.young_kpa.std() > NOT_IDENTIFIED * prior.young_sd_kpa or high > WIDE * low:
+def modulus_findings(young_kpa: NDArray[np.float64], prior: HardnessPrior) -> Iterator[Finding]:
+    """Whether samples of the modulus identify it, and whether they pile up at an end of the prior."""
+    low, high = np.quantile(young_kpa, [0.05, 0.95])
+    if young_kpa.std() > NOT_IDENTIFIED * prior.young_sd_kpa or high > WIDE * low:
         note = f"The modulus is not identifiable from these presses: {low:.3g} to {high:.3g} kPa."
         yield "young_kpa_not_identified", note
     ends = np.log(prior.young_kpa)
-    position = (np.log(posterior.young_kpa) - ends[0]) / (ends[1] - ends[0])
+    position = (np.log(young_kpa) - ends[0]) / (ends[1] - ends[0])
     for fraction, side, end in (
         (np.mean(position < EDGE), "lower", prior.young_kpa[0]),
         (np.mean(position > 1 - EDGE), "upper", prior.young_kpa[1]),
@@ -132,6 +138,10 @@ HARDNESS_FLAGS = MappingProxyType(
         "saturated": "pixels of a contact are clipped",
         "not_round": "a contact is not round: no sphere on the probe's axis",
         "outside_table": "the sphere is flattened further than the mechanics were solved for",
+        "contacts_left_out": "contacts that are not good were left out",
+        "contact_too_wide": "a contact is wider than 0.6 of the face",
+        "contact_too_deep": "a contact is wider than 0.9 of the object's radius",
+        "gel_not_flat": "the gel is not flat, so that its compliance is not that of a layer",
         "model_does_not_fit": "forces, light and contact radii contradict each other",
     }
 )

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import lazy_loader
 
 from tsis.inclusion._budget import UncertaintyBudget, uncertainty_budget
-from tsis.inclusion._estimate import estimate
+from tsis.inclusion._estimate import STRAINS, estimate, stated_strain
 from tsis.inclusion._frames import binary_image, depletion_per_n, ring_edges, ring_light
 from tsis.inclusion._prior import PARAMETERS, InclusionPrior
 from tsis.inclusion._reading import PressTables, press_tables, read_frames
@@ -16,6 +16,7 @@ __all__ = [
     "INCLUSION_FLAGS",
     "NEARLY_CERTAIN",
     "PARAMETERS",
+    "STRAINS",
     "UNTRUSTED_FLAGS",
     "InclusionPrior",
     "PressTables",
@@ -30,6 +31,7 @@ __all__ = [
     "read_frames",
     "ring_edges",
     "ring_light",
+    "stated_strain",
     "uncertainty_budget",
     "with_prior_sensitivity",
 ]

@@ -47,7 +47,7 @@ from tsis.model import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from tsis.inclusion.posterior import InclusionPosterior
     from tsis.mechanics.surrogate import FullContactSurrogate
@@ -175,7 +175,8 @@ def analyse(
     require_type("prior", prior, InclusionPrior)
     digests = require_image_series(targets + references)
     require_frames_of_probe(targets + references, probe)
-    strain = _strain(targets + references, strain)
+    stated = stated_strain([frame.settings for frame in targets + references])
+    strain = stated if strain is None else require_one_of("strain", strain, STRAINS)
     build = _tables if progress is None else partial(press_tables, progress=progress)
     tables = build(probe, prior, strain)
     surrogate, correction = tables.surrogate, tables.correction
@@ -226,11 +227,12 @@ def _tables(probe: Probe, prior: InclusionPrior, strain: str) -> PressTables:
     return press_tables(probe, prior, strain)
 
 
-def _strain(frames: list[TactileImage], strain: str | None) -> str:
-    """The requested strain, else that of the presses where all frames state it."""
-    if strain is not None:
-        return require_one_of("strain", strain, STRAINS)
-    stated = {frame.settings.get("strain") for frame in frames}
+def stated_strain(settings: Iterable[Mapping[str, Any]]) -> str:
+    """Strain at which frames with these settings are estimated: small where a virtual probe made all of them so.
+
+    Frames of virtual cameras of earlier releases do not state it; they were pressed at small strain.
+    """
+    stated = {each.get("strain", "small" if each.get("source") == "virtual" else "finite") for each in settings}
     return "small" if stated == {"small"} else "finite"
 
 

@@ -5,8 +5,8 @@ Direction ``a`` runs along a layer, direction ``b`` from layer to layer; `conden
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeVar
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -181,3 +181,11 @@ def shape_on_axis(phantom: Phantom) -> Spheroid:
         )
     half_width, _, half_height = inclusion.half_axes_mm
     return Spheroid(centre_depth=inclusion.centre_depth_mm, half_width=half_width, half_height=half_height)
+
+
+def mechanical_content(probe: Probe) -> dict[str, Any]:
+    """All values of a probe that its presses depend on, as JSON values."""
+    content = asdict(replace(probe.unlit(), name="", assumed=()))
+    for layer in content["layers"]:
+        del layer["refractive_index"]
+    return content

@@ -28,6 +28,7 @@ from tsis.model._estimate import (
     probability_text,
     unit_of,
 )
+from tsis.model._exchange import summary_html
 from tsis.model._gel_sensor import (
     CAMERA_2011_MM_PER_PIXEL,
     CAMERA_2011_PX,
@@ -36,7 +37,6 @@ from tsis.model._gel_sensor import (
     GelSensor,
     gel_sensor_of_probe,
 )
-from tsis.model._html import summary_html
 from tsis.model._image import (
     LARGEST_PIXEL_MM,
     SMALLEST_PIXEL_MM,

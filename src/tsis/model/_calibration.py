@@ -10,7 +10,7 @@ import numpy as np
 
 from tsis.errors import InputError
 from tsis.model._content import ContentValue
-from tsis.model._html import summary_html
+from tsis.model._exchange import summary_html
 from tsis.model._press import interpolation_matrix, require_on_grid
 from tsis.model._require import require_array, require_number, require_type
 

@@ -12,8 +12,7 @@ import numpy as np
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.errors import InputError, UntrustedError
 from tsis.model._content import ContentValue
-from tsis.model._exchange import posterior_for_arviz
-from tsis.model._html import summary_html
+from tsis.model._exchange import posterior_for_arviz, summary_html
 from tsis.model._posterior import INTERVAL_LEVEL, ParameterValues, PosteriorSamples
 from tsis.model._require import freeze_mappings, require_number, require_one_of, require_type
 

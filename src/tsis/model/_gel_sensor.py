@@ -11,7 +11,7 @@ import numpy as np
 from tsis.errors import ImageMismatchError, InputError
 from tsis.model._bounded_value import BoundedValue
 from tsis.model._content import ContentValue
-from tsis.model._html import summary_html
+from tsis.model._exchange import summary_html
 from tsis.model._image import require_pixel_scale
 from tsis.model._probe import Layer, Probe
 from tsis.model._require import freeze_mappings, require_integer, require_number, require_one_of, require_type

@@ -11,8 +11,7 @@ import numpy as np
 
 from tsis.errors import InputError
 from tsis.model._content import ContentValue
-from tsis.model._exchange import grey_for_xarray
-from tsis.model._html import summary_html, thumbnail
+from tsis.model._exchange import grey_for_xarray, summary_html, thumbnail
 from tsis.model._require import freeze_mappings, require_array, require_number, require_pair
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from tsis.errors import InputError
-from tsis.model._html import summary_html
+from tsis.model._exchange import summary_html
 from tsis.model._require import require_number, require_type
 
 if TYPE_CHECKING:

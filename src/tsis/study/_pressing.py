@@ -13,9 +13,8 @@ from tsis.calibration.file import ProbeCalibration, calibration_sha256
 from tsis.catalog import load_probe
 from tsis.errors import InputError, MechanicsError, RecordsError
 from tsis.files import one_line
-from tsis.inclusion import InclusionPrior, estimate, presence_caveats
-from tsis.mechanics.surrogate import build_full_contact_surrogate
-from tsis.model import INTERVAL_LEVEL, require_integer
+from tsis.inclusion import STRAINS, InclusionPrior, estimate, presence_caveats, press_tables
+from tsis.model import INTERVAL_LEVEL, require_integer, require_one_of
 from tsis.optics.irradiance import irradiance
 from tsis.study._folder import PLAN, enter_readings, open_study, read_seal, user
 from tsis.study._log import run_lock
@@ -51,6 +50,7 @@ def press_study(
     *,
     operator: str = "",
     seed: int = 0,
+    strain: str = "finite",
     save: Store | None = None,
     progress: Callable[[int, int], None] | None = None,
     preparing: Callable[[int, int], None] | None = None,
@@ -69,6 +69,8 @@ def press_study(
         Operator of the probe; the user of this machine by default. Each operator reads every target.
     seed
         Of the probe's errors.
+    strain
+        Mechanics of the presses and of the estimates: ``"finite"``, seconds a press, or ``"small"``.
     save
         Store of phantoms for frames, calibration and estimate under each code.
     progress
@@ -87,6 +89,7 @@ def press_study(
     """
     operator = require_short_name("operator", operator or user())
     require_integer("seed", seed, 0, LARGEST_SEED)
+    require_one_of("strain", strain, STRAINS)
     seal, unchanged = read_seal(study)
     if not unchanged:
         raise RecordsError(
@@ -97,7 +100,7 @@ def press_study(
     with run_lock(study.folder / PLAN):
         study = open_study(study.folder)  # another run may just have ended
         left = study.missing(study.plan.device, operator)
-        instrument = None if not left else _Rig.of(study, preparing)
+        instrument = None if not left else _Rig.of(study, strain, preparing)
         entered = undecided = 0
         for done, (code, repeat) in enumerate(left):
             if progress is not None:
@@ -126,13 +129,14 @@ class _Rig:
     study: Study
     light: Irradiance
     prior: InclusionPrior
+    strain: str
 
     @classmethod
-    def of(cls, study: Study, preparing: Callable[[int, int], None] | None) -> _Rig:
+    def of(cls, study: Study, strain: str, preparing: Callable[[int, int], None] | None) -> _Rig:
         probe, prior = load_probe(study.plan.probe), InclusionPrior()
         light = irradiance(probe, progress=preparing)
-        build_full_contact_surrogate(probe, prior.box(), progress=preparing)
-        return cls(study=study, light=light, prior=prior)
+        press_tables(probe, prior, strain, progress=preparing)
+        return cls(study=study, light=light, prior=prior, strain=strain)
 
     def read(
         self, truth: TargetTruth, store: Store | None, *, code: str, operator: str, repeat: int, seed: int
@@ -140,10 +144,15 @@ class _Rig:
         """Press one target and estimate."""
         plan, rng = self.study.plan, _rng(seed, code, operator, repeat)
         blank = DeviceReading(code=code, device=plan.device, operator=operator, repeat=repeat, score=None)
-        virtual = VirtualProbe(load_probe(plan.probe), rng=rng, light=self.light)
+        virtual = VirtualProbe(load_probe(plan.probe), rng=rng, light=self.light, strain=self.strain)
         calibration = virtual.calibration
         saved = ProbeCalibration(name=calibration.name, probe=plan.probe, response=calibration)
-        evidence: dict[str, Any] = {"tsis": __version__, "seed": seed, "calibration_sha256": calibration_sha256(saved)}
+        evidence: dict[str, Any] = {
+            "tsis": __version__,
+            "seed": seed,
+            "strain": self.strain,
+            "calibration_sha256": calibration_sha256(saved),
+        }
         try:
             targets, references = self._frames(virtual, truth.phantom, rng, code)
         except (InputError, MechanicsError):
@@ -157,7 +166,7 @@ class _Rig:
                 calibration=calibration,
                 reference=references,
                 prior=self.prior,
-                strain="small",  # as the virtual presses
+                strain=self.strain,
             )
         except (InputError, MechanicsError) as error:
             return replace(blank, reason=one_line(error), evidence=evidence)
@@ -170,7 +179,7 @@ class _Rig:
                 probe=plan.probe,
                 calibration=saved,
                 frames={"target": targets, "plain": references},
-                options={"prior": asdict(self.prior)},
+                options={"prior": asdict(self.prior), "strain": self.strain},
                 name=code,  # the only sign of the target
             )
             evidence["kept_as"] = int(save_results(store, savable)["target"])

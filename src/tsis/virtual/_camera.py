@@ -15,7 +15,7 @@ from tsis.instrument import Frame, Mode, Setting
 from tsis.model import require_number, require_one_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Mapping
 
     from numpy.typing import NDArray
 
@@ -35,6 +35,10 @@ class VirtualScene(Protocol):
     @property
     def sensor(self) -> Sensor:
         """Pixels and noise."""
+
+    @property
+    def frame_settings(self) -> Mapping[str, str]:
+        """Origin of its frames."""
 
     def light(self, pressed: Any, /, *, force_n: float) -> NDArray[np.float64]:
         """Expected grey levels above the background, shape (rows, columns)."""
@@ -80,7 +84,7 @@ class VirtualCamera:
     --------
     >>> import numpy, tsis
     >>> rng = numpy.random.default_rng(1)
-    >>> probe = tsis.virtual.VirtualProbe(tsis.load_probe("tsis-2011"), rng=rng)
+    >>> probe = tsis.virtual.VirtualProbe(tsis.load_probe("tsis-2011"), rng=rng, strain="small")
     >>> camera = VirtualCamera(probe, tsis.load_phantom("plain"), rng=rng)
     >>> camera.open()
     >>> camera.start()
@@ -217,7 +221,7 @@ class VirtualCamera:
                 time_s=due_s - start_s,
                 full_scale=self._mode.full_scale,
                 name=f"{_name_of(press)}#{sequence}",
-                settings={"source": "virtual", **values},
+                settings={**self._probe.frame_settings, **values},
             )
             sequence += 1
             due_s += period_s

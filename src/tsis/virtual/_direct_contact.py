@@ -107,13 +107,20 @@ class DirectContactRig:
             sensor = Sensor() if sensor is None else sensor
             calibration = direct_contact_calibration(sensor, probe=probe, light=light)
         # A virtual probe draws and checks the errors of the rig.
-        self._rig = VirtualProbe(probe, rng=rng, sensor=sensor, light=self._light, calibration=calibration)
+        self._rig = VirtualProbe(
+            probe, rng=rng, sensor=sensor, light=self._light, calibration=calibration, strain="small"
+        )
         self.probe = probe
         self._radius_sd_mm = require_number("radius_sd_mm", radius_sd_mm, 0.0, 5.0, hint="millimetres")
         self._drift_sd = require_number("drift_sd", drift_sd, 0.0, 1.0, hint="a fraction of one")
         self._offset_sd_mm = require_number("offset_sd_mm", offset_sd_mm, 0.0, 5.0, hint="millimetres")
         self._rng, self._resolution, self._solve = rng, resolution, solve
         self._written = dict[SoftSphere, float]()
+
+    @property
+    def frame_settings(self) -> dict[str, str]:
+        """Origin of every frame."""
+        return {"source": "virtual", "probe": self.probe.name}
 
     @property
     def sensor(self) -> Sensor:
@@ -197,8 +204,7 @@ class DirectContactRig:
             force_n=float(force_n),
             name=f"{sphere.name or 'sphere'} at {force_n:g} N",
             settings={
-                "source": "virtual",
-                "probe": self.probe.name,
+                **self.frame_settings,
                 "radius_mm": self.written_radius_mm(sphere),
                 "radius_sd_mm": self._radius_sd_mm,
             },

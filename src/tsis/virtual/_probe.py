@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from tsis.errors import InputError
 from tsis.imaging import Sensor, as_contact_model, expose, render
 from tsis.mechanics import press
-from tsis.mechanics.finite_strain import FiniteResolution
+from tsis.mechanics.finite_strain import FiniteResolution, PressSeries
 from tsis.mechanics.small_strain import Resolution
 from tsis.mechanics.solid import press_solid
 from tsis.model import Calibration, LightMap, Probe, TactileImage, require_number, require_one_of, require_type
@@ -60,8 +61,8 @@ class VirtualProbe:
         Contact model: ``"rough"``, ``"smooth"``, ``"curvature"`` or a value of `tsis.imaging._contact_models`. The
         estimates assume rough contact.
     strain
-        Mechanics of the presses: ``"small"``, tenths of a second a phantom, or ``"finite"``, only for phantoms around
-        the probe's axis, half a minute.
+        Mechanics of the presses: ``"finite"``, one to three seconds a press, only for phantoms around the probe's axis;
+        or ``"small"``, tenths of a second, for live views and inclusions beside the axis. Every press is solved.
     resolution
         Mesh density of the presses, a `Resolution` at small strain and a `FiniteResolution` at finite; by default finer
         than the estimates' own at small strain, and that of `tsis.mechanics.press` at finite.
@@ -92,7 +93,7 @@ class VirtualProbe:
         light: Irradiance | LightMap | None = None,
         calibration: Calibration | None = None,
         contact_model: ContactModel | str = "rough",
-        strain: str = "small",
+        strain: str = "finite",
         resolution: Resolution | FiniteResolution | None = None,
     ) -> None:
         require_type("probe", probe, Probe)
@@ -121,6 +122,11 @@ class VirtualProbe:
     def sensor(self) -> Sensor:
         """The camera, whose noise and background every frame has."""
         return self._sensor
+
+    @property
+    def frame_settings(self) -> dict[str, str]:
+        """Origin of every frame: the source, the probe and the strain of its presses, which an estimate then takes."""
+        return {"source": "virtual", "probe": self.probe.name, "strain": self._strain}
 
     @property
     def calibration(self) -> Calibration:
@@ -160,7 +166,7 @@ class VirtualProbe:
         if not isinstance(self._resolution, Resolution):
             raise InputError(
                 "inclusion must be a sphere or spheroid on the probe's axis, and the only one, for strain='finite'; "
-                f"got {phantom.inclusions!r:.200} (strain='small' accepts others)"
+                f"got {phantom.inclusions!r:.200} (VirtualProbe(strain='small') accepts others)"
             )
         stiffer = self._stiffness
         result = press_solid(
@@ -182,13 +188,11 @@ class VirtualProbe:
         probe serves all virtual probes.
         """
         stiffer = self._stiffness
-        field = press(
-            self.probe,
-            _stiffened(phantom, 1 / stiffer),
-            force_n=force_n / stiffer,
-            strain=self._strain,
-            resolution=self._resolution,
-        )
+        slab, force = _stiffened(phantom, 1 / stiffer), force_n / stiffer
+        if isinstance(self._resolution, FiniteResolution) and force > 0:
+            field = _series(self.probe.unlit(), self._resolution).press(slab, force_n=force)
+        else:
+            field = press(self.probe, slab, force_n=force, strain=self._strain, resolution=self._resolution)
         return replace(field, pressure_kpa=stiffer * field.pressure_kpa, force_n=force_n)
 
     def _rendered(self, field: PressField | PressMap) -> NDArray[np.float64]:
@@ -223,8 +227,14 @@ class VirtualProbe:
             full_scale=self.sensor.full_scale,
             force_n=force_n,
             name=name,
-            settings={"source": "virtual", "probe": self.probe.name, "strain": self._strain},
+            settings=self.frame_settings,
         )
+
+
+@lru_cache(maxsize=4)
+def _series(probe: Probe, resolution: FiniteResolution) -> PressSeries:
+    """Presses at finite strain that all virtual probes of this kind share."""
+    return PressSeries(probe, resolution)
 
 
 def _stiffened(phantom: Phantom, factor: float) -> Phantom:

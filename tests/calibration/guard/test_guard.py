@@ -20,8 +20,8 @@ from tsis.calibration.guard import (
     check_press,
 )
 from tsis.calibration.guard._flags import RANGES
-from tsis.calibration.guard._flicker import flicker_amplitude
 from tsis.calibration.guard._reading import prepare_reference, read_guard_frame
+from tsis.calibration.guard._watch import flicker_amplitude
 from tsis.calibration.lamps import ReferencePatch
 from tsis.calibration.settling import assess_settling
 from tsis.errors import ImageMismatchError, InputError
@@ -144,7 +144,7 @@ def test_a_frame_that_clips_all_over_is_saturated_and_one_that_is_black_shows_no
 def test_a_camera_that_moved_against_the_face_is_told_by_two_flags() -> None:
     """What the page says cannot be told apart from light from outside, and a contact from border to border."""
     probe = tsis.load_probe("tsis-2011")
-    virtual = VirtualProbe(probe, rng=np.random.default_rng(1))
+    virtual = VirtualProbe(probe, rng=np.random.default_rng(1), strain="small")
     against = GuardReference(untouched=virtual.no_contact(), face_radius_mm=probe.radius_mm)
     press = virtual.press(tsis.load_phantom("plain"), force_n=1.0)
     for shift, axis, told in ((80, 1, ["off-centre", "ambient-light"]), (40, 0, ["tilted"])):
@@ -177,7 +177,7 @@ def test_settling_raises_moving_with_the_time_to_wait() -> None:
 
 
 def test_a_virtual_press_is_innocent_and_one_too_hard_is_not() -> None:
-    virtual = VirtualProbe(tsis.load_probe("tsis-2011"), rng=np.random.default_rng(1))
+    virtual = VirtualProbe(tsis.load_probe("tsis-2011"), rng=np.random.default_rng(1), strain="small")
     against = GuardReference(
         untouched=virtual.no_contact(),
         level=virtual.press(tsis.load_phantom("plain"), force_n=1.0),

@@ -14,9 +14,9 @@ from tsis.errors import CameraError, MissingExtraError
 from tsis.instrument.drivers import _pylon as pylon
 from tsis.instrument.drivers import _vimba as vimba
 from tsis.instrument.drivers.genicam import _harvesters as genicam
-from tsis.instrument.drivers.genicam import _producers as genicam_producers
+from tsis.instrument.drivers.genicam import _harvesters as genicam_producers
 from tsis.instrument.drivers.genicam import camera_not_found, cannot_open, maker_library, reason
-from tsis.instrument.drivers.genicam._producers import Producers, interrupts_preserved, producer_files
+from tsis.instrument.drivers.genicam._harvesters import Producers, interrupts_preserved, producer_files
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -11,8 +12,18 @@ from hypothesis import strategies as st
 
 import tsis
 from tsis.errors import MechanicsError
-from tsis.mechanics.finite_strain import FiniteResolution, PressContinuation, SlabPress, press_pairs
+from tsis.mechanics.finite_strain import (
+    FiniteResolution,
+    PressContinuation,
+    PressSeries,
+    SlabPress,
+    press_finite,
+    press_pairs,
+)
 from tsis.mechanics.finite_strain._continuation import path_around
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 PROBE = tsis.load_probe("tsis-2011")
 COARSE = FiniteResolution(order=3, rim_mm=0.4, growth=3.0, largest=0.3, ray_layers=2)
@@ -52,6 +63,66 @@ def test_the_way_around_a_stalled_path_ends_in_the_same_states() -> None:
     pairs = press_pairs(PROBE, stiff, forces_n=(0.3, 0.5), resolution=COARSE)
     for (with_it, _), found in zip(pairs, path_around(PROBE, stiff, (0.3, 0.5), COARSE), strict=True):
         np.testing.assert_allclose(found.field.pressure_kpa, with_it.pressure_kpa, atol=1e-5)
+
+
+@pytest.fixture(scope="module")
+def series(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PressSeries]:
+    """Presses on coarse meshes, whose anchors are solved here and cached for these tests alone."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("TSIS_CACHE_DIR", str(tmp_path_factory.mktemp("cache")))
+        result = PressSeries(PROBE, COARSE)
+        result.press(START.phantom.without_inclusion(), force_n=0.3)
+        yield result
+
+
+def test_a_series_presses_as_load_paths_do(series: PressSeries) -> None:
+    stiff, uniform = START.with_contrast(16.0).phantom, START.phantom.without_inclusion()
+    found, alone = (series.press(phantom, force_n=0.4) for phantom in (stiff, uniform))
+    path, path_alone = (press_finite(PROBE, phantom, force_n=0.4, resolution=COARSE) for phantom in (stiff, uniform))
+    inside = found.radius_mm < 0.8 * PROBE.radius_mm  # ring means: coarse meshes ripple
+    for name, within in (("pressure_kpa", 0.03), ("face_displacement_mm", 0.005)):
+        signal, expected = (
+            (getattr(one, name)[inside] - getattr(other, name)[inside]).reshape(-1, 8).mean(axis=1)
+            for one, other in ((found, alone), (path, path_alone))
+        )
+        assert np.abs(signal - expected).max() < within * np.abs(expected).max(), name
+    assert found.approach_mm == pytest.approx(path.approach_mm, rel=2e-3)
+
+
+def test_a_press_depends_on_none_before_it(series: PressSeries) -> None:
+    stiff = START.with_contrast(16.0).phantom
+    before = series.press(stiff, force_n=0.4)
+    fresh = PressSeries(PROBE, COARSE)  # its anchors come from the cache
+    fresh.press(replace(stiff, young_kpa=6.0), force_n=0.5)
+    again = fresh.press(stiff, force_n=0.4)
+    np.testing.assert_array_equal(again.pressure_kpa, before.pressure_kpa)
+    assert series.press(replace(stiff, name="another name"), force_n=0.4) is before
+
+
+def test_a_series_says_where_the_model_ends(series: PressSeries) -> None:
+    with pytest.raises(MechanicsError, match=r"force_n must be at least .* here"):
+        series.press(START.phantom, force_n=1e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "diameter", "within"), [("tsis-domed", 10.0, 0.002), ("tsis-2011", 15.0, 0.005)])
+def test_a_series_agrees_with_load_paths_on_default_meshes(name: str, diameter: float, within: float) -> None:
+    """Ring means of the signal's pressure over the inner 0.8 of the face, of its peak."""
+    probe, stiff = tsis.load_probe(name), replace(START, force_n=0.5).with_contrast(20.0).phantom
+    assert stiff.inclusion is not None
+    stiff = replace(stiff, inclusion=replace(stiff.inclusion, diameter_mm=diameter, depth_mm=5.0))
+    both = [stiff, stiff.without_inclusion()]
+    series = PressSeries(probe)
+    (one, other), (path, path_other) = (
+        [press(phantom, force_n=0.5) for phantom in both]
+        for press in (series.press, lambda phantom, force_n: press_finite(probe, phantom, force_n=force_n))
+    )
+    inside = one.radius_mm < 0.8 * probe.radius_mm
+    signal, expected = (
+        (a.pressure_kpa - b.pressure_kpa)[inside].reshape(-1, 8).mean(axis=1)
+        for a, b in ((one, other), (path, path_other))
+    )
+    assert np.abs(signal - expected).max() < within * np.abs(expected).max()
 
 
 @pytest.mark.slow

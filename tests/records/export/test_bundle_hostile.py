@@ -19,8 +19,7 @@ from tsis.errors import FileInputError
 from tsis.files import LARGEST_PIXELS
 from tsis.records.export.bundle import read_bundle, write_bundle
 from tsis.records.export.bundle._layout import largest
-from tsis.records.export.bundle._picture import read_picture
-from tsis.records.export.bundle._reading import read_source
+from tsis.records.export.bundle._reading import read_picture, read_source
 
 WHOLE = files_of(sample_dossier())
 FRAMES = sorted(name for name in WHOLE if name.startswith("frames/"))

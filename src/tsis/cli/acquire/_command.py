@@ -47,7 +47,7 @@ def connector(spec: str, press: VirtualPress) -> Callable[[], Camera]:
     if spec != VIRTUAL:
         return live_connector(spec)
     rng = np.random.default_rng(press.seed)
-    probe = tsis.virtual.VirtualProbe(tsis.catalog.load_probe(press.probe), rng=rng)
+    probe = tsis.virtual.VirtualProbe(tsis.catalog.load_probe(press.probe), rng=rng, strain="small")  # a live view
     phantom = tsis.catalog.load_phantom(press.phantom)
     return lambda: tsis.virtual.VirtualCamera(probe, phantom, rng=rng, force_n=press.force_n, paced=True)
 

@@ -23,14 +23,15 @@ def light(
 ) -> None:
     """Show what a dent does to the light, fitted with the gain to a session's pads and tips."""
     folder = tsis.calibration.session.SessionFolder(session)
-    with progress_bar("reading the frames") as advance:
-        stored, findings = tsis.calibration.session.calibrate(folder, progress=advance)
-    dents = findings.dents
-    if dents is None:
+    if not any(step.pad_kpa is not None and folder.done(step) for step in folder.plan()):
         raise CalibrationError(
             f"the session in {tsis.files.printable_path(folder.path)} must hold presses on soft flat pads; it holds "
             "none (tsis calibrate --pad-kpa 5 --pad-kpa 10)"
         )
+    with progress_bar("reading the frames") as advance:
+        stored, findings = tsis.calibration.session.calibrate(folder, progress=advance)
+    dents = findings.dents
+    assert dents is not None  # of every session with pads
     line = stored.force_line
     ratio = None if line is None else line.soft_ratio
     rows = tsis.report.light_rows(dents)

@@ -6,8 +6,7 @@ import typer
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.cli.optics._angles import angles
-from tsis.cli.optics._modes import modes
-from tsis.cli.optics._propagate import propagate_command
+from tsis.cli.optics._propagate import modes, propagate_command
 from tsis.cli.optics._trace import trace
 
 app = typer.Typer(name="optics", help=f"Light in the probe. {RESEARCH_USE_ONLY}", no_args_is_help=True)

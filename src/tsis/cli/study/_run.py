@@ -29,6 +29,9 @@ def run(
         typer.Option(help="Store of phantoms in which frames and estimates are saved, under the codes."),
     ] = None,
     seed: Annotated[int, typer.Option(help="Seed of the probe's errors.", min=0, max=LARGEST_SEED)] = 0,
+    strain: Annotated[
+        str, typer.Option(help="Mechanics of presses and estimates: finite, seconds a press; small, tenths.")
+    ] = "finite",
     as_json: AsJson = False,
 ) -> None:
     """Read the remaining targets with the virtual probe, and enter each estimate at once.
@@ -50,6 +53,7 @@ def run(
             study,
             operator=operator,
             seed=seed,
+            strain=strain,
             save=store,
             preparing=preparing,
             progress=advance,

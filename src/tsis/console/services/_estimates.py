@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from tsis.__about__ import LARGEST_TARGET
 from tsis.errors import InputError, RecordsError
+from tsis.inclusion import stated_strain
 from tsis.model import require_integer, require_one_of
 from tsis.records import ESTIMATES, REFERENCE_ROLES, EstimationRequest, environment, estimate_stored, require_options
 
@@ -51,6 +52,8 @@ def estimate_target(
     record = store.record(store.target(number))
     chosen = newest_presses(record, kind) if presses is None else _named(record, presses)
     probe, calibration = _terms(chosen, number)
+    if kind == ESTIMATES[0]:
+        options = {"strain": stated_strain(press.settings for press in chosen)} | dict(options)
     response = estimate_stored(
         record,
         EstimationRequest(kind=kind, probe=probe, presses=chosen, calibration=calibration, options=options),

@@ -126,6 +126,7 @@ class CameraChoice:
         return SPHERE_N if self.is_sphere else TISSUE_N
 
 
+LIVE_STRAIN = "small"  # of the presses of a live view, which must not wait for seconds
 RIGID_KPA = 1e6  # of a ball that does not give
 BALL_MM = 3.0
 TRUTHS = ("diameter_mm", "depth_mm", "young_kpa")
@@ -149,7 +150,7 @@ class VirtualSubject:
             self.truth: Mapping[str, float] = {"young_kpa": sphere.young_kpa}
         else:
             phantom = phantom_variant(choice.phantom, choice.diameter_mm, choice.depth_mm, choice.young_kpa)
-            self._rig = VirtualProbe(self.probe, rng=self._rng)
+            self._rig = VirtualProbe(self.probe, rng=self._rng, strain=LIVE_STRAIN)
             self._objects = {TARGET: phantom, PLAIN: phantom.without_inclusion()}
             lump = phantom.inclusion
             self.truth = {} if lump is None else {name: getattr(lump, name) for name in TRUTHS}

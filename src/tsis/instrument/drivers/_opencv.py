@@ -14,8 +14,7 @@ from tsis.instrument._camera import Frame, Mode, Setting, checked_setting
 from tsis.instrument._discovery import CameraInfo
 from tsis.instrument._image_files import grey_of_opencv
 from tsis.instrument._quiet import opencv, quiet_decoders
-from tsis.instrument.drivers._files import natural_key
-from tsis.instrument.drivers._video import BRIGHTNESS, EXPOSURE, GAIN, HEIGHT, WIDTH, OpenCVCapture
+from tsis.instrument.drivers._files import BRIGHTNESS, EXPOSURE, GAIN, HEIGHT, WIDTH, OpenCVCapture, natural_key
 from tsis.model import require_number
 
 if TYPE_CHECKING:

@@ -6,12 +6,15 @@ from tsis.instrument.recording._record import (
     RECORDING_INDEX,
     RECORDING_SUMMARY,
     RECORDING_VERSION,
+    VIDEO_NAME,
+    FrameFolder,
+    FrameSink,
     FurtherColumns,
+    LosslessVideo,
     RecordingReport,
     read_recording_index,
     record,
 )
-from tsis.instrument.recording._sinks import VIDEO_NAME, FrameFolder, FrameSink, LosslessVideo
 
 __all__ = [
     "RECORDING_COLUMNS",

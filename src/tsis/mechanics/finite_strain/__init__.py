@@ -7,8 +7,9 @@ From the bottom up: material (`_neo_hookean`), meshes (`_meshes`), bodies (`_ela
 
 from tsis.mechanics.finite_strain._continuation import PressContinuation, SlabPress, SolvedPress
 from tsis.mechanics.finite_strain._load_path import State, find_first_contact, follow_load_path
-from tsis.mechanics.finite_strain._meshes import FiniteResolution
+from tsis.mechanics.finite_strain._meshes import FiniteResolution, slab_lines
 from tsis.mechanics.finite_strain._press import (
+    PressSeries,
     press_finite,
     press_pairs,
     press_path,
@@ -34,6 +35,7 @@ __all__ = [
     "WIDEST_CONTACT",
     "FiniteResolution",
     "PressContinuation",
+    "PressSeries",
     "ProbeOnSlab",
     "SlabPress",
     "SolvedPress",
@@ -48,6 +50,7 @@ __all__ = [
     "press_path",
     "require_ascending_forces",
     "require_enough_force",
+    "slab_lines",
     "squeeze_path",
     "squeeze_sphere",
 ]

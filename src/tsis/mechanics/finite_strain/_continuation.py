@@ -7,27 +7,37 @@ where it does not converge, a state in between comes first.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, TypeVar
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
 
 from tsis.errors import MechanicsError
+from tsis.files import content_key, read_cached_arrays, write_cached_arrays
+from tsis.mechanics._mesh import mechanical_content
 from tsis.mechanics.finite_strain import _load_path as load_path
 from tsis.mechanics.finite_strain._meshes import FiniteResolution, slab_lines
 from tsis.mechanics.finite_strain._potential import Load
-from tsis.mechanics.finite_strain._probe_on_slab import SPRING, ProbeOnSlab
+from tsis.mechanics.finite_strain._probe_on_slab import SPRING, TRAVEL, ProbeOnSlab, suited
 from tsis.model import MN_PER_N, Inclusion, Phantom
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from tsis.mechanics._element import Floats
     from tsis.mechanics.finite_strain._load_path import State
     from tsis.mechanics.finite_strain._meshes import SlabLines
+    from tsis.mechanics.finite_strain._potential import Pressures
     from tsis.mechanics.finite_strain._probe_on_slab import FinitePress
     from tsis.model import Probe
 
 
+FORMAT_VERSION = 1
+KIND = "finite-press-states"
+PARTS = ("unknowns", "volumetric", "contact")  # of a stored press
 SMALLEST_PART = 1 / 256  # of the way to a state, before the continuation gives up
 GROWTH = 2.0
+STIFFER = 1.5  # tissue of the press from which a stalled load path is circumvented
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,6 +74,12 @@ class SlabPress:
         same = replace(own, young_kpa=contrast * self.phantom.young_kpa, poisson=self.phantom.poisson)
         return replace(self, phantom=replace(self.phantom, inclusion=same))
 
+    def on_stiffer_tissue(self) -> SlabPress:
+        """A press with `STIFFER` times the force on uniform tissue that much stiffer: a way around a stalled path."""
+        slab = replace(self.phantom, young_kpa=STIFFER * self.phantom.young_kpa)
+        stiffer = SlabPress(phantom=slab, force_n=STIFFER * self.force_n)
+        return stiffer.with_contrast(1.0)
+
     def towards(self, other: SlabPress, fraction: float) -> SlabPress:
         """Press at a fraction of the way; lengths in proportion, moduli and forces in their logarithms."""
         if fraction == 1.0:
@@ -99,11 +115,18 @@ class SolvedPress:
 
 
 class PressContinuation:
-    """Presses of one probe on slabs whose meshes have one topology, that of ``like``."""
+    """Presses of one probe on slabs whose meshes have one topology: that of ``lines``, by default those of ``like``."""
 
-    def __init__(self, probe: Probe, like: Phantom, resolution: FiniteResolution | None = None) -> None:
+    def __init__(
+        self,
+        probe: Probe,
+        like: Phantom,
+        resolution: FiniteResolution | None = None,
+        *,
+        lines: SlabLines | None = None,
+    ) -> None:
         self.probe, self._resolution = probe, resolution or FiniteResolution()
-        self._lines: SlabLines = slab_lines(like, probe, self._resolution)
+        self._lines = slab_lines(like, probe, suited(self._resolution, probe)) if lines is None else lines
         self.solves = 0  # calls of Newton's method, those without convergence included
 
     def first(self, press: SlabPress) -> SolvedPress:
@@ -136,11 +159,14 @@ class PressContinuation:
             if part < SMALLEST_PART:
                 reason = self._model(here.press).explain(here.state)
                 cause, last = f" because {reason}" if reason else "", here.press
-                raise MechanicsError(
+                problem = (
                     f"{solved} at {press.force_n:.3g} N on tissue of {press.phantom.young_kpa:.3g} kPa{cause}; the "
-                    f"last press that converged has {last.force_n:.3g} N on {last.phantom.young_kpa:.3g} kPa: "
-                    "choose a smaller force or a state nearer to it"
+                    f"last press that converged has {last.force_n:.3g} N on {last.phantom.young_kpa:.3g} kPa"
                 )
+                valid = load_path.rounded_down(last.force_n * target.phantom.young_kpa / last.phantom.young_kpa)
+                largest = valid if valid < target.force_n else None
+                cure = "a press nearer to it" if largest is None else f"a force of at most {largest:.3g} N"
+                raise MechanicsError(f"{problem}: choose {cure}", problem=problem, largest_n=largest)
         return here
 
     def _model(self, press: SlabPress) -> ProbeOnSlab:
@@ -152,8 +178,7 @@ class PressContinuation:
         self.solves += 1
         state = load_path.solve_equilibrium(
             model.potential,
-            start.state.unknowns,
-            start.state.pressures,
+            *self._predicted(start, press),
             Load(force_mn=press.force_n * MN_PER_N),
             decrement=load_path.DECREMENT if exact else load_path.ROUGH,
         )
@@ -164,8 +189,47 @@ class PressContinuation:
             return reason
         return SolvedPress(press=press, state=state, result=model.read(state, press.force_n))
 
+    def resumed(self, press: SlabPress, unknowns: Floats, pressures: Pressures) -> SolvedPress:
+        """A press that was solved before and is stored by its unknowns and pressures."""
+        model, load = self._model(press), Load(force_mn=press.force_n * MN_PER_N)
+        quadratic = model.potential.quadratic(unknowns, pressures, load)
+        state = load_path.State(unknowns=unknowns, pressures=pressures, load=load, model=quadratic, rounds=0)
+        return SolvedPress(press=press, state=state, result=model.read(state, press.force_n))
 
-STIFFER = 1.5  # tissue of the press from which a stalled load path is circumvented
+    def content(self) -> dict[str, Any]:
+        """All that decides its presses, as JSON values."""
+        lines = {"radial_mm": self._lines.radial_mm.tolist(), "depth": self._lines.depth.tolist()}
+        lines |= {"split": self._lines.split, "extent": self._lines.extent}
+        return {"probe": mechanical_content(self.probe), "resolution": asdict(self._resolution), "lines": lines}
+
+    def _predicted(self, start: SolvedPress, press: SlabPress) -> tuple[Floats, Pressures]:
+        """Unknowns and pressures near a press: tissue stiffer by a factor under as much more force deforms alike."""
+        state, stiffer = start.state, press.phantom.young_kpa / start.press.phantom.young_kpa
+        ahead = press.force_n * MN_PER_N / stiffer - start.press.force_n * MN_PER_N
+        tangent = ahead * state.model.solution(TRAVEL)
+        rates = state.model.pressures_by(tangent)
+        pressures = tuple(stiffer * (now + rate) for now, rate in zip(state.pressures, rates, strict=True))
+        return state.unknowns + tangent, pressures
+
+
+def solved_once(continuation: PressContinuation, presses: Sequence[SlabPress]) -> tuple[SolvedPress, ...]:
+    """The presses, each continued from the one before, or read from the disk cache."""
+    key = content_key(
+        {"format": FORMAT_VERSION, "presses": [asdict(press) for press in presses]} | continuation.content()
+    )
+    arrays = read_cached_arrays(KIND, key)
+    if arrays is None:
+        arrays, here = {}, None
+        for index, press in enumerate(presses):
+            here = continuation.first(press) if here is None else continuation.follow(here, press)
+            for name, values in zip(PARTS, (here.state.unknowns, *here.state.pressures), strict=True):
+                arrays[f"{name}-{index}"] = values.astype("f4")
+        write_cached_arrays(KIND, key, arrays)
+    found = []
+    for index, press in enumerate(presses):
+        unknowns, *pressures = (np.asarray(arrays[f"{name}-{index}"], dtype=float) for name in PARTS)
+        found.append(continuation.resumed(press, unknowns, tuple(pressures)))
+    return tuple(found)
 
 
 def path_around(
@@ -173,9 +237,7 @@ def path_around(
 ) -> tuple[FinitePress, ...]:
     """The presses of a load path that stalls, reached through stiffer tissue."""
     continuation = PressContinuation(probe, phantom, resolution)
-    stiffer = replace(phantom, young_kpa=STIFFER * phantom.young_kpa)
-    press = SlabPress(phantom=stiffer, force_n=STIFFER * forces_n[0]).with_contrast(1.0)
-    here, results = continuation.first(press), []
+    here, results = continuation.first(SlabPress(phantom=phantom, force_n=forces_n[0]).on_stiffer_tissue()), []
     for force in forces_n:
         here = continuation.follow(here, SlabPress(phantom=phantom, force_n=force))
         results.append(here.result)

@@ -207,7 +207,12 @@ def _ahead(potential: Potential, state: State, before: State | None, force_mn: f
     return follow(state.unknowns, tangent, past.unknowns), pressures
 
 
+def rounded_down(force: float) -> float:
+    """A force rounded down to three digits, so that it converges too."""
+    digits = 10.0 ** (2 - np.floor(np.log10(force)))
+    return float(np.floor(force * digits) / digits)
+
+
 def _last(problem: str, force_mn: float) -> str:
-    digits = 10.0 ** (2 - np.floor(np.log10(force_mn)))
-    valid = np.floor(force_mn * digits) / digits / MN_PER_N  # rounded down, so that it converges
+    valid = rounded_down(force_mn) / MN_PER_N
     return f"{problem}; the last load that converged is {valid:.3g} N: choose at most that"

@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from tsis.errors import InputError, MechanicsError
 from tsis.mechanics._mesh import shape_on_axis
-from tsis.mechanics.finite_strain._continuation import path_around
+from tsis.mechanics.finite_strain._continuation import (
+    PressContinuation,
+    SlabPress,
+    SolvedPress,
+    path_around,
+    solved_once,
+)
 from tsis.mechanics.finite_strain._load_path import StalledError
 from tsis.mechanics.finite_strain._meshes import FiniteResolution
 from tsis.mechanics.finite_strain._probe_on_slab import FinitePress, ProbeOnSlab
-from tsis.model import MN_PER_N, Phantom, PressField, Probe, require_number, require_type
+from tsis.model import MN_PER_N, Inclusion, Phantom, PressField, Probe, require_number, require_type
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,6 +31,11 @@ if TYPE_CHECKING:
 
 LARGEST_FORCE_N = 50.0
 LIGHTEST = 2.5e-3  # of modulus times radius squared
+MOST_FIELDS = 64  # that a series remembers
+WIDTHS = (1.25, 2.2)  # of the face's radius: widest spheres on the two kinds of lines
+THICKEST, THICKNESSES = 3.6, (2.5, 5.0)  # of the face's radius: limit between the two kinds of lines, and their slabs
+ANCHOR_LOADS = (0.1, 0.25, 0.5, 0.9, 1.4)  # of tissue modulus times radius squared
+ANCHOR_TISSUE = 0.15  # of the modulus of the probe's softest layer
 
 
 def press_finite(
@@ -86,6 +99,98 @@ def press_pairs(
     return tuple((item.field, other.field) for item, other in zip(with_it, without, strict=True))
 
 
+class PressSeries:
+    """Presses of one probe, each continued from one of a few solved presses of that probe on uniform tissue.
+
+    A field is that of `press_finite` on other element boundaries: tissue without inclusion, plus the change by the
+    inclusion on one mesh. It depends on nothing that was pressed before. A press costs about a second. The solved
+    presses are computed once for a probe, in half a minute, and cached on disk; the catalog's probes have them.
+    Spheroids, and spheres much wider than the face, take the load path of `press_finite`.
+
+    Parameters
+    ----------
+    probe
+        The probe.
+    resolution
+        Mesh density.
+    """
+
+    def __init__(self, probe: Probe, resolution: FiniteResolution | None = None) -> None:
+        require_type("probe", probe, Probe)
+        self.probe, self.resolution = probe, resolution or FiniteResolution()
+        self._solved: OrderedDict[tuple[Phantom, float], PressField] = OrderedDict()
+        self._on: dict[tuple[bool, bool], tuple[PressContinuation, tuple[SolvedPress, ...]]] = {}
+
+    def press(self, phantom: Phantom, *, force_n: float) -> PressField:
+        """Press on a phantom; arguments and errors are those of `press_finite`."""
+        _require_pressable(self.probe, phantom, (force_n,))
+        phantom = replace(phantom, name="", assumed=())
+        field = self._solved.pop((phantom, force_n), None) or self._press(phantom, force_n)
+        self._solved[phantom, force_n] = field
+        if len(self._solved) > MOST_FIELDS:
+            self._solved.popitem(last=False)
+        return field
+
+    def _press(self, phantom: Phantom, force_n: float) -> PressField:
+        own, radius = phantom.inclusion, self.probe.radius_mm
+        wide = own is not None and own.diameter_mm > WIDTHS[0] * radius
+        if own is not None and (own.semi_axes_mm is not None or own.diameter_mm > WIDTHS[1] * radius):
+            return press_finite(self.probe, phantom, force_n=force_n, resolution=self.resolution)
+        thick = phantom.thickness_mm > THICKEST * radius
+        with threadpool_limits(limits=1, user_api="blas"):
+            field = self._without_inclusion(phantom.without_inclusion(), force_n)
+            if own is None:
+                return field
+            continuation, anchors = self._anchored(wide=wide, thick=thick)
+            target = SlabPress(phantom=phantom, force_n=force_n)
+            without = continuation.follow(_nearest(anchors, target), target.with_contrast(1.0))
+            with_it = continuation.follow(without, target)
+        return _plus(field, with_it.result.field, without.result.field)
+
+    def _without_inclusion(self, slab: Phantom, force_n: float) -> PressField:
+        """Press on the mesh of a small sphere of the tissue's own material, the same for all inclusions."""
+        radius = self.probe.radius_mm
+        continuation, anchors = self._anchored(wide=False, thick=slab.thickness_mm > THICKEST * radius)
+        target = _slab_press(slab.thickness_mm, slab.young_kpa, slab.poisson, force_n)
+        return continuation.follow(_nearest(anchors, target), target).result.field
+
+    def _anchored(self, *, wide: bool, thick: bool) -> tuple[PressContinuation, tuple[SolvedPress, ...]]:
+        if (wide, thick) not in self._on:
+            tissue = ANCHOR_TISSUE * min(layer.young_kpa for layer in self.probe.layers)
+            thickness = THICKNESSES[thick] * self.probe.radius_mm
+            lines = Inclusion(diameter_mm=WIDTHS[wide] * self.probe.radius_mm, depth_mm=0.5, young_kpa=1.0)
+            like = Phantom(young_kpa=1.0, thickness_mm=thickness, inclusion=lines)
+            continuation = PressContinuation(self.probe, like, self.resolution)
+            unit_n = tissue * self.probe.radius_mm**2 / MN_PER_N
+            presses = [_slab_press(thickness, tissue, 0.49, load * unit_n) for load in ANCHOR_LOADS]
+            self._on[wide, thick] = continuation, solved_once(continuation, presses)
+        return self._on[wide, thick]
+
+
+def _slab_press(thickness_mm: float, young_kpa: float, poisson: float, force_n: float) -> SlabPress:
+    """A press on uniform tissue, meshed with a small sphere in the upper half."""
+    return SlabPress.on_sphere(
+        diameter_mm=0.3 * thickness_mm,
+        depth_mm=0.2 * thickness_mm,
+        contrast=1.0,
+        tissue_young_kpa=young_kpa,
+        thickness_mm=thickness_mm,
+        force_n=force_n,
+        poisson=poisson,
+    )
+
+
+def _nearest(anchors: Sequence[SolvedPress], target: SlabPress) -> SolvedPress:
+    """The anchor whose tissue deforms most like that of a press."""
+
+    def apart(solved: SolvedPress) -> float:
+        press = solved.press
+        ratio = press.force_n * target.phantom.young_kpa / press.phantom.young_kpa / target.force_n
+        return float(abs(np.log(ratio)))
+
+    return min(anchors, key=apart)
+
+
 def _plus(field: PressField, with_it: PressField, without: PressField) -> PressField:
     return PressField(
         radius_mm=field.radius_mm,
@@ -106,13 +211,17 @@ def press_steps(
 ) -> tuple[FinitePress, ...]:
     """States of one load path on the phantom's own mesh, with their energy and largest stretch."""
     require_type("probe", probe, Probe)
+    _require_pressable(probe, phantom, forces_n)
+    return _solve_path(probe, phantom, forces_n, resolution or FiniteResolution(), contrast)
+
+
+def _require_pressable(probe: Probe, phantom: Phantom, forces_n: Sequence[float]) -> None:
     require_type("phantom", phantom, Phantom)
     require_ascending_forces(forces_n)
     softer = min(phantom.young_kpa, probe.layers[0].young_kpa)
     require_enough_force(forces_n[0], softer, probe.radius_mm, lightest=LIGHTEST)
     if phantom.inclusion is not None:
         shape_on_axis(phantom)  # refuses other inclusions
-    return _solve_path(probe, phantom, forces_n, resolution or FiniteResolution(), contrast)
 
 
 def require_ascending_forces(forces_n: Sequence[float]) -> None:

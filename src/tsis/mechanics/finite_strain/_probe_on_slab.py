@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from tsis.model import Phantom, Probe
 
 
+TRAVEL = 0  # index of the probe's travel among the unknowns
 PARTS = 24  # of every closed segment of an element edge, to sum up the force
 PRESSURE_DEGREES_LESS = 2  # than the displacement has; higher degrees of the pressure on an edge are ripple
 
@@ -195,6 +196,15 @@ class FinitePress:
     stretch: float  # largest principal stretch or its inverse outside the rounded rim
 
 
+def suited(resolution: FiniteResolution, probe: Probe) -> FiniteResolution:
+    """The mesh density that a probe needs at this resolution."""
+    # The cells of a small rim are small too.
+    finest = min(resolution.rim_mm, RIM_CELL * rounded(probe, resolution.fillet_mm).fillet_mm)
+    # The edge of the contact travels over a whole dome.
+    largest = resolution.largest / (1 if probe.face_curvature_mm is None else 2)
+    return replace(resolution, largest=largest, rim_mm=finest)
+
+
 class ProbeOnSlab(LoadedFace[FinitePress]):
     """A probe on a slab; ``contrast=False`` gives the inclusion the tissue's own material on the same mesh.
 
@@ -210,11 +220,8 @@ class ProbeOnSlab(LoadedFace[FinitePress]):
         contrast: bool = True,
         lines: SlabLines | None = None,
     ) -> None:
-        if probe.face_curvature_mm is not None:  # the edge of the contact travels over the whole face
-            resolution = replace(resolution, largest=resolution.largest / 2)
+        resolution = suited(resolution, probe)
         self.shape = rounded(probe, resolution.fillet_mm)
-        # The cells of a small rim are small too.
-        resolution = replace(resolution, rim_mm=min(resolution.rim_mm, RIM_CELL * self.shape.fillet_mm))
         largest, finest = resolution.largest, resolution.rim_mm / probe.radius_mm
         along = face_lines(1.0, finest=finest, growth=resolution.growth, largest=largest)
         meshed, slab = mesh_probe(self.shape, along, resolution), mesh_slab(phantom, probe, resolution, lines)
@@ -240,7 +247,7 @@ class ProbeOnSlab(LoadedFace[FinitePress]):
         skin = slab.skin + self._probe_nodes
         stiffness = (STIFFNESS * softer, STEERING * softer)
         self.contact = SlidingContact(solid.nodes, skin, resolution.order, self.face, *stiffness)
-        self.potential = Potential(body, [self.contact], 0)
+        self.potential = Potential(body, [self.contact], TRAVEL)
         self.touch_mm = TOUCH * min(probe.thickness_mm, phantom.thickness_mm)
         self._strained = _away_from_rim(solid.nodes[solid.cells].mean(axis=1), self.shape)
         self._largest_stretch = LARGEST_STRETCH

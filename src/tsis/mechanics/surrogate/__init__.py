@@ -1,6 +1,7 @@
 """Presses as polynomials over a box of inclusions and tissues, with their measured error and a disk cache."""
 
-from tsis.mechanics.surrogate._build import build_surrogate, cached_arrays, mechanical_content
+from tsis.mechanics._mesh import mechanical_content
+from tsis.mechanics.surrogate._build import build_surrogate, cached_arrays
 from tsis.mechanics.surrogate._correction_build import build_finite_correction
 from tsis.mechanics.surrogate._finite_correction import CorrectionBox, FiniteCorrection, correction_box
 from tsis.mechanics.surrogate._full_contact import (

@@ -8,7 +8,7 @@ from __future__ import annotations
 import itertools
 import os
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,6 +16,7 @@ import scipy
 from threadpoolctl import threadpool_limits
 
 from tsis.files import content_key, read_cached_arrays, write_cached_arrays
+from tsis.mechanics._mesh import mechanical_content
 from tsis.mechanics.surrogate._polynomial import (
     Box,
     Degrees,
@@ -153,14 +154,6 @@ def surrogate_key(
     """Hash of the content of a surrogate."""
     values = {"box": asdict(box), "degrees": asdict(degrees), "resolution": asdict(resolution), **others}
     return content_key({"format": version, "probe": mechanical_content(probe), **values})
-
-
-def mechanical_content(probe: Probe) -> dict[str, Any]:
-    """All values of a probe that its presses depend on, as JSON values."""
-    content = asdict(replace(probe.unlit(), name="", assumed=()))
-    for layer in content["layers"]:
-        del layer["refractive_index"]
-    return content
 
 
 def _nonzero(factor: Any) -> Floats:

@@ -1,6 +1,6 @@
 """Build the correction by finite strain: pairs of presses with and without contrast, each started from the last.
 
-A low-discrepancy design fills the box; a short tour orders it, so that neighbours start each other.
+A low-discrepancy design fills the box, in the order of a short tour.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from threadpoolctl import threadpool_limits
 from tsis.errors import MechanicsError
 from tsis.files import read_cached_arrays, remove_cached, write_cached_arrays
 from tsis.mechanics._face import hats, ring_points
-from tsis.mechanics.finite_strain import FiniteResolution, PressContinuation, SlabPress
+from tsis.mechanics.finite_strain import FiniteResolution, PressContinuation, SlabPress, slab_lines
 from tsis.mechanics.small_strain import Resolution
 from tsis.mechanics.surrogate._build import CHECKED_FRACTION, PRESS_OUTPUTS, surrogate_key
 from tsis.mechanics.surrogate._finite_correction import (
@@ -178,7 +178,7 @@ def build_finite_correction(
 ) -> FiniteCorrection:
     """Build what finite strain adds to the presses of a probe that cover its face, or load it from the disk cache.
 
-    An interrupted build continues where it stopped. A build takes about a second a pair on one core.
+    An interrupted build continues where it stopped; it takes about a second a pair on one core.
 
     Parameters
     ----------
@@ -209,12 +209,10 @@ def build_finite_correction(
     checks = require_integer("checks", checks, 1, 1024)
     ranges, poisson = correction_box(probe, box), 0.49 if box is None else box.poisson
     mesh = resolution or FiniteResolution()
-    others = {
+    counts = {"seed": seed, "pairs": pairs, "checks": checks}
+    others = counts | {
         "correction": asdict(ranges),
         "poisson": poisson,
-        "seed": seed,
-        "pairs": pairs,
-        "checks": checks,
         "points": [TISSUES, THICKNESSES, LOADS],
         "modes": [PRESSURE_MODES, DISPLACEMENT_MODES],
         "small": asdict(Resolution()),
@@ -225,7 +223,9 @@ def build_finite_correction(
         widest = Inclusion(diameter_mm=ranges.diameter_mm[1], depth_mm=1.0, young_kpa=1.0)
         thick = max(30.0, ranges.diameter_mm[1] + 2, 0.6 * ranges.thickness_mm[1])
         like = Phantom(young_kpa=1.0, poisson=poisson, thickness_mm=thick, inclusion=widest)
-        solver = _Solver(probe=probe, box=ranges, poisson=poisson, continuation=PressContinuation(probe, like, mesh))
+        lines = slab_lines(like, probe, mesh)  # a coarse slab under a dome: half the time of a build
+        continuation = PressContinuation(probe, like, mesh, lines=lines)
+        solver = _Solver(probe=probe, box=ranges, poisson=poisson, continuation=continuation)
         with threadpool_limits(limits=1, user_api="blas"):
             arrays = _solve(solver, seed, pairs, checks, key if cached else None, progress)
         if cached:

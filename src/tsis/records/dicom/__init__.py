@@ -8,9 +8,8 @@
     stow_rs(files, url=)                        to an archive by DICOMweb
 """
 
-from tsis.records.dicom._association import c_store
+from tsis.records.dicom._association import c_store, stow_rs
 from tsis.records.dicom._export import dicom_files, write_dicom
 from tsis.records.dicom._files import DicomFile
-from tsis.records.dicom._web import stow_rs
 
 __all__ = ["DicomFile", "c_store", "dicom_files", "stow_rs", "write_dicom"]

@@ -119,9 +119,8 @@ def _batch(folder: Path, document: dict[str, Any], progress: Callable[[], None])
     inclusion = phantom.get("inclusion")
     names = () if inclusion is None else TRUTH
     truth = {name: from_json_value(float, inclusion[name], f"inclusion.{name}") for name in names}
-    requested = RequestedEstimate(
-        kind="inclusion", probe=probe, calibration=calibration, options={"prior": dict(reported["prior"])}
-    )
+    options = {"prior": dict(reported["prior"]), "strain": reported.get("strain", "small")}  # older demos state none
+    requested = RequestedEstimate(kind="inclusion", probe=probe, calibration=calibration, options=options)
     _require_estimable(requested)
     return ImportBatch(
         source=folder,

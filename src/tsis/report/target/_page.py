@@ -8,9 +8,17 @@ from typing import TYPE_CHECKING, Any
 from tsis.__about__ import __version__
 from tsis.report._hardness import estimate_cards
 from tsis.report._page import Card, Page
-from tsis.report.target._pictures import target_gallery
 from tsis.report.target._tables import target_tables
-from tsis.report.target._text import count_of, heading, newest_first, roles, target_notes, time_text, without_identity
+from tsis.report.target._text import (
+    count_of,
+    heading,
+    newest_first,
+    roles,
+    target_gallery,
+    target_notes,
+    time_text,
+    without_identity,
+)
 
 if TYPE_CHECKING:
     from tsis.records import StoredEstimate, StoredPress, TargetRecord

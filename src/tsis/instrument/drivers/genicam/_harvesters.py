@@ -1,28 +1,114 @@
-"""The connection to a camera through Harvesters: its node map and its buffers."""
+"""The connection to a camera through Harvesters: GenTL producers (``.cti`` files), node map and buffers."""
 
 from __future__ import annotations
 
 import contextlib
+import logging
+import os
+import signal
 import threading
 import time
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tsis.errors import CameraError, MissingExtraError
+from tsis.files import printable_name
 from tsis.instrument._discovery import CameraInfo
 from tsis.instrument.drivers._frame_numbers import FULL_SCALE
-from tsis.instrument.drivers.genicam import _producers as genicam_producers
 from tsis.instrument.drivers.genicam._camera import GenICamCamera
-from tsis.instrument.drivers.genicam._link import Grab, buffers_of, camera_not_found, cannot_open
-from tsis.instrument.drivers.genicam._producers import PATH_VARIABLE, PRODUCERS
+from tsis.instrument.drivers.genicam._link import Grab, buffers_of, camera_not_found, cannot_open, maker_library, reason
 from tsis.instrument.drivers.genicam._settings import ChoiceNode, NumberNode
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Generator, Sequence
-    from pathlib import Path
+    from collections.abc import Callable, Generator, Iterator, Sequence
 
     from numpy.typing import NDArray
+
+
+PATH_VARIABLE = "GENICAM_GENTL64_PATH"
+
+
+def producer_files() -> tuple[Path, ...]:
+    """The producers in the environment variable of the GenTL standard, in its order."""
+    folders = [Path(folder) for folder in os.environ.get(PATH_VARIABLE, "").split(os.pathsep) if folder]
+    files = [file for folder in folders for file in (sorted(folder.glob("*.cti")) if folder.is_dir() else [folder])]
+    return tuple(dict.fromkeys(file for file in files if file.suffix == ".cti" and file.is_file()))
+
+
+class Producers:
+    """The producers of this process, each opened once and closed with its last use."""
+
+    def __init__(self) -> None:
+        self._open: dict[Path, tuple[Any, int]] = {}
+        self._changing = threading.Lock()
+
+    def take(self, file: Path) -> Any:
+        """The harvester of that producer; its first user updates its list of cameras."""
+        with self._changing:
+            harvester, users = self._open.get(file, (None, 0))
+            if harvester is None:
+                harvester = _harvester(file)
+            self._open[file] = harvester, users + 1
+            return harvester
+
+    def give_back(self, file: Path) -> None:
+        """End one use of it."""
+        with self._changing:
+            harvester, users = self._open.pop(file)
+            if users > 1:
+                self._open[file] = harvester, users - 1
+            else:
+                harvester.reset()
+
+
+PRODUCERS = Producers()
+
+
+@contextlib.contextmanager
+def interrupts_preserved() -> Iterator[None]:
+    """Preserve this program's handler of Ctrl-C: Harvesters replaces it when it opens a camera."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.getsignal(signal.SIGINT)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def harvesters() -> Any:
+    """The library."""
+    return maker_library("harvesters.core", source="genicam")
+
+
+def failures() -> tuple[type[Exception], ...]:
+    """Exceptions of a camera or a producer that does not answer."""
+    gentl, genapi = (maker_library(name, source="genicam") for name in ("genicam.gentl", "genicam.genapi"))
+    return gentl.GenericException, genapi.GenericException
+
+
+def busy_failures() -> tuple[type[Exception], ...]:
+    """Exceptions of a camera that another program uses."""
+    gentl = maker_library("genicam.gentl", source="genicam")
+    return gentl.ResourceInUseException, gentl.AccessDeniedException
+
+
+def _harvester(file: Path) -> Any:
+    core = harvesters()
+    # its warnings go to the log, not to the terminal; each becomes an error or does not matter
+    log = logging.getLogger("tsis.harvesters")
+    if not log.handlers:
+        log.addHandler(logging.NullHandler())
+    harvester = core.Harvester(config=core.ParameterSet({core.ParameterKey.LOGGER: log}))
+    try:
+        harvester.add_file(str(file), check_validity=True)
+    except OSError as error:
+        raise CameraError(f"the GenTL producer {printable_name(file)!r} cannot be loaded: {reason(error)}") from error
+    harvester.update()
+    return harvester
 
 
 # A call into Harvesters holds Python's interpreter lock, so calls are short and other threads run between them.
@@ -34,7 +120,7 @@ class HarvestersNodes:
 
     def __init__(self, node_map: Any) -> None:
         self._map = node_map
-        _, self._failure = genicam_producers.failures()
+        _, self._failure = failures()
 
     def read(self, name: str) -> NumberNode | ChoiceNode | None:
         """The value of that name; None when it is absent or not readable now."""
@@ -64,10 +150,10 @@ class HarvestersLink:
     def __init__(self, acquirer: Any, identity: str, file: Path) -> None:
         self._acquirer, self.identity, self._file = acquirer, identity, file
         self.nodes = HarvestersNodes(acquirer.remote_device.node_map)
-        self.errors = genicam_producers.failures()
+        self.errors = failures()
         self.present = True  # GenTL reports no removal without events; silence does
         self._torn = torn = threading.Event()
-        core = genicam_producers.harvesters()
+        core = harvesters()
         # Harvesters queues an incomplete buffer again without notice, but for this callback, which does not refer to
         # the link, so that both can be released.
         callback = type("IncompleteBuffers", (core.Callback,), {"emit": lambda *_: torn.set()})()
@@ -124,7 +210,7 @@ def _grey(buffer: Any) -> NDArray[Any] | None:
 def _number(buffer: Any) -> int | None:
     try:
         return int(buffer.module.frame_id)
-    except genicam_producers.failures():
+    except failures():
         return None
 
 
@@ -147,10 +233,10 @@ class HarvestersCamera(GenICamCamera):
 def missing_requirement() -> str | None:
     """What is not installed or not set, with the cure; None when nothing is missing."""
     try:
-        genicam_producers.harvesters()
+        harvesters()
     except MissingExtraError as error:
         return str(error)
-    if genicam_producers.producer_files():
+    if producer_files():
         return None
     return (
         "the camera source genicam needs a GenTL producer (a .cti file of the camera maker's software) and found none; "
@@ -173,12 +259,12 @@ def find_cameras_here(producers: Sequence[Path] | None = None) -> tuple[CameraIn
 
 
 def _chosen(producers: Sequence[Path] | None) -> Sequence[Path]:
-    return genicam_producers.producer_files() if producers is None else producers
+    return producer_files() if producers is None else producers
 
 
 def _device_text(device: Any, what: str) -> str:
     """A producer's text about a camera; empty where it has none."""
-    absent: tuple[type[Exception], ...] = (AttributeError, *genicam_producers.failures())
+    absent: tuple[type[Exception], ...] = (AttributeError, *failures())
     try:
         return str(getattr(device, what) or "")
     except absent:
@@ -220,12 +306,12 @@ def _opened(identity: str, producers: Sequence[Path]) -> HarvestersLink:
 def _link(device: Any, file: Path) -> HarvestersLink:
     identity = device.id_
     harvester = PRODUCERS.take(file)
-    core = genicam_producers.harvesters()
+    core = harvesters()
     chunks_off = core.ParameterSet({core.ParameterKey.ENABLE_AUTO_CHUNK_DATA_UPDATE: False})
     try:
-        with genicam_producers.interrupts_preserved():
+        with interrupts_preserved():
             return HarvestersLink(harvester.create(device, config=chunks_off), identity, file)
     except Exception as error:  # of any kind: Harvesters parses a file that the camera sends
         PRODUCERS.give_back(file)
-        busy = isinstance(error, genicam_producers.busy_failures())
+        busy = isinstance(error, busy_failures())
         raise cannot_open(f"genicam camera {identity}", error, busy=busy) from error

@@ -1,0 +1,145 @@
+"""Contacts read by any program: force, radius or area, depth of the dent, each with its standard deviation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from tsis.errors import InputError
+from tsis.hardness._contact_rows import COLUMNS, contact_rows, contact_value, forces_of_contacts, is_good
+from tsis.model import require_number
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+FORCE_SD, RADIUS_SD, DEPTH_SD = 0.02, 0.02, 0.03  # relative standard deviations where none is given
+LEAST_FORCE_SD_N = 0.005
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TouchReading:
+    """One contact of a gel sensor with an object.
+
+    Parameters
+    ----------
+    force_n, force_sd_n
+        Normal force in N, and its standard deviation; 2 % and at least 0.005 N by default. None where not measured.
+    radius_mm, radius_sd_mm
+        Radius of the contact in mm (half the width for a cylinder), and its standard deviation; 2 % by default.
+    depth_mm, depth_sd_mm
+        How deep the gel's face is dented at the middle of the contact, mm, and its standard deviation; 3 % by default.
+    name
+        Name in reports.
+
+    Raises
+    ------
+    InputError
+        When a number is not positive, not finite or out of range, or neither radius nor depth is given.
+
+    Examples
+    --------
+    >>> round(TouchReading(force_n=1.0, radius_mm=2.0).radius_sd_mm, 3)
+    0.04
+    """
+
+    force_n: float | None = None
+    force_sd_n: float | None = None
+    radius_mm: float | None = None
+    radius_sd_mm: float | None = None
+    depth_mm: float | None = None
+    depth_sd_mm: float | None = None
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        label = f" of {self.name}" if self.name else ""
+        for name, low, high, unit in (
+            ("force_n", 1e-4, 1000.0, "newtons"),
+            ("radius_mm", 0.01, 100.0, "millimetres"),
+            ("depth_mm", 1e-3, 50.0, "millimetres"),
+        ):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, require_number(name + label, getattr(self, name), low, high, hint=unit))
+        if self.radius_mm is None and self.depth_mm is None:
+            raise InputError(f"a contact{label} must have radius_mm, area_mm2 or depth_mm; got none of them")
+        for value, name, fraction, least in (
+            (self.force_n, "force_sd_n", FORCE_SD, LEAST_FORCE_SD_N),
+            (self.radius_mm, "radius_sd_mm", RADIUS_SD, 0.0),
+            (self.depth_mm, "depth_sd_mm", DEPTH_SD, 0.0),
+        ):
+            sd = getattr(self, name)
+            if sd is not None and value is not None:
+                require_number(name + label, sd, 1e-6 * value, value, hint="in the unit of its value, up to the value")
+            elif value is not None:
+                object.__setattr__(self, name, max(fraction * value, least))
+            else:
+                object.__setattr__(self, name, None)
+
+
+def as_touch_readings(
+    contacts: Any, *, force: float | Sequence[float] | None = None
+) -> tuple[tuple[TouchReading, ...], tuple[str, ...], float | None]:
+    """The readings in contacts of any form, the names of those that are not good, and the object's radius if stated.
+
+    Parameters
+    ----------
+    contacts
+        One or several of: `TouchReading`; mappings with the keys of `COLUMNS`; objects with such attributes, such as
+        results of `tsis.imaging.contacts`; a table of pandas; or the path of a CSV file with such a header.
+    force
+        Force in N of all contacts, or of each; None where the contacts state theirs.
+
+    Raises
+    ------
+    InputError
+        When there is no contact, a number is invalid, or forces and contacts differ in number.
+    FileInputError
+        When the file is missing or not such a table.
+    """
+    rows = contact_rows(contacts)
+    if not rows:
+        raise InputError("contacts must hold at least one contact; got none")
+    forces = forces_of_contacts(force, len(rows))
+    good = [(row, each) for row, each in zip(rows, forces, strict=True) if is_good(row)]
+    refused = tuple(_name(row, index) for index, row in enumerate(rows) if not is_good(row))
+    if not good:
+        raise InputError(f"contacts must hold a good contact; all {len(rows)} are marked as not good: press again")
+    readings = tuple(_reading(row, _name(row, index), each) for index, (row, each) in enumerate(good))
+    radii = {float(radius) for row, _ in good if (radius := contact_value(row, "object_radius_mm")) is not None}
+    if len(radii) > 1:
+        raise InputError(f"object_radius_mm must be one number for all contacts; got {sorted(radii)}")
+    return readings, refused, radii.pop() if radii else None
+
+
+def loading_part(readings: Sequence[TouchReading]) -> tuple[TouchReading, ...]:
+    """The contacts of a press from its first to its largest, in the order of time: what follows is unloading."""
+    sizes = [reading.force_n or reading.radius_mm or reading.depth_mm or 0.0 for reading in readings]
+    return tuple(readings[: sizes.index(max(sizes)) + 1])
+
+
+def _name(row: Any, index: int) -> str:
+    return str(contact_value(row, "name") or f"contact {index + 1}")
+
+
+def _reading(row: Any, name: str, force: float | None) -> TouchReading:
+    if isinstance(row, TouchReading):
+        return row if force is None else replace(row, force_n=force, force_sd_n=None)
+    if not isinstance(row, Mapping) and not any(hasattr(row, column) for column in COLUMNS):
+        raise InputError(f"contacts must have radius_mm, area_mm2 or depth_mm; got {type(row).__name__}")
+    numbers: dict[str, float] = {}
+    for column in COLUMNS[:8]:
+        value = force if column == "force_n" and force is not None else contact_value(row, column)
+        if value is not None:
+            try:
+                numbers[column] = float(value)
+            except (TypeError, ValueError) as error:
+                raise InputError(f"{column} of {name} must be a number; got {value!r:.40}") from error
+    area = numbers.pop("area_mm2", None)
+    area_sd = numbers.pop("area_sd_mm2", None)
+    if area is not None and "radius_mm" not in numbers:
+        require_number(f"area_mm2 of {name}", area, 1e-4, 1e5, hint="square millimetres")
+        numbers["radius_mm"] = math.sqrt(area / math.pi)
+        if area_sd is not None:
+            numbers["radius_sd_mm"] = numbers["radius_mm"] * area_sd / (2.0 * area)
+    return TouchReading(**numbers, name=name)

@@ -1,0 +1,245 @@
+"""Young's modulus from contacts of a gel sensor: against Hertz and finite strain, what is withheld, what is refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from tsis.errors import FileInputError, InputError, NotIdentifiedError, UnknownNameError, UntrustedError
+from tsis.hardness import ObjectGeometry, TouchReading, as_touch_readings, estimate_from_contacts, press_fields
+from tsis.hardness import hertzian_radius_mm as contact_radius_of
+from tsis.mechanics.finite_strain import SphereResolution
+from tsis.model import BoundedValue, GelSensor, Layer, Probe, SoftSphere
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import tsis
+
+GEL = GelSensor(
+    name="thick",
+    width_mm=40.0,
+    height_mm=40.0,
+    thickness_mm=BoundedValue(value=100.0),
+    young_kpa=BoundedValue(value=150.0),
+    poisson=BoundedValue(value=0.49),
+    mm_per_pixel=(0.1, 0.1),
+)
+R_MM = 10.0
+
+
+def hertz(young_kpa: float, forces: tuple[float, ...] = (0.1, 0.2), gel_kpa: float = 150.0) -> list[dict[str, float]]:
+    """Contacts by Hertz's law, shallow enough for small strain."""
+    compliance = (1 - 0.4725**2) / young_kpa + (1 - 0.49**2) / gel_kpa
+    radii = [float(np.cbrt(0.75 * 1e3 * force * R_MM * compliance)) for force in forces]
+    share = (1 - 0.49**2) / gel_kpa / compliance
+    backing = 0.74 / 100.0  # of the contact radius: what a backing 100 mm below takes off the dent of Hertz's law
+    return [
+        {"force_n": force, "radius_mm": radius, "depth_mm": share * radius**2 / R_MM * (1 - backing * radius)}
+        for force, radius in zip(forces, radii, strict=True)
+    ]
+
+
+def by_force(young_kpa: float) -> list[dict[str, float]]:
+    """The same without the dents."""
+    return [{name: row[name] for name in ("force_n", "radius_mm")} for row in hertz(young_kpa)]
+
+
+def middle(estimate: tsis.Estimate) -> float:
+    return float(np.median(estimate.samples["young_kpa"]))
+
+
+@pytest.mark.parametrize("young_kpa", [20.0, 60.0, 200.0])
+def test_hertzian_contacts_give_the_modulus(young_kpa: float) -> None:
+    found = estimate_from_contacts(hertz(young_kpa), sensor=GEL, geometry=R_MM)
+    low, high = found.interval(0.9)["young_kpa"]
+    assert low < young_kpa < high
+    assert middle(found) == pytest.approx(young_kpa, rel=0.06)
+
+
+def test_the_dent_replaces_the_force() -> None:
+    contacts = [{name: row[name] for name in ("radius_mm", "depth_mm")} for row in hertz(60.0)]
+    found = estimate_from_contacts(contacts, sensor=GEL, geometry=R_MM)
+    assert middle(found) == pytest.approx(60.0, rel=0.08)
+
+
+def test_an_error_of_the_gels_modulus_passes_one_to_one() -> None:
+    firm, soft = (
+        estimate_from_contacts(by_force(60.0), sensor=replace(GEL, young_kpa=BoundedValue(value=gel)), geometry=R_MM)
+        for gel in (157.5, 142.5)
+    )
+    scaled = estimate_from_contacts(
+        [row | {"force_n": 1.1 * row["force_n"]} for row in hertz(60.0)],
+        sensor=replace(GEL, young_kpa=BoundedValue(value=165.0)),
+        geometry=R_MM,
+    )
+    assert middle(scaled) == pytest.approx(
+        1.1 * middle(estimate_from_contacts(hertz(60.0), sensor=GEL, geometry=R_MM)), rel=0.01
+    )
+    assert middle(firm) < middle(soft), "a stiffer gel leaves more of the compliance to the object"
+
+
+def test_a_stiff_object_widens_by_the_gels_part() -> None:
+    """``sd(ln E) = sd / (1 - s)``: both with the same readings' errors."""
+    widths = {}
+    for young in (20.0, 200.0):
+        contacts = [{name: row[name] for name in ("force_n", "radius_mm")} for row in hertz(young)]
+        found = estimate_from_contacts(contacts, sensor=GEL, geometry=ObjectGeometry(radius_mm=R_MM, radius_sd_mm=0.0))
+        low, high = found.untrusted.interval(0.9)["young_kpa"]
+        widths[young] = np.log(high / low)
+    part = {young: ((1 - 0.4725**2) / young) / ((1 - 0.4725**2) / young + (1 - 0.49**2) / 150.0) for young in widths}
+    assert widths[200.0] / widths[20.0] == pytest.approx(part[20.0] / part[200.0], rel=0.15)
+
+
+def test_limits_of_the_gel_widen_and_a_rigid_ball_narrows() -> None:
+    unknown = replace(GEL, young_kpa=BoundedValue(low=100.0, high=225.0))
+    known = estimate_from_contacts(by_force(60.0), sensor=GEL, geometry=R_MM)
+    wide = estimate_from_contacts(by_force(60.0), sensor=unknown, geometry=R_MM)
+    ball = by_force(1e9)
+    told = estimate_from_contacts(
+        by_force(60.0), sensor=unknown, geometry=R_MM, reference=ball, reference_radius_mm=R_MM
+    )
+    sd = {
+        name: float(np.log(each.untrusted.samples["young_kpa"]).std())
+        for name, each in (("known", known), ("wide", wide), ("told", told))
+    }
+    assert sd["known"] < sd["told"] < 0.9 * sd["wide"]
+    assert abs(np.log(middle(told) / 60.0)) < 2 * sd["told"]
+
+
+def test_a_press_at_finite_strain_on_a_thin_gel_gives_the_modulus() -> None:
+    """Sphere and gel of finite elements, finer than those to which the correction was fitted, at other values."""
+    gel, sphere = 120.0, SoftSphere(radius_mm=6.0, young_kpa=70.0, poisson=0.47)
+    probe = Probe(radius_mm=15.0, layers=(Layer(thickness_mm=4.5, young_kpa=gel, poisson=0.49),))
+    forces = [0.5, 1.0]
+    fields = press_fields(
+        probe, sphere, forces_n=forces, resolution=SphereResolution(order=3, cells=6, rings=2, face_cells=6)
+    )
+    contacts = [
+        {"force_n": force, "radius_mm": contact_radius_of(field)} for force, field in zip(forces, fields, strict=True)
+    ]
+    thin = replace(
+        GEL, thickness_mm=BoundedValue(value=4.5), young_kpa=BoundedValue(value=gel), width_mm=30.0, height_mm=30.0
+    )
+    found = estimate_from_contacts(contacts, sensor=thin, geometry=6.0)
+    low, high = found.interval(0.9)["young_kpa"]
+    assert low < 70.0 < high
+    assert middle(found) == pytest.approx(70.0, rel=0.1)
+
+
+def test_a_cylinder_on_its_side() -> None:
+    compliance = (1 - 0.4725**2) / 60.0 + (1 - 0.49**2) / 150.0
+    forces = (0.5, 1.0)
+    widths = [float(np.sqrt(4 * 1e3 * force / 20.0 * R_MM * compliance / np.pi)) for force in forces]
+    contacts = [{"force_n": force, "radius_mm": width} for force, width in zip(forces, widths, strict=True)]
+    geometry = ObjectGeometry(shape="cylinder", radius_mm=R_MM, length_mm=20.0)
+    found = estimate_from_contacts(contacts, sensor=GEL, geometry=geometry)
+    assert middle(found) == pytest.approx(60.0, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("contacts", "geometry", "reason"),
+    [
+        (hertz(60.0), "flat", "contact of a flat object"),
+        ([{"radius_mm": 2.0, "depth_mm": 0.2}], "sphere", "force and radius of the object are both unknown"),
+        ([{"radius_mm": 2.0}], R_MM, "without a force each contact needs"),
+    ],
+)
+def test_what_cannot_be_identified_is_withheld_with_its_reason(contacts: Any, geometry: Any, reason: str) -> None:
+    found = estimate_from_contacts(contacts, sensor=GEL, geometry=geometry)
+    assert "young_kpa_not_identified" in found.flags
+    assert reason in " ".join(found.notes)
+    with pytest.raises(NotIdentifiedError):
+        _ = found.mean["young_kpa"]
+    low, high = found.interval(0.9)["young_kpa"]
+    assert high > 100 * low
+
+
+def test_contacts_that_contradict_each_other_and_large_ones_are_not_trusted() -> None:
+    apart = [{"force_n": 0.1, "radius_mm": 1.5}, {"force_n": 0.2, "radius_mm": 3.0}]
+    mixed = estimate_from_contacts(apart, sensor=GEL, geometry=R_MM)
+    assert "model_does_not_fit" in mixed.flags
+    with pytest.raises(UntrustedError):
+        _ = mixed.interval(0.9)
+    assert (
+        "contact_too_deep"
+        in estimate_from_contacts([{"force_n": 30.0, "radius_mm": 9.5}], sensor=GEL, geometry=R_MM).flags
+    )
+    assert (
+        "contact_too_wide"
+        in estimate_from_contacts([{"force_n": 30.0, "radius_mm": 13.0}], sensor=GEL, geometry=50.0).flags
+    )
+    assert "gel_not_flat" in estimate_from_contacts(hertz(60.0), sensor="digit", geometry=R_MM).flags
+
+
+def test_a_sequence_counts_as_one_press() -> None:
+    loading = hertz(60.0, (0.05, 0.1, 0.15, 0.2))
+    there_and_back = [*loading, {"force_n": 0.1, "radius_mm": 3.4}]
+    once = estimate_from_contacts(there_and_back, sensor=GEL, geometry=R_MM, sequence=True)
+    several = estimate_from_contacts(loading, sensor=GEL, geometry=R_MM)
+    assert len(once.provenance["contacts"]) == 4
+    assert once.sd["young_kpa"] > several.sd["young_kpa"]
+
+
+def test_any_program_may_have_read_the_contacts(tmp_path: Path) -> None:
+    pandas = pytest.importorskip("pandas")
+    rows = hertz(60.0)
+    areas = [{"force_n": row["force_n"], "area_mm2": np.pi * row["radius_mm"] ** 2} for row in rows]
+    file = tmp_path / "contacts.csv"
+    file.write_text(
+        "force_n,radius_mm,depth_mm\n" + "".join(f"{r['force_n']},{r['radius_mm']},{r['depth_mm']}\n" for r in rows)
+    )
+    expected = middle(estimate_from_contacts(rows, sensor=GEL, geometry=R_MM))
+    readings = [TouchReading(**row) for row in rows]
+    for contacts in (pandas.DataFrame(rows), file, str(file), readings):
+        assert middle(estimate_from_contacts(contacts, sensor=GEL, geometry=R_MM)) == pytest.approx(expected, rel=1e-9)
+    radii_alone = [{name: row[name] for name in ("force_n", "radius_mm")} for row in rows]
+    same = [middle(estimate_from_contacts(each, sensor=GEL, geometry=R_MM)) for each in (areas, radii_alone)]
+    assert same[0] == pytest.approx(same[1], rel=1e-6)
+    given = [{"radius_mm": row["radius_mm"]} for row in rows]
+    forced = estimate_from_contacts(given, sensor=GEL, geometry=R_MM, force=[row["force_n"] for row in rows])
+    assert middle(forced) == pytest.approx(same[1], rel=1e-6)
+
+
+def test_bad_contacts_are_left_out_and_said() -> None:
+    rows = [*hertz(60.0), {"force_n": 0.3, "radius_mm": 9.0, "good": False}]
+    found = estimate_from_contacts(rows, sensor=GEL, geometry=R_MM)
+    assert "contacts_left_out" in found.flags
+    assert len(found.provenance["contacts"]) == 2
+
+
+@pytest.mark.parametrize(
+    ("contacts", "options", "message"),
+    [
+        ([], {}, "at least one contact; got none"),
+        ([{"force_n": 1.0}], {}, "must have radius_mm, area_mm2 or depth_mm"),
+        ([{"force_n": -1.0, "radius_mm": 1.0}], {}, "force_n of contact 1 must lie in"),
+        ([{"force_n": 1.0, "radius_mm": "wide"}], {}, "radius_mm of contact 1 must be a number; got 'wide'"),
+        ([{"force_n": 1.0, "radius_mm": np.inf}], {}, "radius_mm of contact 1"),
+        ([{"radius_mm": 1.0}], {"force": [1.0, 2.0]}, "one for each of the 1 contacts; got 2"),
+        ([{"radius_mm": 1.0, "good": False}], {}, "all 1 are marked as not good"),
+        (hertz(60.0), {"geometry": {"shape": "cylinder", "radius_mm": 5.0}}, "length_mm of a cylinder"),
+        (hertz(60.0), {"geometry": 500.0}, "radius_mm of the object must lie in"),
+        (hertz(60.0), {"reference": hertz(1e9)}, "reference_radius_mm must be given"),
+        (hertz(60.0), {"press_sd": 3.0}, "press_sd must lie in"),
+        ([7.0], {}, "contacts must have radius_mm, area_mm2 or depth_mm; got float"),
+    ],
+)
+def test_wrong_input_is_one_sentence(contacts: Any, options: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message) as refused:
+        estimate_from_contacts(contacts, **{"sensor": GEL, "geometry": R_MM} | options)
+    assert "\n" not in str(refused.value)
+
+
+def test_wrong_files_and_names_are_one_sentence(tmp_path: Path) -> None:
+    empty = tmp_path / "empty.csv"
+    empty.write_text("force,size\n1,2\n")
+    with pytest.raises(FileInputError, match="must have a header with radius_mm"):
+        as_touch_readings(empty)
+    with pytest.raises(FileInputError):
+        as_touch_readings(tmp_path / "absent.csv")
+    with pytest.raises(UnknownNameError):
+        estimate_from_contacts(hertz(60.0), sensor="gelsite-mini", geometry=R_MM)
