@@ -12,8 +12,9 @@ from rich.table import Table
 
 import tsis
 from tsis.__about__ import RESEARCH_USE_ONLY
+from tsis.cli._gel_frames import frames
 from tsis.cli._options import AsJson, scale_of
-from tsis.cli._output import RESULT, print_json, print_tables, result_bytes
+from tsis.cli._output import print_json, print_tables
 from tsis.errors import InputError
 
 if TYPE_CHECKING:
@@ -34,6 +35,9 @@ app = typer.Typer(
     help=f"Files of gel sensors: GelSight, DIGIT, 9DTact, your own. {RESEARCH_USE_ONLY}",
     no_args_is_help=True,
 )
+
+
+app.command("frames", epilog="Example: tsis sensor frames gelsight-mini --out gel-frames --seed 3")(frames)
 
 
 @app.command("new", epilog="Example: tsis sensor new my-gel --like gelsight-mini --scale-mm 0.0634 --out my-gel.toml")
@@ -125,34 +129,6 @@ def show(
     for name, text in loaded.sources.items():
         sources.add_row(name, escape(text))
     print_tables([_table(loaded), sources], _notes(loaded))
-
-
-@app.command("frames", epilog="Example: tsis sensor frames gelsight-mini --out gel-frames --seed 3")
-def frames(
-    sensor: Annotated[str, typer.Argument(help="Name or file of the sensor.")],
-    *,
-    presses: Annotated[int, typer.Option(help="Number of presses.")] = 4,
-    ball_mm: Annotated[float, typer.Option(help="Diameter of the ball in mm.")] = 6.0,
-    seed: Annotated[int, typer.Option(help="Seed of lamps, places, depths and noise.")] = 1,
-    out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path("gel-frames"),
-    as_json: AsJson = False,
-) -> None:
-    """Render frames of a sensor pressed by a ball, with their truth, to try the commands without a sensor."""
-    loaded = tsis.catalog.load_sensor(sensor)
-    tsis.model.require_integer("--presses", presses, 1, 100)
-    tsis.model.require_number("--ball-mm", ball_mm, 1.0, 40.0, hint="millimetres")
-    made = tsis.virtual.rendered_series(loaded, presses, ball_radius_mm=ball_mm / 2, seed=seed)
-    files = {"untouched.png": tsis.files.encode_picture(made[0].reference)}
-    truth = []
-    for number, press in enumerate(made, start=1):
-        files[f"press-{number}.png"] = tsis.files.encode_picture(press.frame)
-        truth.append({"frame": f"press-{number}.png", "centre_px": list(press.centre_px), "radius_px": press.radius_px})
-    document = tsis.report.envelope("sensor frames", sensor=loaded.name, ball_mm=ball_mm, seed=seed, truth=truth)
-    folder = tsis.report.write_folder(tsis.report.free_folder(out), {**files, RESULT: result_bytes(document)})
-    if as_json:
-        print_json({**document, "folder": str(folder)})
-        return
-    print_tables([], [f"{presses} presses of a ball of {ball_mm:g} mm, rendered"], where=f"Frames: {folder}")
 
 
 def sensor_document(sensor: GelSensor) -> dict[str, Any]:
