@@ -60,6 +60,8 @@ WALK = (
     Step("sensor show", r"gsrobotics"),
     Step("sensor frames", r"4 presses", ("gel-frames/press-4.png", "gel-frames/untouched.png")),
     Step("contacts", r"good"),
+    Step("depth calibrate", r"presses left out", ("depth.json",)),
+    Step("depth map", r"deepest", ("depth-maps/press-4.npy", "depth-maps/press-4.ply")),
     Step("force", r"normal force", ("first-force/pressure.png", "first-force/result.json")),
     Step("serve", r"Ended; \d+ frames were sent", serves="Read it with: "),
     Step("calibrate guide", r"first", tuple(f"first/{name}" for name in CALIBRATED)),

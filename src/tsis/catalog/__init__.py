@@ -3,14 +3,18 @@
 from tsis.catalog._entries import (
     list_phantoms,
     list_probes,
+    list_sensors,
     list_spheres,
     load_phantom,
     load_probe,
+    load_sensor,
     load_sphere,
     parse_probe,
+    parse_sensor,
     phantom_variant,
     probe_toml,
     probe_variant,
+    sensor_toml,
 )
 from tsis.catalog._priors import (
     default_prior_toml,
@@ -19,7 +23,6 @@ from tsis.catalog._priors import (
     parse_prior,
     read_prior_file,
 )
-from tsis.catalog._sensors import list_sensors, load_sensor, parse_sensor, sensor_toml
 
 __all__ = [
     "default_prior_toml",

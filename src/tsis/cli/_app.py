@@ -53,6 +53,9 @@ COMMANDS = {
         "Find the contact in frames of a gel sensor: centre, radius or ellipse, area, and a quality with reasons.",
         "tsis contacts gel-frames/press-1.png --sensor gelsight-mini --reference gel-frames/untouched.png",
     ),
+    "depth": CommandEntry(
+        "tsis.cli._contacts", "app", f"Depth maps of a gel sensor: tsis depth FRAME... {RESEARCH_USE_ONLY}"
+    ),
     "track": CommandEntry(
         "tsis.cli._track",
         "track",
@@ -159,7 +162,7 @@ HELP = f"""Usage: tsis COMMAND [ARGUMENTS] [OPTIONS]        Start with: tsis dem
 Open software for optical tactile imaging.
 {RESEARCH_USE_ONLY}
 
-  measure    acquire, examine, hardness, contacts, force, track, match, detect, network
+  measure    acquire, examine, hardness, contacts, depth, force, track, match, detect, network
              Frames from a camera; inclusions and hardness with intervals; point matching.
   calibrate  calibrate, sensor
              The calibration of a probe: step by step, from saved frames, or sealed; files of gel sensors.

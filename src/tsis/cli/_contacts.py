@@ -1,4 +1,4 @@
-"""``tsis contacts``: contacts in frames of a gel sensor."""
+"""``tsis contacts`` and ``tsis depth``: contacts in frames of a gel sensor, depth maps and their calibration."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from rich.table import Table
 
 import tsis
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
+from tsis.cli._groups import DefaultCommand
 from tsis.cli._options import AsJson
 from tsis.cli._output import leave, print_json, print_tables
 from tsis.cli._progress import progress_bar
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from tsis.imaging.depth import DepthMap
     from tsis.model import GelSensor
 
 
@@ -134,3 +136,136 @@ def _picture(levels: Sequence[NDArray[Any]], found: Sequence[Any]) -> bytes:
     buffer = io.BytesIO()
     drawn.savefig(buffer, format="png", dpi=130)
     return buffer.getvalue()
+
+
+MOST_WEIGHTS = 10**6
+
+app = typer.Typer(
+    name="depth",
+    cls=DefaultCommand.named("map", is_default=False),
+    help=f"Depth maps of a gel sensor: tsis depth FRAME... {RESEARCH_USE_ONLY}",
+)
+
+
+@app.command(
+    "calibrate",
+    epilog="Example: tsis depth calibrate gel-frames/press-1.png gel-frames/press-2.png gel-frames/press-3.png "
+    "--sensor gelsight-mini --ball-mm 6 --reference gel-frames/untouched.png --out depth.json",
+)
+def calibrate(
+    frames: GelFrames,
+    *,
+    sensor: SensorOption = "",
+    ball_mm: Annotated[float, typer.Option(help="Diameter of the ball in mm.")],
+    reference: GelReference = None,
+    out: Annotated[Path, typer.Option(help="Calibration file to write; it must not exist.")] = Path("depth.json"),
+    as_json: AsJson = False,
+) -> None:
+    """Calibrate depth from presses of a ball of known diameter; each is left out in turn to measure the error."""
+    tsis.report.require_absent(out)
+    chosen = chosen_sensor(sensor)
+    untouched = _reference(chosen, reference)
+    levels = [read_gel_frame(path) for path in gel_frame_paths(frames)]
+    with progress_bar("reading presses") as advance:
+        result = tsis.imaging.depth.calibrate_depth(
+            levels, sensor=chosen, reference=untouched, ball_mm=ball_mm, progress=advance
+        )
+    tsis.files.write_durably(out, tsis.imaging.depth.depth_calibration_json(result))
+    if as_json:
+        document = tsis.report.envelope(
+            "depth calibrate", sensor=chosen.name, method=result.method, presses=result.presses, sd_mm=result.sd_mm,
+            other_sd_mm=result.other_sd_mm, errors_mm=list(result.errors_mm), file=str(out),
+        )  # fmt: skip
+        print_json(document)
+        return
+    table = Table("quantity", "value", title="Depth calibration")
+    table.add_row("method", result.method)
+    table.add_row("good presses", f"{result.presses} of {len(levels)}")
+    table.add_row("distance from the ball, presses left out / mm", f"{result.sd_mm:.4f}")
+    if result.other_sd_mm is not None:
+        table.add_row("that of the other method / mm", f"{result.other_sd_mm:.4f}")
+    print_tables([table], [], where=f"Calibration: {out}")
+
+
+@app.command(
+    "map",
+    epilog="Example: tsis depth map gel-frames/press-4.png --sensor gelsight-mini --calibration depth.json "
+    "--reference gel-frames/untouched.png --out depth-maps",
+)
+def depth_map(
+    frames: GelFrames,
+    *,
+    sensor: SensorOption = "",
+    calibration: Annotated[Path, typer.Option(help="File that tsis depth calibrate wrote.")],
+    reference: GelReference = None,
+    out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path("depth-maps"),
+    as_json: AsJson = False,
+) -> None:
+    """Write depth maps in mm with their uncertainty: NPY (depth and sd), TIFF of floats, PLY points, and a picture."""
+    chosen = chosen_sensor(sensor)
+    parse = tsis.imaging.depth.parse_depth_calibration
+    document = tsis.files.read_object(calibration, values=MOST_WEIGHTS)
+    mapper = tsis.imaging.depth.DepthMapper(parse(document), chosen, _reference(chosen, reference))
+    files: dict[str, bytes] = {}
+    rows = []
+    paths = gel_frame_paths(frames)
+    with progress_bar("mapping depth") as advance:
+        for number, path in enumerate(paths):
+            result = mapper.map(read_gel_frame(path), name=path.name)
+            files |= {f"{path.stem}{ending}": content(result) for ending, content in FORMS.items()}
+            rows.append({"frame": path.name, "deepest_mm": float(result.depth_mm.max()), "sd_mm": _sd(result)})
+            advance(number + 1, len(paths))
+    folder = tsis.report.write_folder(tsis.report.free_folder(out), files)
+    if as_json:
+        print_json(tsis.report.envelope("depth map", sensor=chosen.name, maps=rows, folder=str(folder)))
+        return
+    table = Table("frame", "deepest / mm", "sd there / mm", title="Depth maps")
+    for row in rows:
+        table.add_row(str(row["frame"]), f"{row['deepest_mm']:.3f}", f"{row['sd_mm']:.3f}")
+    print_tables([table], [], where=f"Maps: {folder}")
+
+
+def _reference(sensor: GelSensor, reference: Path | None) -> NDArray[Any]:
+    levels = read_gel_reference(sensor, reference)
+    if levels is None:
+        raise InputError("a depth map needs a frame of the untouched sensor; give it as --reference")
+    return levels
+
+
+def _sd(result: DepthMap) -> float:
+    return float(result.sd_mm.ravel()[int(result.depth_mm.argmax())])
+
+
+def _npy(values: NDArray[Any]) -> bytes:
+    import numpy as np
+
+    buffer = io.BytesIO()
+    np.save(buffer, values.astype(np.float32))
+    return buffer.getvalue()
+
+
+def _tiff(result: DepthMap) -> bytes:
+    import numpy as np
+    from PIL import Image
+
+    buffer = io.BytesIO()
+    Image.fromarray(result.depth_mm.astype(np.float32)).save(buffer, format="TIFF")
+    return buffer.getvalue()
+
+
+def _png(result: DepthMap) -> bytes:
+    from matplotlib.figure import Figure
+
+    figure, buffer = Figure(figsize=(6, 4), layout="constrained"), io.BytesIO()
+    tsis.plots.gel_depth(result.depth_mm, figure.subplots(), mm_per_pixel=result.mm_per_pixel, label="depth / mm")
+    figure.savefig(buffer, format="png", dpi=120)
+    return buffer.getvalue()
+
+
+FORMS: dict[str, Callable[[DepthMap], bytes]] = {
+    ".npy": lambda result: _npy(result.depth_mm),
+    "-sd.npy": lambda result: _npy(result.sd_mm),
+    ".tiff": _tiff,
+    ".ply": lambda result: result.ply_bytes(),
+    ".png": _png,
+}

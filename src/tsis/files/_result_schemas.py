@@ -18,6 +18,7 @@ _RESULTS = {
     "console": ("",),
     "contacts": ("",),
     "demo": ("",),
+    "depth": ("calibrate", "map"),
     "design": ("",),
     "detect": ("apply", "train"),
     "doctor": ("",),

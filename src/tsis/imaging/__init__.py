@@ -1,5 +1,9 @@
 """From frames of the camera to numbers: corrections, the contact's patch and circle, features, profiles, colour."""
 
+from typing import TYPE_CHECKING
+
+import lazy_loader
+
 from tsis.imaging._colour import COLOUR_MAPS, change_magnitude, colour_map
 from tsis.imaging._contact import Contact, find_colour_contact, find_contact
 from tsis.imaging._contact_models import (
@@ -19,7 +23,6 @@ from tsis.imaging._corrections import (
     subtract_background,
     subtract_dark,
 )
-from tsis.imaging._features import Features, features
 from tsis.imaging._filters import block_means
 from tsis.imaging._gel_change import GelChange, gel_change, gel_levels, gel_reference
 from tsis.imaging._gel_contacts import REASONS, GelContact, contacts, find_gel_contact
@@ -30,7 +33,9 @@ from tsis.imaging._patch import (
     NOISE_FACTOR,
     QUANTISATION,
     SMOOTH_PX,
+    Features,
     Patch,
+    features,
     pixel_noise,
     segment,
     smoothed,
@@ -90,3 +95,6 @@ __all__ = [
     "subtract_background",
     "subtract_dark",
 ]
+
+if not TYPE_CHECKING:  # subpackages load when they are first used
+    __getattr__ = lazy_loader.attach(__name__, ["depth"])[0]

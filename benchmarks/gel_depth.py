@@ -1,0 +1,93 @@
+"""Depth of gel sensors: real and rendered presses that were not used in the calibration, and the speed.
+
+    python -m benchmarks.gel_depth --seed 2026 --data ../shared/data/real
+
+Real: presses of a 4.00 mm ball on the GelSight of Taxim (stated, unchecked), calibrated on every fourth press. The odd
+ones are measured against the ball's cap, the press depth the only free number, inside .8 of the contact. Rendered: a
+ball of 6 mm, calibrated on nine presses; five others are measured against the true face, inside the contact.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from tsis.catalog import load_sensor
+from tsis.imaging import contacts
+from tsis.imaging.depth import DepthMapper, calibrate_depth, cap_error_mm
+from tsis.virtual import rendered_series
+
+
+def real(path: Path, table: Table) -> None:
+    """The presses of Taxim."""
+    with np.load(path, allow_pickle=False) as data:
+        untouched, presses = data["f0"], list(data["imgs"])
+    sensor = load_sensor("gelsight-taxim")
+    calibration = calibrate_depth(presses[::4], sensor=sensor, reference=untouched, ball_mm=4.0)
+    mapper = DepthMapper(calibration, sensor, untouched)
+    found = contacts(presses[1::2], sensor=sensor, reference=untouched)
+    errors = [
+        cap_error_mm(mapper.map(frame), contact, 2.0)
+        for frame, contact in zip(presses[1::2], found, strict=True)
+        if contact.good
+    ]
+    table.add_row("Taxim, real", calibration.method, str(len(errors)), *_numbers(errors))
+
+
+def rendered(name: str, seed: int, table: Table) -> None:
+    """Presses of one ball on one rendered sensor, and the CPU time of a map."""
+    sensor = load_sensor(name)
+    made = rendered_series(sensor, 14, ball_radius_mm=3.0, seed=seed)
+    calibration = calibrate_depth(
+        [press.frame for press in made[:9]], sensor=sensor, reference=made[0].reference, ball_mm=6.0
+    )
+    mapper = DepthMapper(calibration, sensor, made[0].reference)
+    errors = []
+    for press in made[9:]:
+        depth = mapper.map(press.frame).depth_mm
+        y, x = np.mgrid[: depth.shape[0], : depth.shape[1]]
+        inside = np.hypot(x - press.centre_px[0], y - press.centre_px[1]) < press.radius_px
+        errors.append(float(np.sqrt(np.mean(np.square((depth - press.depth_mm)[inside])))))
+    start = time.process_time()
+    for press in made[9:]:
+        mapper.map(press.frame)
+    spent = (time.process_time() - start) / len(made[9:])
+    columns, rows = sensor.image_px
+    label = f"{name}, rendered, {columns} x {rows}: {1000 * spent:.0f} ms of CPU a frame"
+    table.add_row(label, calibration.method, str(len(errors)), *_numbers(errors))
+
+
+def _numbers(errors: list[float]) -> tuple[str, ...]:
+    return (
+        f"{float(np.sqrt(np.mean(np.square(errors)))):.4f}",
+        f"{float(np.median(errors)):.4f}",
+        f"{max(errors):.4f}",
+    )
+
+
+def main() -> int:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=Path, default=Path(__file__).parents[1] / ".." / "shared" / "data" / "real")
+    parser.add_argument("--seed", type=int, default=2026)
+    options = parser.parse_args()
+    table = Table("depth", "method", "presses", "RMS / mm", "median / mm", "largest / mm")
+    file = options.data / "taxim_ball" / "dataPack_small.npz"
+    if file.exists():
+        real(file, table)
+    else:
+        print(f"{file} does not exist: real frames are left out", file=sys.stderr)
+    for name in ("gelsight-mini", "9dtact"):
+        rendered(name, options.seed, table)
+    Console(width=140).print(table)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,312 @@
+"""Depth maps: slopes of colours, integrated with free borders, or depth of grey levels, in mm with an uncertainty."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations_with_replacement
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from scipy import fft
+from scipy.ndimage import distance_transform_edt
+
+from tsis.errors import InputError, import_extra
+from tsis.imaging._gel_change import BLACK, GLARE, gel_levels
+from tsis.model import ContentValue, GelSensor, freeze_arrays, require_number, require_one_of
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tsis.imaging._gel_contacts import GelContact
+
+
+DEPTH_METHODS = ("polynomial", "table", "grey")
+GRADIENT_DEGREE = 3  # of the polynomial in the colours
+COLOUR_SCALE = 64.0  # levels
+RIDGE = 1e-3  # of the mean square of the features
+BINS, BIN_LEVELS = 32, 6.0  # of the table, a channel
+
+
+def polynomial_features(
+    change: NDArray[Any], place: NDArray[Any], degree: int = GRADIENT_DEGREE
+) -> NDArray[np.float32]:
+    """Monomials of the change of colour, each alone and times x and y of the frame; none is constant.
+
+    Parameters
+    ----------
+    change
+        Levels, shape (n, channels).
+    place
+        x and y from -1 to 1 over the frame, shape (n, 2).
+    degree
+        Highest degree in the colours.
+    """
+    colours = np.asarray(change, dtype=np.float32).T / np.float32(COLOUR_SCALE)
+    products: dict[tuple[int, ...], NDArray[np.float32]] = {(): np.ones(colours.shape[1], np.float32)}
+    for order in range(1, degree + 1):
+        for key in combinations_with_replacement(range(len(colours)), order):
+            products[key] = products[key[:-1]] * colours[key[-1]]
+    monomials = [value for key, value in products.items() if key]
+    x, y = np.asarray(place, dtype=np.float32).T
+    low = [value for key, value in products.items() if 0 < len(key) < degree]
+    return np.stack([*monomials, *(value * x for value in low), *(value * y for value in low)], axis=1)
+
+
+def fit_polynomial(
+    change: NDArray[np.float64], place: NDArray[np.float64], slope: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Weights of the features for both slopes, shape (features, 2)."""
+    features = polynomial_features(change, place).astype(np.float64)
+    normal = features.T @ features
+    normal[np.diag_indices_from(normal)] += RIDGE * np.trace(normal) / len(normal)
+    return np.asarray(np.linalg.solve(normal, features.T @ slope))
+
+
+def fit_table(change: NDArray[np.float64], slope: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Mean slope in bins of the change of colour, shape (bins, bins, bins, 2); an empty bin has its nearest's."""
+    index = table_index(change)
+    cells = np.ravel_multi_index(index, (BINS,) * 3)
+    count = np.bincount(cells, minlength=BINS**3).astype(float)
+    table = np.stack(
+        [np.bincount(cells, weights=slope[:, axis], minlength=BINS**3) / np.maximum(count, 1.0) for axis in (0, 1)],
+        axis=-1,
+    ).reshape(BINS, BINS, BINS, 2)
+    empty = (count == 0).reshape(BINS, BINS, BINS)
+    nearest = distance_transform_edt(empty, return_distances=False, return_indices=True)
+    return np.asarray(table[tuple(nearest)])
+
+
+def table_index(change: NDArray[Any]) -> tuple[NDArray[np.intp], ...]:
+    """Bins of colours in the table, one array a channel."""
+    bins = np.clip(np.floor(np.asarray(change) / BIN_LEVELS) + BINS // 2, 0, BINS - 1).astype(np.intp)
+    return tuple(bins[..., channel] for channel in range(3))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DepthCalibration(ContentValue):
+    """How a sensor's colours or grey levels become depth.
+
+    Attributes
+    ----------
+    sensor, light
+        Name of the sensor, and its light.
+    method
+        ``"polynomial"`` or ``"table"`` for slopes, whichever erred less on presses left out; ``"grey"`` for depth.
+    weights
+        Of the polynomial, shape (features, 2); the table, shape (bins, bins, bins, 2); or grey levels per mm and mm²,
+        shape (2,).
+    ball_mm, presses
+        Diameter of the ball, and how many presses were used.
+    sd_mm, sd_relative
+        Standard deviation of a depth: root mean square distance from the ball's cap of presses that were left out in
+        turn, and the part that grows with the depth.
+    errors_mm
+        That distance for each press.
+    other_sd_mm
+        That of the method that was not taken; None where there was no other.
+    """
+
+    sensor: str
+    light: Literal["rgb", "white"]
+    method: str
+    weights: NDArray[np.float64]
+    ball_mm: float
+    presses: int
+    sd_mm: float
+    sd_relative: float
+    errors_mm: tuple[float, ...] = ()
+    other_sd_mm: float | None = None
+
+    def __post_init__(self) -> None:
+        require_one_of("method of a depth calibration", self.method, DEPTH_METHODS)
+        require_number("ball_mm", self.ball_mm, 0.2, 200.0)
+        freeze_arrays(self, "weights", dtype=float)
+        object.__setattr__(self, "errors_mm", tuple(float(error) for error in self.errors_mm))
+
+    def depth_of_grey(self, change: NDArray[Any]) -> NDArray[np.float64]:
+        """Depth of a change of grey level under white light, mm; 0 where the change has the other sign."""
+        linear, square = (float(part) for part in self.weights)
+        # change = linear d + square d²; the root that is 0 at 0, beyond the extreme the extreme
+        inside = np.maximum(linear**2 + 4.0 * square * np.asarray(change, dtype=float), 0.0)
+        return np.asarray(np.maximum(2.0 * change / (linear + np.sign(linear) * np.sqrt(inside)), 0.0))
+
+
+CLIPPED_SD = 3.0  # times the uncertainty where a pixel is clipped
+BORDER = 0.06  # of the frame: the strip whose median is the untouched face
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DepthMap(ContentValue):
+    """Depth of the face below its untouched shape.
+
+    Attributes
+    ----------
+    depth_mm, sd_mm
+        Depth, positive where pressed, and its standard deviation, shape (rows, columns).
+    mm_per_pixel
+        Size (x, y) of a pixel, mm.
+    name
+        The frame's name.
+    """
+
+    depth_mm: NDArray[np.float64]
+    sd_mm: NDArray[np.float64]
+    mm_per_pixel: tuple[float, float]
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        freeze_arrays(self, "depth_mm", "sd_mm", dtype=float)
+        if self.depth_mm.ndim != 2 or self.sd_mm.shape != self.depth_mm.shape:
+            raise InputError(f"depth_mm and sd_mm must have one shape (rows, columns); got {self.depth_mm.shape}")
+
+    def points(self) -> NDArray[np.float64]:
+        """Points (x, y, z) in mm, one a pixel, z = -depth; x and y from the middle of the frame."""
+        rows, columns = self.depth_mm.shape
+        y, x = np.mgrid[:rows, :columns].astype(float)
+        x, y = (x - (columns - 1) / 2) * self.mm_per_pixel[0], (y - (rows - 1) / 2) * self.mm_per_pixel[1]
+        return np.stack([x, y, -self.depth_mm], axis=-1).reshape(-1, 3)
+
+    def ply_bytes(self) -> bytes:
+        """The points as a binary PLY file."""
+        points = self.points().astype("<f4")
+        axes = "".join(f"property float {axis}\n" for axis in "xyz")
+        header = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\n{axes}end_header\n"
+        return header.encode() + points.tobytes()
+
+    def to_xarray(self) -> Any:
+        """An ``xarray.Dataset`` with ``depth_mm`` and ``sd_mm`` over ``y`` and ``x`` in mm; needs ``analysis``."""
+        xarray = import_extra("xarray", feature="a depth map for xarray", extra="analysis")
+        rows, columns = self.depth_mm.shape
+        x = (np.arange(columns) - (columns - 1) / 2) * self.mm_per_pixel[0]
+        y = (np.arange(rows) - (rows - 1) / 2) * self.mm_per_pixel[1]
+        layers = {"depth_mm": (("y", "x"), self.depth_mm), "sd_mm": (("y", "x"), self.sd_mm)}
+        return xarray.Dataset(layers, coords={"x": x, "y": y}, attrs={"frame": self.name})
+
+
+def integrate_gradients(
+    slope_x: NDArray[Any], slope_y: NDArray[Any], mm_per_pixel: tuple[float, float]
+) -> NDArray[np.float64]:
+    """The surface whose slopes are nearest, by least squares with free borders (Poisson's equation by DCT).
+
+    Parameters
+    ----------
+    slope_x, slope_y
+        Slopes along the columns' index and the rows', shape (rows, columns).
+    mm_per_pixel
+        Size (x, y) of a pixel, mm.
+
+    Returns
+    -------
+    numpy.ndarray
+        Heights in mm with mean 0, shape (rows, columns).
+
+    Examples
+    --------
+    >>> y, x = np.mgrid[:40, :50] * 0.1
+    >>> plane = integrate_gradients(np.full(x.shape, 0.2), np.full(x.shape, -0.1), (0.1, 0.1))
+    >>> bool(np.abs(plane - plane.mean() - (0.2 * x - 0.1 * y - (0.2 * x - 0.1 * y).mean())).max() < 1e-9)
+    True
+    """
+    rows, columns = slope_x.shape
+    sx, sy = mm_per_pixel
+    # Differences between neighbours are the means of their slopes; their divergence has zero flux at the border.
+    across = (slope_x[:, 1:] + slope_x[:, :-1]) * 0.5
+    down = (slope_y[1:] + slope_y[:-1]) * 0.5
+    source = np.zeros((rows, columns), dtype=across.dtype)
+    source[:, :-1] += across / sx
+    source[:, 1:] -= across / sx
+    source[:-1] += down / sy
+    source[1:] -= down / sy
+    eigen = (2.0 - 2.0 * np.cos(np.pi * np.arange(columns) / columns)) / sx**2
+    other = (2.0 - 2.0 * np.cos(np.pi * np.arange(rows) / rows)) / sy**2
+    total = (eigen[None, :] + other[:, None]).astype(source.dtype)
+    total[0, 0] = 1.0
+    spectrum = fft.dctn(source, type=2, norm="ortho") / -total
+    spectrum[0, 0] = 0.0
+    return np.asarray(fft.idctn(spectrum, type=2, norm="ortho"))
+
+
+class DepthMapper:
+    """Depth maps of one calibrated sensor and one reference, frame after frame.
+
+    Parameters
+    ----------
+    calibration
+        Of `calibrate_depth`.
+    sensor
+        The sensor; its scale must be known.
+    reference
+        A frame of the untouched sensor.
+
+    Raises
+    ------
+    InputError
+        When the calibration is of another kind of light, or the scale is not known.
+    """
+
+    def __init__(self, calibration: DepthCalibration, sensor: GelSensor, reference: Any) -> None:
+        if calibration.light != sensor.light:
+            raise InputError(
+                f"the depth calibration must be of {sensor.light} light, as {sensor.name} has; got {calibration.light}"
+            )
+        self.calibration, self.sensor = calibration, sensor
+        self.reference = gel_levels(reference, sensor, what="reference").astype(np.float32)
+        rows, columns = self.reference.shape[:2]
+        scale = sensor.scale_of(columns, rows)
+        if scale is None:
+            raise InputError(f"mm_per_pixel of {sensor.name} is not known; put it into the sensor's file")
+        self.mm_per_pixel = scale
+        self.place = frame_places(rows, columns)
+        self.strip = np.ones((rows, columns), dtype=bool)
+        margin = max(round(BORDER * min(rows, columns)), 1)
+        self.strip[margin:-margin, margin:-margin] = False
+
+    def map(self, frame: Any, *, name: str = "") -> DepthMap:
+        """The depth map of a frame; errors as `contacts`."""
+        levels = gel_levels(frame, self.sensor, what=name or "frame").astype(np.float32)
+        if levels.shape != self.reference.shape:
+            raise InputError(f"reference must have the size of {name or 'frame'}; got another size")
+        change = levels - self.reference
+        # The lamps' drift is the change of the strip along the border, where nothing presses most of the time.
+        change -= np.median(change[self.strip], axis=0)
+        if self.sensor.light == "white":
+            depth = self.calibration.depth_of_grey(change[..., 0])
+        else:
+            slope = self._slopes(change)
+            depth = integrate_gradients(slope[..., 0], slope[..., 1], self.mm_per_pixel)
+            depth = depth - np.median(depth[self.strip])
+        sd = np.hypot(self.calibration.sd_mm, self.calibration.sd_relative * depth)
+        clipped = (levels >= GLARE).any(axis=2) | (levels.max(axis=2) <= BLACK)
+        return DepthMap(
+            depth_mm=depth, sd_mm=np.where(clipped, CLIPPED_SD * sd, sd), mm_per_pixel=self.mm_per_pixel, name=name
+        )
+
+    def _slopes(self, change: NDArray[np.float32]) -> NDArray[np.float32]:
+        flat = change.reshape(-1, change.shape[2])
+        if self.calibration.method == "table":
+            slope = self.calibration.weights.astype(np.float32)[table_index(flat)]
+        else:
+            slope = polynomial_features(flat, self.place) @ self.calibration.weights.astype(np.float32)
+        return np.asarray(slope.reshape(*change.shape[:2], 2))
+
+
+def frame_places(rows: int, columns: int) -> NDArray[np.float32]:
+    """X and y from -1 to 1 over the frame, shape (rows * columns, 2)."""
+    y, x = np.mgrid[-1 : 1 : rows * 1j, -1 : 1 : columns * 1j]
+    return np.stack([x.ravel(), y.ravel()], axis=1).astype(np.float32)
+
+
+def cap_error_mm(depth: DepthMap, contact: GelContact, ball_radius_mm: float, *, within: float = 0.8) -> float:
+    """Root mean square distance of a map from the cap of a known ball, the press depth the only free number, mm.
+
+    ``within`` is the part of the contact's radius that counts.
+    """
+    rows, columns = depth.depth_mm.shape
+    y, x = np.mgrid[:rows, :columns]
+    distance = np.hypot(
+        (x - contact.centre_px[0]) * depth.mm_per_pixel[0], (y - contact.centre_px[1]) * depth.mm_per_pixel[1]
+    )
+    radius = min(contact.radius_px * float(np.sqrt(np.prod(depth.mm_per_pixel))), 0.98 * ball_radius_mm)
+    inside = distance < within * radius
+    cap = np.sqrt(ball_radius_mm**2 - distance[inside] ** 2)
+    return float(np.std(depth.depth_mm[inside] - cap))

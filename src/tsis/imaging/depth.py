@@ -1,0 +1,225 @@
+"""Depth of gel sensors, calibrated by presses of a known ball: the slope of a colour, or the depth of a grey level."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from tsis.errors import CalibrationError, InputError
+from tsis.imaging._depth_map import (
+    DEPTH_METHODS,
+    GRADIENT_DEGREE,
+    DepthCalibration,
+    DepthMap,
+    DepthMapper,
+    cap_error_mm,
+    fit_polynomial,
+    fit_table,
+    frame_places,
+    integrate_gradients,
+    polynomial_features,
+)
+from tsis.imaging._gel_change import gel_change, gel_levels
+from tsis.imaging._gel_contacts import GelContact, find_gel_contact
+from tsis.model import GelSensor, require_number
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import NDArray
+
+
+__all__ = [
+    "DEPTH_METHODS",
+    "GRADIENT_DEGREE",
+    "DepthCalibration",
+    "DepthMap",
+    "DepthMapper",
+    "calibrate_depth",
+    "cap_error_mm",
+    "depth_calibration_json",
+    "integrate_gradients",
+    "parse_depth_calibration",
+    "polynomial_features",
+]
+USED, FLAT = 0.9, 2.2  # of the contact's radius: the ball's slope inside, an almost flat face outside
+DEEPEST = 0.97  # of the ball's radius
+FEWEST_SLOPE, FEWEST_GREY = 3, 1  # presses
+FORMAT, VERSION = "tsis-depth-calibration", 1
+LEAST_SD_MM = 1e-3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Press:
+    frame: Any
+    contact: GelContact
+    change: NDArray[np.float64]
+    place: NDArray[np.float64]
+    slope: NDArray[np.float64]
+    shape_mm: NDArray[np.float64]
+
+
+def calibrate_depth(
+    frames: Sequence[Any],
+    *,
+    sensor: GelSensor,
+    reference: Any,
+    ball_mm: float,
+    progress: Callable[[int, int], None] | None = None,
+) -> DepthCalibration:
+    """Calibrate depth from presses of a ball of known diameter.
+
+    Only good contacts count. Each press is left out in turn to measure the error; the method that errs less is taken.
+
+    Parameters
+    ----------
+    frames
+        Presses at different places, at least three good ones under coloured lamps, one under white light.
+    sensor, reference
+        The sensor, with its scale, and a frame of it untouched.
+    ball_mm
+        Diameter of the ball, mm.
+    progress
+        Called with the number of finished presses and of all.
+
+    Raises
+    ------
+    CalibrationError
+        When too few contacts are good.
+    InputError
+        As `contacts`, or when the scale is not known.
+    """
+    require_number("ball_mm", ball_mm, 0.2, 200.0, hint="the ball's diameter in millimetres")
+    radius = ball_mm / 2.0
+    untouched = gel_levels(reference, sensor, what="reference")
+    if sensor.scale_of(untouched.shape[1], untouched.shape[0]) is None:
+        raise InputError(f"mm_per_pixel of {sensor.name} is not known; put it into the sensor's file")
+    presses: list[_Press] = []
+    reasons: list[str] = []
+    for number, frame in enumerate(frames):
+        change = gel_change(frame, untouched, sensor, what=f"frame {number + 1}")
+        contact = find_gel_contact(change, sensor, name=f"frame {number + 1}")
+        reasons += contact.reasons
+        if contact.good:
+            presses.append(_press(frame, contact, change.change, change.usable, sensor, radius))
+        if progress is not None:
+            progress(number + 1, len(frames))
+    fewest = FEWEST_SLOPE if sensor.light == "rgb" else FEWEST_GREY
+    if len(presses) < fewest:
+        raise CalibrationError(
+            f"a depth calibration needs {fewest} good presses of the ball; got {len(presses)} of {len(frames)}"
+            + (f" ({', '.join(sorted(set(reasons)))}): run tsis contacts to see why" if reasons else "")
+        )
+    methods = ("polynomial", "table") if sensor.light == "rgb" else ("grey",)
+    tried = {method: _left_out(presses, method, sensor, reference, ball_mm) for method in methods}
+    rms = {method: float(np.sqrt(np.mean(np.square(errors)))) for method, errors in tried.items()}
+    best = min(rms, key=lambda method: rms[method])
+    others = [value for method, value in rms.items() if method != best]
+    deepest = float(np.median([press.shape_mm.max() for press in presses]))
+    return replace(
+        _fitted(presses, best, sensor, ball_mm),
+        sd_mm=max(rms[best], LEAST_SD_MM),
+        sd_relative=float(np.std(tried[best])) / max(deepest, 1e-6) if len(presses) > 1 else 0.1,
+        errors_mm=tried[best],
+        other_sd_mm=others[0] if others else None,
+    )
+
+
+def _press(
+    frame: Any,
+    contact: GelContact,
+    change: NDArray[np.float64],
+    usable: NDArray[np.bool_],
+    sensor: GelSensor,
+    ball: float,
+) -> _Press:
+    """Pixels of the ball's cap and of the flat face, with their slopes."""
+    rows, columns = usable.shape
+    sx, sy = sensor.scale_of(columns, rows) or (1.0, 1.0)
+    y, x = np.mgrid[:rows, :columns]
+    x_mm, y_mm = (x - contact.centre_px[0]) * sx, (y - contact.centre_px[1]) * sy
+    distance = np.hypot(x_mm, y_mm)
+    touched = min(contact.radius_px * float(np.sqrt(sx * sy)), DEEPEST * ball)
+    inside, flat = (distance < USED * touched) & usable, (distance > FLAT * touched) & usable
+    rng = np.random.default_rng(0)  # as many flat pixels as touched ones
+    flat &= rng.random(flat.shape) < inside.sum() / max(flat.sum(), 1)
+    used = inside | flat
+    height = np.sqrt(np.maximum(ball**2 - distance**2, (0.1 * ball) ** 2))
+    slope = np.where(inside[..., None], -np.stack([x_mm, y_mm], axis=-1) / height[..., None], 0.0)
+    place = frame_places(rows, columns).reshape(rows, columns, 2)
+    return _Press(
+        frame=frame,
+        contact=contact,
+        change=change[used] if sensor.light == "rgb" else change[inside],
+        place=place[used].astype(float),
+        slope=slope[used],
+        shape_mm=(ball - height)[inside],
+    )
+
+
+def _fitted(presses: Sequence[_Press], method: str, sensor: GelSensor, ball_mm: float) -> DepthCalibration:
+    if method == "grey":
+        weights = _fit_grey(presses, sensor)
+    else:
+        change, place, slope = (
+            np.concatenate([getattr(press, name) for press in presses]) for name in ("change", "place", "slope")
+        )
+        weights = fit_polynomial(change, place, slope) if method == "polynomial" else fit_table(change, slope)
+    return DepthCalibration(
+        sensor=sensor.name, light=sensor.light, method=method, weights=weights, ball_mm=ball_mm,
+        presses=len(presses), sd_mm=LEAST_SD_MM, sd_relative=0.0,
+    )  # fmt: skip
+
+
+def _fit_grey(presses: Sequence[_Press], sensor: GelSensor) -> NDArray[np.float64]:
+    """Grey levels per mm and mm² of depth; the press depth of each press is free."""
+    sign = -1.0 if sensor.pressed == "darker" else 1.0
+    deepest = [float(press.shape_mm.max()) / USED**2 * 1.3 for press in presses]
+    start = [max(sign * float(np.quantile(press.change, 0.95)) for press in presses) / max(deepest), 0.0, *deepest]
+
+    def residual(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        parts = []
+        for press, depth in zip(presses, values[2:], strict=True):
+            below = depth - press.shape_mm
+            parts.append(sign * press.change[:, 0] - values[0] * below - values[1] * below**2)
+        return np.concatenate(parts)
+
+    solution = least_squares(residual, start, x_scale=np.maximum(np.abs(start), 1.0), loss="soft_l1", f_scale=3.0)
+    return np.asarray(sign * solution.x[:2])
+
+
+def _left_out(
+    presses: Sequence[_Press], method: str, sensor: GelSensor, reference: Any, ball_mm: float
+) -> tuple[float, ...]:
+    """Distance from the cap of each press, calibrated without it where there are others enough; at most 8 in turn."""
+    parts = min(len(presses), 8)
+    errors = np.zeros(len(presses))
+    for part in range(parts):
+        rest = [press for number, press in enumerate(presses) if number % parts != part] or list(presses)
+        mapper = DepthMapper(_fitted(rest, method, sensor, ball_mm), sensor, reference)
+        for number in range(part, len(presses), parts):
+            press = presses[number]
+            errors[number] = cap_error_mm(mapper.map(press.frame), press.contact, ball_mm / 2.0)
+    return tuple(float(error) for error in errors)
+
+
+def depth_calibration_json(calibration: DepthCalibration) -> bytes:
+    """The calibration as a JSON file."""
+    values = {name: getattr(calibration, name) for name in calibration.__slots__}
+    document = values | {"weights": calibration.weights.round(6).tolist(), "errors_mm": list(calibration.errors_mm)}
+    return json.dumps({"format": FORMAT, "version": VERSION, **document}).encode()
+
+
+def parse_depth_calibration(document: Any) -> DepthCalibration:
+    """The calibration of such a file; `InputError` when it is none."""
+    if not isinstance(document, dict) or document.get("format") != FORMAT or document.get("version") != VERSION:
+        raise InputError("it must be a depth calibration, which tsis depth calibrate writes; got another file")
+    values = {key: value for key, value in document.items() if key not in ("format", "version")}
+    try:
+        return DepthCalibration(**values | {"weights": np.asarray(values.get("weights"), dtype=float)})
+    except TypeError as error:
+        raise InputError(f"a depth calibration must hold its values and no others; got: {error}") from error

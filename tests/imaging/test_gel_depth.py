@@ -1,0 +1,88 @@
+"""Depth of gel sensors against closed forms, rendered presses, and the ball of real presses."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tsis.catalog import load_sensor
+from tsis.errors import CalibrationError, InputError
+from tsis.files import parse_object
+from tsis.imaging.depth import (
+    DepthMap,
+    DepthMapper,
+    calibrate_depth,
+    depth_calibration_json,
+    integrate_gradients,
+    parse_depth_calibration,
+)
+from tsis.virtual import rendered_series
+
+if TYPE_CHECKING:
+    from tsis.model import GelSensor
+
+
+def small(name: str) -> GelSensor:
+    sensor = load_sensor(name)
+    columns, rows = (size // 2 for size in sensor.image_px)
+    scale = sensor.mm_per_pixel
+    assert scale is not None
+    return replace(sensor, image_px=(columns, rows), mm_per_pixel=(2 * scale[0], 2 * scale[1]))
+
+
+@given(st.floats(-0.3, 0.3), st.floats(-0.3, 0.3), st.floats(0.02, 0.1), st.floats(0.02, 0.1))
+def test_a_smooth_surface_is_its_gradients_integral(a: float, b: float, sx: float, sy: float) -> None:
+    y, x = np.mgrid[:40, :56].astype(float)
+    x, y = x * sx, y * sy
+    surface = a * x + b * y + 0.1 * x * y - 0.05 * x**2  # neighbours' mean slopes are its differences exactly
+    slope_x, slope_y = a + 0.1 * y - 0.1 * x, b + 0.1 * x
+    found = integrate_gradients(slope_x, slope_y, (sx, sy))
+    assert found - found.mean() == pytest.approx(surface - surface.mean(), abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ["gelsight-mini", "9dtact"])
+def test_depth_of_rendered_presses_that_were_not_calibrated(name: str) -> None:
+    sensor = small(name)
+    made = rendered_series(sensor, 8, ball_radius_mm=3.0, seed=11)
+    calibration = calibrate_depth(
+        [press.frame for press in made[:6]], sensor=sensor, reference=made[0].reference, ball_mm=6.0
+    )
+    again = parse_depth_calibration(parse_object(depth_calibration_json(calibration), "depth.json", values=10**6))
+    assert again.method == calibration.method
+    mapper = DepthMapper(again, sensor, made[0].reference)
+    for press in made[6:]:
+        result = mapper.map(press.frame)
+        rows, columns = result.depth_mm.shape
+        y, x = np.mgrid[:rows, :columns]
+        inside = np.hypot(x - press.centre_px[0], y - press.centre_px[1]) < 0.8 * press.radius_px
+        error = (result.depth_mm - press.depth_mm)[inside]
+        assert np.std(error) < 0.06
+        assert result.sd_mm.min() > 0.0
+
+
+def test_a_depth_map_becomes_points_and_a_file() -> None:
+    result = DepthMap(depth_mm=np.full((3, 5), 0.2), sd_mm=np.full((3, 5), 0.01), mm_per_pixel=(0.1, 0.2))
+    points = result.points()
+    assert points[0] == pytest.approx((-0.2, -0.2, -0.2))
+    assert points.mean(axis=0) == pytest.approx((0.0, 0.0, -0.2))
+    header, _, body = result.ply_bytes().partition(b"end_header\n")
+    assert b"element vertex 15" in header
+    assert np.frombuffer(body, "<f4").reshape(-1, 3) == pytest.approx(points)
+
+
+def test_what_cannot_be_calibrated_is_refused() -> None:
+    sensor = small("gelsight-mini")
+    made = rendered_series(sensor, 1, ball_radius_mm=3.0, seed=2)
+    with pytest.raises(CalibrationError, match=r"needs 3 good presses of the ball; got 0 of 2 .*no contact"):
+        calibrate_depth([made[0].reference] * 2, sensor=sensor, reference=made[0].reference, ball_mm=6.0)
+    with pytest.raises(InputError, match="mm_per_pixel of gelsight-mini is not known"):
+        calibrate_depth(
+            [made[0].frame], sensor=replace(sensor, mm_per_pixel=None), reference=made[0].reference, ball_mm=6.0
+        )
+    with pytest.raises(InputError, match="must be a depth calibration"):
+        parse_depth_calibration({"format": "other"})
