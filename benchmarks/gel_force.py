@@ -64,14 +64,14 @@ def main() -> None:
             result = gel_force(depth + rng.normal(0, DEPTH_NOISE_MM, depth.shape), sensor=sensor, draws=100)
             low, high = result.interval_n()
             inside = (truth > 0) | (result.pressure_kpa > 0)
-            error = float(np.sqrt(np.mean((result.pressure_kpa - truth)[inside] ** 2)) / truth.max())
+            off_rms = float(np.sqrt(np.mean((result.pressure_kpa - truth)[inside] ** 2)) / truth.max())
             ratios.append(result.force_n / force)
-            rms.append(error)
+            rms.append(off_rms)
             held.append(low <= force <= high)
             print(
                 f"{young:7.0f}  {poisson:.3f}  {thickness:.2f}  {ball:7.2f}  {force:7.3f}  "
                 f"{result.deepest_mm / thickness:7.3f}  {press.contact_radius_mm / thickness:.3f}  "
-                f"{ratios[-1]:11.3f}  {error:17.3f}  {'yes' if held[-1] else 'no'}"
+                f"{ratios[-1]:11.3f}  {off_rms:17.3f}  {'yes' if held[-1] else 'no'}"
             )
     off = np.abs(np.array(ratios) - 1)
     print(f"force: largest error {off.max():.3f}, median {np.median(off):.3f}; goal 0.10")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from benchmarks.assumptions import INCLUSION, Layer, _spheroid, rows_of
 
@@ -9,7 +11,7 @@ import tsis
 
 
 def test_a_row_is_the_mean_error_in_standard_deviations() -> None:
-    common = {"failure": "x", "truth": [9.0, 6.0, 80.0], "sd": [0.5, 0.5, 10.0]}
+    common: dict[str, Any] = {"failure": "x", "truth": [9.0, 6.0, 80.0], "sd": [0.5, 0.5, 10.0]}
     found = [
         common | {"mean": [10.0, 6.0, 70.0], "trusted": True, "flags": ["young_kpa_not_identified"]},
         common | {"mean": [9.0, 5.0, 70.0], "trusted": False, "flags": ["tilted"]},

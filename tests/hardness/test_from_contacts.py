@@ -193,7 +193,7 @@ def test_any_program_may_have_read_the_contacts(tmp_path: Path) -> None:
         "force_n,radius_mm,depth_mm\n" + "".join(f"{r['force_n']},{r['radius_mm']},{r['depth_mm']}\n" for r in rows)
     )
     expected = middle(estimate_from_contacts(rows, sensor=GEL, geometry=R_MM))
-    readings = [TouchReading(**row) for row in rows]
+    readings = [TouchReading(**dict[str, Any](row)) for row in rows]
     for contacts in (pandas.DataFrame(rows), file, str(file), readings):
         assert middle(estimate_from_contacts(contacts, sensor=GEL, geometry=R_MM)) == pytest.approx(expected, rel=1e-9)
     radii_alone = [{name: row[name] for name in ("force_n", "radius_mm")} for row in rows]
@@ -230,7 +230,7 @@ def test_bad_contacts_are_left_out_and_said() -> None:
 )
 def test_wrong_input_is_one_sentence(contacts: Any, options: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message) as refused:
-        estimate_from_contacts(contacts, **{"sensor": GEL, "geometry": R_MM} | options)
+        estimate_from_contacts(contacts, **dict[str, Any](sensor=GEL, geometry=R_MM) | options)
     assert "\n" not in str(refused.value)
 
 

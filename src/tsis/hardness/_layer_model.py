@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.mechanics import layer_contact
+from tsis.mechanics.gel import layer_contact
 
 if TYPE_CHECKING:
     from typing import Literal

@@ -7,20 +7,16 @@ import lazy_loader
 from tsis.mechanics._closed_form import HertzContact, effective_modulus_kpa, hertz_under_force
 from tsis.mechanics._element import stiffness
 from tsis.mechanics._face import hats
-from tsis.mechanics._layer_contact import LayerContact, bonded_layer_factor, layer_contact
 from tsis.mechanics._mesh import face_lines, graded, mesh_rectangle, outer_lines, two_sided_lines
 from tsis.mechanics._press import press
 
 __all__ = [
     "HertzContact",
-    "LayerContact",
-    "bonded_layer_factor",
     "effective_modulus_kpa",
     "face_lines",
     "graded",
     "hats",
     "hertz_under_force",
-    "layer_contact",
     "mesh_rectangle",
     "outer_lines",
     "press",

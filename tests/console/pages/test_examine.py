@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from functools import partial
 from typing import TYPE_CHECKING
 
 from nicegui import ui
@@ -263,6 +262,10 @@ def test_jobs_are_listed_and_only_the_owner_ends_them(lit: Instrument) -> None:
     at_console(lit, script)
 
 
+def _is_set(view: LiveView, prop: str) -> bool:
+    return bool(view.props.get(prop))
+
+
 def test_the_image_is_frozen_ranged_and_marked_while_the_camera_goes_on(lit: Instrument) -> None:
     async def script(operator: Operator) -> None:
         await started(operator)
@@ -270,7 +273,7 @@ def test_the_image_is_frozen_ranged_and_marked_while_the_camera_goes_on(lit: Ins
         for name, prop in (("Freeze", "frozen"), ("Clipping", "marks")):
             assert view.props[prop] is False
             await operator.clicks(name)
-            await operator.until(partial(view.props.get, prop), f"{name} does nothing")
+            await operator.until(partial(_is_set, view, prop), f"{name} does nothing")
         await operator.chooses("Range", "automatic")
         assert view.props["range"] == '"auto"'
         await operator.chooses("Range", "manual")

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 import scipy
 
+from tsis.mechanics.gel._layer import layer_compliance
 from tsis.model import require_number, require_one_of
 
 if TYPE_CHECKING:
@@ -27,33 +28,6 @@ _ORDERS = np.arange(1, 4)  # of the terms of the pressure
 _POWERS = _ORDERS - 0.5
 _PLACES = np.sqrt((np.arange(8) + 0.5) / 8)  # of collocation, over the contact radius
 _WAVES, _LAST_WAVE = 300, 18.0  # beyond this wave number times thickness, exp(-2 k t) is below 1e-15
-
-
-def bonded_layer_factor(wave_number: ArrayLike, poisson: ArrayLike) -> Floats:
-    """Normal compliance of a layer bonded to a rigid backing, over that of a half-space.
-
-    Parameters
-    ----------
-    wave_number
-        Wave number times thickness, non-negative.
-    poisson
-        Poisson's ratio of the layer, in [0, 0.5).
-
-    Notes
-    -----
-    ``(2 k sinh 2h - 4 h) / (2 k cosh 2h + 1 + k² + 4 h²)`` with ``k = 3 - 4 nu`` (Johnson, Contact Mechanics, §5.8).
-
-    Examples
-    --------
-    >>> bonded_layer_factor([0.0, 40.0], 0.49).round(12).tolist()
-    [0.0, 1.0]
-    """
-    h = np.minimum(np.asarray(wave_number, dtype=float), 300.0)
-    k = 3.0 - 4.0 * np.asarray(poisson, dtype=float)
-    decay = np.exp(-2.0 * h)  # numerator and denominator times 2 exp(-2h), so that nothing overflows
-    above = 2.0 * k * (1.0 - decay**2) - 8.0 * h * decay
-    below = 2.0 * k * (1.0 + decay**2) + 2.0 * (1.0 + k**2 + 4.0 * h**2) * decay
-    return np.asarray(above / below)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -163,7 +137,8 @@ def _displacements(body: str, ratio: float, poisson: float) -> tuple[Floats, Flo
     scale = max(ratio, 4.0 if body == "cylinder" else 0.0)  # the layer's own displacement needs shorter waves
     node, weight = np.polynomial.legendre.leggauss(_WAVES)
     wave, weight = _LAST_WAVE * scale * (node + 1.0) / 2.0, _LAST_WAVE * scale * weight / 2.0  # over the contact radius
-    factor = bonded_layer_factor(wave / ratio, poisson)
+    layer = layer_compliance(wave, young_kpa=1.0, poisson=poisson, thickness_mm=1.0 / ratio)
+    factor = layer.normal * wave / (2.0 * (1.0 - poisson**2))  # over that of a half-space
     places = _PLACES[:, None]
     if body == "sphere":
         half = _half_space(places)
