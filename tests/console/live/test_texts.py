@@ -18,8 +18,8 @@ ANALYSIS = FrameAnalysis(
 )
 
 
-def state(analysis: FrameAnalysis | None, *, running: bool = True, lost: bool = False) -> Any:
-    return SimpleNamespace(frame_analysis=analysis, camera=SimpleNamespace(running=running, lost=lost))
+def state(analysis: FrameAnalysis | None, *, running: bool = True, lost: bool = False, busy: str = "") -> Any:
+    return SimpleNamespace(busy=busy, frame_analysis=analysis, camera=SimpleNamespace(running=running, lost=lost))
 
 
 def analysis_of(levels: np.ndarray, contact: ContactView | None = None) -> FrameAnalysis:
@@ -61,3 +61,8 @@ def test_a_picture_that_may_be_old_says_so() -> None:
     assert notice(state(ANALYSIS)) == ""
     assert notice(state(ANALYSIS, running=False)) == "the camera is stopped"
     assert "last frame" in notice(state(ANALYSIS, lost=True))
+
+
+def test_a_camera_that_is_being_started_is_not_called_stopped() -> None:
+    assert notice(state(None, running=False, busy="starting the camera")) == "starting the camera …"
+    assert notice(state(None, running=False)) == "the camera is stopped"

@@ -138,5 +138,5 @@ def histogram_text(state: InstrumentState) -> str:
 def notice(state: InstrumentState) -> str:
     """Why the image may be old; empty while frames arrive."""
     if not state.camera.running:
-        return "the camera is stopped"
+        return f"{state.busy} …" if state.busy else "the camera is stopped"
     return "the camera is away; this is its last frame" if state.camera.lost else ""

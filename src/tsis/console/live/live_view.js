@@ -22,7 +22,7 @@ export default {
         <p v-if="notice || waiting" class="live-waiting"><span>{{ notice || waiting }}</span></p>
       </div>
       <figcaption class="live-caption">
-        <span>{{ frozen ? "frozen" : rate }}</span><span class="live-read">{{ reading }}</span><span>{{ zoomText }}</span>
+        <span>{{ frozen ? "frozen" : notice || waiting ? "" : rate }}</span><span class="live-read">{{ reading }}</span><span>{{ zoomText }}</span>
       </figcaption>
       <div class="live-legend">
         <span>{{ lowText }}</span><i :style="{ background: gradient }"></i><span>{{ highText }}</span>
