@@ -28,7 +28,7 @@ _RESULTS = {
     "optics": ("angles", "modes", "propagate", "trace"),
     "records": ("edit", "export", "import", "list", "recompute", "send", "show", "verify"),
     "simulate": ("", "list"),
-    "study": ("analyse", "export", "import", "new", "plan", "run", "show", "verify"),
+    "study": ("analyse", "export", "import", "new", "plan", "repeatability", "run", "show", "size", "verify"),
     "sweep": ("run", "run-plan", "verify"),
     "track": ("",),
 }

@@ -2,6 +2,7 @@
 
 from tsis.report.study._document import study_document, study_verification_document
 from tsis.report.study._page import PAGE, PAPER, publish_study, study_page
+from tsis.report.study._precision import precision_document, precision_notes, precision_page, precision_tables
 from tsis.report.study._tables import targets_table
 from tsis.report.study._text import (
     ends,
@@ -21,6 +22,10 @@ __all__ = [
     "fraction_text",
     "interval_text",
     "method_of",
+    "precision_document",
+    "precision_notes",
+    "precision_page",
+    "precision_tables",
     "publish_study",
     "record_notes",
     "study_document",

@@ -25,7 +25,7 @@ METHODS = {
     "bootstrap": "bootstrap",
     "f": "F",
     "chi-square": "chi-square",
-    "mls": "Graybill and Wang",
+    "modified large samples": "Graybill and Wang",
     "wald": "Wald",
     "t": "Student",
     "exact": "Carkeet, exact",
