@@ -12,7 +12,7 @@ EXTRAS := analysis,camera,classify,cluster,console,dicom,exchange,postgres
 MANIFESTS := pyproject.toml constraints.txt
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test peers test-system test-slow test-release benchmark studies lint docs sbom man tables extras constraints clean
+.PHONY: help demo test peers test-system test-slow test-release benchmark studies lint docs sbom release man tables extras constraints clean
 
 help:  ## say what there is
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -93,6 +93,10 @@ docs: $(VENV)/.docs  ## the pages, into docs/_build/html; a warning is an error
 
 sbom: $(VENV)/.release  ## the software bill of materials, build/sbom.cdx.json, of the plain install and every extra
 	$(BIN)/python release/bill_of_materials.py build/sbom.cdx.json
+
+release: $(VENV)/.release sbom  ## rehearse a release: archives built twice and compared, hashes, metadata, bill of materials
+	$(BIN)/python -m release.rehearse build/release
+	cp build/sbom.cdx.json build/release/
 
 man: $(VENV)/.dev  ## man pages of all commands, into build/man
 	$(BIN)/python -m release.man_pages build/man

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from tsis import mechanics as mechanics
     from tsis import optics as optics
     from tsis import plots as plots
+    from tsis import plugins as plugins
     from tsis import records as records
     from tsis import report as report
     from tsis import study as study
@@ -70,8 +71,8 @@ if not TYPE_CHECKING:  # packages and classes load when they are first used
         __name__,
         submodules=[
             *("calibration", "catalog", "console", "detection", "errors", "files", "hardness", "imaging", "inclusion"),
-            *("instrument", "matching", "mechanics", "model", "optics", "plots", "records", "report", "study", "sweep"),
-            "virtual",
+            *("instrument", "matching", "mechanics", "model", "optics", "plots", "plugins", "records", "report"),
+            *("study", "sweep", "virtual"),
         ],
         submod_attrs={
             "calibration": ["load_calibration", "load_frames"],

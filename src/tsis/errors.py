@@ -12,6 +12,7 @@
     ├── NotIdentifiedError  the mean of a parameter that the data do not identify
     ├── MechanicsError      a press that the chosen model cannot describe
     ├── SweepError          a sweep that cannot continue; its results so far are saved
+    ├── PluginError         a plug-in of another package that cannot be loaded or used
     ├── MissingExtraError   (also an ImportError) an optional library is not installed
     ├── CalibrationError    a calibration that cannot be computed, or must not be used
     ├── RecordsError        a store of records that cannot be opened, written or verified
@@ -85,6 +86,10 @@ class MechanicsError(TsisError):
 
 class SweepError(TsisError):
     """A sweep that cannot continue; its results so far are saved."""
+
+
+class PluginError(TsisError):
+    """A plug-in of another package that cannot be loaded, or is not what its kind requires."""
 
 
 class MissingExtraError(TsisError, ImportError):

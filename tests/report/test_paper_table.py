@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from reportlab.platypus import LongTable
 
-from tsis.report.paper._parts import leaves
+from tsis.report.paper._pdf import leaves
 from tsis.report.paper._table import MOST_COLUMNS, column_widths, table
 from tsis.report.paper._text import WIDTH
 

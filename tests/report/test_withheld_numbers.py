@@ -58,7 +58,7 @@ READS_WITHHELD = {
     "records/store/_files.py",
     "records/_deidentify_estimate.py",  # another estimate of the same samples
     "records/_recompute.py",  # equality bit for bit, and shifts of trusted estimates
-    "records/export/arrays/_layout.py",  # samples for programs, in a group that is called untrusted
+    "records/export/arrays.py",  # samples for programs, in a group that is called untrusted
     "detection/classify/_classifier.py",  # evidence on presence, whose trust is its own
 }
 # Means, spreads and ends of intervals that stand nowhere else: each has its own digits.

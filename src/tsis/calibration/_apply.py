@@ -49,13 +49,9 @@ def apply_calibration(
     frames = [_of_same_instrument(calibration, frame) for frame in frames]
     forces = [_force(calibration, frame) for frame in frames if frame.force_n is None]
     by_line = iter(forces)
-    ready = [
-        replace(
-            frame if calibration.reference is None else calibration.reference.corrected(frame),
-            force_n=next(by_line).value if frame.force_n is None else frame.force_n,
-        )
-        for frame in frames
-    ]
+    reference = calibration.reference
+    corrected = frames if reference is None else [reference.corrected(frame) for frame in frames]
+    ready = [frame if frame.force_n is not None else replace(frame, force_n=next(by_line).value) for frame in corrected]
     response = calibration.cited_response(identity)
     uncertainty = max((force.sd / force.value for force in forces), default=0.0)
     return ready, replace(response, force_sd=max(response.force_sd, uncertainty))
@@ -118,10 +114,9 @@ class UsableCalibration(ContentValue):
 
         Raises `ImageMismatchError` for another probe, camera or mode. Without a reference nothing is compared.
         """
-        reference = self.calibration.reference
-        for frame in () if reference is None else frames:
-            assert reference is not None
-            reference.require_untouched(frame)
+        if (reference := self.calibration.reference) is not None:
+            for frame in frames:
+                reference.require_untouched(frame)
 
     def require_camera(self, acquisition: Acquisition, *, stored: bool) -> None:
         """Refuse another camera or other settings; stored frames carry no camera name."""

@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import tomli_w
 
+from tsis.errors import PluginError
 from tsis.model import FOUR_LEDS, Glass, Inclusion, Layer, Led, Phantom, Probe, SoftSphere, require_one_of
+from tsis.plugins import find_plugins, load_plugin
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -22,8 +24,8 @@ def _table(kind: str) -> dict[str, dict[str, Any]]:
 
 
 def list_probes() -> tuple[str, ...]:
-    """Names for `load_probe`."""
-    return tuple(_table("probes"))
+    """Names for `load_probe`: those of tsis, then those of plug-ins."""
+    return (*_table("probes"), *sorted(set(find_plugins("probes")) - set(_table("probes"))))
 
 
 def list_phantoms() -> tuple[str, ...]:
@@ -49,7 +51,17 @@ def load_probe(name: str = "tsis-2011") -> Probe:
     >>> load_probe("tsis-2011").thickness_mm
     10.0
     """
-    return parse_probe(name, _table("probes")[require_one_of("probe", name, list_probes())])
+    if name in _table("probes"):
+        return parse_probe(name, _table("probes")[name])
+    return _probe_of_plugin(require_one_of("probe", name, list_probes()))
+
+
+def _probe_of_plugin(name: str) -> Probe:
+    probe = load_plugin("probes", name)()
+    if not isinstance(probe, Probe):
+        package = find_plugins("probes")[name].package
+        raise PluginError(f"the plug-in {name} of {package} must return a tsis.Probe; got {type(probe).__name__}")
+    return replace(probe, name=name)
 
 
 def parse_probe(name: str, entry: Mapping[str, Any]) -> Probe:

@@ -22,7 +22,7 @@ from tsis.cli._exit_codes import FAILED
 from tsis.cli._options import AsJson
 from tsis.cli._output import people, print_json, print_notice
 from tsis.cli._progress import waiting
-from tsis.errors import RecordsError
+from tsis.errors import PluginError, RecordsError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -60,7 +60,7 @@ def doctor(
 
     The exit code is 1 where something that the plain install needs is broken. No GPU is needed.
     """
-    findings = [*_versions(), *_extras(), *_places()]
+    findings = [*_versions(), *_extras(), *_plugins(), *_places()]
     if cameras:
         with waiting("searching for cameras"):
             findings += _cameras()
@@ -112,6 +112,18 @@ def _extras() -> Iterator[Finding]:
             detail=f"without {', '.join(lacking)}" if lacking else ", ".join(names),
             cure=f'python -m pip install "tsis[{extra}]"' if lacking else "",
         )
+
+
+def _plugins() -> Iterator[Finding]:
+    """Each plug-in that an installed package offers, loaded."""
+    for kind in tsis.plugins.PLUGIN_KINDS:
+        for name, plugin in tsis.plugins.find_plugins(kind).items():
+            try:
+                tsis.plugins.load_plugin(kind, name)
+            except PluginError as error:  # everything else works without it
+                yield Finding(what=f"plug-in {name}", state=ABSENT, detail=plugin.package, cure=str(error))
+            else:
+                yield Finding(what=f"plug-in {name}", state=OK, detail=f"{plugin.package}, {kind}")
 
 
 def _is_installed(name: str) -> bool:

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING
 
 import lazy_loader
 
-from tsis.detection._auc import AucCovariance, auc_covariance, newcombe_interval
 from tsis.detection._bland_altman import BlandAltman, ProportionalBias, bland_altman
 from tsis.detection._bootstrap import bootstrap_auc
 from tsis.detection._brier import (
@@ -56,7 +55,7 @@ from tsis.detection._repeatability import (
     repeatability,
     reproducibility,
 )
-from tsis.detection._roc import Roc, roc
+from tsis.detection._roc import AucCovariance, Roc, auc_covariance, newcombe_interval, roc
 
 __all__ = [
     "REPEATABILITY_SD",

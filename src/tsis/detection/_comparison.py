@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.special import erfc, ndtri
 
-from tsis.detection._auc import area, difference_variance
 from tsis.detection._bootstrap import DRAWS, drawn_areas, percentiles
 from tsis.detection._inputs import LEVEL, Interval, both_classes, checked_level, scored
+from tsis.detection._roc import area, difference_variance
 
 if TYPE_CHECKING:
     from collections.abc import Callable

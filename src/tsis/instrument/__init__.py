@@ -13,6 +13,7 @@ from tsis.instrument._discovery import (
     CameraListing,
     connect,
     find_cameras,
+    live_sources,
 )
 from tsis.instrument._image_files import png_bytes, read_colour, read_image, whole_levels
 from tsis.instrument._quiet import quiet_decoders
@@ -37,6 +38,7 @@ __all__ = [
     "Snapshot",
     "connect",
     "find_cameras",
+    "live_sources",
     "named_mode",
     "png_bytes",
     "preset",

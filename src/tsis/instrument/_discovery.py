@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from tsis.errors import InputError
 from tsis.model import ContentValue, require_number, require_one_of, require_type
+from tsis.plugins import find_plugins, load_plugin
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -67,7 +68,13 @@ _LIVE = {
 _STORED = {"files": ("_files", "ImageFiles"), "video": ("_video", "VideoFile")}
 LIVE_SOURCES, STORED_SOURCES = tuple(_LIVE), tuple(_STORED)
 SOURCES = (*LIVE_SOURCES, *STORED_SOURCES)
+_PLUGINS = "cameras"
 _TIMEOUT_S = 20.0
+
+
+def live_sources() -> tuple[str, ...]:
+    """Names of the sources that can be searched for cameras: those of tsis, then those of plug-ins."""
+    return (*LIVE_SOURCES, *sorted(set(find_plugins(_PLUGINS)) - set(SOURCES)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -90,7 +97,7 @@ class CameraListing(ContentValue):
 
 
 def find_cameras(
-    sources: Iterable[str] = LIVE_SOURCES,
+    sources: Iterable[str] | None = None,
     *,
     module: Callable[[str], Any] | None = None,
     timeout_s: float = _TIMEOUT_S,
@@ -102,14 +109,15 @@ def find_cameras(
     Parameters
     ----------
     sources
-        Names of the sources.
+        Names of the sources; all of `live_sources` when None.
     module
-        Returns the module of a source; the imported one when None.
+        Returns the module of a source; the imported one, or a plug-in, when None.
     timeout_s
         Time limit of one source, in [0.01, 600] s.
     """
     require_number("timeout_s", timeout_s, 0.01, 600.0, hint="seconds")
-    names = [require_one_of("camera source", name, LIVE_SOURCES) for name in sources]
+    live = live_sources()
+    names = [require_one_of("camera source", name, live) for name in (live if sources is None else sources)]
     camera_infos: list[CameraInfo] = []
     missing: dict[str, str] = {}
     for name in names:
@@ -127,8 +135,8 @@ def connect(spec: str) -> Camera:
     Parameters
     ----------
     spec
-        ``"SOURCE:ID"``: aravis, genicam, pylon or vimba with the identity from `find_cameras` (nothing after the colon
-        for the first camera); ``"opencv:0"``; ``"files:PATH"`` or ``"video:PATH"``.
+        ``"SOURCE:ID"``: aravis, genicam, pylon, vimba or a plug-in with the identity from `find_cameras` (nothing after
+        the colon for the first camera); ``"opencv:0"``; ``"files:PATH"`` or ``"video:PATH"``.
 
     Raises
     ------
@@ -136,6 +144,8 @@ def connect(spec: str) -> Camera:
         When there is no such source; the message suggests the nearest.
     InputError
         When the identity or path is missing or invalid.
+    PluginError
+        When the source is a plug-in that cannot be loaded.
 
     Examples
     --------
@@ -144,17 +154,21 @@ def connect(spec: str) -> Camera:
     """
     require_type("spec", spec, str)
     name, _, identity = spec.partition(":")
-    require_one_of("camera source", name, SOURCES)
+    require_one_of("camera source", name, (*live_sources(), *STORED_SOURCES))
     if name == "opencv" and identity and not identity.isdecimal():
         raise InputError(f"opencv cameras go by their number, as in opencv:0; got {spec!r:.80}")
     if name in _STORED and not identity:
         raise InputError(f"{name}: must be followed by a path, as in {name}:frames; got {spec!r}")
+    if name not in SOURCES:
+        return load_plugin(_PLUGINS, name).connect(identity)  # type: ignore[no-any-return]
     module, camera = _LIVE[name][1:] if name in _LIVE else _STORED[name]
     driver = getattr(importlib.import_module(f"{_HOME}.{module}"), camera)
     return driver(int(identity or 0) if name == "opencv" else identity)  # type: ignore[no-any-return]
 
 
 def _searching_module(source: str) -> Any:
+    if source not in _LIVE:
+        return load_plugin(_PLUGINS, source)
     return importlib.import_module(f"{_HOME}.{_LIVE[source][0]}")
 
 

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import lazy_loader
 
-from tsis.matching._fit import UNMATCHED
+from tsis.matching._fit import UNMATCHED, MatchFit, MatchMethod
 from tsis.matching._point_files import csv_text, read_points
 from tsis.matching._registration import METHODS, Alternative, Registration, match_points, register
 from tsis.matching._spline import ThinPlateSpline, fit_spline, spread_out
@@ -13,6 +13,8 @@ __all__ = [
     "METHODS",
     "UNMATCHED",
     "Alternative",
+    "MatchFit",
+    "MatchMethod",
     "Registration",
     "ThinPlateSpline",
     "csv_text",

@@ -30,6 +30,7 @@ from tsis.matching._fit import (
 from tsis.matching._posterior import RELIABLE, WIDEST_DEG, is_collapsed, is_sound, pose_posterior, probability_right
 from tsis.matching._spline import spread_out
 from tsis.model import require_array, require_number, require_one_of, require_type
+from tsis.plugins import find_plugins, load_plugin
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -149,8 +150,8 @@ def register(
         Points, shapes (n, d) and (m, d) with d = 2 or 3, in one unit; at least 4 each, not all in a line or plane.
         Above some thousands of points samples are matched, with a note; above two millions an error is raised.
     method
-        ``"tprl"``, ``"cpd"``, ``"tps-rpm"``, ``"rpm-lns"`` or ``"shape-context"``. All but the first expect only a
-        small rotation between the sets.
+        ``"tprl"``, ``"cpd"``, ``"tps-rpm"``, ``"rpm-lns"``, ``"shape-context"`` or the name of a plug-in. All
+        but the first expect only a small rotation between the sets.
     rng
         Random generator, for samples of large sets and for methods that need it; seeded with 0 by default.
     rotation_sd_deg
@@ -192,7 +193,8 @@ def match_points(
 
     For comparisons with programs that do not rate confidence. Parameters and errors are those of `register`.
     """
-    require_one_of("method", method, METHODS)
+    if method not in METHODS:
+        require_one_of("method", method, (*METHODS, *find_plugins("matching")))
     source, target = _points("source", source), _points("target", target)
     if source.shape[1] != target.shape[1]:
         raise InputError(
@@ -270,7 +272,8 @@ def _fitted(
     if METHODS.get(method) is tprl.fit:
         posterior = pose_posterior(source, target, rng=rng, rotation_sd_deg=rotation_sd_deg)
         return tprl.fit(source, target, rng=rng, posterior=posterior), posterior
-    fit = METHODS[method](source, target, rng=rng)
+    fit_method: MatchMethod = METHODS[method] if method in METHODS else load_plugin("matching", method)
+    fit = fit_method(source, target, rng=rng)
     also = fit.move(source)
     return fit, pose_posterior(source, target, rng=rng, rotation_sd_deg=rotation_sd_deg, also=also)
 

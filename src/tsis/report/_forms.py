@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from tsis.errors import FileInputError, RecordsError
+from tsis.errors import FileInputError, PluginError, RecordsError, TsisError
+from tsis.plugins import find_plugins, load_plugin
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from pathlib import Path
 
     from tsis.records import TargetRecord
@@ -37,6 +39,11 @@ PAGE_FORMS = ("html", "pdf")  # forms that report damage; the others refuse it
 MASKED = ("fhir", "dicom")  # forms that omit labels and times by default
 
 
+def export_endings() -> Mapping[str, str]:
+    """Ending of the default name, by form: those of tsis, then those of plug-ins."""
+    return {name: f".{name}" for name in sorted(find_plugins("exporters"))} | ENDINGS
+
+
 def write_form(form: str, record: TargetRecord, path: Path, *, identified: bool) -> str:
     """Write a target record in a form; return the SHA-256 of a bundle, else an empty string.
 
@@ -48,6 +55,8 @@ def write_form(form: str, record: TargetRecord, path: Path, *, identified: bool)
         When the form needs an extra that is not installed.
     RecordsError
         When a stored file is damaged.
+    PluginError
+        When the form is a plug-in that fails.
     """
     if form in PAGE_FORMS:
         _write_file(path, page_bytes(form, record))
@@ -59,6 +68,8 @@ def write_form(form: str, record: TargetRecord, path: Path, *, identified: bool)
         from tsis.records.dicom import write_dicom
 
         write_dicom(record, path, identified=identified)
+    elif form not in ENDINGS:
+        _write_by_plugin(form, record, path)
     elif form == "bundle":
         from tsis.records.export.bundle import write_bundle
 
@@ -72,6 +83,22 @@ def write_form(form: str, record: TargetRecord, path: Path, *, identified: bool)
 
         {"hdf5": write_hdf5, "zarr": write_zarr}[form](record, path)
     return ""
+
+
+def _write_by_plugin(form: str, record: TargetRecord, path: Path) -> None:
+    """The file that an exporter of a plug-in writes, complete or not at all."""
+    from tsis.records.export import export_file
+
+    exporter = load_plugin("exporters", form)
+    with export_file(path) as draft:
+        try:
+            exporter(record, draft)
+        except TsisError:
+            raise
+        except Exception as error:  # a plug-in may raise anything
+            package = find_plugins("exporters")[form].package
+            reason = " ".join(str(error).split()) or type(error).__name__
+            raise PluginError(f"the exporter {form} of {package} failed: {reason:.200}") from error
 
 
 def page_bytes(form: str, record: TargetRecord) -> bytes:

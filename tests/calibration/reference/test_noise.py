@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import linregress, norm
 
 from tsis.calibration.reference import PhotonTransfer, photon_transfer
-from tsis.calibration.reference._noise import _line, _Point, _points
+from tsis.calibration.reference._make import _line, _Point, _points
 from tsis.errors import CalibrationError
 
 if TYPE_CHECKING:

@@ -10,8 +10,14 @@ from scipy.special import erf
 from tsis.calibration import MeasuredValue
 from tsis.calibration.force import MIDDLE, Loading, read_loading_frame
 from tsis.calibration.reference import CameraReference
-from tsis.calibration.response import PressureResponse, Saturation, fit_response
-from tsis.calibration.response._fit import light_fraction, peakedness, spread_factor
+from tsis.calibration.response import (
+    PressureResponse,
+    Saturation,
+    fit_response,
+    light_fraction,
+    peakedness,
+    spread_factor,
+)
 from tsis.errors import CalibrationError, InputError
 from tsis.imaging import Sensor, render
 from tsis.mechanics import HertzContact

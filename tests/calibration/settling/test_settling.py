@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 
 import tsis
 from tsis.calibration.guard import PressHistory
-from tsis.calibration.settling import BINS, assess_settling
-from tsis.calibration.settling._decay import DecayFit
+from tsis.calibration.settling import BINS, DecayFit, assess_settling
 from tsis.errors import InputError
 from tsis.mechanics.small_strain import relaxing_press, settling_time_s
 from tsis.model import Relaxation

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tsis.console.auth import Logins, write_private
-from tsis.console.auth._logins import ARGON2ID, FILE, MOST, NOBODY
+from tsis.console.auth._access import ARGON2ID, FILE, MOST, NOBODY
 from tsis.errors import FileInputError, InputError, UnknownNameError
 
 if TYPE_CHECKING:

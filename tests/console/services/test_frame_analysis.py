@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tsis.calibration.guard import FrameShape, GuardReference, PressWatch, WatchState
-from tsis.calibration.settling._settling import UNKNOWN
+from tsis.calibration.settling import UNKNOWN
 from tsis.console.services._frame_analysis import (
     BINS,
     LARGEST_SIDE_PX,

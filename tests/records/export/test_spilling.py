@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tsis.records.export.arrays._formats import SpillingFile
+from tsis.records.export.arrays import SpillingFile
 
 places = st.integers(0, 60)
 steps = st.lists(st.tuples(places, st.one_of(st.binary(min_size=1, max_size=20), st.integers(0, 30))), max_size=20)

@@ -1,18 +1,30 @@
-"""Compute a `CameraReference` from dark, untouched and flat frames: means, bad pixels, light pattern and noise."""
+"""Compute a `CameraReference` from dark, untouched and flat frames: means, bad pixels, light pattern and noise.
+
+Noise follows from photon transfer: repeated frames at several levels of light. A pixel's variance is
+``read**2 + 1/12 + shot * light``: read noise, rounding to whole grey levels, and photons. Under noise of some tenths of
+a level rounding is not white; its variance then depends on the position of the mean between two whole levels. The fit
+includes the first harmonic of this dependence,
+
+    var(rounded) = s**2 + 1/12 - (4 s**2 + 1/pi**2) q cos(2 pi mean) - (q sin(2 pi mean) / pi)**2
+
+with ``q = exp(-2 pi**2 s**2)``.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 from scipy.ndimage import gaussian_filter, median_filter
 
 from tsis.calibration._measured import MeasuredValue
 from tsis.calibration.lamps import ReferencePatch, require_lit
-from tsis.calibration.reference._noise import photon_transfer, stack
 from tsis.calibration.reference._value import LEAST_LIGHT, CameraReference
-from tsis.errors import CalibrationError
+from tsis.errors import CalibrationError, ImageMismatchError
 from tsis.imaging import GAUSSIAN_MAD
+from tsis.model import TactileImage, require_type
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -20,7 +32,164 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.calibration.lamps import PixelBox
-    from tsis.model import TactileImage
+
+
+BANDS = 12  # of the frame, of one level
+LEAST_PIXELS = 200  # in a band
+LEAST_LIGHT_GREY = 10.0  # with less, the whole frame is one band
+CLIPPED_FRACTION = 1e-3  # of the pixels; more of them would reduce the noise
+CHANCE = 0.99  # probability below which the points' scatter about the line counts as chance
+FAINTEST = 0.1  # of a phase after blurring by noise, below which it is not used
+LEAST_NOISE_GREY = 0.3  # below it, rounding hides the noise
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PhotonTransfer:
+    """Noise of a pixel.
+
+    Attributes
+    ----------
+    read_noise_grey
+        Standard deviation without light, grey levels, without rounding.
+    shot_noise_grey
+        Variance per grey level of light: full scale over the full well.
+    """
+
+    read_noise_grey: MeasuredValue
+    shot_noise_grey: MeasuredValue
+
+
+@dataclass(frozen=True, slots=True)
+class _Point:
+    light: float
+    variance: float
+    error: float
+
+
+def stack(name: str, images: Sequence[TactileImage], *, least: int) -> NDArray[np.float64]:
+    """Grey levels of frames of one size, shape (frames, rows, columns).
+
+    Raises `CalibrationError` when there are fewer than ``least``; `ImageMismatchError` when sizes or full scales
+    differ.
+    """
+    if len(images) < least:
+        raise CalibrationError(f"{name} must hold at least {least} frames; got {len(images)} (take more)")
+    for image in images:
+        require_type(name, image, TactileImage)
+        if image.grey.shape != images[0].grey.shape or image.full_scale != images[0].full_scale:
+            raise ImageMismatchError(
+                f"{name} must hold frames of one size and full scale; got {images[0].grey.shape} at "
+                f"{images[0].full_scale:g} and {image.grey.shape} at {image.full_scale:g} (record all in one mode)"
+            )
+    return np.stack([image.grey for image in images])
+
+
+def photon_transfer(
+    dark: NDArray[np.float64],
+    levels: Sequence[NDArray[np.float64]],
+    *,
+    usable: NDArray[np.bool],
+    full_scale: float,
+) -> PhotonTransfer:
+    """Fit the line of variance against light.
+
+    Raises `CalibrationError` when pixels clip, when all levels are dark, or when rounding hides the noise.
+
+    Parameters
+    ----------
+    dark
+        Frames without light, shape (n, rows, columns), n >= 2.
+    levels
+        Frames of each level of light, each of such a shape; the lamps may flicker from frame to frame.
+    usable
+        Pixels that are neither hot nor dead, shape (rows, columns).
+    full_scale
+        Grey level at which the camera clips.
+    """
+    points = []
+    base = dark.mean(axis=0)
+    for frames in (dark, *levels):
+        values = frames[:, usable]
+        clipped = float(np.mean((values <= 0) | (values >= full_scale)))
+        if clipped > CLIPPED_FRACTION:
+            raise CalibrationError(
+                f"frames for the noise must clip in less than {CLIPPED_FRACTION:.1%} of pixels; got {clipped:.1%} "
+                "(raise the black level or shorten the exposure)"
+            )
+        points += _points(values, base[usable], is_dark=frames is dark)
+    return _line(points)
+
+
+def _points(values: NDArray[np.float64], base: NDArray[np.float64], *, is_dark: bool) -> list[_Point]:
+    """Variance against light in bands of one level; ``values`` has the shape (frames, pixels)."""
+    frames = len(values)
+    mean = values.mean(axis=0)
+    light = np.zeros_like(mean) if is_dark else mean - base
+    level = float(light.mean())
+    # A flickering lamp scales the light of its whole frame; without light a common offset remains.
+    shift = values.mean(axis=1) - mean.mean()
+    shape = light / level if level > 1 else np.ones_like(light)
+    residuals = values - mean - shift[:, None] * shape
+    variance = np.einsum("ij,ij->j", residuals, residuals) / (frames - 1)
+    bands = 1 if level <= LEAST_LIGHT_GREY else max(1, min(BANDS, len(mean) // LEAST_PIXELS))
+    points = []
+    for part in np.array_split(np.arange(len(mean)), bands):  # bands of the frame: sorting by light would sort by noise
+        observed = float(variance[part].mean())
+        true = _unrounded(observed, complex(np.exp(2j * np.pi * mean[part]).mean()), frames)
+        error = observed * np.sqrt(2 / (len(part) * (frames - 1)))
+        points.append(_Point(float(light[part].mean()), true, error))
+    return points
+
+
+def _unrounded(observed: float, phase: complex, frames: int) -> float:
+    """Variance before rounding; ``phase`` is the mean of exp(2 pi i m) over pixel means m of ``frames`` frames."""
+    true, bare = max(observed - 1 / 12, LEAST_NOISE_GREY**2 / 2), phase
+    for _ in range(30):
+        bare = phase / _phase_attenuation(true, bare, frames)
+        bare /= max(1.0, abs(bare))
+        q = float(np.exp(-2 * np.pi**2 * true))
+        harmonic = (4 * true + 1 / np.pi**2) * q * bare.real + (q * bare.imag / np.pi) ** 2
+        true = max(observed - 1 / 12 + harmonic, LEAST_NOISE_GREY**2 / 2)
+    return true
+
+
+def _phase_attenuation(variance: float, phase: complex, frames: int) -> complex:
+    """Attenuation of exp(2 pi i mean) for the mean of n noisy, rounded frames.
+
+    It is the n-th power of the rounded normal's characteristic function at 2 pi / n; rounding folds the part at
+    2 pi / n - 2 pi onto it.
+    """
+    t = 2 * np.pi / frames
+    near = float(np.sin(t / 2) / (t / 2) * np.exp(-variance * t**2 / 2))
+    folded = float(np.sin(t / 2) / (np.pi - t / 2) * np.exp(-variance * (2 * np.pi - t) ** 2 / 2))
+    attenuation = (near + folded * phase.conjugate()) ** frames
+    return attenuation if abs(attenuation) > FAINTEST else complex(FAINTEST)
+
+
+def _line(points: list[_Point]) -> PhotonTransfer:
+    light, variance, error = np.array([(point.light, point.variance, point.error) for point in points]).T
+    if light.max() < LEAST_LIGHT_GREY:
+        raise CalibrationError(
+            f"frames for the noise must include some with {LEAST_LIGHT_GREY:g} grey levels of light or more; the "
+            f"brightest had {light.max():.1f} (add flat-field frames)"
+        )
+    design = np.stack([np.ones_like(light), light], axis=1) / error[:, None]
+    line, *_ = np.linalg.lstsq(design, variance / error, rcond=None)
+    freedom = len(points) - 2
+    misfit = float(np.sum((variance / error - design @ line) ** 2)) / max(freedom, 1)
+    covariance = np.linalg.inv(design.T @ design)
+    if freedom > 0 and misfit > scipy.stats.chi2.ppf(CHANCE, freedom) / freedom:
+        covariance = covariance * misfit  # scatter beyond that of the number of pixels is an error, too
+    if line[0] < LEAST_NOISE_GREY**2:
+        raise CalibrationError(
+            f"the read noise must be at least {LEAST_NOISE_GREY:g} grey levels to be seen through rounding; got a "
+            f"variance of {line[0]:.3g} (raise the gain, or record more bits)"
+        )
+    read, slope = float(np.sqrt(line[0])), float(line[1])
+    return PhotonTransfer(
+        read_noise_grey=MeasuredValue(value=read, sd=float(np.sqrt(covariance[0, 0])) / (2 * read), unit="grey"),
+        shot_noise_grey=MeasuredValue(value=slope, sd=float(np.sqrt(covariance[1, 1])), unit="grey"),
+    )
 
 
 LEAST_FRAMES = 4

@@ -54,7 +54,11 @@ def connector(spec: str, press: VirtualPress) -> Callable[[], Camera]:
 
 def live_connector(spec: str) -> Callable[[], Camera]:
     """The same for a camera that is not virtual; `UnknownNameError` for an unknown source."""
-    tsis.model.require_one_of("camera source", spec.partition(":")[0], (VIRTUAL, *tsis.instrument.SOURCES))
+    tsis.model.require_one_of(
+        "camera source",
+        spec.partition(":")[0],
+        (VIRTUAL, *tsis.instrument.live_sources(), *tsis.instrument.STORED_SOURCES),
+    )
     return partial(tsis.instrument.connect, spec)
 
 

@@ -48,7 +48,8 @@ def points(
     """
     import numpy as np
 
-    tsis.model.require_one_of("method", method, tsis.matching.METHODS)
+    if method not in tsis.matching.METHODS:
+        tsis.model.require_one_of("method", method, (*tsis.matching.METHODS, *tsis.plugins.find_plugins("matching")))
     files = {"out": out, "figure": figure, "html": html}
     for file in files.values():
         _refuse_existing(file)

@@ -32,7 +32,10 @@ def export(
     number: TargetNumber,
     *,
     forms: Annotated[
-        list[str], typer.Option("--format", help="Form: html, pdf, csv, hdf5, zarr, fhir, dicom, bundle; repeatable.")
+        list[str],
+        typer.Option(
+            "--format", help="Form: html, pdf, csv, hdf5, zarr, fhir, dicom, bundle, or of a plug-in; repeatable."
+        ),
     ],
     out: Annotated[
         Path | None,
@@ -52,14 +55,15 @@ def export(
     notes and names too; fhir and dicom mask names and times.
     """
     requested = list(dict.fromkeys(part for form in forms for part in form.split(",")))
+    endings = tsis.report.export_endings()
     for form in requested:
-        tsis.model.require_one_of("form of export", form, tsis.report.ENDINGS)
+        tsis.model.require_one_of("form of export", form, endings)
     if identified and not set(requested) & set(tsis.report.MASKED):
         raise InputError(
             f"--identified belongs to {' and '.join(tsis.report.MASKED)}; the other forms mask nothing (leave it out)"
         )
     stem = f"target-{number}"
-    destination = out or Path(stem if len(requested) > 1 else f"{stem}{tsis.report.ENDINGS[requested[0]]}")
+    destination = out or Path(stem if len(requested) > 1 else f"{stem}{endings[requested[0]]}")
     tsis.report.require_absent(destination)
     with opened(store, kind, database) as records, waiting("writing"), ExitStack() as together:
         record = records.record(records.target(number))
@@ -72,13 +76,10 @@ def export(
 
             draft, seal = together.enter_context(export_folder(destination)), ""
             for form in requested:
-                seal += tsis.report.write_form(
-                    form, record, draft / f"{stem}{tsis.report.ENDINGS[form]}", identified=identified
-                )
+                seal += tsis.report.write_form(form, record, draft / f"{stem}{endings[form]}", identified=identified)
     single = len(requested) == 1
     files = {
-        form: str((destination if single else destination / f"{stem}{tsis.report.ENDINGS[form]}").resolve())
-        for form in requested
+        form: str((destination if single else destination / f"{stem}{endings[form]}").resolve()) for form in requested
     }
     if as_json:
         print_json(tsis.report.envelope("records export", target=number, files=files, bundle_sha256=seal or None))

@@ -26,8 +26,7 @@ if TYPE_CHECKING:
     from starlette.responses import Response
     from starlette.types import Receive, Scope
 
-    from tsis.console.auth._access import Access
-    from tsis.console.auth._logins import Logins
+    from tsis.console.auth._access import Access, Logins
 
 
 LOGIN, LOGOUT = "/login", "/logout"

@@ -16,7 +16,7 @@ from tsis.calibration.guard import GuardReference
 from tsis.catalog import list_phantoms, list_probes, list_spheres, load_probe, load_sphere, phantom_variant
 from tsis.errors import InputError, MechanicsError
 from tsis.imaging import Sensor
-from tsis.instrument import LIVE_SOURCES, STORED_SOURCES
+from tsis.instrument import STORED_SOURCES, live_sources
 from tsis.model import Phantom, SoftSphere, TactileImage, require_integer, require_number, require_one_of, require_type
 from tsis.records import ROLES
 from tsis.virtual import LARGEST_FORCE_N, USUAL_MS, DirectContactRig, VirtualCamera, VirtualProbe, virtual_mode
@@ -91,7 +91,7 @@ class CameraChoice:
                 f"camera must be a live one; got {self.spec!r:.80}, which is stored (estimate from stored frames with "
                 "tsis examine, or enter them with tsis records import)"
             )
-        require_one_of("camera source", source, (VIRTUAL, *LIVE_SOURCES))
+        require_one_of("camera source", source, (VIRTUAL, *live_sources()))
         if source == VIRTUAL and self.spec != VIRTUAL:
             raise InputError(f"the virtual probe is called virtual and nothing more; got {self.spec!r:.80}")
         if source == OPENCV and not OPENCV_SPEC.fullmatch(self.spec):

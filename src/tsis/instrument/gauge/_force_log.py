@@ -11,6 +11,7 @@ from tsis.errors import GaugeError, TsisError
 from tsis.instrument.gauge._alignment import LONGEST_GAP_S, ForceAtTime, force_at
 from tsis.instrument.gauge._serial_gauge import SerialGauge
 from tsis.model import require_integer, require_number
+from tsis.plugins import find_plugins, load_plugin
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -200,7 +201,7 @@ def connected_gauge(
     Parameters
     ----------
     port, unit, baud
-        As of `SerialGauge`.
+        As of `SerialGauge`. A port ``"NAME:..."`` is the gauge of the plug-in NAME, which has settings of its own.
     sends
         Whether it sends on its own, without requests.
     latency_s
@@ -213,7 +214,12 @@ def connected_gauge(
     GaugeError
         When the port cannot be opened, or no readings arrive within 5 s.
     """
-    gauge = SerialGauge(port, unit=unit, baud=baud, poll=None) if sends else SerialGauge(port, unit=unit, baud=baud)
+    name, colon, identity = str(port).partition(":")
+    gauge: Gauge
+    if colon and name in find_plugins("gauges"):
+        gauge = load_plugin("gauges", name)(identity)
+    else:
+        gauge = SerialGauge(port, unit=unit, baud=baud, poll=None) if sends else SerialGauge(port, unit=unit, baud=baud)
     log = ForceLog(gauge, latency_s=latency_s)
     log.start()
     if not log.wait_for(FIRST_READINGS, timeout_s=FIRST_S):

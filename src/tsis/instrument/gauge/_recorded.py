@@ -89,11 +89,7 @@ class RecordedGauge:
     lost, skipped = False, 0  # an incomplete file or one with invalid lines is refused
 
     def open(self) -> None:
-        """Read the file.
-
-        Raises `FileInputError` when it is missing, has another header, or a line is not finite numbers with ascending
-        times.
-        """
+        """Read the file; `FileInputError` when it is missing, or a line is not finite numbers with ascending times."""
         content = read_bytes(self._path, most=LARGEST_BYTES)
         try:
             self._numbers = array("d", (getattr(row, name) for row in _parsed(content) for name in HEAD))

@@ -78,10 +78,8 @@ def has_entry(connection: Connection, head: AuditHead) -> bool:
 
 def last_content(connection: Connection, kind: str, row: str) -> str | None:
     """Digest of a row in its last entry, or None."""
-    of_the_row = (audit_table.c.kind == kind) & (audit_table.c.row == row)
-    return connection.execute(
-        select(audit_table.c.content).where(of_the_row).order_by(audit_table.c.number.desc())
-    ).scalar()
+    entries = select(audit_table.c.content).where((audit_table.c.kind == kind) & (audit_table.c.row == row))
+    return connection.execute(entries.order_by(audit_table.c.number.desc())).scalar()
 
 
 def append_audit(connection: Connection, head: AuditHead, changes: Iterable[AuditChange], *, actor: str) -> AuditHead:
@@ -141,10 +139,9 @@ def require_anchored(connection: Connection, folder: Path) -> bool:
         raise RecordsError(f"{error} (to go on without it, of which the audit will tell, move it away)") from error
     if head != BEFORE and not has_entry(connection, head):
         raise RecordsError(
-            f"the audit must hold entry {head.number} as {printable_path(folder / ANCHOR_FILE)} tells; it "
-            f"was cut off or "
-            "rewritten, or the database is an older copy (tsis records verify tells more; to go on with what there "
-            "is, move that file away)"
+            f"the audit must hold entry {head.number} as {printable_path(folder / ANCHOR_FILE)} tells; it was cut "
+            "off or rewritten, or the database is an older copy (tsis records verify tells more; to go on with what "
+            "there is, move that file away)"
         )
     return True
 

@@ -86,7 +86,7 @@ def _card(item: Precision) -> Card:
     name, unit = NAMES[item.quantity]
     interval = coefficient_interval(item)
     return Card(
-        title=f"{item.device}: two readings of the {name} differ by less than",
+        title=f"{item.device}: repeatability coefficient, {name}",
         value=f"{item.within.coefficient:.3g} {unit}",
         detail=f"{ends(interval, 2)}, {counted(len(item.complete), 'target')}",
         doubtful=bool(item.incomplete),

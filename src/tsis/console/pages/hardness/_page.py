@@ -7,35 +7,225 @@ from typing import TYPE_CHECKING
 
 from nicegui import run, ui
 
+from tsis.catalog import list_spheres, load_probe
 from tsis.console.live import LiveView
 from tsis.console.pages.components import (
+    FORCE,
     CalibrationMemory,
     OperatorControls,
     ProgressBar,
+    Redrawn,
     estimate_job,
+    field_messages,
+    force_text,
+    list_message,
+    loading,
+    number_text_of_field,
     panel_title,
     set_class,
+    time_label,
+    typed_number,
+    unit_field,
     with_field_labels,
 )
+from tsis.console.pages.examine import snapshot_text
 from tsis.console.pages.hardness._flow import (
     BALL,
     HARDNESS,
     PRESSES,
+    TARGET,
     SavedPresses,
     missing_text,
+    next_free,
     next_step_text,
     saved_presses,
 )
-from tsis.console.pages.hardness._parts import ObjectPart, PressPart
 from tsis.console.pages.hardness._result import HardnessPanel
-from tsis.console.services import FAILED
-from tsis.errors import TsisError
+from tsis.console.services import BALL_MM, FAILED, CameraChoice
+from tsis.errors import InputError, TsisError
+from tsis.hardness import RADIUS_SD_MM, require_radius
+from tsis.model import require_number
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from tsis.console.pages.components import Viewer
-    from tsis.console.services import Instrument, InstrumentState, Job, JobState
+    from tsis.console.services import Instrument, InstrumentState, Job, JobState, SavedPress
+    from tsis.records import StoredPress
+
+
+BARE = "tsis-direct"  # the probe of the catalog that touches objects without tissue between
+
+
+class ObjectPart:
+    """Shows and changes the measured object."""
+
+    def __init__(self, instrument: Instrument, viewer: Viewer, controls: OperatorControls) -> None:
+        self._instrument, self._viewer = instrument, viewer
+        self._filled: object = None
+        with ui.element("div").classes("panel stack tight"):
+            with ui.element("div").classes("row"):
+                panel_title("1  Object")
+                ui.element("div").classes("spring")
+                self._target = ui.label().classes("chip")
+            with ui.element("div").classes("row") as self._virtual:
+                spheres = list(list_spheres())
+                self._sphere = ui.select(spheres, value=spheres[0], label="Virtual sphere").props("dense outlined")
+                self._sphere.classes("hardness-sphere")
+                self._lay = ui.button("Lay it under the probe", icon="vertical_align_bottom", on_click=self._laid)
+                controls.add(self._lay.props("no-caps unelevated"))
+            with ui.element("div").classes("row") as self._real:
+                self._name = ui.label().classes("muted")
+                again = ui.button("Another object", icon="add", on_click=self._another).props("no-caps outline")
+                controls.add(again)
+            with ui.element("div").classes("row") as self._size:
+                self._radius = unit_field("Radius of the object", unit="mm").classes("hardness-number")
+                self._sd = unit_field("Known to within (sd)", unit="mm").classes("hardness-number")
+            self._message = ui.label().classes("muted")
+
+    def show(self, state: InstrumentState, saved: SavedPresses) -> None:
+        """Show the instrument's object; known values of a virtual one are filled in once."""
+        choice = state.camera.choice
+        self._virtual.set_visibility(choice.is_virtual)
+        self._real.set_visibility(not choice.is_virtual)
+        self._name.text = state.camera.name or "The camera is stopped."
+        self._target.text = f"target {state.target}"
+        subject = self._instrument.camera_controller.subject
+        written = None if subject is None else subject.written_radius_mm
+        self._size.set_visibility(written is not None or not choice.is_virtual)
+        if written is not None:
+            self._fill((choice, written), written, RADIUS_SD_MM)
+            self._message.text = f"{choice.phantom} lies under {choice.probe}; its radius is as a calliper measured it."
+        elif not choice.is_virtual:
+            self._message.text = "Leave both empty where unknown; the estimate is then wide."
+            options = {} if saved.estimate is None else saved.estimate.options
+            if "radius_mm" in options:  # as it was typed for the last estimate
+                self._fill((choice, saved.number), options["radius_mm"], options.get("radius_sd_mm"))
+        else:
+            self._message.text = ""
+
+    def radius(self) -> dict[str, float]:
+        """The typed options of an estimate; `InputError` when they cannot be of an object under this probe."""
+        radius_text, sd_text = (self._radius.value or "").strip(), (self._sd.value or "").strip()
+        if not radius_text:
+            if sd_text:
+                raise InputError("radius of the object must be given with its standard deviation; got none")
+            return {}
+        radius = typed_number("radius of the object", radius_text)
+        given = self._instrument.calibration
+        name = "" if given is None else given.calibration.probe
+        name = name or self._instrument.camera_controller.choice.probe
+        with field_messages({"radius_mm": "radius of the object"}):
+            require_radius("radius of the object", load_probe(name), radius)
+        if not sd_text:
+            return {"radius_mm": radius}
+        sd = typed_number("its standard deviation", sd_text)
+        require_number("its standard deviation", sd, 0.0, radius / 10, hint="millimetres, up to a tenth of the radius")
+        return {"radius_mm": radius, "radius_sd_mm": sd}
+
+    def _fill(self, which: object, radius_mm: float, sd_mm: float | None) -> None:
+        if which != self._filled:
+            self._filled = which
+            self._radius.set_value(f"{radius_mm:.3f}")
+            self._sd.set_value(number_text_of_field(sd_mm))
+
+    async def _laid(self) -> None:
+        with loading(self._lay):
+            await self._viewer.attempt(self._lay_under, str(self._sphere.value))
+
+    def _lay_under(self, sphere: str) -> None:
+        by, seed = self._viewer.identity, self._instrument.camera_controller.choice.seed
+        self._instrument.choose(CameraChoice(probe=BARE, phantom=sphere, seed=seed), by=by)
+        self._choose_free_target()
+        self._instrument.start(by=by)
+
+    async def _another(self) -> None:
+        await self._viewer.attempt(self._choose_free_target)
+
+    def _choose_free_target(self) -> None:
+        number = next_free(self._instrument.store, self._instrument.state().target)
+        self._instrument.set_target(number, by=self._viewer.identity)
+
+
+FORCES_N = ("0.7", "1.2")  # that are offered
+
+
+class PressPart:
+    """Takes presses and shows the saved ones."""
+
+    def __init__(self, instrument: Instrument, viewer: Viewer, controls: OperatorControls) -> None:
+        self._instrument, self._viewer = instrument, viewer
+        self._gauge = False
+        self._offered = FORCES_N[0]
+        with ui.element("div").classes("panel stack tight"):
+            panel_title("2  Presses")
+            self._list = Redrawn(ui.element("ol").classes("hardness-presses"))
+            self._none = ui.label(f"None yet; {PRESSES} at different forces are best.").classes("muted")
+            with ui.element("div").classes("row") as self._row:
+                self._force = unit_field("Force", FORCES_N[0], unit="N").classes("hardness-number")
+                self._press = ui.button("Press and save", icon="photo_camera", on_click=lambda: self._save(TARGET))
+                controls.add(self._press.props("no-caps unelevated"))
+            self._extra = ui.expansion("Rigid ball, for a soft probe").props("dense").classes("hardness-ball")
+            with self._extra:
+                ui.label("A rigid ball shows how much the probe itself yields.").classes("muted")
+                with ui.element("div").classes("row"):
+                    self._ball_mm = unit_field("Radius of the ball", number_text_of_field(BALL_MM), unit="mm")
+                    self._ball_force = unit_field("Force on the ball", FORCES_N[0], unit="N")
+                    for field in (self._ball_mm, self._ball_force):
+                        field.classes("hardness-number")
+                    self._ball = ui.button("Press the ball and save", on_click=lambda: self._save(BALL))
+                    controls.add(self._ball.props("no-caps outline"))
+
+    def show(self, state: InstrumentState) -> None:
+        """Ask for forces where there is no gauge."""
+        force = None if state.frame_analysis is None else state.frame_analysis.force
+        self._gauge = force is not None and force.source == "gauge"
+        self._force.set_visibility(not self._gauge)
+        self._ball_force.set_visibility(not self._gauge)
+
+    def show_presses(self, saved: SavedPresses) -> None:
+        """Show the presses of the next estimate, and offer the next force."""
+        lines = tuple(press_text(press) for press in saved.presses)
+        if self._list.changes_to(lines):
+            self._none.set_visibility(not lines)
+            with self._list.element:
+                for line in lines:
+                    list_message(line)
+        offered = FORCES_N[min(len(saved.on_object), 1)]
+        if self._force.value == self._offered != offered:
+            self._force.set_value(offered)
+        self._offered = offered
+
+    def allow(self, possible: bool) -> None:
+        """Show whether a press can be saved now."""
+        for part in (self._row, self._extra):
+            part.set_visibility(possible)
+
+    def ball_radius(self) -> float:
+        """The typed radius in mm; `InputError` when it is no number."""
+        return typed_number("radius of the ball", self._ball_mm.value)
+
+    async def _save(self, role: str) -> None:
+        button, field = (self._press, self._force) if role == TARGET else (self._ball, self._ball_force)
+        with loading(button):
+            press: SavedPress | None = await self._viewer.attempt(self._pressed, role, field.value)
+        if press is not None:
+            self._viewer.notify(snapshot_text(press))
+
+    def _pressed(self, role: str, text: str | None) -> SavedPress:
+        force_n = None if self._gauge else typed_number("force", text)
+        state = self._instrument.state()
+        if (state.role, state.force_n) != (role, force_n):
+            with field_messages(FORCE):
+                self._instrument.hold(role=role, force_n=force_n, by=self._viewer.identity)
+        return self._instrument.snapshot(by=self._viewer.identity)
+
+
+def press_text(press: StoredPress) -> str:
+    """A press in a line."""
+    where = "Object" if press.role == TARGET else "Rigid ball"
+    against = f"; against it: {', '.join(press.flags)}" if press.flags else ""
+    return f"{where}, {force_text(press.force_n)}, saved at {time_label(press.taken)}{against}"
 
 
 LABELS = {
