@@ -14,8 +14,8 @@ from tsis.optics import guided_modes
 from tsis.optics.propagation import Dent, ThinGuide, propagate, thin_guide
 from tsis.optics.propagation._grid import Axis, axis, permittivity
 from tsis.optics.propagation._power import outward
+from tsis.optics.propagation._propagate import solve_launched
 from tsis.optics.propagation._section_modes import SectionModes, section_modes
-from tsis.optics.propagation._solvers import solve_launched
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

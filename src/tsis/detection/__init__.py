@@ -7,9 +7,9 @@ shows them at every threshold (`roc`); methods are compared on the same targets 
 `recalibration`).
 The probability that an inclusion is there is read off an estimate (`presence`), and of which kind it is, named by
 measured properties, off a classifier (`train_classifier`, `cross_validate`). Readings are compared between raters
-(`intraclass_correlation`), between two ways to measure (`bland_altman`), within an operator (`repeatability`) and
-between operators (`reproducibility`). A scan plan says where to press to search an area, and what it cannot miss
-(`scan_plan`, `widest_plan`, `smallest_found_mm`).
+(`intraclass_correlation`), between two ways to measure (`bland_altman`), within an operator (`repeatability`), between
+operators (`reproducibility`) and with reference targets (`linearity`); `study_size` says how many are needed. A scan
+plan says where to press to search an area, and what it cannot miss (`scan_plan`, `widest_plan`, `smallest_found_mm`).
 """
 
 from typing import TYPE_CHECKING
@@ -30,6 +30,7 @@ from tsis.detection._comparison import Comparison, bootstrap_compare_detectors, 
 from tsis.detection._counts import Counts
 from tsis.detection._icc import IntraclassCorrelation, intraclass_correlation
 from tsis.detection._inputs import Interval
+from tsis.detection._linearity import Linearity, PrecisionStudySize, linearity, study_size
 from tsis.detection._operating import (
     OperatingPoint,
     at_costs,
@@ -47,10 +48,17 @@ from tsis.detection._proportions import (
     wilson_interval,
 )
 from tsis.detection._recalibration import FittedValue, Recalibration, recalibration
-from tsis.detection._repeatability import Repeatability, Reproducibility, repeatability, reproducibility
+from tsis.detection._repeatability import (
+    REPEATABILITY_SD,
+    Repeatability,
+    Reproducibility,
+    repeatability,
+    reproducibility,
+)
 from tsis.detection._roc import AucCovariance, Roc, auc_covariance, newcombe_interval, roc
 
 __all__ = [
+    "REPEATABILITY_SD",
     "AucCovariance",
     "BlandAltman",
     "BrierScore",
@@ -59,6 +67,7 @@ __all__ = [
     "FittedValue",
     "Interval",
     "IntraclassCorrelation",
+    "Linearity",
     "OperatingPoint",
     "PresenceProbability",
     "Proportion",
@@ -71,6 +80,7 @@ __all__ = [
     "Repeatability",
     "Reproducibility",
     "Roc",
+    "PrecisionStudySize",
     "at_costs",
     "at_sensitivity",
     "at_specificity",
@@ -84,6 +94,7 @@ __all__ = [
     "exact_interval",
     "held_out_counts",
     "intraclass_correlation",
+    "linearity",
     "newcombe_interval",
     "presence",
     "recalibration",
@@ -91,6 +102,7 @@ __all__ = [
     "repeatability",
     "reproducibility",
     "roc",
+    "study_size",
     "wilson_interval",
     "youden_point",
 ]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.special import chdtri
+from scipy.special import chdtri, fdtri
 
 from tsis.detection._icc import squares
 from tsis.detection._inputs import LEVEL, Interval, checked_level
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 
 REPEATABILITY_SD = math.sqrt(2) * 1.959963984540054  # standard deviations that 95 % of differences do not exceed
+COCHRAN_LEVEL = 0.05  # ISO 5725-2 calls a variance beyond it a straggler
 
 
 def _chi_square_interval(coefficient: float, degrees_of_freedom: int, level: float) -> Interval:
@@ -50,6 +51,14 @@ class Repeatability:
         Of ``within_sd``: readings less targets.
     mean
         Of all readings.
+    within_cv
+        Root mean square of the coefficients of variation of single targets (QIBA's wCV), weighted by their degrees of
+        freedom; None where the mean of a repeated target is not positive.
+    largest_variance_fraction
+        Cochran's C: the largest variance of a target over the sum of all; None where targets differ in their numbers of
+        readings, or repeats never differ.
+    cochran_limit
+        Value that C exceeds by chance in 5 of 100 studies (ISO 5725-2); None where C is.
     """
 
     within_sd: float
@@ -57,6 +66,9 @@ class Repeatability:
     between_truncated: bool
     degrees_of_freedom: int
     mean: float
+    within_cv: float | None
+    largest_variance_fraction: float | None
+    cochran_limit: float | None
 
     @property
     def coefficient(self) -> float:
@@ -101,13 +113,26 @@ def repeatability(readings: Sequence[ArrayLike]) -> Repeatability:
     between = squares(np.sqrt(sizes) * (means - mean), together) / (len(rows) - 1)
     size = (total - float((sizes**2).sum()) / total) / (len(rows) - 1)  # of a target, for unequal numbers of readings
     variance = (between - within) / size
+    repeated = [row for row in rows if len(row) > 1]
+    variances = np.array([row.var(ddof=1) for row in repeated])
+    relative = [row.var(ddof=1) / row.mean() ** 2 * (len(row) - 1) for row in repeated if row.mean() > 0]
+    equal = sizes.min() == sizes.max() and within > 0
     return Repeatability(
         within_sd=math.sqrt(within),
         between_sd=math.sqrt(max(variance, 0.0)),
         between_truncated=variance < 0,
         degrees_of_freedom=free,
         mean=mean,
+        within_cv=math.sqrt(sum(relative) / free) if len(relative) == len(repeated) else None,
+        largest_variance_fraction=float(variances.max() / variances.sum()) if equal else None,
+        cochran_limit=_cochran_limit(len(rows), int(sizes[0])) if equal else None,
     )
+
+
+def _cochran_limit(targets: int, repeats: int) -> float:
+    """Critical value of Cochran's C at 5 %, from the F distribution."""
+    ratio = float(fdtri(repeats - 1, (targets - 1) * (repeats - 1), 1 - COCHRAN_LEVEL / targets))
+    return ratio / (ratio + targets - 1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -143,6 +168,11 @@ class Reproducibility:
         return REPEATABILITY_SD * self.repeat_sd
 
     @property
+    def sd(self) -> float:
+        """Reproducibility standard deviation, s_R of ISO 5725: of a reading of a given target by any operator."""
+        return self.coefficient / REPEATABILITY_SD
+
+    @property
     def coefficient(self) -> float:
         """Two readings of a target by two operators differ by less with a probability of 95 %.
 
@@ -160,26 +190,42 @@ class Reproducibility:
         With two or three operators its upper end is large. ``level`` is the confidence, in (0, 1). Raises `InputError`
         when it is not, or when repeats never differ.
         """
-        tail = (1 - checked_level(level)) / 2
         if self.repeat_sd == 0:
             raise InputError("readings must differ between repeats for an interval; got equal ones: record more digits")
-        middle = (self.coefficient / REPEATABILITY_SD) ** 2
-        below = above = 0.0
-        for weight, square, free in self._terms():
-            below += ((1 - free / float(chdtri(free, tail))) * weight * square) ** 2
-            above += ((free / float(chdtri(free, 1 - tail)) - 1) * weight * square) ** 2
+        low, high = modified_large_samples(self._terms(), checked_level(level))
         return Interval(
-            low=REPEATABILITY_SD * math.sqrt(max(middle - math.sqrt(below), 0.0)),
-            high=REPEATABILITY_SD * math.sqrt(middle + math.sqrt(above)),
-            level=level,
-            method="modified large samples",
+            low=REPEATABILITY_SD * low, high=REPEATABILITY_SD * high, level=level, method="modified large samples"
         )
 
     def _terms(self) -> tuple[tuple[float, float, int], ...]:
         """Weight, mean square and degrees of freedom of the components of a reading on a given target."""
-        targets, _, repeats = self.shape
-        weights = (1 / (targets * repeats), (targets - 1) / (targets * repeats), (repeats - 1) / repeats)
-        return tuple(zip(weights, self.mean_squares[1:], self.degrees_of_freedom[1:], strict=True))
+        return reproducibility_terms(self.shape, self.mean_squares[1:])
+
+
+def degrees_of_freedom(shape: tuple[int, int, int]) -> tuple[int, int, int, int]:
+    """Of targets, operators, interaction and repeats in a balanced study of that many targets, operators, repeats."""
+    n, k, r = shape
+    return n - 1, k - 1, (n - 1) * (k - 1), n * k * (r - 1)
+
+
+def reproducibility_terms(
+    shape: tuple[int, int, int], mean_squares: Sequence[float]
+) -> tuple[tuple[float, float, int], ...]:
+    """Weight, mean square and degrees of freedom of operators, interaction and repeats in the variance of a reading."""
+    targets, _, repeats = shape
+    weights = (1 / (targets * repeats), (targets - 1) / (targets * repeats), (repeats - 1) / repeats)
+    return tuple(zip(weights, mean_squares, degrees_of_freedom(shape)[1:], strict=True))
+
+
+def modified_large_samples(terms: Sequence[tuple[float, float, int]], level: float) -> tuple[float, float]:
+    """Graybill and Wang's interval of the root of a sum of weighted mean squares, as (low, high)."""
+    tail = (1 - level) / 2
+    middle = sum(weight * square for weight, square, _ in terms)
+    below = above = 0.0
+    for weight, square, free in terms:
+        below += ((1 - free / float(chdtri(free, tail))) * weight * square) ** 2
+        above += ((free / float(chdtri(free, 1 - tail)) - 1) * weight * square) ** 2
+    return math.sqrt(max(middle - math.sqrt(below), 0.0)), math.sqrt(middle + math.sqrt(above))
 
 
 def reproducibility(readings: ArrayLike) -> Reproducibility:
@@ -205,7 +251,7 @@ def reproducibility(readings: ArrayLike) -> Reproducibility:
     centred = table - table.mean()
     cells = centred.mean(axis=2)
     rows, columns = cells.mean(axis=1), cells.mean(axis=0)
-    free = (n - 1, k - 1, (n - 1) * (k - 1), n * k * (r - 1))
+    free = degrees_of_freedom((n, k, r))
     result = (
         k * r * squares(rows, table) / free[0],
         n * r * squares(columns, table) / free[1],

@@ -32,7 +32,7 @@ _RESULTS = {
     "records": ("edit", "export", "import", "list", "recompute", "send", "show", "verify"),
     "sensor": ("check", "frames", "new", "show"),
     "simulate": ("", "list"),
-    "study": ("analyse", "export", "import", "new", "plan", "run", "show", "verify"),
+    "study": ("analyse", "export", "import", "new", "plan", "repeatability", "run", "show", "size", "verify"),
     "sweep": ("run", "run-plan", "verify"),
     "track": ("",),
 }

@@ -105,8 +105,7 @@ class HardnessPosterior:
 
 def explore_modulus(likelihood: HardnessLikelihood, prior: HardnessPrior, radius: RadiusPrior) -> HardnessPosterior:
     """Integrate over Poisson's ratio and radius on nodes, and draw the modulus from a grid in its logarithm."""
-    position, weight = np.polynomial.legendre.leggauss(RATIOS)
-    low, high = prior.poisson
+    (position, weight), (low, high) = np.polynomial.legendre.leggauss(RATIOS), prior.poisson
     ratios, log_ratio = low + (high - low) * (position + 1) / 2, np.log(weight / 2)
     radii, log_radius = radius.nodes()
     nodes = ratios[:, None], radii[None, :]

@@ -18,9 +18,8 @@ from tsis.study._tables import (
     read_truth_table,
     readings_table,
 )
-from tsis.study._unblinding import enter_analysis, unblind
 from tsis.study._values import QUANTITIES, DeviceReading, TargetTruth, require_short_name
-from tsis.study._verification import StudyVerification, is_file_name, verify_study
+from tsis.study._verification import StudyVerification, enter_analysis, is_file_name, unblind, verify_study
 
 __all__ = [
     "ANALYSED",

@@ -1,4 +1,4 @@
-"""Verification of a study: its files against its log, and every line of the log."""
+"""Verification of a study, its files against its log; the unblinding, and the entry of analyses."""
 
 from __future__ import annotations
 
@@ -7,18 +7,32 @@ from collections import Counter
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeGuard
 
+from tsis.__about__ import __version__
 from tsis.errors import InputError, RecordsError
-from tsis.files import as_path, one_line, read_bytes
-from tsis.study._folder import ANALYSED, CREATED, IMPORTED, PLAN, READING, SEAL, UNBLINDED, no_study
-from tsis.study._log import LOG_FILE, read_log
+from tsis.files import LogDraft, as_path, one_line, read_bytes
+from tsis.study._folder import (
+    ANALYSED,
+    CREATED,
+    IMPORTED,
+    PLAN,
+    READING,
+    SEAL,
+    UNBLINDED,
+    no_study,
+    open_study,
+    read_seal,
+)
+from tsis.study._log import LOG_FILE, append_log, read_log
 from tsis.study._plan import parse_study_plan
 from tsis.study._seal import commitment
-from tsis.study._values import parse_reading
+from tsis.study._values import parse_reading, require_short_name
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from pathlib import Path
 
     from tsis.files import LogChain, LogEntry
+    from tsis.study._folder import Study
     from tsis.study._plan import StudyPlan
 
 
@@ -196,3 +210,46 @@ def _holds(chain: LogChain, head: str) -> bool:
     if len(requested) < LEAST_HEAD or set(requested) - set("0123456789abcdef"):
         raise InputError(f"head must be a hash that a report printed, {LEAST_HEAD} digits or more; got {head!r:.80}")
     return any(entry.hash.startswith(requested) for entry in chain.entries)
+
+
+def unblind(study: Study, *, by: str) -> Study:
+    """Enter the unblinding of a study with readings and return the updated study; a second call changes nothing.
+
+    The entry includes the faults at this time, so that earlier and later changes differ.
+
+    Raises
+    ------
+    InputError
+        When ``by`` is no name.
+    RecordsError
+        When there is no reading, or the truth cannot be read.
+    """
+    require_short_name("by", by)
+    read_seal(study)
+    if not open_study(study.folder).readings:
+        raise RecordsError("a study must have a reading before it is unblinded; this one has none (tsis study run)")
+    verification = verify_study(study.folder)
+
+    def drafts(chain: LogChain) -> list[LogDraft]:
+        if any(entry.action == UNBLINDED for entry in chain.entries):
+            return []
+        faults = [fault.key for fault in verification.faults]
+        return [LogDraft(actor=by, action=UNBLINDED, content={"faults": faults, "tsis": __version__})]
+
+    append_log(study.folder, drafts, damaged=True)
+    return open_study(study.folder)
+
+
+def enter_analysis(study: Study, *, by: str, folder: str, files: Mapping[str, str]) -> Study:
+    """Enter an analysis of an unblinded study with the hashes of its files.
+
+    ``folder`` is its name below the study's folder, empty elsewhere; ``files`` has the SHA-256 by name.
+
+    `RecordsError` when the study is blind.
+    """
+    if study.unblinded is None:
+        raise RecordsError("a study must be unblinded before it is analysed; this one is blind")
+    entries = {"folder": folder, "files": dict(files), "tsis": __version__}
+    draft = LogDraft(actor=require_short_name("by", by), action=ANALYSED, content=entries)
+    append_log(study.folder, lambda _chain: [draft], damaged=True)
+    return open_study(study.folder)

@@ -11,6 +11,7 @@ from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.cli.study._analyse import analyse
 from tsis.cli.study._new import new
 from tsis.cli.study._plan import plan
+from tsis.cli.study._precision import repeatability, size
 from tsis.cli.study._run import export, import_, run
 from tsis.cli.study._verify import show, verify
 
@@ -27,4 +28,6 @@ app.command("import", epilog="Example: tsis study import trial readings.csv --de
 app.command(epilog="Example: tsis study export trial readings.csv")(export)
 app.command(epilog="Example: tsis study analyse trial --by Ada --yes")(analyse)
 app.command(epilog="Example: tsis study verify trial")(verify)
+app.command(epilog="Example: tsis study repeatability trial --out trial-repeatability")(repeatability)
+app.command(epilog="Example: tsis study size --width 0.2")(size)
 app.command(epilog="Example: tsis study plan --width-mm 90 --height-mm 60 --overlap 0.5 --out plan")(plan)

@@ -12,6 +12,7 @@ from tsis.report.study._document import (
     undecided_notes,
 )
 from tsis.report.study._page import PAGE, PAPER, publish_study, study_page
+from tsis.report.study._precision import precision_document, precision_notes, precision_page, precision_tables
 from tsis.report.study._tables import targets_table
 
 __all__ = [
@@ -22,6 +23,10 @@ __all__ = [
     "fraction_text",
     "interval_text",
     "method_of",
+    "precision_document",
+    "precision_notes",
+    "precision_page",
+    "precision_tables",
     "publish_study",
     "record_notes",
     "study_document",

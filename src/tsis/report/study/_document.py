@@ -42,7 +42,7 @@ METHODS = {
     "bootstrap": "bootstrap",
     "f": "F",
     "chi-square": "chi-square",
-    "mls": "Graybill and Wang",
+    "modified large samples": "Graybill and Wang",
     "wald": "Wald",
     "t": "Student",
     "exact": "Carkeet, exact",
@@ -351,11 +351,12 @@ def _comparison(device_comparison: DeviceComparison) -> dict[str, Any]:
     return {
         **_fields(device_comparison, "first", "second", "targets", "remark"),
         "areas": None if device_comparison.areas is None else _fields(device_comparison.areas, *areas),
-        "limits_of_agreement": {name: _limits(limit) for name, limit in device_comparison.limits.items()},
+        "limits_of_agreement": {name: limits_document(limit) for name, limit in device_comparison.limits.items()},
     }
 
 
-def _limits(bland_altman: BlandAltman) -> dict[str, Any]:
+def limits_document(bland_altman: BlandAltman) -> dict[str, Any]:
+    """Bias and limits of agreement with their intervals."""
     bias, limits = limit_intervals(bland_altman)
     return {
         **_fields(bland_altman, "targets", "bias"),

@@ -195,13 +195,14 @@ def comparison_table(device_comparison: DeviceComparison) -> Table:
         by = method_of(areas.interval) + ("" if areas.p is None else f", p = {areas.p:.2g}")
         rows.append(("difference of areas", f"{areas.difference:+.3f}", reported, by))
     for name, limit in device_comparison.limits.items():
-        rows += _limits(name, limit)
+        rows += limit_rows(name, limit)
     devices = f"{device_comparison.second} beside {device_comparison.first}"
     title = f"{devices}, on {device_comparison.targets} targets that both decided"
     return Table(title=title, headings=NUMBERS, rows=tuple(rows))
 
 
-def _limits(name: str, bland_altman: BlandAltman) -> list[tuple[str, str, str, str]]:
+def limit_rows(name: str, bland_altman: BlandAltman) -> list[tuple[str, str, str, str]]:
+    """Bias, lower and upper limit of agreement of a quantity, each with its interval."""
     bias, limits = limit_intervals(bland_altman)
     what = f"{labelled(name)}: bias, {bland_altman.targets} inclusions"
     rows = [(what, f"{bland_altman.bias:+.2f}", ends(bias, 2), method_of(bias))]

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from tsis.detection import Interval
     from tsis.study._values import DeviceReading
-    from tsis.study.analysis._results import DeviceResults
+    from tsis.study.analysis._precision import DeviceResults
 
 
 SCORE = "score"

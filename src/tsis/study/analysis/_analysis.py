@@ -15,7 +15,7 @@ from tsis.study._tables import quantity_columns
 from tsis.study._values import QUANTITIES
 from tsis.study._verification import verify_study
 from tsis.study.analysis._device import device_analysis
-from tsis.study.analysis._results import device_results
+from tsis.study.analysis._precision import device_results
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from tsis.study._values import TargetTruth
     from tsis.study._verification import StudyVerification
     from tsis.study.analysis._device import DeviceAnalysis
-    from tsis.study.analysis._results import DeviceResults, TargetResult
+    from tsis.study.analysis._precision import DeviceResults, TargetResult
 
 
 ENOUGH = 30  # targets of each kind for DeLong's test

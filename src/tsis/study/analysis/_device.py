@@ -22,7 +22,7 @@ from tsis.detection import (
 from tsis.errors import InputError
 from tsis.study._values import QUANTITIES
 from tsis.study.analysis._agreement import agreements
-from tsis.study.analysis._results import strata
+from tsis.study.analysis._precision import strata
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from tsis.detection import Counts, Interval, OperatingPoint, Recalibration, ReliabilityCurve, Roc
     from tsis.study._values import DeviceReading
     from tsis.study.analysis._agreement import Agreement
-    from tsis.study.analysis._results import DeviceResults, Stratum
+    from tsis.study.analysis._precision import DeviceResults, Stratum
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

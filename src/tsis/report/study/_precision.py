@@ -1,0 +1,238 @@
+"""The repeatability and reproducibility of a study, as a page and as a JSON document."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from tsis.detection import REPEATABILITY_SD
+from tsis.errors import InputError
+from tsis.plots import agreement_limits, read_over_true
+from tsis.report._document import envelope
+from tsis.report._page import Card, Page, Picture, Table, on_axes
+from tsis.report.study._document import (
+    NAMES,
+    counted,
+    ends,
+    interval_document,
+    labelled,
+    limit_intervals,
+    limits_document,
+    method_of,
+)
+from tsis.report.study._tables import NUMBERS, limit_rows
+from tsis.study import read_seal
+from tsis.study.analysis import OPERATORS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from tsis.detection import Interval, Linearity
+    from tsis.study.analysis import Precision, PrecisionAnalysis
+
+
+PER_CENT = 100.0
+METHOD_NOTES = (
+    "Within-subject sd: scatter of repeats of one target by one operator (ISO 5725: repeatability). The "
+    "repeatability coefficient is 2.77 times as large: two such readings differ by less with a probability of 95 %.",
+    "Reproducibility adds the scatter between conditions and how it varies with the target. With two or three of them "
+    "its interval is wide, and no number of targets makes it narrow.",
+    "Only targets that every condition read completely are used. Targets that are hard to read are among those left "
+    "out, so the numbers hold for targets that can be read.",
+    "Repeats of the virtual probe differ by its errors alone: an operator's hand adds nothing to them.",
+)
+
+
+def precision_page(analysis: PrecisionAnalysis) -> Page:
+    """Numbers, notes, limits of agreement and lines of a study of repeatability."""
+    study, results = analysis.study, analysis.results
+    return Page(
+        title=f"Repeatability, study {study.plan.name}",
+        subtitle=f"{', '.join(study.devices)}; {counted(study.plan.repeats, 'repeat')} by each operator",
+        cards=tuple(_card(item) for item in results if item.over == OPERATORS),
+        notes=precision_notes(analysis),
+        pictures=tuple(picture for item in results for picture in _pictures(analysis, item)),
+        tables=precision_tables(analysis),
+        provenance={
+            "study": {"name": study.plan.name, "made": study.plan.made.isoformat(), "tsis": study.plan.tsis},
+            "sealed truth (SHA-256)": study.plan.commitment,
+            "head of the log": study.chain.head,
+        },
+    )
+
+
+def precision_notes(analysis: PrecisionAnalysis) -> tuple[str, ...]:
+    """What the numbers mean, and what could not be computed."""
+    outliers = [
+        f"{_title(item)}: one target scatters more than the others (Cochran's C "
+        f"{item.within.largest_variance_fraction:.3f}, limit {item.within.cochran_limit:.3f}, ISO 5725-2)."
+        for item in analysis.results
+        if item.within.largest_variance_fraction is not None
+        and item.within.cochran_limit is not None
+        and item.within.largest_variance_fraction > item.within.cochran_limit
+    ]
+    missing = [f"{device}, {NAMES[name][0]}: {why}." for (device, name), why in analysis.missing.items()]
+    return (*missing, *outliers, *METHOD_NOTES)
+
+
+def precision_tables(analysis: PrecisionAnalysis) -> tuple[Table, ...]:
+    """A table of each quantity of each device, then of the devices together."""
+    return tuple(
+        Table(title=_title(item), headings=NUMBERS, rows=tuple(_rows(item)))
+        for item in sorted(analysis.results, key=lambda item: item.over != OPERATORS)
+    )
+
+
+def _title(item: Precision) -> str:
+    return f"{item.device}: {labelled(item.quantity)}, over {counted(len(item.conditions), item.over[:-1])}"
+
+
+def _card(item: Precision) -> Card:
+    name, unit = NAMES[item.quantity]
+    interval = coefficient_interval(item)
+    return Card(
+        title=f"{item.device}: repeatability coefficient, {name}",
+        value=f"{item.within.coefficient:.3g} {unit}",
+        detail=f"{ends(interval, 2)}, {counted(len(item.complete), 'target')}",
+        doubtful=bool(item.incomplete),
+    )
+
+
+def coefficient_interval(item: Precision) -> Interval | None:
+    """Interval of the repeatability coefficient; None where repeats never differ."""
+    try:
+        return item.within.interval()
+    except InputError:
+        return None
+
+
+def _between_interval(item: Precision) -> Interval | None:
+    try:
+        return None if item.between is None else item.between.interval()
+    except InputError:
+        return None
+
+
+def _rows(item: Precision) -> Iterator[tuple[str, str, str, str]]:
+    within, between, used = item.within, item.between, len(item.complete)
+    conditions, repeats = counted(len(item.conditions), item.over[:-1]), counted(item.repeats, "repeat")
+    yield ("rests on", f"{counted(used, 'target')}, {conditions}, {repeats}", f"{len(item.incomplete)} left out", "")
+    interval = coefficient_interval(item)
+    low, high = (None, None) if interval is None else (end / REPEATABILITY_SD for end in interval)
+    yield (
+        "within-subject sd",
+        f"{within.within_sd:.3g}",
+        "-" if low is None else f"{low:.3g} to {high:.3g}",
+        method_of(interval),
+    )
+    if within.within_cv is not None:
+        yield ("within-subject CV", f"{PER_CENT * within.within_cv:.3g} %", "-", "")
+    yield ("repeatability coefficient", f"{within.coefficient:.3g}", ends(interval), method_of(interval))
+    if between is not None:
+        wide = _between_interval(item)
+        each = {f"sd of {item.over}": between.operator_sd, "sd of their interaction": between.interaction_sd}
+        for name, value in each.items():
+            yield (name, f"{value:.3g}", "-", "")
+        yield ("reproducibility sd", f"{between.sd:.3g}", "-", "")
+        yield ("reproducibility coefficient", f"{between.coefficient:.3g}", ends(wide), method_of(wide))
+    for pair, limits in item.limits.items():
+        for name, value, ends_text, method in limit_rows(item.quantity, limits):
+            yield (f"{pair[0]} less {pair[1]}, {name.partition(': ')[2]}", value, ends_text, method)
+    bias, _ = limit_intervals(item.errors)
+    yield ("bias", f"{item.errors.bias:+.3g}", ends(bias), method_of(bias))
+    yield ("bias over the true value", f"{PER_CENT * item.relative_bias:+.3g} %", "-", "")
+    if item.line is None:
+        yield ("line over the true values", "none", "needs 4 targets, 3 true values", "")
+    else:
+        yield from _line(item.line)
+
+
+def _line(line: Linearity) -> Iterator[tuple[str, str, str, str]]:
+    for name, value, interval in (
+        ("slope of the line, 1 is right", line.slope, line.slope_interval()),
+        ("intercept of the line, 0 is right", line.intercept, line.intercept_interval()),
+    ):
+        yield (name, f"{value:.3f}", ends(interval), method_of(interval))
+    yield ("scatter about the line", f"{line.scatter_sd:.3g}", f"R^2 {line.r_squared:.3f}", "")
+    yield ("curvature beside the line", f"p = {line.curvature_p:.2g}", "-", "Student")
+
+
+def _pictures(analysis: PrecisionAnalysis, item: Precision) -> Iterator[Picture]:
+    name = NAMES[item.quantity][0]
+    if item.over == OPERATORS:
+        read, true = _means(analysis, item)
+        yield Picture(
+            title=f"{item.device}: {name} read over true",
+            draw=on_axes(read_over_true, true, read, label=labelled(item.quantity)),
+            size=(4.6, 4.2),
+            alt=f"Mean reading of {counted(len(item.complete), 'target')} over the true {name}",
+            caption="Mean of all readings of each target.",
+        )
+    for pair, limits in item.limits.items():
+        yield Picture(
+            title=f"{name}: {pair[0]} less {pair[1]}",
+            draw=on_axes(agreement_limits, limits, label=labelled(item.quantity)),
+            size=(4.6, 4.2),
+            alt=f"Differences of {counted(limits.targets, 'target')} over their means",
+            caption=f"{item.device}. First readings; dashed the limits between which 95 % of differences lie.",
+        )
+
+
+def _means(analysis: PrecisionAnalysis, item: Precision) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    import numpy as np
+
+    truths = read_seal(analysis.study)[0].truths
+    values: dict[str, list[float]] = {code: [] for code in item.complete}
+    for reading in analysis.study.readings:
+        if reading.device == item.device and reading.code in values and item.quantity in reading.values:
+            values[reading.code].append(reading.values[item.quantity])
+    read = [float(np.mean(values[code])) for code in item.complete]
+    return np.array(read), np.array([truths[code].values[item.quantity] for code in item.complete])
+
+
+def precision_document(analysis: PrecisionAnalysis) -> dict[str, Any]:
+    """The numbers as JSON values; null where a value is unknown."""
+    return envelope(
+        "study repeatability",
+        study={"name": analysis.study.plan.name, "repeats": analysis.study.plan.repeats},
+        results=[_result(item) for item in analysis.results],
+        missing=[
+            {"device": device, "quantity": name, "reason": why} for (device, name), why in analysis.missing.items()
+        ],
+        head=analysis.study.chain.head,
+    )
+
+
+def _result(item: Precision) -> dict[str, Any]:
+    within, between, line = item.within, item.between, item.line
+    return {
+        **{name: getattr(item, name) for name in ("quantity", "device", "over", "repeats")},
+        "conditions": list(item.conditions),
+        "complete": list(item.complete),
+        "incomplete": list(item.incomplete),
+        "repeatability": {
+            **{name: getattr(within, name) for name in ("within_sd", "within_cv", "degrees_of_freedom", "coefficient")},
+            "interval": interval_document(coefficient_interval(item)),
+            **{name: getattr(within, name) for name in ("largest_variance_fraction", "cochran_limit")},
+        },
+        "reproducibility": None
+        if between is None
+        else {
+            **{name: getattr(between, name) for name in ("operator_sd", "interaction_sd", "sd", "coefficient")},
+            "interval": interval_document(_between_interval(item)),
+        },
+        "limits_of_agreement": [
+            {"first": pair[0], "second": pair[1], **limits_document(limits)} for pair, limits in item.limits.items()
+        ],
+        "errors": {**limits_document(item.errors), "relative_bias": item.relative_bias},
+        "line": None
+        if line is None
+        else {
+            **asdict(line),
+            "slope_interval": interval_document(line.slope_interval()),
+            "intercept_interval": interval_document(line.intercept_interval()),
+        },
+    }
