@@ -114,8 +114,8 @@ class InclusionPrior:
     def __str__(self) -> str:
         name = self.name or (DEFAULT_NAME if self == InclusionPrior() else "")
         return (
-            f"{name}{': ' if name else ''}diameter {_range(self.diameter_mm)} mm, depth {_range(self.depth_mm)} mm, modulus "
-            f"{_range(self.young_kpa)} kPa, each uniform; tissue {self.tissue_young_kpa:g} kPa ± "
+            f"{name}{': ' if name else ''}diameter {_range(self.diameter_mm)} mm, depth {_range(self.depth_mm)} mm, "
+            f"modulus {_range(self.young_kpa)} kPa, each uniform; tissue {self.tissue_young_kpa:g} kPa ± "
             f"{100 * self.tissue_young_sd:g} %, {self.thickness_mm:g} mm ± {100 * self.thickness_sd:g} % thick, "
             f"Poisson's ratio {self.poisson:g} ± {self.poisson_sd:g}, "
             f"{_unevenness(self.heterogeneity_sd)}; {self.offset_sd_mm:g} mm from the axis where "

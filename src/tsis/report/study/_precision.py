@@ -139,8 +139,8 @@ def _rows(item: Precision) -> Iterator[tuple[str, str, str, str]]:
         yield ("reproducibility sd", f"{between.sd:.3g}", "-", "")
         yield ("reproducibility coefficient", f"{between.coefficient:.3g}", ends(wide), method_of(wide))
     for pair, limits in item.limits.items():
-        for name, value, ends_text, method in limit_rows(item.quantity, limits):
-            yield (f"{pair[0]} less {pair[1]}, {name.partition(': ')[2]}", value, ends_text, method)
+        for name, shown, ends_text, method in limit_rows(item.quantity, limits):
+            yield (f"{pair[0]} less {pair[1]}, {name.partition(': ')[2]}", shown, ends_text, method)
     bias, _ = limit_intervals(item.errors)
     yield ("bias", f"{item.errors.bias:+.3g}", ends(bias), method_of(bias))
     yield ("bias over the true value", f"{PER_CENT * item.relative_bias:+.3g} %", "-", "")
