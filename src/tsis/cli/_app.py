@@ -86,7 +86,7 @@ COMMANDS = {
     "force": CommandEntry(
         "tsis.cli._force",
         "force",
-        "Compute newtons and pressure from a depth map of a gel sensor, with the force's interval.",
+        "Compute the pressure and the normal force from a depth map of a gel sensor, with the force's interval.",
         "tsis force --demo --sensor gelsight-mini --out first-force",
     ),
     "serve": CommandEntry(
