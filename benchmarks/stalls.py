@@ -23,6 +23,7 @@ CAUSES = {
     "strain": "the limit of this model",
     "contact": "contact is smaller",
     "collapse": "compressed to",
+    "unresolved": "pressure is not resolved",
 }
 
 
