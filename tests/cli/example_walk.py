@@ -98,6 +98,8 @@ WALK = (
     Step("study import", r"\b4 readings"),
     Step("study verify", r"as it was written, all \d+ lines"),
     Step("study analyse", r"palpation", ("trial/analysis/report.html",)),
+    Step("study repeatability", r"repeatability", ("trial-repeatability/*",)),
+    Step("study size", r"Research use only"),
     Step("study plan", r"presses +│ 40", ("plan/result.json",)),
     Step("sweep example", r"", ("plan.toml",)),
     Step("sweep run", r"1024 presses in 16 files", ("data/part-000015.parquet", "data/manifest.json")),

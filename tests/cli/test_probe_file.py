@@ -114,7 +114,9 @@ def test_a_file_that_is_no_text_or_not_there_is_refused(tmp_path: Path) -> None:
 
 def test_commands_take_the_file(run_tsis: RunTsis, tmp_path: Path) -> None:
     (tmp_path / "mine.toml").write_text(SOFT, encoding="utf-8")
-    found = json.loads(run_tsis("simulate", "--probe", "mine.toml", "--force-n", "0.5", "--json").out)
+    found = json.loads(
+        run_tsis("simulate", "--probe", "mine.toml", "--force-n", "0.5", "--strain", "small", "--json").out
+    )
     mine = Probe(radius_mm=10.0, layers=(Layer(thickness_mm=8.0, young_kpa=30.0),))
     expected = press(mine, load_phantom("hardness-100"), force_n=0.5)
     np.testing.assert_allclose(found["pressure_kpa"], expected.pressure_kpa, rtol=1e-12)

@@ -186,12 +186,13 @@ def test_permuting_either_set_permutes_the_matches(method: str, seed: int) -> No
 @SOME
 @given(seed=SEEDS, size=st.sampled_from([1e-9, 0.1, 7.0, 1e9]), x=st.floats(-3, 3), y=st.floats(-3, 3))
 def test_moving_and_scaling_carry_over(method: str, seed: int, size: float, x: float, y: float) -> None:
+    """Whether or not the result is withheld: a withheld one leaves the points where they are."""
     task, shift = _task(seed), np.array([x, y])
-    one = register(task.source, task.target, method=method)
-    here = register(size * (task.source + shift), task.target, method=method)
+    one = match_points(task.source, task.target, method=method)
+    here = match_points(size * (task.source + shift), task.target, method=method)
     np.testing.assert_array_equal(here.matches, one.matches)
     np.testing.assert_allclose(here.moved, one.moved, atol=1e-3 * LARGEST_SHIFT)
-    there = register(task.source, size * (task.target + shift), method=method)
+    there = match_points(task.source, size * (task.target + shift), method=method)
     np.testing.assert_array_equal(there.matches, one.matches)
     np.testing.assert_allclose(there.moved / size, one.moved + shift, atol=1e-3 * LARGEST_SHIFT)
     assert there.confidence == pytest.approx(one.confidence, abs=1e-3)

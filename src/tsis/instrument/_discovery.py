@@ -65,7 +65,7 @@ _LIVE = {
     "vimba": ("_vimba", "_vimba", "VimbaCamera"),
     "opencv": ("_opencv", "_opencv", "OpenCVDevice"),
 }
-_STORED = {"files": ("_files", "ImageFiles"), "video": ("_video", "VideoFile")}
+_STORED = {"files": ("_files", "ImageFiles"), "video": ("_files", "VideoFile")}
 LIVE_SOURCES, STORED_SOURCES = tuple(_LIVE), tuple(_STORED)
 SOURCES = (*LIVE_SOURCES, *STORED_SOURCES)
 _PLUGINS = "cameras"
