@@ -236,6 +236,7 @@ def test_a_study_of_another_device_is_unblinded(page: Page, console: RunningCons
     dialog = page.get_by_role("dialog")
     dialog.get_by_text("The study has 4 readings.").wait_for()
     assert dialog.get_by_text("although incomplete").is_hidden()
+    dialog.get_by_label("Done by").fill("Ada")
     dialog.get_by_role("button", name="Unblind and analyse").click()
     page.get_by_role("link", name="Report", exact=True).wait_for()
     page.get_by_role("cell", name="detection-1", exact=True).wait_for()
