@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from tsis.calibration import read_press_image
 from tsis.errors import InputError, TsisError
 from tsis.files import encode_picture, file_error, printable_name, write_durably
@@ -60,7 +62,7 @@ class OpenedImages:
 def open_images(paths: Sequence[Path], *, frames_in: Path) -> OpenedImages:
     """Read image files, videos and the image files of folders; a bad file becomes a message and the others stay.
 
-    The frames of a video are written below ``frames_in`` as grey PNG files. Sidecars of ``tsis acquire`` need no place
+    The frames of a video are written below ``frames_in`` as grey PNG files of 8 bits. Sidecars of ``tsis acquire`` need no place
     in the list: they are read with the image that they lie beside.
     """
     images: list[OwnImage] = []
@@ -104,7 +106,7 @@ def _video_frames(path: Path, frames_in: Path) -> Iterator[Path]:
         camera.start()
         for index, frame in enumerate(camera.frames()):
             file = frames_in / f"{path.stem}-{index:05d}.png"
-            write_durably(file, encode_picture(frame.pixels))
+            write_durably(file, encode_picture(np.rint(frame.pixels).astype(np.uint8)))
             yield file
     finally:
         camera.stop()
