@@ -62,8 +62,8 @@ class OpenedImages:
 def open_images(paths: Sequence[Path], *, frames_in: Path) -> OpenedImages:
     """Read image files, videos and the image files of folders; a bad file becomes a message and the others stay.
 
-    The frames of a video are written below ``frames_in`` as grey PNG files of 8 bits. Sidecars of ``tsis acquire`` need no place
-    in the list: they are read with the image that they lie beside.
+    The frames of a video are written below ``frames_in`` as grey PNG files of 8 bits. Sidecars of ``tsis acquire`` are
+    read with the image that they lie beside.
     """
     images: list[OwnImage] = []
     refused: list[str] = []
@@ -77,7 +77,7 @@ def open_images(paths: Sequence[Path], *, frames_in: Path) -> OpenedImages:
                     images.append(OwnImage(path=file, rows=rows, columns=columns))
                 except TsisError as error:
                     refused.append(str(error))
-        except TsisError as error:
+        except (TsisError, OSError) as error:  # a folder may be closed to us, a disk full
             refused.append(str(error))
     within = f"{frames_in}/"  # the folder of uploads says nothing to a user
     return OpenedImages(images=tuple(images), refused=tuple(message.replace(within, "") for message in refused))
@@ -88,7 +88,7 @@ def _image_files(path: Path, frames_in: Path) -> Iterator[Path]:
     if path.is_dir():
         files = sorted(item for item in path.iterdir() if item.suffix.lower() in (*IMAGE_ENDINGS, *VIDEO_ENDINGS))
         if not files:
-            raise file_error(path, f"must hold image files or videos ({', '.join(IMAGE_ENDINGS)}); it holds none")
+            raise file_error(path, "must hold image files or videos; it holds none")
         for file in files:
             yield from _image_files(file, frames_in)
     elif ending in VIDEO_ENDINGS:
