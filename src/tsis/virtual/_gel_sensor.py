@@ -14,13 +14,7 @@ from tsis.errors import InputError
 from tsis.hardness import hertzian_radius_mm, press_fields
 from tsis.mechanics.finite_strain import WIDEST_CONTACT, SphereResolution
 from tsis.model import GelSensor, Layer, Probe, SoftSphere, require_number, require_type
-from tsis.virtual._gel_frames import (
-    GelBallPress,
-    RenderedPress,
-    gel_depth_mm,
-    random_gel_light,
-    render_gel,
-)
+from tsis.virtual._gel_frames import GelBallPress, RenderedPress, gel_depth_mm, random_gel_light, render_gel
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -59,10 +53,7 @@ class VirtualGelSensor:
     reference
         Frame of the untouched sensor, shape (rows, columns, 3), 8 bits.
 
-    Raises
-    ------
-    InputError
-        When the gel is not flat, or the scale is not known.
+    Raises `InputError` when the gel is not flat, or the scale is not known.
     """
 
     def __init__(
@@ -103,11 +94,7 @@ class VirtualGelSensor:
             When a press does not converge.
         """
         require_type("ball", ball, SoftSphere)
-        half = min(self.sensor.width_mm, self.sensor.height_mm) / 2
-        # The rim is far from the contact: a wider face admits balls that are larger than the sensor.
-        probe = Probe(radius_mm=max(half, 1.01 * ball.radius_mm / WIDEST_CONTACT), layers=(self.gel,))
-        fields = press_fields(probe, ball, forces_n=forces_n, resolution=self._resolution)
-        return tuple(self._rendered(field, ball, centre_px) for field in fields)
+        return tuple(self._rendered(field, ball, centre_px) for field in self._fields(ball, forces_n))
 
     def rigid_ball(self, radius_mm: float) -> SoftSphere:
         """A ball that does not deform on this gel."""
@@ -123,21 +110,23 @@ class VirtualGelSensor:
         contact = np.linspace(min(SHALLOW * radius, 0.7 * widest), widest, min(depths, count))
         forces = [float(force) for force in 4.0 / 3.0 * modulus * contact**3 / radius / 1000.0]  # Hertz's, in N
         ball = self.rigid_ball(radius)
-        half = min(self.sensor.width_mm, self.sensor.height_mm) / 2
-        probe = Probe(radius_mm=max(half, 1.01 * radius / WIDEST_CONTACT), layers=(self.gel,))
-        fields = press_fields(probe, ball, forces_n=forces, resolution=self._resolution)
+        fields = self._fields(ball, forces)
         return tuple(self._rendered(fields[number % len(fields)], ball, None) for number in range(count))
+
+    def _fields(self, ball: SoftSphere, forces_n: Sequence[float]) -> tuple[PressField, ...]:
+        half = min(self.sensor.width_mm, self.sensor.height_mm) / 2
+        # The rim is far from the contact: a wider face admits balls that are larger than the sensor.
+        probe = Probe(radius_mm=max(half, 1.01 * ball.radius_mm / WIDEST_CONTACT), layers=(self.gel,))
+        return press_fields(probe, ball, forces_n=forces_n, resolution=self._resolution)
 
     def _rendered(self, field: PressField, ball: SoftSphere, centre_px: tuple[float, float] | None) -> RenderedPress:
         columns, rows = self.sensor.image_px
         contact = hertzian_radius_mm(field)
         press = GelBallPress(
-            contact_radius_mm=contact,
-            depth_mm=float(field.face_displacement_mm[0]),
-            radius_mm=field.radius_mm,
-            face_mm=field.face_displacement_mm,
-        )
-        radius_px = contact / float(np.sqrt(self._scale[0] * self._scale[1]))
+            contact_radius_mm=contact, depth_mm=float(field.face_displacement_mm[0]),
+            radius_mm=field.radius_mm, face_mm=field.face_displacement_mm,
+        )  # fmt: skip
+        radius_px = contact / float(np.sqrt(np.prod(self._scale)))
         centre = self._place(radius_px) if centre_px is None else centre_px
         depth = gel_depth_mm(press, self.sensor, columns, rows, centre)
         return RenderedPress(
@@ -160,9 +149,6 @@ class VirtualGelSensor:
 
 
 def _drawn_gel(sensor: GelSensor, rng: np.random.Generator) -> Layer:
-    thickness, young, poisson = sensor.thickness_mm.limits, sensor.young_kpa.limits, sensor.poisson.limits
-    return Layer(
-        thickness_mm=float(rng.uniform(*thickness)),
-        young_kpa=float(np.exp(rng.uniform(*np.log(young)))),
-        poisson=float(min(rng.uniform(*poisson), LARGEST_POISSON)),
-    )
+    young, poisson = rng.uniform(*np.log(sensor.young_kpa.limits)), rng.uniform(*sensor.poisson.limits)
+    thickness = float(rng.uniform(*sensor.thickness_mm.limits))
+    return Layer(thickness_mm=thickness, young_kpa=float(np.exp(young)), poisson=float(min(poisson, LARGEST_POISSON)))
