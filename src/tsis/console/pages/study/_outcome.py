@@ -1,4 +1,4 @@
-"""Unblinding and verification of a study, and its results with the report."""
+"""Readings of a study, its unblinding and verification, and its results with the report."""
 
 from __future__ import annotations
 
@@ -268,7 +268,7 @@ class JobProgress:
             self._page.jobs.get(state.identity).end()
 
 
-MEANT = (
+READING_MEANS = (
     "The virtual probe of this study presses what is left, under the codes. It needs no camera. End it at any time: "
     "what was read is kept, and the next run goes on there. Another operator reads every target anew."
 )
@@ -281,7 +281,7 @@ class Running:
         self._page = page
         self._named = False
         panel_title("Virtual probe")
-        ui.label(MEANT).classes("muted")
+        ui.label(READING_MEANS).classes("muted")
         with ui.element("div").classes("row"):
             self._who = who_field(page.viewer, "Operator")
             self._begin = ui.button("Run on the virtual probe", icon="play_arrow", on_click=self._run).props("no-caps")

@@ -1,4 +1,4 @@
-"""Routes of files: pictures of presses, reports and exports."""
+"""Files that pages link to: small pictures of frames, reports, exports."""
 
 from __future__ import annotations
 
