@@ -5,15 +5,15 @@ from tsis.plots._detection import (
     agreement_limits,
     detected_by_size_and_depth,
     draw_scan_plan,
+    drift_chart,
     read_over_true,
     reliability_diagram,
     roc_curve,
     scores_by_truth,
 )
 from tsis.plots._estimate import LABELS, design_errors, marginal, posterior, trade_off
-from tsis.plots._gel import gel_contact, gel_depth
 from tsis.plots._hardness import contact_growth, contact_rows, modulus, modulus_readings
-from tsis.plots._image import relief, ring_profile, tactile_image
+from tsis.plots._image import gel_contact, gel_depth, relief, ring_profile, tactile_image
 from tsis.plots._matching import (
     TRIAL_COLOURS,
     alternative_pose,
@@ -46,6 +46,7 @@ __all__ = [
     "detected_by_size_and_depth",
     "dot_board",
     "draw_scan_plan",
+    "drift_chart",
     "force_residuals",
     "force_sums",
     "gel_contact",
