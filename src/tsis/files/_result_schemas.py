@@ -31,7 +31,7 @@ _RESULTS = {
     "optics": ("angles", "modes", "propagate", "trace"),
     "records": ("edit", "export", "import", "list", "recompute", "send", "show", "verify"),
     "sensor": ("check", "frames", "new", "show"),
-    "simulate": ("", "list"),
+    "simulate": ("", "gel", "list"),
     "study": (
         "analyse",
         "card",
