@@ -27,7 +27,7 @@ test: $(VENV)/.dev  ## install, then run the quick tests and all doctests: in pr
 peers: $(VENV)/.peers  ## real cameras' libraries for test-system; .ci/run lists Debian's packages
 
 test-system: $(VENV)/.dev  ## the tests that start programs, browsers, cameras, PostgreSQL or a DICOM archive
-	$(BIN)/pytest $(PYTEST_FLAGS) -m "system and not slow and not benchmark and not release"
+	$(BIN)/pytest $(PYTEST_FLAGS) -m "system and not slow and not benchmark and not release" tests docs
 
 test-slow: $(VENV)/.dev  ## the tests that take minutes
 	$(BIN)/pytest $(PYTEST_FLAGS) -m "slow and not benchmark and not release"
