@@ -62,12 +62,12 @@ def test_predictions_equal_those_of_the_whole_covariance() -> None:
     matches = np.where(np.arange(30) % 3 == 0, UNMATCHED, np.arange(30))
     found = hard_evidence(SmoothField.of(points), target, matches)
     assert found is not None
-    moved, spread = predicted(SmoothField.of(points), target, found)
+    spread = predicted(SmoothField.of(points), found)
     rows = np.flatnonzero(matches != UNMATCHED)
     wide = np.column_stack([np.ones(30), points])
     kernel = found.amplitude**2 * gaussian_kernel(points, points, found.width) + 100.0 * wide @ wide.T
     gain = kernel[:, rows] @ np.linalg.inv(kernel[np.ix_(rows, rows)] + found.sigma**2 * np.eye(len(rows)))
-    np.testing.assert_allclose(moved, gain @ target[rows], atol=1e-3)
+    np.testing.assert_allclose(found.moved, gain @ target[rows], atol=1e-3)
     np.testing.assert_allclose(spread**2, np.diag(kernel - gain @ kernel[rows]), atol=3e-5)
 
 
@@ -107,7 +107,7 @@ def test_order_along_a_curve_mends_a_gap_in_the_wrong_place() -> None:
     wrong[40:60], wrong[60] = truth[41:61], UNMATCHED
     before = hard_evidence(search.field, search.target, wrong)
     assert before is not None
-    found = chained(search.field, search.target, search.step, search.following, before)
+    found = chained(search.field, search.target, search.step, search.curves, before)
     np.testing.assert_array_equal(found.matches, truth)
 
 

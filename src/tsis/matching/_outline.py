@@ -54,15 +54,15 @@ def outline_alignments(field: SmoothField, target: Floats) -> list[Integers]:
     return alignments
 
 
-def self_resemblance(field: SmoothField) -> float:
-    """Least loss of an alignment of the source's outline with itself that moves it by more than `MOVED`.
+def self_resemblance(field: SmoothField, outline: tuple[Integers, bool]) -> float:
+    """Least loss of an alignment of the outline, a `main_curve`, with itself that moves it by more than `MOVED`.
 
     It is about zero for a shape with a symmetry, and infinite where the source is no single curve.
     """
     points = field.points
     if points.shape[1] != 2 or len(points) > MOST_POINTS:
         return math.inf
-    order, closed = main_curve(points)
+    order, closed = outline
     if not len(order):
         return math.inf
     along = points[order]
@@ -110,9 +110,9 @@ def chains(following: Integers) -> list[tuple[Integers, bool]]:
     return result
 
 
-def main_curve(points: Floats) -> tuple[Integers, bool]:
-    """Indices along the one curve that nearly all points sample, and whether it closes; empty without such a curve."""
-    order, closed = max(chains(successors(points)), key=lambda curve: len(curve[0]))
+def main_curve(points: Floats, curves: list[tuple[Integers, bool]]) -> tuple[Integers, bool]:
+    """The one of `chains` that nearly all points sample, and whether it closes; empty without such a curve."""
+    order, closed = max(curves, key=lambda curve: len(curve[0]))
     if len(order) < NEARLY_ALL * len(points):
         return np.empty(0, dtype=np.int64), False
     steps = np.linalg.norm(np.diff(points[order], axis=0), axis=1)

@@ -8,11 +8,13 @@ other by whole points: slid maps explain nearly as much as the right one, and on
 from __future__ import annotations
 
 from dataclasses import dataclass
+from dataclasses import field as dataclass_field
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial.distance import cdist
 
+from tsis.compiled import fused
 from tsis.matching import _refinement as refinement
 from tsis.matching._annealing import START, Cooling, anneal, annealed_map, balanced_pairs
 from tsis.matching._fit import UNMATCHED, spacing
@@ -56,6 +58,9 @@ class PoseSearch:
     target: Floats
     step: float  # distance of neighbours
     following: Integers  # next point of the source along its curve, shape (n,)
+    curves: list[tuple[Integers, bool]]  # indices along each curve of the source, and whether it is closed
+    outline: tuple[Integers, bool]  # the main one
+    led: dict[PoseEvidence, PoseEvidence] = dataclass_field(default_factory=dict)  # where `_followed` led before
 
     @property
     def source(self) -> Floats:
@@ -65,11 +70,15 @@ class PoseSearch:
     @classmethod
     def of(cls, source: Floats, target: Floats) -> PoseSearch:
         """Between normalised points, shapes (n, d) and (m, d)."""
+        following = successors(source)
+        curves = chains(following)
         return cls(
             field=SmoothField.of(source),
             target=np.ascontiguousarray(target),
             step=max(spacing(source), spacing(target)),
-            following=successors(source),
+            following=following,
+            curves=curves,
+            outline=main_curve(source, curves),
         )
 
 
@@ -93,11 +102,10 @@ def _improved(search: PoseSearch, found: list[PoseEvidence]) -> list[PoseEvidenc
     if not found:
         return found
     result = list(found)
-    curves = chains(search.following)
     ranking = refinement.Ranking.of(search.field, search.target)
     done = [_followed(search, item) for item in distinct(found, IMPROVED_DISTANCE)[:IMPROVED]]
     top = max(done, key=lambda item: item.log)
-    for matches in refinement.shifted(main_curve(search.source), ranking, top):
+    for matches in refinement.shifted(search.outline, ranking, top):
         item = hard_evidence(search.field, search.target, matches, width=top.width)
         if item is not None:
             done += [item, _followed(search, item)]
@@ -108,7 +116,7 @@ def _improved(search: PoseSearch, found: list[PoseEvidence]) -> list[PoseEvidenc
     for _ in range(MOST_SEGMENTS):
         items = [
             item
-            for order, closed in curves
+            for order, closed in search.curves
             if len(order) > 5
             for matches in refinement.segment_shifts(order, closed, ranking, top)
             if (item := hard_evidence(search.field, search.target, matches, width=top.width)) is not None
@@ -157,10 +165,13 @@ def _target_slid_maps(search: PoseSearch, found: PoseEvidence) -> Iterator[PoseE
 def _followed(search: PoseSearch, item: PoseEvidence) -> PoseEvidence:
     """The map that growth and order along curves reach."""
     for _ in range(3):
-        before = item.log
-        item = refinement.grown(search.field, search.target, search.step, item)
-        item = refinement.chained(search.field, search.target, search.step, search.following, item)
-        if item.log < before + 0.5:
+        before = item
+        if before not in search.led:
+            item = refinement.grown(search.field, search.target, search.step, item)
+            item = refinement.chained(search.field, search.target, search.step, search.curves, item)
+            search.led[before] = item
+        item = search.led[before]
+        if item.log < before.log + 0.5:
             break
     return item
 
@@ -220,10 +231,27 @@ def _refined(
 def distinct(maps: Iterable[PoseEvidence], least: float) -> list[PoseEvidence]:
     """The maps by falling evidence that lie at least so far from those before them."""
     result: list[PoseEvidence] = []
+    chosen = np.empty((0, 0))
     for item in sorted(maps, key=lambda item: -item.log):
-        if all(((item.moved - other.moved) ** 2).sum(axis=1).mean() > least**2 for other in result):
+        moved = item.moved.ravel()
+        if not result or _least_square(moved, chosen[: len(result)]) > least**2 * len(item.moved):
+            if len(result) == len(chosen):
+                chosen = np.concatenate([chosen.reshape(-1, len(moved)), np.empty((len(result) + 8, len(moved)))])
+            chosen[len(result)] = moved
             result.append(item)
     return result
+
+
+@fused
+def _least_square(moved: Floats, others: Floats) -> float:
+    """Least squared distance of a vector, shape (k,), from rows, shape (l, k)."""
+    least = np.inf
+    for row in range(len(others)):
+        total = 0.0
+        for k in range(len(moved)):
+            total += (moved[k] - others[row, k]) ** 2
+        least = min(least, total)
+    return least
 
 
 def _tightened(search: PoseSearch, found: PoseEvidence) -> PoseEvidence:

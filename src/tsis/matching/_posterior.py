@@ -67,6 +67,7 @@ class PosePosterior:
     maps: tuple[PoseEvidence, ...]  # by falling probability
     logs: Floats  # log probability of each map, shape (k,)
     unrelated: float  # log probability
+    resemblance: float  # of the source's outline with itself, by `self_resemblance`
 
     @property
     def best(self) -> PoseEvidence | None:
@@ -134,7 +135,13 @@ def pose_posterior(
     logs = np.array([posterior[id(item)] for item in chosen])
     unrelated = unrelated_evidence(target)
     total = logsumexp(np.append(logs, unrelated))
-    return PosePosterior(search=search, maps=tuple(chosen), logs=logs - total, unrelated=float(unrelated - total))
+    return PosePosterior(
+        search=search,
+        maps=tuple(chosen),
+        logs=logs - total,
+        unrelated=float(unrelated - total),
+        resemblance=self_resemblance(search.field, search.outline),
+    )
 
 
 def distance(moved: Floats, other: Floats) -> float:
@@ -247,7 +254,7 @@ def trust_measures(posterior: PosePosterior, moved: Floats) -> Floats:
     odds, best, search = posterior.log_odds(moved), posterior.best, posterior.search
     if best is None:
         return np.array([odds, 0.0, 1.0, 1.0, MOST_NOISE, 1.0])
-    resemblance = min(self_resemblance(search.field), MOST_RESEMBLANCE)
+    resemblance = min(posterior.resemblance, MOST_RESEMBLANCE)
     far = distance(best.moved, moved) / (TOLERANCE * _radius(moved))
     hidden, stray = 1 - best.paired / len(moved), 1 - best.paired / len(search.target)
     return np.array([odds, resemblance, hidden, stray, math.log(best.sigma / search.step), far])
@@ -296,6 +303,6 @@ def probability_right(posterior: PosePosterior, moved: Floats) -> float:
     features = trust_features(trust_measures(posterior, moved))
     chance = float(1 / (1 + math.exp(-float(np.clip(features @ np.array(WEIGHTS), -50.0, 50.0)))))
     chance *= 1 - math.exp(min(posterior.unrelated, 0.0))
-    odds = min(posterior.log_odds(moved), 0.5 * self_resemblance(posterior.search.field))
+    odds = min(posterior.log_odds(moved), 0.5 * posterior.resemblance)
     supported = odds >= math.log(RELIABLE / (1 - RELIABLE))
     return chance if supported else min(chance, MOST_UNSUPPORTED)

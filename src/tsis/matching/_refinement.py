@@ -10,12 +10,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.linalg import cho_solve, solve_triangular
 from scipy.spatial import KDTree
 from scipy.spatial.distance import cdist
 
 from tsis.compiled import fused
 from tsis.matching._fit import UNMATCHED, assign
-from tsis.matching._outline import chains
 from tsis.matching._pose_evidence import SIGMAS, WIDTHS, PoseEvidence, gaussian_kernel, hard_evidence
 from tsis.matching._relaxation import whitening
 from tsis.matching._spline import spread_indices
@@ -43,26 +43,33 @@ MANY_PAIRS = 60_000
 MOST_RUNS, SEGMENT_SHIFTS, FOLLOWED_SEGMENTS = 30, (-2, -1, 1, 2), 3
 
 
-def predicted(field: SmoothField, target: Floats, found: PoseEvidence) -> tuple[Floats, Floats]:
-    """Mean, shape (n, d), and standard deviation, shape (n,), of the source's moved points given the map's pairs."""
-    return _conditional(field, target, found.matches, found.width, found.amplitude, found.sigma)
+def predicted(field: SmoothField, found: PoseEvidence) -> Floats:
+    """Standard deviation of the source's moved points given the map's pairs, shape (n,)."""
+    design, factor = _system(field, found.matches, found.width, found.amplitude, found.sigma)
+    whitened = solve_triangular(factor, design.T, lower=True, check_finite=False)
+    return np.asarray(found.sigma * np.sqrt((whitened**2).sum(axis=0)))
 
 
-def _conditional(
-    field: SmoothField, target: Floats, matches: Integers, width: float, amplitude: float, sigma: float
-) -> tuple[Floats, Floats]:
-    factor = field.factors[WIDTHS.index(width)] * max(amplitude, 1e-6)
-    design = np.column_stack([np.ones(len(factor)), field.points, factor])
-    affine = field.points.shape[1] + 1
+def _stiff_map(field: SmoothField, target: Floats, matches: Integers, sigma: float) -> Floats:
+    """Mean of the source's points, shape (n, d), under a stiff field and pairs with a standard deviation."""
+    design, factor = _system(field, matches, STIFF_WIDTH, STIFF_AMPLITUDE, sigma)
     rows = np.flatnonzero(matches != UNMATCHED)
-    here = design[rows]
-    variance = sigma**2
-    ridge = np.full(design.shape[1], variance)
-    ridge[:affine] = 1e-9
-    inverse = np.linalg.inv(here.T @ here + np.diag(ridge))
-    moved = design @ (inverse @ (here.T @ target[matches[rows]]))
-    spread = variance * np.einsum("nk,kl,nl->n", design, inverse, design)
-    return moved, np.sqrt(np.maximum(spread, 0.0))
+    right = design[rows].T @ target[matches[rows]]
+    return np.asarray(design @ cho_solve((factor, True), right, check_finite=False))
+
+
+def _system(
+    field: SmoothField, matches: Integers, width: float, amplitude: float, sigma: float
+) -> tuple[Floats, Floats]:
+    """Columns of the map, shape (n, k), and the lower triangle of its normal matrix (Cholesky)."""
+    design = field.designs[WIDTHS.index(width)]
+    here = design[matches != UNMATCHED]
+    normal = here.T @ here
+    normal[np.diag_indices_from(normal)] += (sigma / max(amplitude, 1e-6)) ** 2
+    affine = np.arange(field.points.shape[1] + 1)
+    normal[affine, affine] -= (sigma / max(amplitude, 1e-6)) ** 2
+    normal[affine, affine] += 1e-9
+    return design, np.linalg.cholesky(normal)
 
 
 def _paired_again(target: Floats, moved: Floats, reach: Floats, farthest: float) -> Integers:
@@ -76,9 +83,8 @@ def grown(field: SmoothField, target: Floats, step: float, found: PoseEvidence) 
     """The map after pairs are added and dropped within their predictive standard deviations."""
     best = found
     for _ in range(GROWTHS):
-        moved, spread = predicted(field, target, best)
-        reach = np.hypot(spread, best.sigma)
-        matches = _paired_again(target, moved, reach, FARTHEST * step)
+        reach = np.hypot(predicted(field, best), best.sigma)
+        matches = _paired_again(target, best.moved, reach, FARTHEST * step)
         if np.array_equal(matches, best.matches):
             break
         item = hard_evidence(field, target, matches, width=best.width)
@@ -100,8 +106,8 @@ def repatched(field: SmoothField, target: Floats, step: float, found: PoseEviden
         left = hard_evidence(field, target, matches, width=best.width)
         if left is None:
             continue
-        moved, spread = predicted(field, target, left)
-        matches = _paired_again(target, moved, np.hypot(spread, left.sigma), FARTHEST * step)
+        reach = np.hypot(predicted(field, left), left.sigma)
+        matches = _paired_again(target, left.moved, reach, FARTHEST * step)
         if np.array_equal(matches, best.matches):
             continue
         item = hard_evidence(field, target, matches, width=best.width)
@@ -110,14 +116,16 @@ def repatched(field: SmoothField, target: Floats, step: float, found: PoseEviden
     return best
 
 
-def chained(field: SmoothField, target: Floats, step: float, following: Integers, found: PoseEvidence) -> PoseEvidence:
+def chained(
+    field: SmoothField, target: Floats, step: float, curves: list[tuple[Integers, bool]], found: PoseEvidence
+) -> PoseEvidence:
     """The map after pairs along the source's curves follow the predicted edges rather than the predicted positions."""
-    curves, tree = chains(following), KDTree(target)
+    tree = KDTree(target)
     best, current = found, found
     for strain, stiffness in zip(STRAINS, STIFFNESSES, strict=True):
         moved = current.moved
         if stiffness:
-            moved = _conditional(field, target, current.matches, STIFF_WIDTH, STIFF_AMPLITUDE, stiffness * step)[0]
+            moved = _stiff_map(field, target, current.matches, stiffness * step)
         away, near = tree.query(moved, k=min(CANDIDATES, len(target)), distance_upper_bound=WINDOW * step)
         away, near = np.asarray(away), np.asarray(near)
         matches = np.full(len(moved), UNMATCHED, dtype=np.int64)

@@ -104,6 +104,6 @@ def test_what_stands_in_the_way_is_named() -> None:
     (none,) = missing_text(state(real, calibration=""), scaled=False, responds=False)
     assert none == "put a calibration in force, on the page Camera; there is none (the page Calibrate makes one)."
     (deaf,) = missing_text(state(real), scaled=True, responds=False)
-    assert deaf == "choose another calibration; 'c' does not tell the answer to pressure."
+    assert deaf == "choose another calibration; 'c' lacks the response to pressure."
     (blind,) = missing_text(state(real), scaled=False, responds=True)
-    assert blind == "choose another calibration; 'c' does not tell the size of a pixel."
+    assert blind == "choose another calibration; 'c' lacks the size of a pixel."

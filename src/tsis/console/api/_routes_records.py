@@ -37,7 +37,7 @@ from tsis.console.api._models_records import (
     TargetsResponse,
     TargetSummaryItem,
 )
-from tsis.console.api._query import (
+from tsis.console.api._responses import (
     CONTROL,
     Acting,
     Caller,
@@ -47,10 +47,11 @@ from tsis.console.api._query import (
     TargetNumber,
     TheInstrument,
     TheReports,
+    estimate_item,
     find_press,
     find_target,
+    job_result,
 )
-from tsis.console.api._responses import estimate_item, job_result
 from tsis.errors import InputError
 from tsis.files import QUICK_PNG, encode_picture
 from tsis.records import PRIORS, environment

@@ -10,14 +10,20 @@ from tsis.console.services._control import (
     Owner,
 )
 from tsis.console.services._estimates import estimate_title, newest_presses
-from tsis.console.services._frame_analysis import ContactView, FrameAnalysis, PressForce
+from tsis.console.services._frame_analysis import ContactView, FrameAnalysis
 from tsis.console.services._instrument import Instrument
 from tsis.console.services._jobs import DONE, ENDED, FAILED, RESULTS, Job, JobCancelled, Jobs, JobState
 from tsis.console.services._sequences import LONGEST_SEQUENCE_S, MOST_SEQUENCE_FRAMES, SHORTEST_SEQUENCE_S
 from tsis.console.services._snapshots import SavedPress
 from tsis.console.services._state import CameraState, InstrumentState
-from tsis.console.services._subject import BALL_MM, LONGEST_SPEC, CameraChoice, VirtualSubject
-from tsis.console.services._terms import InstrumentSettings
+from tsis.console.services._subject import (
+    BALL_MM,
+    LONGEST_SPEC,
+    CameraChoice,
+    InstrumentSettings,
+    PressForce,
+    VirtualSubject,
+)
 
 __all__ = [
     "BALL_MM",

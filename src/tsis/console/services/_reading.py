@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING
 
-from tsis.console.services._frame_analysis import PressForce
+from tsis.console.services._subject import PressForce
 from tsis.files import printable_path
 from tsis.virtual import FORCE_SETTING
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from nicegui import run, ui
@@ -18,19 +19,49 @@ from tsis.console.pages.components import (
     rows_under,
     set_class,
 )
-from tsis.console.pages.examine._press import SavedTarget, saved_target
 from tsis.console.services import FAILED
 from tsis.errors import TsisError
 from tsis.records import ROLE_NAMES
+from tsis.records.importing import target_by_number
 from tsis.report import estimate_cards, estimate_messages_of
 from tsis.report.target import count_of, time_text
 
 if TYPE_CHECKING:
     from tsis.console.pages.components import Viewer
     from tsis.console.services import Instrument, InstrumentState, JobState
+    from tsis.records import StoredEstimate, StoredPress, Target
+    from tsis.records.store import Store
 
 
-EVERY_S = 1.0  # between two readings of the store
+EVERY_S, SHOWN = 1.0, 8  # between two readings of the store; the newest presses
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SavedTarget:
+    """A target's number and its stored record."""
+
+    number: int
+    target: Target | None = None  # None while nothing is stored
+    count: int = 0  # of all presses
+    presses: tuple[StoredPress, ...] = ()  # the newest ones, the newest first
+    estimates: tuple[StoredEstimate, ...] = ()  # the current ones
+    damaged: tuple[str, ...] = ()  # a message for each record that cannot be shown
+
+
+def saved_target(store: Store, number: int) -> SavedTarget:
+    """Read the target; errors as of the store."""
+    if (target := target_by_number(store, number)) is None:
+        return SavedTarget(number=number)
+    count = store.press_count(target)
+    record = store.record(target, limit=SHOWN, offset=max(0, count - SHOWN))
+    return SavedTarget(
+        number=number,
+        target=target,
+        count=count,
+        presses=record.presses[::-1],
+        estimates=record.active_estimates,
+        damaged=record.damaged,
+    )
 
 
 class EstimatePanel:
@@ -80,8 +111,7 @@ class EstimatePanel:
                 with self._record.element:
                     ui.label(str(error)).classes("doubtful")
             return
-        same_target = saved is not None and self._state is not None and self._state.target == saved.number
-        if saved is not None and same_target and self._record.changes_to(now):
+        if saved is not None and self._state and self._state.target == saved.number and self._record.changes_to(now):
             self._show_recorded(saved)
 
     def _show_recorded(self, saved: SavedTarget) -> None:
