@@ -105,7 +105,7 @@ man: $(VENV)/.dev  ## man pages of all commands, into build/man
 extras: $(VENV)/.release  ## what the plain install and each extra cost: packages, MB, seconds (a quarter of an hour)
 	$(BIN)/python -m release.extras
 
-tables: $(VENV)/.dev  ## compute the tables that ship with the package anew (four minutes)
+tables: $(VENV)/.dev  ## compute the tables that ship with the package anew (half an hour)
 	$(BIN)/python -m release.tables
 
 constraints: $(VENV)/.pip  ## resolve every dependency afresh and write constraints.txt

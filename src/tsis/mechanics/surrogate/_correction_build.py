@@ -178,7 +178,7 @@ def build_finite_correction(
 ) -> FiniteCorrection:
     """Build what finite strain adds to the presses of a probe that cover its face, or load it from the disk cache.
 
-    An interrupted build continues where it stopped; it takes one to two seconds a pair on one core.
+    An interrupted build continues where it stopped; it takes one to four seconds a pair on one core.
 
     Parameters
     ----------
