@@ -14,6 +14,7 @@ from tsis.virtual._gel_frames import (
     render_gel,
     rendered_series,
 )
+from tsis.virtual._gel_sensor import VirtualGelSensor
 from tsis.virtual._gige import GigEServer
 from tsis.virtual._loading_camera import MachineErrors
 from tsis.virtual._loading_machine import FLAT_LEVELS, VirtualLoadingMachine
@@ -48,6 +49,7 @@ __all__ = [
     "RepeatedExamination",
     "VirtualBench",
     "VirtualCamera",
+    "VirtualGelSensor",
     "VirtualLoadingMachine",
     "VirtualProbe",
     "ball_frame",
