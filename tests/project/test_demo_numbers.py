@@ -16,7 +16,5 @@ def test_the_counts_of_a_page_are_the_stored_ones(page: str) -> None:
     counts = stored_coverage()["counts"]
     diameter, depth, young = counts["held"]["0.9"].values()
     text = " ".join((ROOT / page).read_text(encoding="utf-8").split())
-    assert (
-        f"held the diameter in {diameter}, the depth in {depth} and the modulus in {young} of {counts['answered']} answers"
-        in text
-    )
+    answers = f"{diameter}, the depth in {depth} and the modulus in {young} of {counts['answered']} answers"
+    assert f"held the diameter in {answers}" in text
