@@ -31,6 +31,7 @@ from tsis.plots._optics import (
     probe_section,
     ray_picture,
 )
+from tsis.plots._section import tissue_section
 from tsis.plots._sequences import light_over_time, light_path, repeated_readings
 
 __all__ = [
@@ -74,6 +75,7 @@ __all__ = [
     "roc_curve",
     "scores_by_truth",
     "tactile_image",
+    "tissue_section",
     "trade_off",
     "trial_errors",
     "warped_grid",

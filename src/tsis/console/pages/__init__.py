@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from tsis.console.pages import about, calibrate, camera, design, examine, hardness, records, study
+from tsis.console.pages import about, calibrate, camera, design, examine, hardness, images, records, study
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -16,6 +16,7 @@ PAGES: dict[str, tuple[str, Callable[..., object]]] = {
     "/camera": ("Camera", camera.camera_page),
     "/calibrate": ("Calibrate", calibrate.calibrate_page),
     "/calibrate/{name}": ("Calibrate", calibrate.session_page),
+    "/images": ("My images", images.images_page),
     "/hardness": ("Hardness", hardness.HardnessPage),
     "/study": ("Study", study.study_listing),
     "/study/{name}": ("Study", study.show_study),
