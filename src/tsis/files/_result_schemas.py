@@ -17,7 +17,7 @@ _RESULTS = {
     "calibrate": ("", "light", "seal", "show"),
     "console": ("",),
     "contacts": ("",),
-    "demo": ("",),
+    "demo": ("", "seeds"),
     "depth": ("calibrate", "map"),
     "design": ("",),
     "detect": ("apply", "train"),

@@ -19,6 +19,7 @@ from tsis.study._drift_chart import DriftChart, drift_charts, rehearsed_checks
 from tsis.study._folder import ANALYSED, PLAN, Study, enter_readings, open_study, read_seal
 from tsis.study._log import LOG_FILE
 from tsis.study._making import new_study, printed_targets, random_targets
+from tsis.study._moulds import cup, sphere_mould, stl_bytes, volume_mm3
 from tsis.study._plan import ANALYSED_READING, TARGETS
 from tsis.study._pressing import RunResult, StudyInstrument, press_study
 from tsis.study._reference_run import REFERENCES, reference_targets, rehearse_reference_run
@@ -55,6 +56,7 @@ __all__ = [
     "TargetTruth",
     "add_checks",
     "begin_checks",
+    "cup",
     "daily_check",
     "drift_charts",
     "enter_analysis",
@@ -76,6 +78,9 @@ __all__ = [
     "rehearse_reference_run",
     "rehearsed_checks",
     "require_short_name",
+    "sphere_mould",
+    "stl_bytes",
     "unblind",
     "verify_study",
+    "volume_mm3",
 ]

@@ -149,6 +149,6 @@ class VirtualGelSensor:
 
 
 def _drawn_gel(sensor: GelSensor, rng: np.random.Generator) -> Layer:
-    young, poisson = rng.uniform(*np.log(sensor.young_kpa.limits)), rng.uniform(*sensor.poisson.limits)
     thickness = float(rng.uniform(*sensor.thickness_mm.limits))
+    young, poisson = rng.uniform(*np.log(sensor.young_kpa.limits)), rng.uniform(*sensor.poisson.limits)
     return Layer(thickness_mm=thickness, young_kpa=float(np.exp(young)), poisson=float(min(poisson, LARGEST_POISSON)))

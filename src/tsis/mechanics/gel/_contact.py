@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 BODIES = ("sphere", "cylinder")
-LARGEST_RATIO = 10.0  # of contact radius and thickness
+WIDEST_CONTACT = 10.0  # of contact radius and thickness
 _ORDERS = np.arange(1, 4)  # of the terms of the pressure
 _POWERS = _ORDERS - 0.5
 _PLACES = np.sqrt((np.arange(8) + 0.5) / 8)  # of collocation, over the contact radius
@@ -99,7 +99,7 @@ def layer_contact(
             require_number(name, float(end), low, 1e9)
     contact, radius, soft, gel = np.broadcast_arrays(*arrays.values())
     require_number(
-        "contact_radius_mm over thickness_mm", float(contact.max(initial=0.0)) / thickness_mm, 0.0, LARGEST_RATIO
+        "contact_radius_mm over thickness_mm", float(contact.max(initial=0.0)) / thickness_mm, 0.0, WIDEST_CONTACT
     )
     flat = [array.ravel() for array in (contact, radius, soft, gel)]
     results = [_solve(body, *parts, thickness=thickness_mm, poisson=poisson) for parts in zip(*flat, strict=True)]
