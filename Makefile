@@ -27,7 +27,7 @@ test: $(VENV)/.dev  ## install, then run the quick tests and all doctests: in pr
 peers: $(VENV)/.peers  ## real cameras' libraries for test-system; .ci/run lists Debian's packages
 
 test-system: $(VENV)/.dev  ## the tests that start programs, browsers, cameras, PostgreSQL or a DICOM archive
-	$(BIN)/pytest $(PYTEST_FLAGS) -m "system and not slow and not benchmark and not release"
+	$(BIN)/pytest $(PYTEST_FLAGS) -m "system and not slow and not benchmark and not release" tests docs
 
 test-slow: $(VENV)/.dev  ## the tests that take minutes
 	$(BIN)/pytest $(PYTEST_FLAGS) -m "slow and not benchmark and not release"
@@ -105,7 +105,7 @@ man: $(VENV)/.dev  ## man pages of all commands, into build/man
 extras: $(VENV)/.release  ## what the plain install and each extra cost: packages, MB, seconds (a quarter of an hour)
 	$(BIN)/python -m release.extras
 
-tables: $(VENV)/.dev  ## compute the tables that ship with the package anew (four minutes)
+tables: $(VENV)/.dev  ## compute the tables that ship with the package anew (half an hour)
 	$(BIN)/python -m release.tables
 
 constraints: $(VENV)/.pip  ## resolve every dependency afresh and write constraints.txt

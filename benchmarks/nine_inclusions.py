@@ -16,13 +16,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from benchmarks.simulated_presses import PROTOCOLS, SMALL, Protocol, examine, surrounded
+from benchmarks.simulated_presses import PROTOCOLS, SMALL, Protocol, examine
 from benchmarks.tables import show
 from studies.printed_6_3 import PRINTED, PRINTED_ERROR, relative_error, without_itself
 
 import tsis
 from tsis.cli import progress_bar
 from tsis.inclusion import PARAMETERS, InclusionPrior, estimate
+from tsis.virtual import surround
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -67,7 +68,7 @@ def inclusion(number: int) -> tsis.Inclusion:
 def posterior_mean(protocol: Protocol, seed: int, number: int, repeat: int) -> list[float]:
     """Diameter, depth and modulus estimated from one repeat."""
     rng, prior = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number, repeat))), InclusionPrior()
-    case = examine(protocol, surrounded(inclusion(number), prior, rng), rng)
+    case = examine(protocol, surround(inclusion(number), prior, rng), rng)
     found = estimate(
         case.frames,
         probe=protocol.probe,

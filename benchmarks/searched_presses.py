@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from benchmarks.simulated_presses import Protocol, SimulatedCase, surrounded
+from benchmarks.simulated_presses import Protocol, SimulatedCase
 from benchmarks.uneven_tissue import SPACING_MM, FaceGrid, Site, lump_changes, uneven
 
 from tsis.imaging import render
@@ -20,7 +20,7 @@ from tsis.inclusion import InclusionPrior
 from tsis.mechanics import press
 from tsis.mechanics.solid import SolidResolution, press_solid
 from tsis.model import Inclusion, Phantom
-from tsis.virtual import FINE_RESOLUTION, VirtualProbe
+from tsis.virtual import FINE_RESOLUTION, VirtualProbe, surround
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -69,7 +69,7 @@ def draw(seed: int, index: int, *, site_sd: float, uneven_most: float = UNEVEN_S
     diameter, depth, young = (float(rng.uniform(*ends)) for ends in (DIAMETER_MM, DEPTH_MM, YOUNG_KPA))
     away, angle = rng.uniform(0.0, OFFSET_MM), 2 * np.pi * rng.random()
     lump = Inclusion(diameter_mm=diameter, depth_mm=depth, young_kpa=young)
-    phantom = surrounded(lump, PRIOR, rng)
+    phantom = surround(lump, PRIOR, rng)
     phantom = replace(phantom, poisson=round(phantom.poisson, 3))  # few values: what a dome needs of each is kept
     beside = replace(
         lump, poisson=phantom.poisson, offset_mm=(float(away * np.cos(angle)), float(away * np.sin(angle)))

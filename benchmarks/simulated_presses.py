@@ -13,17 +13,15 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from benchmarks.solved_data import solved_data
 
 import tsis
 from tsis.inclusion import PARAMETERS
-from tsis.virtual import VirtualProbe
+from tsis.virtual import VirtualProbe, draw_phantom, reference_site
 
 if TYPE_CHECKING:
     from tsis.inclusion import InclusionPrior
     from tsis.model import Calibration, Phantom, Probe, TactileImage
-
-LARGEST_POISSON = 0.4949
-CLEARANCE = 0.97  # of the slab that an inclusion may reach down to: what is thinner is not meshed well
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,44 +100,17 @@ class SimulatedCase:
     calibration: Calibration
 
 
-def draw(prior: InclusionPrior, rng: np.random.Generator) -> Phantom:
-    """An inclusion, uniform over the prior's ranges, in tissue of the prior; the thickness is redrawn until it fits.
-
-    Redrawing all of it would make large deep inclusions rarer than the prior has them.
-    """
-    diameter, depth, young = (float(value) for value in rng.uniform(prior.low, prior.high))
-    return surrounded(tsis.Inclusion(diameter_mm=diameter, depth_mm=depth, young_kpa=young), prior, rng)
-
-
-def surrounded(inclusion: tsis.Inclusion, prior: InclusionPrior, rng: np.random.Generator) -> Phantom:
-    """A given inclusion in tissue drawn from the prior: log-normal modulus and thickness, one Poisson's ratio."""
-    young = prior.tissue_young_kpa * float(np.exp(prior.tissue_young_sd * rng.standard_normal()))
-    poisson = min(prior.poisson + prior.poisson_sd * float(rng.standard_normal()), LARGEST_POISSON)
-    while True:
-        thickness = prior.thickness_mm * float(np.exp(prior.thickness_sd * rng.standard_normal()))
-        if inclusion.bottom_mm < CLEARANCE * thickness:
-            break
-    return tsis.Phantom(
-        young_kpa=young, thickness_mm=thickness, poisson=poisson, inclusion=replace(inclusion, poisson=poisson)
-    )
-
-
 def examine(protocol: Protocol, phantom: Phantom, rng: np.random.Generator) -> SimulatedCase:
     """Press a phantom by the protocol, with a virtual probe and a reference site of its own."""
     virtual = VirtualProbe(protocol.probe, rng=rng, strain=protocol.strain)
-    site_error = virtual.calibration.site_sd * float(rng.standard_normal())
-    site = replace(phantom.without_inclusion(), young_kpa=phantom.young_kpa * float(np.exp(site_error)))
-    return SimulatedCase(
-        phantom=phantom,
-        frames=tuple(virtual.press(phantom, force_n=force) for force in protocol.forces_n),
-        references=tuple(virtual.press(site, force_n=force) for force in protocol.forces_n)
-        if protocol.with_reference
-        else (),
-        calibration=virtual.calibration,
-    )
+    site = reference_site(virtual, phantom, rng)
+    with solved_data():
+        frames = tuple(virtual.press(phantom, force_n=force) for force in protocol.forces_n)
+        references = tuple(virtual.press(site, force_n=force) for force in protocol.forces_n if protocol.with_reference)
+    return SimulatedCase(phantom=phantom, frames=frames, references=references, calibration=virtual.calibration)
 
 
 def simulate(protocol: Protocol, prior: InclusionPrior, *, seed: int, index: int) -> SimulatedCase:
     """Case ``index`` of the endless row that ``seed`` stands for: the same however many are asked for."""
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(index,)))
-    return examine(protocol, draw(prior, rng), rng)
+    return examine(protocol, draw_phantom(prior, rng), rng)

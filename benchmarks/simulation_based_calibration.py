@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from benchmarks.judgement import Judgement, rows_of
-from benchmarks.simulated_presses import CLEARANCE, SMALL, Protocol
+from benchmarks.simulated_presses import SMALL, Protocol
 from benchmarks.tables import show
 from scipy.stats import chisquare, gaussian_kde
 from threadpoolctl import threadpool_limits
@@ -41,7 +41,7 @@ from tsis.inclusion.posterior import (
 from tsis.mechanics.surrogate import build_full_contact_surrogate
 from tsis.model import TactileImage
 from tsis.optics.irradiance import irradiance
-from tsis.virtual import nominal_calibration
+from tsis.virtual import DEEPEST_FRACTION, nominal_calibration
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -151,7 +151,7 @@ def draw(
     sd = experiment.nuisance_sd(experiment.known(inclusion))
     nuisance = sd * rng.standard_normal(len(sd))
     bottom = inclusion[0] + inclusion[1]
-    while not any_slab and bottom >= CLEARANCE * prior.thickness_mm * np.exp(nuisance[THICKNESS]):
+    while not any_slab and bottom >= DEEPEST_FRACTION * prior.thickness_mm * np.exp(nuisance[THICKNESS]):
         nuisance[THICKNESS] = sd[THICKNESS] * rng.standard_normal()
     return inclusion, experiment.observed(experiment.expected(inclusion, nuisance), rng)
 

@@ -14,11 +14,12 @@ from typing import Protocol as Protocol_
 
 import numpy as np
 from benchmarks.lamp_laws import LAMP_LAWS, CalibratedProbe, calibrated_probe
-from benchmarks.simulated_presses import Protocol, SimulatedCase, draw
+from benchmarks.simulated_presses import Protocol, SimulatedCase
+from benchmarks.solved_data import solved_data
 from scipy.special import jv
 
 from tsis.mechanics.tissue_field import FieldMesh, TissueFieldResponse
-from tsis.virtual import VirtualProbe
+from tsis.virtual import VirtualProbe, draw_phantom
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -197,7 +198,7 @@ def simulate_world(
     The frames are raw, with the nominal calibration; `seen_by_product` gives those of a world of lamps to an estimate.
     """
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(index,)))
-    phantom = draw(prior, rng)
+    phantom = draw_phantom(prior, rng)
     phantom = phantom.without_inclusion() if blank else phantom
     lamps = calibrated_probe(world.lamps, protocol.probe) if world.lamps else None
     virtual = UnevenProbe(protocol.probe, rng=rng, strain=world.strain, lamps=lamps)
@@ -207,8 +208,9 @@ def simulate_world(
     length = drawn_mm if world.length_mm is None else world.length_mm
     presses: list[tuple[TactileImage, ...]] = []
     for site in (phantom, replace(phantom.without_inclusion(), young_kpa=nearby)):
-        virtual.on_site(site, RandomField.drawn(length, rng, rough=world.rough), sd)
-        presses.append(tuple(virtual.press(site, force_n=force) for force in protocol.forces_n))
+        with solved_data():
+            virtual.on_site(site, RandomField.drawn(length, rng, rough=world.rough), sd)
+            presses.append(tuple(virtual.press(site, force_n=force) for force in protocol.forces_n))
     return SimulatedCase(phantom=phantom, frames=presses[0], references=presses[1], calibration=virtual.calibration)
 
 

@@ -28,7 +28,7 @@ TISSUE_PROBES = ("tsis-2011", "tsis-domed")  # the catalog's probes for inclusio
 
 
 def main() -> None:
-    """Delete the shipped tables and compute them anew, in about a quarter of an hour."""
+    """Delete the shipped tables and compute them anew, in about half an hour."""
     folder = shipped_tables()
     shutil.rmtree(folder, ignore_errors=True)
     os.environ["TSIS_CACHE_DIR"] = str(folder)

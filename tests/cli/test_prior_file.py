@@ -17,7 +17,7 @@ from tsis.catalog import default_prior_toml, inclusion_prior_toml, parse_prior, 
 from tsis.cli._options import chosen_prior, other_priors
 from tsis.errors import FileInputError, InputError, UnknownNameError
 from tsis.hardness import HardnessPrior
-from tsis.inclusion import InclusionPrior, estimate, prior_sensitivity, with_prior_sensitivity
+from tsis.inclusion import InclusionPrior, PriorShift, estimate, prior_sensitivity, with_prior_sensitivity
 from tsis.instrument import read_image
 from tsis.model import Estimate
 
@@ -204,3 +204,15 @@ def test_other_priors_move_an_answer_by_the_difference_of_the_means(monkeypatch:
     assert with_prior_sensitivity(own, shifts).notes == (
         "Under other priors: sure: diameter +1.2 sd; dim: no estimate (too dark).",
     )
+
+
+def test_an_untrusted_answer_keeps_its_cures_beside_the_line_on_other_priors() -> None:
+    samples, prior_sd = {"diameter_mm": [6.0, 7.0, 8.0]}, {"diameter_mm": 4.0}
+    flags = ("too_strong", "diameter_mm_not_identified")
+    notes = ("Press with at most 0.5 N.", "The diameter is 7 mm or not.")
+    own = Estimate(samples=samples, prior_sd=prior_sd, trusted=False, flags=flags, notes=notes)
+    shown = with_prior_sensitivity(own, [PriorShift(name="wide", shift_sd={}, reason="not compared")])
+    assert shown.printed_notes == ("Press with at most 0.5 N. Under other priors: wide: not compared.",)
+    assert (shown.flags, len(shown.notes)) == (flags, len(notes))
+    bare = Estimate(samples=samples, prior_sd=prior_sd, trusted=False)
+    assert with_prior_sensitivity(bare, []) is bare

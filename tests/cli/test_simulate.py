@@ -4,10 +4,13 @@ import json
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pytest
 
 from tsis.catalog import list_phantoms, list_probes
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from tests.cli.conftest import RunTsis
 
 
@@ -54,3 +57,46 @@ def test_a_force_beyond_the_model_is_one_sentence(run_tsis: RunTsis) -> None:
     assert finished.code != 0
     assert "choose a force of at most" in " ".join(finished.err.split())
     assert "Traceback" not in finished.err
+
+
+def test_a_virtual_gel_sensor_writes_frames_forces_and_its_truth_apart(run_tsis: RunTsis, tmp_path: Path) -> None:
+    options = ("--ball-mm", "8", "--ball-kpa", "120", "--force-n", "0.4", "--presses", "1", "--seed", "5")
+    finished = run_tsis("simulate", "--sensor", "gelsight-mini", *options, "--calibration-presses", "0", "--json")
+    assert finished.code == 0, finished.err
+    (frame,) = json.loads(finished.out)["frames"]
+    folder = tmp_path / "virtual-gel"
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "press-1.json", "press-1.png", "result.json", "truth", "untouched.png",
+    ]  # fmt: skip
+    (truth,) = json.loads((folder / "truth" / "truth.json").read_text())["contacts"]
+    assert truth["force_n"] == 0.4
+    assert abs(frame["force_n"] / 0.4 - 1.0) < 0.05, "the gauge errs"
+    depth = np.load(folder / "truth" / "press-1-depth.npy")
+    assert depth.shape == (240, 320)
+    found = run_tsis(
+        "contacts", "virtual-gel/press-1.png", "--sensor", "gelsight-mini", "--reference", "virtual-gel/untouched.png",
+        "--csv", "c.csv",
+    )  # fmt: skip
+    assert found.code == 0, found.err
+    header, row = (tmp_path / "c.csv").read_text().splitlines()
+    values = dict(zip(header.split(","), row.split(","), strict=True))
+    assert float(values["force_n"]) == frame["force_n"]
+    assert abs(float(values["radius_px"]) / truth["radius_px"] - 1.0) < 0.08
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--sensor", "digit"), "a virtual gel sensor must be flat; digit is curved"),
+        (("--sensor", "gelsight-mino"), "did you mean 'gelsight-mini'"),
+        (("--sensor", "gelsight-mini", "--ball-kpa", "-1"), "--ball-kpa must lie in"),
+        (("--sensor", "gelsight-mini", "--presses", "0"), "--presses must"),
+    ],
+)
+def test_a_gel_that_cannot_be_simulated_is_one_sentence(
+    run_tsis: RunTsis, arguments: tuple[str, ...], said: str
+) -> None:
+    finished = run_tsis("simulate", *arguments)
+    assert finished.code == 2
+    assert said in " ".join(finished.err.split())
+    assert finished.err.count("\n") == 1

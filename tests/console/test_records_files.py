@@ -22,7 +22,7 @@ from tests.records.sample import levels, sample_dossier
 from tests.report.pdf_readers import sheets
 from tests.report.rough_pictures import rough_pictures
 
-from tsis.console.files import _exporting as exporting
+from tsis.console import files as exporting
 from tsis.console.files import thumbnail_png
 from tsis.errors import MissingExtraError
 from tsis.records.export.bundle import read_bundle

@@ -7,7 +7,7 @@ import weakref
 
 from nicegui import Client, ui
 
-from tsis.console.pages.components._upload import FileField
+from tsis.console.pages.components._fields import FileField
 
 
 class Page:

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from benchmarks.judgement import Judgement
-from benchmarks.simulated_presses import CLEARANCE
 from benchmarks.simulation_based_calibration import (
     ALONE,
     PROTOCOLS,
@@ -25,6 +24,7 @@ from scipy.stats import kstest
 from tsis.inclusion import PARAMETERS, InclusionPrior, ring_edges
 from tsis.inclusion.posterior import THICKNESS, InclusionLikelihood, explore_inclusion
 from tsis.inclusion.posterior._forward import SHARED
+from tsis.virtual import DEEPEST_FRACTION
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -107,7 +107,7 @@ def test_draws_are_those_of_the_prior(flat_with_reference: Experiment, monkeypat
         assert others.shape[1] == SHARED + 3
         assert kstest(others.ravel(), "norm").pvalue > 1e-3
         slab = PRIOR.thickness_mm * np.exp(nuisances[:, THICKNESS])
-        fits = inclusions[:, 0] + inclusions[:, 1] < CLEARANCE * slab
+        fits = inclusions[:, 0] + inclusions[:, 1] < DEEPEST_FRACTION * slab
         assert fits.all() != any_slab
 
 

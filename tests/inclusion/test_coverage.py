@@ -12,12 +12,13 @@ import pytest
 from benchmarks.coverage import kept_at, run
 from benchmarks.judgement import Judgement, compared
 from benchmarks.press_bank import PressBank
-from benchmarks.simulated_presses import CLEARANCE, LARGEST_POISSON, PROTOCOLS, draw, simulate
+from benchmarks.simulated_presses import PROTOCOLS, simulate
 from benchmarks.worlds import WORLDS
 
 from tsis.errors import InputError
 from tsis.inclusion import PARAMETERS, InclusionPrior
 from tsis.model import Estimate, Inclusion
+from tsis.virtual import DEEPEST_FRACTION, LARGEST_DRAWN_POISSON, draw_phantom
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -58,7 +59,7 @@ def test_intervals_hold_with_the_calibration_of_the_product(law: str) -> None:
 
 def test_phantoms_are_drawn_from_the_prior() -> None:
     rng = np.random.default_rng(1)
-    drawn = [draw(PRIOR, rng) for _ in range(4000)]
+    drawn = [draw_phantom(PRIOR, rng) for _ in range(4000)]
     lumps = [one.inclusion for one in drawn if one.inclusion is not None]
     for name, low, high in zip(PARAMETERS, PRIOR.low, PRIOR.high, strict=True):
         share = (np.array([getattr(lump, name) for lump in lumps]) - low) / (high - low)
@@ -69,9 +70,9 @@ def test_phantoms_are_drawn_from_the_prior() -> None:
     roomy = [one.thickness_mm for one, lump in zip(drawn, lumps, strict=True) if lump.bottom_mm < 15.0]
     thickness = np.log(np.array(roomy) / PRIOR.thickness_mm)
     assert (thickness.mean(), thickness.std()) == pytest.approx((0.0, PRIOR.thickness_sd), abs=0.01)
-    assert all(lump.bottom_mm < CLEARANCE * one.thickness_mm for one, lump in zip(drawn, lumps, strict=True))
+    assert all(lump.bottom_mm < DEEPEST_FRACTION * one.thickness_mm for one, lump in zip(drawn, lumps, strict=True))
     poisson = np.array([one.poisson for one in drawn])
-    assert poisson.max() == LARGEST_POISSON
+    assert poisson.max() == LARGEST_DRAWN_POISSON
     assert (np.median(poisson), poisson.std()) == pytest.approx((PRIOR.poisson, PRIOR.poisson_sd), abs=3e-4)
     assert [lump.poisson for lump in lumps] == poisson.tolist()
 

@@ -17,7 +17,7 @@ from tsis.inclusion._verdict import NAMES
 SOURCE, DOCS = Path(tsis.__file__).parent, Path(__file__).parents[2] / "docs"
 RAISING = {
     "inclusion": ("_verdict", "_estimate", "checks/_images", "checks/_roundness"),
-    "hardness": ("_verdict", "_touch_findings"),
+    "hardness": ("_verdict", "_touch_estimate"),
 }
 LISTED = {"inclusion": INCLUSION, "hardness": HARDNESS}
 PAGES = {"inclusion": "explanation/what-a-press-can-tell.md", "hardness": "how-to/measure-hardness.md"}

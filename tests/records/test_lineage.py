@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import pytest
 from tests.records.sample import WHEN, sample_dossier
 
-from tsis.records.store._summary import in_lineage
+from tsis.records.store._reader import in_lineage
 
 if TYPE_CHECKING:
     from tsis.records import StoredEstimate

@@ -19,7 +19,7 @@ from tsis.records.export.arrays import write_hdf5, write_zarr
 from tsis.records.export.bundle import read_bundle, write_bundle
 from tsis.records.store import _tables as tables
 from tsis.records.store import open_store, verify_store
-from tsis.records.store._secret import TERM, read_secret
+from tsis.records.store._database import TERM, read_secret
 
 if TYPE_CHECKING:
     from pathlib import Path

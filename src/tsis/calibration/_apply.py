@@ -102,14 +102,8 @@ class UsableCalibration(ContentValue):
         if by_line:
             return self.calibration.need(ForceLine, "the budget of a force").budget(force_n)
         sd = self.response.force_sd
-        stated = UncertaintyComponent(
-            source="stated force",
-            evaluation="B",
-            distribution="normal",
-            standard_uncertainty=sd,
-            unit="1",
-            contribution=sd * force_n,
-        )
+        sizes = {"standard_uncertainty": sd, "contribution": sd * force_n}
+        stated = UncertaintyComponent(source="stated force", evaluation="B", distribution="normal", unit="1", **sizes)
         return QuantityBudget(name="force_n", value=force_n, unit="N", components=(stated,))
 
     def require_untouched(self, frames: Sequence[TactileImage]) -> None:

@@ -46,7 +46,10 @@ def contacts(
     sequence: Annotated[
         bool, typer.Option("--sequence", help="Frames are of one press in the order of time: refuse moving ones.")
     ] = False,
-    csv: Annotated[Path | None, typer.Option("--csv", help="Table of the contacts to write.")] = None,
+    csv: Annotated[
+        Path | None,
+        typer.Option("--csv", help="Table of the contacts to write, with forces from JSON files beside the frames."),
+    ] = None,
     page: Annotated[Path | None, typer.Option("--html", help="Page with overlays to write.")] = None,
     figure: Annotated[Path | None, typer.Option("--figure", help="Picture of the overlays to write.")] = None,
     as_json: AsJson = False,
@@ -73,7 +76,7 @@ def contacts(
     provenance = {"notice": RESEARCH_USE_ONLY, "tsis": __version__, "sensor": chosen.name, "frames": len(paths)}
     written: list[str] = []
     outputs: tuple[tuple[Path | None, Callable[[], bytes]], ...] = (
-        (csv, lambda: tsis.report.contacts_csv(found)),
+        (csv, lambda: tsis.report.contacts_csv(found, [_sidecar_force(path) for path in paths])),
         (page, lambda: tsis.report.gel_contacts_report(levels, found, provenance=provenance)),
         (figure, lambda: _picture(levels, found)),
     )
@@ -114,6 +117,18 @@ def gel_frame_paths(frames: Sequence[Path]) -> list[Path]:
             f"frames must be at most {MOST_GEL_FRAMES}; got {len(frames)}: give every second one, or fewer"
         )
     return list(frames)
+
+
+def _sidecar_force(frame: Path) -> tuple[float | None, float | None]:
+    """Force in newtons and its sd, where a JSON file beside the frame holds one."""
+    beside = frame.with_suffix(".json")
+    force = tsis.files.read_object(beside).get("force") if beside.is_file() else None
+    if not isinstance(force, dict):
+        return None, None
+    newtons, sd = force.get("force_n"), force.get("force_sd_n")
+    name = f"force_n of {beside.name}"
+    newtons = tsis.model.require_number(name, newtons, -1000.0, 1000.0, hint="newtons")
+    return newtons, None if sd is None else tsis.model.require_number(f"sd of {name}", sd, 0.0, 1000.0, hint="newtons")
 
 
 def read_gel_frame(path: Path) -> NDArray[Any]:

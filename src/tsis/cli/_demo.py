@@ -11,6 +11,7 @@ import typer
 
 import tsis
 from tsis.__about__ import CALIBRATION_FILE, LARGEST_SEED
+from tsis.cli._demo_seeds import repeat_demo, stored_note
 from tsis.cli._options import (
     AsJson,
     DepthMm,
@@ -48,6 +49,12 @@ def demo(
     strain: Annotated[
         str, typer.Option(help="Mechanics of presses and estimate: finite, seconds a press; small, tenths.")
     ] = "finite",
+    seeds: Annotated[
+        int | None,
+        typer.Option(
+            help="Repeat with this many seeds, everything drawn anew, and count how often the intervals held.", min=1
+        ),
+    ] = None,
     prior: InclusionPriorChoice = None,
     show_prior: ShowPrior = False,
     out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path("tsis-demo"),
@@ -60,9 +67,24 @@ def demo(
 
     Each force is pressed twice, on tissue without inclusion and on the phantom. The estimator does not know the true
     forces, gain and stiffness of the probe, nor the mesh of the virtual probe.
+
+    With --seeds, each examination draws the inclusion and the tissue from the prior; nothing is written.
     """
     import numpy as np
 
+    if seeds is not None:
+        _require_no_inclusion(diameter_mm, depth_mm, young_kpa, save=save)
+        repeat_demo(
+            seeds,
+            first_seed=seed,
+            probe=chosen_probe(probe),
+            prior=chosen_prior(prior),
+            forces_n=force_n,
+            strain=strain,
+            as_json=as_json,
+        )
+        return
+    as_stored = (probe, strain, prior) == ("tsis-domed", "finite", None)
     target = tsis.catalog.phantom_variant(phantom, diameter_mm, depth_mm, young_kpa)
     truth, forces = _truth(target), _named(force_n)
     if save:
@@ -117,7 +139,11 @@ def demo(
         document=tsis.report.envelope("demo", **provenance, estimate=tsis.report.estimate_document(result, truth)),
         page=page,
         tables=(estimate_table(result, title=f"{target.name}; {pressed}", truth=truth),),
-        notes=(*tsis.report.estimate_messages(result), *_outside_the_prior(truth or {}, assumed)),
+        notes=(
+            *tsis.report.estimate_messages(result),
+            *_outside_the_prior(truth or {}, assumed),
+            *((stored_note(),) if as_stored else ()),
+        ),
         files={
             **{frame.name: tsis.instrument.png_bytes(frame) for frame in (*images, *references)},
             "untouched.png": tsis.instrument.png_bytes(untouched),
@@ -125,6 +151,15 @@ def demo(
         },
     )
     publish_and_save(outcome, out, destination, savable, as_json=as_json)
+
+
+def _require_no_inclusion(*sizes: float | None, save: bool) -> None:
+    """Refuse options of one inclusion beside --seeds, which draws inclusions."""
+    if save or any(size is not None for size in sizes):
+        raise InputError(
+            "--seeds draws every inclusion from the prior and saves none: leave out --diameter-mm, --depth-mm, "
+            "--young-kpa and --save"
+        )
 
 
 def _named(force_n: list[float]) -> dict[str, float]:

@@ -50,6 +50,11 @@ def result_bytes(document: Mapping[str, Any]) -> bytes:
     return tsis.files.json_bytes({"schema": document["schema"], **document})
 
 
+def plain_json_bytes(values: Mapping[str, Any]) -> bytes:
+    """Content of a JSON file that is no result, such as a sidecar."""
+    return tsis.files.json_bytes(values)
+
+
 def print_notice(console: Console) -> None:
     """The sentence that every output carries."""
     console.print(RESEARCH_USE_ONLY, style="bold")
@@ -131,7 +136,7 @@ def show_result(result: CommandResult, out: Path | None, *, as_json: bool, trust
     if out is not None:
         requested = tsis.report.free_folder(out)  # refused before anything is drawn
         files = {f"{name}.png": _png(draw()) for name, draw in result.figures.items()}
-        files |= {f"{name}.npy": _npy(values) for name, values in result.arrays.items()}
+        files |= {f"{name}.npy": npy_bytes(values) for name, values in result.arrays.items()}
         folder = tsis.report.write_folder(requested, {**files, RESULT: result_bytes(document)})
     if as_json:
         print_json(document if folder is None else {**document, "folder": str(folder)})
@@ -140,7 +145,8 @@ def show_result(result: CommandResult, out: Path | None, *, as_json: bool, trust
     leave(trusted=trusted)
 
 
-def _npy(values: NDArray[np.float64]) -> bytes:
+def npy_bytes(values: NDArray[Any]) -> bytes:
+    """Content of an NPY file."""
     buffer = io.BytesIO()
     np.save(buffer, values, allow_pickle=False)
     return buffer.getvalue()

@@ -1,10 +1,11 @@
-"""``tsis simulate``: pressure and displacement of a press."""
+"""``tsis simulate``: pressure and displacement of a press, and frames of a virtual gel sensor."""
 
 from __future__ import annotations
 
 from dataclasses import asdict
 from enum import StrEnum
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -14,6 +15,7 @@ import tsis
 from tsis.cli._options import AsJson, DepthMm, DiameterMm, ForceN, PhantomName, ProbeOption, YoungKpa, chosen_probe
 from tsis.cli._output import people, print_json, print_notice
 from tsis.cli._progress import waiting
+from tsis.cli._simulate_gel import GelOrder, write_gel_frames
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -22,6 +24,7 @@ if TYPE_CHECKING:
 
 
 SHOWN_RADII = 13
+GEL = "Frames of a virtual gel sensor (--sensor)"
 
 
 class Strain(StrEnum):
@@ -43,11 +46,33 @@ def simulate(
         Strain, typer.Option(help="finite: large deformations and sliding, seconds; small: linear, milliseconds.")
     ] = Strain.FINITE,
     show_catalog: Annotated[bool, typer.Option("--list", help="List the catalog's probes and phantoms.")] = False,
+    sensor: Annotated[
+        str | None,
+        typer.Option(help="Press balls on this gel sensor instead and write its frames.", rich_help_panel=GEL),
+    ] = None,
+    ball_mm: Annotated[float, typer.Option(help="Diameter of the ball.", rich_help_panel=GEL)] = 10.0,
+    ball_kpa: Annotated[
+        float | None, typer.Option(help="Young's modulus of the ball; left out: rigid.", rich_help_panel=GEL)
+    ] = None,
+    presses: Annotated[
+        int, typer.Option(help="Presses of the ball, at forces up to --force-n.", rich_help_panel=GEL)
+    ] = 3,
+    calibration_presses: Annotated[
+        int, typer.Option(help="Presses of a rigid ball of 6 mm before.", rich_help_panel=GEL)
+    ] = 8,
+    seed: Annotated[int, typer.Option(help="Seed of gel, lamps, places and noise.", rich_help_panel=GEL)] = 1,
+    out: Annotated[
+        Path, typer.Option(help="Folder to write; a number is added when it exists.", rich_help_panel=GEL)
+    ] = Path("virtual-gel"),
     as_json: AsJson = False,
 ) -> None:
-    """Press a probe on a phantom by finite elements: pressure and displacement over the face."""
+    """Press a probe on a phantom, or with --sensor balls on a gel sensor, by finite elements."""
     if show_catalog:
         _catalog(as_json=as_json)
+        return
+    if sensor is not None:
+        order = GelOrder(ball_mm, ball_kpa, force_n, presses, calibration_presses, seed)
+        write_gel_frames(sensor, order, out, as_json=as_json)
         return
     pressed = tsis.catalog.phantom_variant(phantom, diameter_mm, depth_mm, young_kpa)
     chosen = chosen_probe(probe)

@@ -8,7 +8,8 @@ shows them at every threshold (`roc`); methods are compared on the same targets 
 The probability that an inclusion is there is read off an estimate (`presence`), and of which kind it is, named by
 measured properties, off a classifier (`train_classifier`, `cross_validate`). Readings are compared between raters
 (`intraclass_correlation`), between two ways to measure (`bland_altman`), within an operator (`repeatability`), between
-operators (`reproducibility`) and with reference targets (`linearity`); `study_size` says how many are needed. A scan
+operators (`reproducibility`) and with reference targets (`linearity`); `study_size` says how many are needed. A chart
+of daily checks warns of drift (`control_chart`, `ewma_run_length`). A scan
 plan says where to press to search an area, and what it cannot miss (`scan_plan`, `widest_plan`, `smallest_found_mm`).
 """
 
@@ -27,6 +28,7 @@ from tsis.detection._brier import (
     reliability_curve,
 )
 from tsis.detection._comparison import Comparison, bootstrap_compare_detectors, compare_detectors
+from tsis.detection._control_chart import ControlChart, control_chart, ewma_run_length, shewhart_run_length
 from tsis.detection._counts import Counts
 from tsis.detection._icc import IntraclassCorrelation, intraclass_correlation
 from tsis.detection._inputs import Interval
@@ -63,6 +65,7 @@ __all__ = [
     "BlandAltman",
     "BrierScore",
     "Comparison",
+    "ControlChart",
     "Counts",
     "FittedValue",
     "Interval",
@@ -91,6 +94,8 @@ __all__ = [
     "brier_interval",
     "brier_score",
     "compare_detectors",
+    "control_chart",
+    "ewma_run_length",
     "exact_interval",
     "held_out_counts",
     "intraclass_correlation",
@@ -102,6 +107,7 @@ __all__ = [
     "repeatability",
     "reproducibility",
     "roc",
+    "shewhart_run_length",
     "study_size",
     "wilson_interval",
     "youden_point",

@@ -5,15 +5,15 @@ from tsis.plots._detection import (
     agreement_limits,
     detected_by_size_and_depth,
     draw_scan_plan,
+    drift_chart,
     read_over_true,
     reliability_diagram,
     roc_curve,
     scores_by_truth,
 )
 from tsis.plots._estimate import LABELS, design_errors, marginal, posterior, trade_off
-from tsis.plots._gel import gel_contact, gel_depth
 from tsis.plots._hardness import contact_growth, contact_rows, modulus, modulus_readings
-from tsis.plots._image import relief, ring_profile, tactile_image
+from tsis.plots._image import gel_contact, gel_depth, relief, ring_profile, tactile_image
 from tsis.plots._matching import (
     TRIAL_COLOURS,
     alternative_pose,
@@ -31,6 +31,7 @@ from tsis.plots._optics import (
     probe_section,
     ray_picture,
 )
+from tsis.plots._section import tissue_section
 from tsis.plots._sequences import light_over_time, light_path, repeated_readings
 
 __all__ = [
@@ -45,6 +46,7 @@ __all__ = [
     "detected_by_size_and_depth",
     "dot_board",
     "draw_scan_plan",
+    "drift_chart",
     "force_residuals",
     "force_sums",
     "gel_contact",
@@ -73,6 +75,7 @@ __all__ = [
     "roc_curve",
     "scores_by_truth",
     "tactile_image",
+    "tissue_section",
     "trade_off",
     "trial_errors",
     "warped_grid",

@@ -14,11 +14,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import ArrayLike
 
-    from tsis.detection import BlandAltman, Counts, ReliabilityCurve, Roc
+    from tsis.detection import BlandAltman, ControlChart, Counts, ReliabilityCurve, Roc
     from tsis.detection.search import ScanPlan
 
 
 BLUE, WARM, GREY = "#0072b2", "#d55e00", "0.45"
+FAR = 4.0  # tolerances beyond that many half widths of the limits are not drawn
 
 
 def roc_curve(curve: Roc, ax: Axes, *, label: str = "", counts: Counts | None = None, colour: str = BLUE) -> Axes:
@@ -130,6 +131,26 @@ def agreement_limits(bland_altman: BlandAltman, ax: Axes, *, label: str) -> Axes
     for limit in bland_altman.limits():
         ax.axhline(limit, color=WARM, linewidth=1.2, linestyle="--")
     ax.set(xlabel=f"mean {label}", ylabel=f"difference of {label}")
+    return ax
+
+
+def drift_chart(chart: ControlChart, ax: Axes, *, label: str, tolerance: float) -> Axes:
+    """Draw a control chart: values, their EWMA, both kinds of limits, and the tolerance on each side of the centre."""
+    count, end = np.arange(1, len(chart.values) + 1), max(len(chart.values), chart.baseline + 1) + 0.5
+    ax.axvspan(0.5, chart.baseline + 0.5, color="0.94", zorder=0, label="baseline")
+    ax.plot(count, chart.values, "o", color=GREY, markersize=3.5, label="check")
+    ax.plot(count, chart.ewma, "-", color=BLUE, linewidth=1.6, label="EWMA")
+    for sign, shown in ((1, ("EWMA limits", "Shewhart limits", "out of tolerance")), (-1, (None, None, None))):
+        ax.plot(count, chart.centre + sign * chart.ewma_half, ":", color=BLUE, linewidth=1.3, label=shown[0])
+        edge = [chart.centre + sign * chart.shewhart] * 2
+        ax.plot([chart.baseline + 0.5, end], edge, "--", color="0.25", linewidth=1.1, label=shown[1])
+        if tolerance < FAR * chart.shewhart:
+            ax.axhline(chart.centre + sign * tolerance, color=WARM, linewidth=1.2, label=shown[2])
+    marked = chart.beyond_shewhart | chart.beyond_ewma
+    ax.plot(count[marked], chart.values[marked], "o", color=WARM, markersize=4.5, label="beyond a limit")
+    ax.set(xlabel="check", ylabel=label, xlim=(0.5, end))
+    ax.ticklabel_format(axis="y", useOffset=False)
+    ax.legend(frameon=False, fontsize=7, ncols=3, loc="upper center", bbox_to_anchor=(0.5, -0.18))
     return ax
 
 

@@ -16,7 +16,7 @@ from tsis.report._calibration import (
     specification_notes,
     specification_rows,
 )
-from tsis.report._contact import analyse_image, comparison, contact_report, finding_notes, finding_rows
+from tsis.report._contact import ImageFinding, analyse_image, comparison, contact_report, finding_notes, finding_rows
 from tsis.report._design import (
     HEADINGS,
     QUICK_DEGREES,
@@ -70,7 +70,7 @@ from tsis.report._hardness import (
     hardness_report,
     hardness_rows,
 )
-from tsis.report._inclusion import budget_notes, budget_tables, inclusion_report
+from tsis.report._inclusion import budget_notes, budget_tables, estimate_pictures, inclusion_report
 from tsis.report._matching import draw_poses, draw_registration, registration_report
 from tsis.report._page import Card, Page, Picture, Table, address, html
 from tsis.report._records import (
@@ -104,6 +104,7 @@ __all__ = [
     "Card",
     "DesignAnalysis",
     "DesignQuestion",
+    "ImageFinding",
     "Page",
     "Picture",
     "PressComparison",
@@ -147,6 +148,7 @@ __all__ = [
     "estimate_document",
     "estimate_messages",
     "estimate_messages_of",
+    "estimate_pictures",
     "export_endings",
     "features_document",
     "finding_notes",

@@ -25,7 +25,7 @@ ACROSS = 4  # overlays side by side
 MOST_OVERLAYS = 24
 COLUMNS = (
     "name", "good", "quality", "reasons", "x_px", "y_px", "radius_px", "radius_sd_px", "x_mm", "y_mm", "radius_mm",
-    "radius_sd_mm", "area_mm2", "area_sd_mm2", "long_axis_px", "short_axis_px", "angle_deg",
+    "radius_sd_mm", "area_mm2", "area_sd_mm2", "long_axis_px", "short_axis_px", "angle_deg", "force_n", "force_sd_n",
 )  # fmt: skip
 
 
@@ -40,15 +40,20 @@ def _plain(value: Any) -> Any:
     return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
-def contacts_csv(found: Sequence[GelContact]) -> bytes:
-    """The contacts as CSV, one row a frame, with the units in the names."""
+NO_FORCE: tuple[float | None, float | None] = (None, None)
+
+
+def contacts_csv(
+    found: Sequence[GelContact], forces: Sequence[tuple[float | None, float | None]] | None = None
+) -> bytes:
+    """The contacts as CSV, one row a frame, with the units in the names; ``forces`` are newtons with their sd."""
     rows = []
-    for contact in found:
+    for contact, force in zip(found, forces or [NO_FORCE] * len(found), strict=True):
         in_mm = contact.centre_mm or ("", "")
         rows.append([
             contact.name, contact.good, f"{contact.quality:.4f}", "; ".join(contact.reasons), *contact.centre_px,
             contact.radius_px, contact.radius_sd_px, *in_mm, contact.radius_mm, contact.radius_sd_mm,
-            contact.area_mm2, contact.area_sd_mm2, *contact.semi_axes_px, contact.angle_deg,
+            contact.area_mm2, contact.area_sd_mm2, *contact.semi_axes_px, contact.angle_deg, *force,
         ])  # fmt: skip
     return table_bytes([COLUMNS, *(["" if value is None else value for value in row] for row in rows)])
 

@@ -10,10 +10,10 @@ import numpy as np
 
 from tsis.imaging import subtract_background
 from tsis.model import INTERVAL_LEVEL, NO_UNIT, label_of, probability_text
-from tsis.plots import marginal, trade_off
+from tsis.plots import marginal, posterior, tissue_section, trade_off
 from tsis.report._document import estimate_messages, sd_text
 from tsis.report._frames import change_picture, force_of, frame_picture, profile_picture, surface_picture
-from tsis.report._page import Card, Page, Picture, Table, html
+from tsis.report._page import Card, Page, Picture, Table, html, on_axes
 from tsis.report._relative import comparison_notes, comparison_pictures, comparison_tables
 
 if TYPE_CHECKING:
@@ -222,6 +222,33 @@ def marginals_picture(estimate: Estimate, prior: InclusionPrior, truth: Mapping[
         caption=f"Posterior (blue) against the uniform prior (grey), 90 % interval shaded.{marked}",
         wide=True,
     )
+
+
+def estimate_pictures(estimate: Estimate) -> tuple[Picture, ...]:
+    """The posterior of each parameter beside its prior, and the section of the tissue; without numbers if withheld."""
+    why = f"Withheld: {', '.join(estimate.flags)}" if not estimate.trusted else ""
+
+    def marginals(figure: Figure) -> None:
+        posterior(estimate, figure)
+
+    parameters = Picture(
+        title="Posterior of each parameter",
+        draw=marginals,
+        size=(9.5, 2.8),
+        alt=why or f"Posterior of {', '.join(estimate.names)} with the 90 % interval and the prior",
+        caption="" if why else "Posterior (blue) against the prior (grey), 90 % interval shaded.",
+        wide=True,
+    )
+    if not {"diameter_mm", "depth_mm"} <= set(estimate.names):
+        return (parameters,)
+    section = Picture(
+        title="Section of the tissue, to scale",
+        draw=on_axes(tissue_section, estimate),
+        size=(4.4, 3.6),
+        alt=why or "Outlines of the inclusion below the surface, drawn from the posterior",
+        caption="" if why else "Each thin outline is a sample of the posterior; the thick one has the medians.",
+    )
+    return (parameters, section)
 
 
 def trade_off_picture(estimate: Estimate, truth: Mapping[str, float] | None) -> Picture:

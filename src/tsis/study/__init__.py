@@ -5,11 +5,24 @@
 `analyse` compares the readings with the truth, and `verify_study` checks every file and the log.
 """
 
+from tsis.study._daily_check import (
+    CHARTED,
+    CheckLog,
+    CheckPlan,
+    DailyCheck,
+    add_checks,
+    begin_checks,
+    daily_check,
+    read_checks,
+)
+from tsis.study._drift_chart import DriftChart, drift_charts, rehearsed_checks
 from tsis.study._folder import ANALYSED, PLAN, Study, enter_readings, open_study, read_seal
 from tsis.study._log import LOG_FILE
 from tsis.study._making import new_study, printed_targets, random_targets
+from tsis.study._moulds import cup, sphere_mould, stl_bytes, volume_mm3
 from tsis.study._plan import ANALYSED_READING, TARGETS
-from tsis.study._pressing import RunResult, press_study
+from tsis.study._pressing import RunResult, StudyInstrument, press_study
+from tsis.study._reference_run import REFERENCES, reference_targets, rehearse_reference_run
 from tsis.study._tables import (
     READING_COLUMNS,
     export_readings,
@@ -24,16 +37,28 @@ from tsis.study._verification import StudyVerification, enter_analysis, is_file_
 __all__ = [
     "ANALYSED",
     "ANALYSED_READING",
+    "CHARTED",
     "LOG_FILE",
     "PLAN",
     "QUANTITIES",
     "READING_COLUMNS",
+    "REFERENCES",
     "TARGETS",
+    "CheckLog",
+    "CheckPlan",
+    "DailyCheck",
     "DeviceReading",
+    "DriftChart",
     "RunResult",
     "Study",
+    "StudyInstrument",
     "StudyVerification",
     "TargetTruth",
+    "add_checks",
+    "begin_checks",
+    "cup",
+    "daily_check",
+    "drift_charts",
     "enter_analysis",
     "enter_readings",
     "export_readings",
@@ -45,10 +70,17 @@ __all__ = [
     "press_study",
     "printed_targets",
     "random_targets",
+    "read_checks",
     "read_seal",
     "read_truth_table",
     "readings_table",
+    "reference_targets",
+    "rehearse_reference_run",
+    "rehearsed_checks",
     "require_short_name",
+    "sphere_mould",
+    "stl_bytes",
     "unblind",
     "verify_study",
+    "volume_mm3",
 ]

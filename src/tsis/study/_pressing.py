@@ -22,9 +22,9 @@ from tsis.study._values import QUANTITIES, DeviceReading, require_short_name
 from tsis.virtual import VirtualProbe
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
-    from tsis.model import Phantom, TactileImage
+    from tsis.model import Calibration, Phantom, TactileImage
     from tsis.optics.irradiance import Irradiance
     from tsis.records.store import Store
     from tsis.study._folder import Study
@@ -33,6 +33,26 @@ if TYPE_CHECKING:
 
 NOT_TRUSTED = "the estimate is not to be trusted"
 NOT_PRESSED = "the press could not be computed"  # the cause would reveal the truth
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class StudyInstrument:
+    """One probe for all readings of a study, instead of one drawn anew for each, and how its frames are corrected.
+
+    ``corrected`` turns raw frames into those of the calibration, with the response that the estimates use; without it
+    they use the probe's own nominal calibration.
+    """
+
+    virtual: VirtualProbe
+    corrected: Callable[[Sequence[TactileImage]], tuple[Sequence[TactileImage], Calibration]] | None = None
+
+    def known(self, *series: Sequence[TactileImage]) -> tuple[tuple[list[TactileImage], ...], Calibration]:
+        """Corrected series of frames, and the response of their grey levels."""
+        if self.corrected is None:
+            return tuple(list(frames) for frames in series), self.virtual.calibration
+        ready, response = zip(*(self.corrected(frames) for frames in series if frames), strict=True)
+        filled = iter(ready)
+        return tuple(list(next(filled)) if frames else [] for frames in series), response[0]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,6 +72,7 @@ def press_study(
     seed: int = 0,
     strain: str = "finite",
     save: Store | None = None,
+    instrument: StudyInstrument | None = None,
     progress: Callable[[int, int], None] | None = None,
     preparing: Callable[[int, int], None] | None = None,
     ended: Callable[[], bool] | None = None,
@@ -73,6 +94,8 @@ def press_study(
         Mechanics of the presses and of the estimates: ``"finite"``, seconds a press, or ``"small"``.
     save
         Store of phantoms for frames, calibration and estimate under each code.
+    instrument
+        The probe of all readings; None draws another probe of the plan's kind for each.
     progress
         Called with (done, total) readings.
     preparing
@@ -100,15 +123,15 @@ def press_study(
     with run_lock(study.folder / PLAN):
         study = open_study(study.folder)  # another run may just have ended
         left = study.missing(study.plan.device, operator)
-        instrument = None if not left else _Rig.of(study, strain, preparing)
+        rig = None if not left else _Rig.of(study, strain, preparing, instrument)
         entered = undecided = 0
         for done, (code, repeat) in enumerate(left):
             if progress is not None:
                 progress(done, len(left))
             if ended is not None and ended():
                 break
-            assert instrument is not None
-            reading = instrument.read(seal.truths[code], save, code=code, operator=operator, repeat=repeat, seed=seed)
+            assert rig is not None
+            reading = rig.read(seal.truths[code], save, code=code, operator=operator, repeat=repeat, seed=seed)
             study = enter_readings(study, [reading], actor=operator)
             entered, undecided = entered + 1, undecided + reading.undecided
     if progress is not None and left:
@@ -127,16 +150,23 @@ class _Rig:
     """The probe of a study, its light and the prior."""
 
     study: Study
+    instrument: StudyInstrument | None
     light: Irradiance
     prior: InclusionPrior
     strain: str
 
     @classmethod
-    def of(cls, study: Study, strain: str, preparing: Callable[[int, int], None] | None) -> _Rig:
+    def of(
+        cls,
+        study: Study,
+        strain: str,
+        preparing: Callable[[int, int], None] | None,
+        instrument: StudyInstrument | None,
+    ) -> _Rig:
         probe, prior = load_probe(study.plan.probe), InclusionPrior()
         light = irradiance(probe, progress=preparing)
         press_tables(probe, prior, strain, progress=preparing)
-        return cls(study=study, light=light, prior=prior, strain=strain)
+        return cls(study=study, instrument=instrument, light=light, prior=prior, strain=strain)
 
     def read(
         self, truth: TargetTruth, store: Store | None, *, code: str, operator: str, repeat: int, seed: int
@@ -144,15 +174,15 @@ class _Rig:
         """Press one target and estimate."""
         plan, rng = self.study.plan, _rng(seed, code, operator, repeat)
         blank = DeviceReading(code=code, device=plan.device, operator=operator, repeat=repeat, score=None)
-        virtual = VirtualProbe(load_probe(plan.probe), rng=rng, light=self.light, strain=self.strain)
-        calibration = virtual.calibration
-        saved = ProbeCalibration(name=calibration.name, probe=plan.probe, response=calibration)
-        evidence: dict[str, Any] = {
-            "tsis": __version__,
-            "seed": seed,
-            "strain": self.strain,
-            "calibration_sha256": calibration_sha256(saved),
-        }
+        own = self.instrument
+        if own is None:
+            own = StudyInstrument(
+                virtual=VirtualProbe(load_probe(plan.probe), rng=rng, light=self.light, strain=self.strain)
+            )
+            virtual = own.virtual
+        else:
+            virtual = own.virtual.aged(rng)
+        evidence: dict[str, Any] = {"tsis": __version__, "seed": seed, "strain": self.strain}
         try:
             targets, references = self._frames(virtual, truth.phantom, rng, code)
         except (InputError, MechanicsError):
@@ -160,6 +190,9 @@ class _Rig:
         evidence["frames_sha256"] = _digest(targets + references)
         evidence["prior"] = str(self.prior)
         try:
+            (targets, references), calibration = own.known(targets, references)
+            saved = ProbeCalibration(name=calibration.name, probe=plan.probe, response=calibration)
+            evidence["calibration_sha256"] = calibration_sha256(saved)
             result = estimate(
                 targets,
                 probe=virtual.probe,

@@ -14,17 +14,30 @@ from tsis.virtual._gel_frames import (
     render_gel,
     rendered_series,
 )
+from tsis.virtual._gel_sensor import VirtualGelSensor
 from tsis.virtual._gige import GigEServer
 from tsis.virtual._loading_camera import MachineErrors
 from tsis.virtual._loading_machine import FLAT_LEVELS, VirtualLoadingMachine
 from tsis.virtual._probe import FINE_RESOLUTION, VirtualProbe, nominal_calibration
+from tsis.virtual._repeated import (
+    DEEPEST_FRACTION,
+    LARGEST_DRAWN_POISSON,
+    RepeatedExamination,
+    coverage_counts,
+    draw_phantom,
+    reference_site,
+    stored_coverage,
+    surround,
+)
 from tsis.virtual._scale_targets import ball_frame, dot_board_frame, untouched_frame
 
 __all__ = [
+    "DEEPEST_FRACTION",
     "DIRECT_CONTACT_RESOLUTION",
     "FINE_RESOLUTION",
     "FLAT_LEVELS",
     "FORCE_SETTING",
+    "LARGEST_DRAWN_POISSON",
     "LARGEST_FORCE_N",
     "USUAL_MS",
     "DirectContactRig",
@@ -33,22 +46,29 @@ __all__ = [
     "GigEServer",
     "MachineErrors",
     "RenderedPress",
+    "RepeatedExamination",
     "VirtualBench",
     "VirtualCamera",
+    "VirtualGelSensor",
     "VirtualLoadingMachine",
     "VirtualProbe",
     "ball_frame",
     "ball_press",
     "bench_name",
     "bench_seed",
+    "coverage_counts",
     "direct_contact_calibration",
     "dot_board_frame",
+    "draw_phantom",
     "gel_depth_mm",
     "nominal_calibration",
     "random_gel_light",
     "random_gel_press",
+    "reference_site",
     "render_gel",
     "rendered_series",
+    "stored_coverage",
+    "surround",
     "untouched_frame",
     "virtual_mode",
 ]

@@ -88,6 +88,8 @@ class GelLight:
         Strength of the mirror-like part.
     ambient
         Light from all sides, grey levels.
+    vignetting
+        Fall of the light from the middle of the frame to its corners, a fraction.
     texture
         The pattern of the untouched face, relative, shape of the frame.
     blur_px, noise_grey, drift
@@ -107,6 +109,7 @@ class GelLight:
     noise_grey: float
     drift: NDArray[np.float64]
     absorption_per_mm: float
+    vignetting: float = 0.0
 
 
 def random_gel_light(shape: tuple[int, int], rng: np.random.Generator, *, size_px: float) -> GelLight:
@@ -131,6 +134,7 @@ def random_gel_light(shape: tuple[int, int], rng: np.random.Generator, *, size_p
         noise_grey=float(rng.uniform(0.7, 2.5)),
         drift=rng.normal(0.0, 0.01, 3),
         absorption_per_mm=float(rng.uniform(0.25, 0.5)),
+        vignetting=float(rng.uniform(0.0, 0.3)),
     )
 
 
@@ -180,6 +184,7 @@ def render_gel(
     if drift:
         level *= 1.0 + light.drift
     level += light.ambient
+    level *= (1.0 - light.vignetting * (u**2 + v**2) / (0.25 + (rows / columns / 2) ** 2))[..., None]
     level = gaussian_filter(level, (light.blur_px, light.blur_px, 0.0))
     level += rng.normal(0.0, light.noise_grey, level.shape)
     return np.clip(np.rint(level), 0, 255).astype(np.uint8)
@@ -199,6 +204,8 @@ class RenderedPress:
         The ball, and its contact.
     depth_mm
         Depth of the face, shape (rows, columns).
+    force_n
+        Force of the press; None where the modulus cancelled.
     """
 
     sensor: GelSensor
@@ -208,6 +215,7 @@ class RenderedPress:
     centre_px: tuple[float, float]
     radius_px: float
     depth_mm: NDArray[np.float64]
+    force_n: float | None = None
 
 
 def random_gel_press(

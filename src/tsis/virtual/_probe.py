@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -132,6 +133,15 @@ class VirtualProbe:
     def calibration(self) -> Calibration:
         """Nominal calibration of probe and camera; its noise and background are the sensor's."""
         return self._calibration
+
+    def aged(self, rng: np.random.Generator, *, lamps: float = 1.0, stiffness: float = 1.0) -> VirtualProbe:
+        """Age the probe: a copy with other errors of its presses, and factors in [0.2, 5] on light and moduli."""
+        require_type("rng", rng, np.random.Generator)
+        later = copy(self)
+        later._rng = rng
+        later._gain = self._gain * require_number("lamps", lamps, 0.2, 5.0)
+        later._stiffness = self._stiffness * require_number("stiffness", stiffness, 0.2, 5.0)
+        return later
 
     def press(self, phantom: Phantom, *, force_n: float) -> TactileImage:
         """Press the phantom with a commanded force in newtons, in [1e-4, 20], and take a frame.

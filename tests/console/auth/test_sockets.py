@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 from tests.waiting import HANGS_S
 
 from tsis.console.auth import Access, AuthMiddleware
-from tsis.console.auth._middleware import DENIAL
-from tsis.console.auth._sockets import MOST, OpenSockets
+from tsis.console.auth._middleware import DENIAL, MOST, OpenSockets
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -149,7 +148,7 @@ def test_a_socket_that_fails_is_closed() -> None:
 def test_the_watch_goes_on_whatever_it_meets_until_it_is_told_to_end(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr("tsis.console.auth._sockets.CHECK_EVERY_S", 0.0)
+    monkeypatch.setattr("tsis.console.auth._middleware.CHECK_EVERY_S", 0.0)
 
     def unknown() -> bool:
         raise OSError("the disk is gone")

@@ -12,8 +12,7 @@ import pytest
 from tests.records.sample import sample_dossier
 from tests.report.rough_pictures import rough_pictures
 
-from tsis.console.files import Reports
-from tsis.console.files._exporting import write_export
+from tsis.console.files import Reports, write_export
 from tsis.errors import InputError, RecordsError
 from tsis.records.store import open_store
 from tsis.report import PAGE_FORMS, StoreAddress, report_of_stored_target

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 from nicegui import ui
 
 from tsis.console import ConsoleSettings, serve_console
+from tsis.console import pages as directory
 from tsis.console.live import Histogram, LiveView, SurfaceView
 from tsis.console.live._hub import MAPS
-from tsis.console.pages import _directory as directory
 from tsis.console.services import InstrumentSettings
 
 if TYPE_CHECKING:

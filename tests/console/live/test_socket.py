@@ -23,8 +23,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 from tsis.console.live import LiveHub, live_view
-from tsis.console.live._hub import analysis_json, packet
-from tsis.console.live._socket import is_here
+from tsis.console.live._hub import analysis_json, is_here, packet
 from tsis.console.services import FrameAnalysis
 from tsis.console.services._frame_analysis import ContactView
 

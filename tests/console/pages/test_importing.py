@@ -11,8 +11,8 @@ from tests.console.pages.open_page import RecordingViewer, on_a_page
 from tests.console.services.instruments import FixedGauge, lit_instrument
 from tests.waiting import HANGS_S
 
-from tsis.console.pages.components._upload import FileField
-from tsis.console.pages.records._transfer import import_button
+from tsis.console.pages.components._fields import FileField
+from tsis.console.pages.records._listing import import_button
 from tsis.console.services._jobs import AT_ONCE
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ def test_the_copy_goes_also_when_the_import_is_ended_before_it_begins(
     (copies := tmp_path / "copies").mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(copies))
     monkeypatch.setattr(FileField, "reset", lambda _: None)  # which asks a browser, as the next does
-    monkeypatch.setattr("tsis.console.pages.components._upload.name_parts", lambda *_: None)
+    monkeypatch.setattr("tsis.console.pages.components._fields.name_parts", lambda *_: None)
     with lit_instrument(tmp_path) as instrument:
         owned = [FixedGauge() for _ in range(AT_ONCE)]
 

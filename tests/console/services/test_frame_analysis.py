@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 
 from tsis.calibration.guard import FrameShape, GuardReference, PressWatch, WatchState
 from tsis.calibration.settling import UNKNOWN
+from tsis.console.services import PressForce
 from tsis.console.services._frame_analysis import (
     BINS,
     LARGEST_SIDE_PX,
-    PressForce,
     analyse_frame,
     contact,
     exposure_warnings,

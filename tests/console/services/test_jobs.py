@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import threading
 import weakref
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -43,6 +44,20 @@ def test_the_result_and_what_was_told_on_the_way(jobs: Jobs) -> None:
     assert (state.title, state.done, state.total, state.sentence, job.result) == ("count", 3, 4, "three of four", 7)
     assert (state.running, state.fraction) == (False, 0.75)
     assert jobs.get(job.identity) is job
+
+
+def test_a_job_tells_when_it_began_and_when_it_was_over(jobs: Jobs) -> None:
+    before = datetime.now(UTC)
+    gauge = FixedGauge()
+    job = jobs.begin("wait", gauge)
+    assert (job.state().over, job.state().began is not None) == (None, True)
+    gauge.over.set()
+    assert done(job) == "done"
+    state = job.state()
+    assert state.began is not None
+    assert state.over is not None
+    assert before <= state.began <= state.over <= datetime.now(UTC)
+    assert (job.without_result().state().began, job.without_result().state().over) == (state.began, state.over)
 
 
 def test_nobody_can_tell_the_share_of_steps_that_nobody_counted() -> None:

@@ -155,7 +155,7 @@ def test_a_camera_that_stays_away_is_waited_for_until_somebody_ends_it(running: 
     until(lambda: running.state().camera.lost)
     running.end_sequence(by=ANN)
     assert over(job)["report"]["kept"] == len(rows(running.terms.workspace / "Target1" / "sequence"))
-    with pytest.raises(CameraError, match="is away; no sequence was begun"):
+    with pytest.raises(CameraError, match="must run to record a sequence; it is away"):
         running.begin_sequence(frames=1, by=ANN)
 
 

@@ -11,7 +11,7 @@ from tests.console.live.feed import Feed
 from tests.waiting import until
 
 from tsis.calibration.guard import GuardReference
-from tsis.console.services._frame_analysis import PressForce
+from tsis.console.services._subject import PressForce
 from tsis.console.services._watcher import Watcher
 from tsis.model import TactileImage
 

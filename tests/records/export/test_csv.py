@@ -54,6 +54,7 @@ def test_tables_hold_what_the_dossier_holds() -> None:
         ("kPa", "no", "yes"),
     ]
     assert [row["Cramer-Rao sd (in unit)"] for row in estimates] == ["0.38", "0.47", "infinite"]
+    assert {row["prior"] for row in estimates} == {found.prior}
     assert RESEARCH_USE_ONLY in files["README.txt"].decode()
 
 

@@ -11,7 +11,7 @@ from fastapi.security import HTTPBearer
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.console.api._documented import OF_CALLS, description
 from tsis.console.api._errors import install_error_handlers
-from tsis.console.api._query import CONTROL
+from tsis.console.api._responses import CONTROL
 from tsis.console.api._routes_instrument import (
     camera_router,
     cameras_router,

@@ -8,7 +8,7 @@ from fastapi.openapi.utils import get_openapi
 
 from tsis.calibration.file import CALIBRATION_FORMAT, CALIBRATION_VERSION
 from tsis.console.api._models import Problem
-from tsis.console.api._query import CONTROL, NEEDED
+from tsis.console.api._responses import CONTROL, NEEDED
 from tsis.console.api._value_schemas import describe_values
 
 if TYPE_CHECKING:

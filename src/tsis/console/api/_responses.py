@@ -1,9 +1,15 @@
-"""Response models of stored values."""
+"""Response models of stored values, and what calls depend on: the instrument, its owner, a named record."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
+from fastapi import Depends, Header, Path, Query
+from pydantic import BaseModel, ConfigDict, Field
+from starlette.requests import Request
+
+from tsis.__about__ import LARGEST_TARGET
+from tsis.console._statuses import NoControlError, absent_if_unknown
 from tsis.console.api._models_records import (
     EstimateItem,
     EstimateResult,
@@ -12,6 +18,8 @@ from tsis.console.api._models_records import (
     SearchResult,
     SequenceResult,
 )
+from tsis.console.files import Reports
+from tsis.console.services import Instrument
 from tsis.instrument import CameraListing
 from tsis.instrument.recording import RecordingReport
 from tsis.records import Recomputation, StoredEstimate, estimate_to_json
@@ -21,6 +29,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from tsis.console.api._models_records import JobResult
+    from tsis.records import StoredPress, Target
     from tsis.records.store import Store
 
 
@@ -61,3 +70,67 @@ def _recomputation(item: Recomputation) -> RecomputationItem:
         before=item.before.id,
         stored_as=item.after.id if item.stored else None,
     )
+
+
+CONTROL = "TSIS-Control"
+MOST_A_PAGE, MOST_OFFSET = 1000, 10**12
+TargetNumber = Annotated[int, Path(ge=1, le=LARGEST_TARGET, description="number of a target", examples=[1])]
+PressIdentity = Annotated[str, Path(pattern="^[0-9a-f]{32}$", description="identity of a press")]
+JobIdentity = Annotated[str, Path(pattern="^[0-9a-f]{32}$", description="identity of a job")]
+NEEDED = "identity that POST /v1/control gave; without it 428"
+Caller = Annotated[str | None, Header(alias=CONTROL, description="identity that POST /v1/control gave")]
+ActingCaller = Annotated[str | None, Header(alias=CONTROL, description=NEEDED)]
+
+
+class PageQuery(BaseModel):
+    """Which part of a long list."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    limit: int = Field(default=100, ge=1, le=MOST_A_PAGE, description="most that are listed")
+    offset: int = Field(default=0, ge=0, le=MOST_OFFSET, description="how many are skipped before")
+
+
+PageOfList = Annotated[PageQuery, Query()]
+
+
+async def instrument_of(request: Request) -> Instrument:
+    """The instrument of the application."""
+    instrument: Any = request.app.state.instrument
+    assert isinstance(instrument, Instrument)
+    return instrument
+
+
+async def reports_of(request: Request) -> Reports:
+    """Reports of the instrument's store."""
+    reports: Any = request.app.state.reports
+    assert isinstance(reports, Reports)
+    return reports
+
+
+TheInstrument = Annotated[Instrument, Depends(instrument_of)]
+TheReports = Annotated[Reports, Depends(reports_of)]
+
+
+async def owner(instrument: TheInstrument, identity: ActingCaller = None) -> str:
+    """The owner of the camera's control; 428 without the header, 409 for anybody else."""
+    if not identity:
+        raise NoControlError(f"an act needs the header {CONTROL} with the identity that POST /v1/control gives")
+    instrument.control.require(identity)
+    return identity
+
+
+Acting = Annotated[str, Depends(owner)]
+
+
+def find_target(instrument: Instrument, number: int) -> Target:
+    """The target of that number; `AbsentError` when there is none."""
+    with absent_if_unknown():
+        return instrument.store.target(number)
+
+
+def find_press(instrument: Instrument, number: int, identity: str) -> tuple[Target, StoredPress]:
+    """A press of a target; `AbsentError` when there is none."""
+    target = find_target(instrument, number)
+    with absent_if_unknown():
+        return target, instrument.store.press(target, identity)

@@ -29,7 +29,7 @@ from tsis.console.api._models_records import (
     SequenceOfSeconds,
     SnapshotRequest,
 )
-from tsis.console.api._query import Acting, Caller, TheInstrument
+from tsis.console.api._responses import Acting, Caller, TheInstrument
 from tsis.console.live import display_levels
 from tsis.console.services import CameraChoice, Instrument
 from tsis.errors import CameraError, InputError

@@ -37,7 +37,7 @@ from tsis.console.api._models_records import (
     TargetsResponse,
     TargetSummaryItem,
 )
-from tsis.console.api._query import (
+from tsis.console.api._responses import (
     CONTROL,
     Acting,
     Caller,
@@ -47,10 +47,11 @@ from tsis.console.api._query import (
     TargetNumber,
     TheInstrument,
     TheReports,
+    estimate_item,
     find_press,
     find_target,
+    job_result,
 )
-from tsis.console.api._responses import estimate_item, job_result
 from tsis.errors import InputError
 from tsis.files import QUICK_PNG, encode_picture
 from tsis.records import PRIORS, environment
@@ -209,7 +210,7 @@ def get_calibration_file(instrument: TheInstrument) -> Response:
     """Send the active calibration as its file, which `PUT /v1/calibration` accepts."""
     given = instrument.calibration
     if given is None:
-        raise AbsentError("a calibration must be in force to be sent; there is none")
+        raise AbsentError("a calibration must be active to be sent; there is none")
     return Response(calibration_bytes(given.calibration), media_type="application/json")
 
 

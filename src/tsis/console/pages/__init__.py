@@ -1,5 +1,27 @@
-"""The pages: each is built by a call `page(instrument, viewer)`."""
+"""The pages by their addresses, in the order in which the shell names them."""
 
-from tsis.console.pages._directory import PAGES
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from tsis.console.pages import about, calibrate, camera, design, examine, hardness, images, records, study
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 __all__ = ["PAGES"]
+# A page is called with the instrument, the viewer, and the parts of its address in braces.
+PAGES: dict[str, tuple[str, Callable[..., object]]] = {
+    "/": ("Examine", examine.examine_page),
+    "/camera": ("Camera", camera.camera_page),
+    "/calibrate": ("Calibrate", calibrate.calibrate_page),
+    "/calibrate/{name}": ("Calibrate", calibrate.session_page),
+    "/images": ("My images", images.images_page),
+    "/hardness": ("Hardness", hardness.HardnessPage),
+    "/study": ("Study", study.study_listing),
+    "/study/{name}": ("Study", study.show_study),
+    "/records": ("Records", records.target_listing),
+    "/records/{number}": ("Records", records.show_target),
+    "/design": ("Design", design.design_tab),
+    "/about": ("About", about.about_page),
+}

@@ -10,27 +10,45 @@ from tsis.console.services._control import (
     Owner,
 )
 from tsis.console.services._estimates import estimate_title, newest_presses
-from tsis.console.services._frame_analysis import ContactView, FrameAnalysis, PressForce
+from tsis.console.services._frame_analysis import ContactView, FrameAnalysis
 from tsis.console.services._instrument import Instrument
 from tsis.console.services._jobs import DONE, ENDED, FAILED, RESULTS, Job, JobCancelled, Jobs, JobState
+from tsis.console.services._own_images import (
+    IMAGE_ROLES,
+    MOST_OWN_FRAMES,
+    OPENABLE,
+    OwnImage,
+    measure_images,
+    open_images,
+    save_images,
+)
 from tsis.console.services._sequences import LONGEST_SEQUENCE_S, MOST_SEQUENCE_FRAMES, SHORTEST_SEQUENCE_S
 from tsis.console.services._snapshots import SavedPress
 from tsis.console.services._state import CameraState, InstrumentState
-from tsis.console.services._subject import BALL_MM, LONGEST_SPEC, CameraChoice, VirtualSubject
-from tsis.console.services._terms import InstrumentSettings
+from tsis.console.services._subject import (
+    BALL_MM,
+    LONGEST_SPEC,
+    CameraChoice,
+    InstrumentSettings,
+    PressForce,
+    VirtualSubject,
+)
 
 __all__ = [
     "BALL_MM",
     "DONE",
     "ENDED",
     "FAILED",
+    "IMAGE_ROLES",
     "LOCK_S",
     "LONGEST_LOCK_S",
     "LONGEST_OWNER_NAME",
     "LONGEST_SEQUENCE_S",
     "LONGEST_SPEC",
+    "MOST_OWN_FRAMES",
     "MOST_SEQUENCE_FRAMES",
     "MOST_TYPED_N",
+    "OPENABLE",
     "RESULTS",
     "SHORTEST_LOCK_S",
     "SHORTEST_SEQUENCE_S",
@@ -46,10 +64,14 @@ __all__ = [
     "JobCancelled",
     "JobState",
     "Jobs",
+    "OwnImage",
     "Owner",
     "PressForce",
     "SavedPress",
     "VirtualSubject",
     "estimate_title",
+    "measure_images",
     "newest_presses",
+    "open_images",
+    "save_images",
 ]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.calibration.guard import GuardFlag
+from tsis.console.services._subject import PressForce
 from tsis.imaging import block_means, segment
 from tsis.model import TactileImage
 
@@ -23,14 +24,6 @@ OUTLINE_POINTS = 96
 LARGEST_SIDE_PX = 192  # to which a frame is reduced before the search for its contact
 CLIPPED, DIM = 0.001, 0.15  # shares: of pixels at full scale, and of the scale that the brightest hundredth reaches
 BRIGHT_QUANTILE = 0.99
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PressForce:
-    """A force and where it is known from: ``"gauge"``, ``"virtual"`` or ``"typed"``."""
-
-    value_n: float
-    source: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,8 +123,7 @@ def exposure_warnings(counts: NDArray[np.int64], clipped_fraction: float) -> tup
 def reduced(levels: NDArray[Any]) -> NDArray[np.float64]:
     """A frame reduced by means over equal areas to at most `LARGEST_SIDE_PX`."""
     shrink = max(1.0, max(levels.shape) / LARGEST_SIDE_PX)
-    size = (max(3, round(levels.shape[1] / shrink)), max(3, round(levels.shape[0] / shrink)))
-    return block_means(levels, size[::-1])
+    return block_means(levels, (max(3, round(levels.shape[0] / shrink)), max(3, round(levels.shape[1] / shrink))))
 
 
 def contact(frame: Frame, untouched: NDArray[np.float64] | None) -> ContactView | None:
@@ -143,18 +135,16 @@ def contact(frame: Frame, untouched: NDArray[np.float64] | None) -> ContactView 
     if not patch.is_contact:
         return None
     weight = np.where(patch.mask, np.maximum(small - patch.background_grey, 0.0), 0.0)
-    total = float(weight.sum())
-    if total <= 0.0:
+    if (total := float(weight.sum())) <= 0.0:
         return None
-    span, down = (np.arange(count, dtype=float) for count in (small.shape[1], small.shape[0]))
-    rows, columns = frame.pixels.shape
-    back = columns / small.shape[1], rows / small.shape[0]
+    down, span = (np.arange(count, dtype=float) for count in small.shape)
+    back = frame.pixels.shape[1] / small.shape[1], frame.pixels.shape[0] / small.shape[0]
 
     def full_size(x: float, y: float) -> tuple[float, float]:
         return round((x + 0.5) * back[0] - 0.5, 2), round((y + 0.5) * back[1] - 0.5, 2)
 
-    step = max(1, len(patch.contour_px) // OUTLINE_POINTS)
+    outline = patch.contour_px[:: max(1, len(patch.contour_px) // OUTLINE_POINTS)]
     return ContactView(
         centroid_px=full_size(float(weight.sum(axis=0) @ span) / total, float(weight.sum(axis=1) @ down) / total),
-        outline_px=tuple(full_size(float(x), float(y)) for x, y in patch.contour_px[::step]),
+        outline_px=tuple(full_size(float(x), float(y)) for x, y in outline),
     )

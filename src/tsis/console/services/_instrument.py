@@ -30,11 +30,10 @@ if TYPE_CHECKING:
     from typing import Any, Self
 
     from tsis.calibration import UsableCalibration
-    from tsis.console.services._frame_analysis import FrameAnalysis, PressForce
+    from tsis.console.services._frame_analysis import FrameAnalysis
     from tsis.console.services._jobs import Job, JobState
     from tsis.console.services._snapshots import SavedPress
-    from tsis.console.services._subject import CameraChoice
-    from tsis.console.services._terms import InstrumentSettings
+    from tsis.console.services._subject import CameraChoice, InstrumentSettings, PressForce
     from tsis.instrument import Camera
     from tsis.instrument.acquisition import ReceivedFrame
     from tsis.instrument.gauge import ForceLog
@@ -198,9 +197,7 @@ class Instrument:
 
         Raises `CalibrationError` when it is expired, or of another probe, camera, setting or size of frames.
         """
-        with self._commands.run(
-            by, "putting a calibration in force", instead="another calibration can be put in force"
-        ):
+        with self._commands.run(by, "activating a calibration", instead="another calibration can be activated"):
             self._active.use(calibration)
             self._watcher.begin_anew()
 

@@ -8,6 +8,7 @@ import time
 import uuid
 from collections import OrderedDict, deque
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 from tsis.errors import ControlError, InputError, TsisError
@@ -42,6 +43,8 @@ class JobState:
         Steps done, and all steps; 0 where unknown.
     sentence
         Why it failed, or its result as text.
+    began, over
+        When it was begun and when it was over, UTC; ``over`` is None while it runs.
     """
 
     identity: str
@@ -50,6 +53,8 @@ class JobState:
     done: int = 0
     total: int = 0
     sentence: str = ""
+    began: datetime | None = None
+    over: datetime | None = None
 
     @property
     def running(self) -> bool:
@@ -74,6 +79,8 @@ class Job:
         self._after = after
         self._lock, self._finished, self._ending = threading.Lock(), threading.Event(), threading.Event()
         self._status, self._done, self._total, self._message = RUNNING, 0, 0, ""
+        self._began = datetime.now(UTC)
+        self._over: datetime | None = None
         self.result: Any = None  # before it is done
 
     def state(self) -> JobState:
@@ -86,6 +93,8 @@ class Job:
                 done=self._done,
                 total=self._total,
                 sentence=self._message,
+                began=self._began,
+                over=self._over,
             )
 
     def without_result(self) -> Job:
@@ -93,6 +102,7 @@ class Job:
         job = Job(self.title, follows_camera=self.follows_camera)
         state, job.identity = self.state(), self.identity
         job._status, job._done, job._total, job._message = state.status, state.done, state.total, state.sentence
+        job._began, job._over = self._began, self._over
         job._finished.set()
         return job
 
@@ -144,6 +154,7 @@ class Job:
         except Exception:
             _log.exception("what follows a job failed: %s", self.title)
         with self._lock:
+            self._over = datetime.now(UTC)
             self._status = status
             self._message = self._message if message is None else message
 

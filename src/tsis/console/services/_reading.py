@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING
 
-from tsis.console.services._frame_analysis import PressForce
+from tsis.console.services._subject import PressForce
 from tsis.files import printable_path
 from tsis.virtual import FORCE_SETTING
 
@@ -76,7 +76,7 @@ def trouble_messages(
     if gauge is not None and not gauge.running:
         results.append(f"The gauge is away: {gauge.error or 'its readings were ended'}.")
     if unfit:
-        results.append(f"The calibration is not in force, and presses are kept without one: {unfit}.")
+        results.append(f"The calibration is inactive, and presses are saved without one: {unfit}.")
     if watching:
         results.append(f"The press cannot be judged: {watching}.")
     return tuple(results)

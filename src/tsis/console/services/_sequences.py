@@ -23,8 +23,7 @@ if TYPE_CHECKING:
 
 
 SHORTEST_SEQUENCE_S, LONGEST_SEQUENCE_S, MOST_SEQUENCE_FRAMES = 0.1, 3600.0, 200_000
-TENTHS = 10
-GAUGE_WAIT_S = 0.25
+TENTHS, GAUGE_WAIT_S = 10, 0.25
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,16 +75,15 @@ def begin_sequence(
     FileInputError
         When the folder cannot be created.
     """
-    if acquisition is None:
-        raise CameraError("the camera must run to record a sequence; it is stopped (start it)")
-    if acquisition.lost:
-        raise CameraError(f"{acquisition.name} is away; no sequence was begun (wait until it is back)")
+    if acquisition is None or acquisition.lost:
+        at_fault = "it is stopped (start it)" if acquisition is None else "it is away (wait until it is back)"
+        raise CameraError(f"the camera must run to record a sequence; {at_fault}")
     begun = about()
     folder = _new_folder(workspace / target_folder(terms.target) / "sequence")
     forces = _Forces(gauge, typed_n)
 
     def about_all() -> dict[str, Any]:
-        of_gauge = {} if gauge is None else {"gauge": {"frames_without_force": forces.without, **asdict(gauge.state())}}
+        of_gauge = {"gauge": {"frames_without_force": forces.without, **asdict(gauge.state())}} if gauge else {}
         differing = {f"{name}_at_end": value for name, value in about().items() if value != begun[name]}
         return {"target": terms.target, **begun, **differing, **of_gauge}
 
@@ -103,9 +101,9 @@ def begin_sequence(
         )
         if report.kept == 0:
             raise CameraError(f"nothing was recorded: {report.ended_by or 'no frame came'}")
-        missing = f"; {report.missed} lost on the way, {report.overrun} that the disk did not take"
+        lost = f"{report.missed} lost on the way, {report.overrun} not written in time"
         early = f"; ended early: {report.ended_by}" if report.ended_by else ""
-        job.say(f"{report.kept} frames in {report.seconds:.1f} s{missing}{early}: {folder}")
+        job.say(f"{report.kept} frames in {report.seconds:.1f} s; {lost}{early}: {folder}")
         return {"folder": str(folder.resolve()), "report": asdict(report)}
 
     return jobs.begin(f"sequence of target {terms.target}", work, at_once=True)
@@ -140,14 +138,13 @@ def _new_folder(requested: Path) -> Path:
     try:
         folder.mkdir(parents=True)
     except OSError as error:
-        raise FileInputError(
-            f"{str(folder)!r:.120} must be a folder that can be made; got: {error.strerror or error} (free some space)"
-        ) from error
+        need = "must be a folder that can be made; got"
+        raise FileInputError(f"{str(folder)!r:.120} {need}: {error.strerror or error} (free some space)") from error
     return folder
 
 
 def _report(job: Job, terms: SequenceRequest, saved: int, passed_s: float) -> None:
-    if terms.frames is not None:
-        job.report(saved, terms.frames)
-    elif terms.seconds is not None:
+    if terms.seconds is None:
+        job.report(saved, terms.frames or saved)
+    else:
         job.report(int(TENTHS * min(passed_s, terms.seconds)), int(TENTHS * terms.seconds))

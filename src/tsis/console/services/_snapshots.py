@@ -19,8 +19,7 @@ if TYPE_CHECKING:
 
     from tsis.calibration.guard import GuardFlag
     from tsis.console.services._active_calibration import ActiveCalibration
-    from tsis.console.services._frame_analysis import PressForce
-    from tsis.console.services._subject import VirtualSubject
+    from tsis.console.services._subject import PressForce, VirtualSubject
     from tsis.instrument import Snapshot
     from tsis.instrument.acquisition import ReceivedFrame
     from tsis.model import TactileImage

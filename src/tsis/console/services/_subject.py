@@ -1,10 +1,11 @@
-"""The chosen camera, and the virtual subject."""
+"""The chosen camera, the virtual subject, and the settings that a console was started with."""
 
 from __future__ import annotations
 
 import re
 import threading
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,7 +19,7 @@ from tsis.errors import InputError, MechanicsError
 from tsis.imaging import Sensor
 from tsis.instrument import STORED_SOURCES, live_sources
 from tsis.model import Phantom, SoftSphere, TactileImage, require_integer, require_number, require_one_of, require_type
-from tsis.records import ROLES
+from tsis.records import KINDS, ROLES
 from tsis.virtual import LARGEST_FORCE_N, USUAL_MS, DirectContactRig, VirtualCamera, VirtualProbe, virtual_mode
 
 if TYPE_CHECKING:
@@ -32,6 +33,14 @@ OPENCV_SPEC = re.compile("opencv(:[0-9]{0,4})?")  # without a number it is the f
 TARGET, PLAIN, BALL, UNTOUCHED = "target", "plain", "ball", "untouched"  # roles of presses
 TISSUE_N, SPHERE_N = 1.0, 0.7  # forces with which the virtual probe begins
 LONGEST_SPEC = 200
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PressForce:
+    """A force and where it is known from: ``"gauge"``, ``"virtual"`` or ``"typed"``."""
+
+    value_n: float
+    source: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -226,3 +235,50 @@ class VirtualSubject:
 
 def _pressed_n(role: str, force_n: float) -> float:
     return 0.0 if role == UNTOUCHED else force_n
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InstrumentSettings:
+    """Folders and initial settings of an instrument.
+
+    Parameters
+    ----------
+    workspace
+        Folder of snapshots, sequences and calibration sessions; made when it does not exist.
+    store
+        Folder of the store of records; that of this user and kind when None.
+    kind
+        Of that store: ``"phantom"`` or ``"subject"``.
+    database
+        URL of a PostgreSQL database for its rows; SQLite in the folder when None.
+    camera
+        ``"virtual"``, or a live camera as of `CameraChoice`.
+    probe, phantom, seed
+        Of the virtual probe: names in the catalog, also of a sphere in place of a phantom, and the seed of its errors.
+    calibration
+        Calibration file that is active at the start; the virtual probe's own when None.
+
+    Raises
+    ------
+    InputError
+        When a name is unknown or a value outside its range.
+    """
+
+    workspace: Path = Path("tsis-console")
+    store: Path | None = None
+    kind: str = KINDS[0]
+    database: str | None = None
+    camera: str = VIRTUAL
+    probe: str = "tsis-domed"
+    phantom: str = "hardness-100"
+    seed: int = 4
+    calibration: Path | None = None
+
+    def __post_init__(self) -> None:
+        require_one_of("kind of store", self.kind, KINDS)
+        self.choice  # noqa: B018 - which refuses what cannot be chosen
+
+    @property
+    def choice(self) -> CameraChoice:
+        """The camera to begin with."""
+        return CameraChoice(spec=self.camera, probe=self.probe, phantom=self.phantom, seed=self.seed)

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.calibration.guard import GuardReference
-    from tsis.console.services._frame_analysis import FrameAnalysis, PressForce
+    from tsis.console.services._frame_analysis import FrameAnalysis
+    from tsis.console.services._subject import PressForce
     from tsis.instrument.acquisition import Acquisition, ReceivedFrame
 
 

@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
     from tsis.mechanics._element import Floats
     from tsis.mechanics.finite_strain._load_path import State
-    from tsis.mechanics.finite_strain._meshes import SlabLines
     from tsis.mechanics.finite_strain._potential import Pressures
     from tsis.mechanics.finite_strain._probe_on_slab import FinitePress
     from tsis.model import Probe
@@ -115,18 +114,16 @@ class SolvedPress:
 
 
 class PressContinuation:
-    """Presses of one probe on slabs whose meshes have one topology: that of ``lines``, by default those of ``like``."""
+    """Presses of one probe on slabs whose meshes have one topology: those of ``like``."""
 
     def __init__(
         self,
         probe: Probe,
         like: Phantom,
         resolution: FiniteResolution | None = None,
-        *,
-        lines: SlabLines | None = None,
     ) -> None:
         self.probe, self._resolution = probe, resolution or FiniteResolution()
-        self._lines = slab_lines(like, probe, suited(self._resolution, probe)) if lines is None else lines
+        self._lines = slab_lines(like, probe, suited(self._resolution, probe))
         self.solves = 0  # calls of Newton's method, those without convergence included
 
     def first(self, press: SlabPress) -> SolvedPress:

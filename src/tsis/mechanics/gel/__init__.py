@@ -1,8 +1,7 @@
 """A gel layer bonded to a rigid backing: pressure, force and shear from the movement of its face."""
 
-from tsis.mechanics.gel._contact import LayerContact, layer_contact
+from tsis.mechanics.gel._contact import GelGrid, LayerCompliance, LayerContact, layer_compliance, layer_contact
 from tsis.mechanics.gel._force import DepthErrors, ForceScale, GelForce, gel_force, gel_force_scale
-from tsis.mechanics.gel._layer import GelGrid, LayerCompliance, layer_compliance
 from tsis.mechanics.gel._pressure import GelPressure, pressure_from_depth
 
 __all__ = [

@@ -9,14 +9,14 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 from tsis.errors import InputError
-from tsis.mechanics.gel._layer import LARGEST_RATIO, GelGrid
+from tsis.mechanics.gel._contact import LARGEST_RATIO, GelGrid
 from tsis.mechanics.gel._pressure import pressure_from_depth
 from tsis.model import ContentValue, GelSensor, require_array, require_integer, require_number, require_type
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from tsis.mechanics.gel._layer import Floats
+    from tsis.mechanics.gel._contact import Floats
 
 SMALLEST_DEPTH_MM = 0.03  # shallower pixels count as untouched
 SHALLOW = 0.05  # of the deepest point

@@ -13,7 +13,7 @@ from tsis.model import require_array
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.mechanics.gel._layer import Floats, GelGrid
+    from tsis.mechanics.gel._contact import Floats, GelGrid
 
 TOLERANCE = 1e-3  # of the depth inside the contact, relative to the deepest point
 MOST_STEPS = 600

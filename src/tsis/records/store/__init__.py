@@ -1,15 +1,13 @@
 """The store: files under their hash, rows in SQLite or PostgreSQL, and a chained audit of both."""
 
 from tsis.records.store._audit import AuditChange, append_audit, locked_head
-from tsis.records.store._database import DATABASE_FILE, Database
+from tsis.records.store._database import DATABASE_FILE, Database, derived
 from tsis.records.store._editing import EDITABLE
 from tsis.records.store._files import frame_bytes, samples_bytes, samples_of
 from tsis.records.store._opening import default_folder, open_store
-from tsis.records.store._reader import MOST_AT_ONCE, press_query
+from tsis.records.store._reader import MOST_AT_ONCE, TargetSummary, press_query
 from tsis.records.store._rows import press_of_row, press_row, target_of_row, target_row
-from tsis.records.store._secret import derived
 from tsis.records.store._store import Store
-from tsis.records.store._summary import TargetSummary
 from tsis.records.store._tables import calibration_table, frame_table, press_table, target_table
 from tsis.records.store._transfer import ImportedTarget
 from tsis.records.store._verification import StoreVerification, verify_store

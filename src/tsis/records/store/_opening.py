@@ -42,8 +42,7 @@ from tsis.records.store._audit import (
     read_anchor,
     write_anchor,
 )
-from tsis.records.store._database import DATABASE_FILE, Database
-from tsis.records.store._secret import TERM, new_secret
+from tsis.records.store._database import DATABASE_FILE, TERM, Database, new_secret
 from tsis.records.store._store import FILES, Store
 
 ABANDONED_S = 86_400.0  # a draft of this age is from a killed program

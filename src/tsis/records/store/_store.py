@@ -29,10 +29,10 @@ from tsis.records.store._audit import (
     require_anchored,
     write_anchor,
 )
+from tsis.records.store._database import derived, entered_secret, read_secret
 from tsis.records.store._editing import insert_row, insert_row_once, press_edit, require_row, target_edit
 from tsis.records.store._files import Blobs, frame_bytes, samples_bytes
 from tsis.records.store._reader import StoreReader
-from tsis.records.store._secret import derived, entered_secret, read_secret
 from tsis.records.store._transfer import (
     ImportedTarget,
     TargetImport,

@@ -16,8 +16,7 @@ from tsis.records.store import _rows as rows
 from tsis.records.store import _tables as tables
 from tsis.records.store._editing import insert_row, insert_row_once
 from tsis.records.store._files import frame_bytes, frame_levels, samples_bytes
-from tsis.records.store._reader import MOST_AT_ONCE
-from tsis.records.store._summary import in_lineage
+from tsis.records.store._reader import MOST_AT_ONCE, in_lineage
 from tsis.records.store._tables import target_table
 
 if TYPE_CHECKING:

@@ -1,5 +1,6 @@
 """The report of a blinded study."""
 
+from tsis.report.study._card import card_document, card_page
 from tsis.report.study._document import (
     ends,
     few_notes,
@@ -11,6 +12,7 @@ from tsis.report.study._document import (
     study_verification_document,
     undecided_notes,
 )
+from tsis.report.study._drift import drift_document, drift_notes, drift_page, drift_tables
 from tsis.report.study._page import PAGE, PAPER, publish_study, study_page
 from tsis.report.study._precision import precision_document, precision_notes, precision_page, precision_tables
 from tsis.report.study._tables import targets_table
@@ -18,6 +20,12 @@ from tsis.report.study._tables import targets_table
 __all__ = [
     "PAGE",
     "PAPER",
+    "card_document",
+    "card_page",
+    "drift_document",
+    "drift_notes",
+    "drift_page",
+    "drift_tables",
     "ends",
     "few_notes",
     "fraction_text",

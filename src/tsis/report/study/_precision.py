@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.detection import Interval, Linearity
+    from tsis.study import Study
     from tsis.study.analysis import Precision, PrecisionAnalysis
 
 
@@ -163,7 +164,7 @@ def _line(line: Linearity) -> Iterator[tuple[str, str, str, str]]:
 def _pictures(analysis: PrecisionAnalysis, item: Precision) -> Iterator[Picture]:
     name = NAMES[item.quantity][0]
     if item.over == OPERATORS:
-        read, true = _means(analysis, item)
+        read, true = means_over_true(analysis.study, item)
         yield Picture(
             title=f"{item.device}: {name} read over true",
             draw=on_axes(read_over_true, true, read, label=labelled(item.quantity)),
@@ -181,12 +182,13 @@ def _pictures(analysis: PrecisionAnalysis, item: Precision) -> Iterator[Picture]
         )
 
 
-def _means(analysis: PrecisionAnalysis, item: Precision) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def means_over_true(study: Study, item: Precision) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Mean readings of the complete targets, and their true values, both of shape (targets,)."""
     import numpy as np
 
-    truths = read_seal(analysis.study)[0].truths
+    truths = read_seal(study)[0].truths
     values: dict[str, list[float]] = {code: [] for code in item.complete}
-    for reading in analysis.study.readings:
+    for reading in study.readings:
         if reading.device == item.device and reading.code in values and item.quantity in reading.values:
             values[reading.code].append(reading.values[item.quantity])
     read = [float(np.mean(values[code])) for code in item.complete]

@@ -2,6 +2,7 @@
 
 from tsis.study.analysis._agreement import Agreement, AgreementValue
 from tsis.study.analysis._analysis import DeviceComparison, StudyAnalysis, analyse, results_table
+from tsis.study.analysis._card import CardCheck, PerformanceCard, performance_card
 from tsis.study.analysis._device import FEW, DeviceAnalysis, SizeErrors
 from tsis.study.analysis._precision import (
     OPERATORS,
@@ -19,9 +20,11 @@ __all__ = [
     "PROBES",
     "Agreement",
     "AgreementValue",
+    "CardCheck",
     "DeviceAnalysis",
     "DeviceComparison",
     "DeviceResults",
+    "PerformanceCard",
     "Precision",
     "PrecisionAnalysis",
     "SizeErrors",
@@ -29,5 +32,6 @@ __all__ = [
     "TargetResult",
     "analyse",
     "analyse_precision",
+    "performance_card",
     "results_table",
 ]

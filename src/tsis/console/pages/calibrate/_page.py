@@ -9,9 +9,8 @@ from urllib.parse import quote
 from nicegui import run, ui
 
 from tsis.console.live import LiveView
-from tsis.console.pages.calibrate._result import CalibrationResultPanel, MakePanel
 from tsis.console.pages.calibrate._setup_form import TermsForm
-from tsis.console.pages.calibrate._steps import SavedFrame, StepCard
+from tsis.console.pages.calibrate._steps import CalibrationResultPanel, MakePanel, SavedFrame, StepCard
 from tsis.console.pages.components import OperatorControls, Redrawn, panel_title
 from tsis.errors import TsisError
 

@@ -3,10 +3,14 @@
 from tsis.console.pages.components._actions import OperatorControls, ProgressBar, RunButton, estimate_job, loading
 from tsis.console.pages.components._fields import (
     FORCE,
+    LARGEST_MIB,
     ChoiceField,
+    FileField,
     NumberField,
     field_messages,
+    name_parts,
     number_text_of_field,
+    one_file,
     typed_forces,
     typed_integer,
     typed_number,
@@ -35,7 +39,6 @@ from tsis.console.pages.components._lists import (
     table,
 )
 from tsis.console.pages.components._summary import StatePoller, Tabs, force_text, press_label, time_label
-from tsis.console.pages.components._upload import LARGEST_MIB, one_file
 from tsis.console.pages.components._viewer import LONGEST_OPERATOR, CalibrationMemory, Viewer, follow_store
 
 __all__ = [
@@ -45,6 +48,7 @@ __all__ = [
     "CalibrationMemory",
     "ChoiceField",
     "FactList",
+    "FileField",
     "NumberField",
     "OperatorControls",
     "ProgressBar",
@@ -66,6 +70,7 @@ __all__ = [
     "list_message",
     "loading",
     "message_list",
+    "name_parts",
     "number_text_of_field",
     "one_file",
     "open_dialog",

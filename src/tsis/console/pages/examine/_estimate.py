@@ -11,6 +11,7 @@ from tsis.console.pages.components import (
     Redrawn,
     cards,
     estimate_job,
+    figure,
     force_text,
     message_list,
     panel_title,
@@ -18,16 +19,17 @@ from tsis.console.pages.components import (
     rows_under,
     set_class,
 )
-from tsis.console.pages.examine._press import SavedTarget, saved_target
+from tsis.console.pages.examine._saved import SavedTarget, drawn, saved_target
 from tsis.console.services import FAILED
 from tsis.errors import TsisError
-from tsis.records import ROLE_NAMES
+from tsis.records import ESTIMATES, ROLE_NAMES
 from tsis.report import estimate_cards, estimate_messages_of
 from tsis.report.target import count_of, time_text
 
 if TYPE_CHECKING:
     from tsis.console.pages.components import Viewer
     from tsis.console.services import Instrument, InstrumentState, JobState
+    from tsis.report import Picture
 
 
 EVERY_S = 1.0  # between two readings of the store
@@ -39,6 +41,7 @@ class EstimatePanel:
     def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
         self._instrument, self._viewer = instrument, viewer
         self._state: InstrumentState | None = None
+        self._drawn: dict[str, tuple[tuple[Picture, str], ...]] = {}  # by the estimate's identity
         with ui.element("div").classes("row"):
             self._title = panel_title("Target")
             ui.element("div").classes("spring")
@@ -74,15 +77,21 @@ class EstimatePanel:
             now = (await self._viewer.entries(), state.target)
             if now == self._record.content:
                 return
-            saved = await run.io_bound(saved_target, self._instrument.store, state.target)
+            saved = await run.io_bound(self._read, state.target)
         except TsisError as error:
             if self._record.changes_to(str(error)):
                 with self._record.element:
                     ui.label(str(error)).classes("doubtful")
             return
-        same_target = saved is not None and self._state is not None and self._state.target == saved.number
-        if saved is not None and same_target and self._record.changes_to(now):
+        if saved is not None and self._state and self._state.target == saved.number and self._record.changes_to(now):
             self._show_recorded(saved)
+
+    def _read(self, number: int) -> SavedTarget:
+        """Read the target, and draw those of its estimates that are new."""
+        saved = saved_target(self._instrument.store, number)
+        shown = [item for item in saved.estimates if item.kind == ESTIMATES[0]]
+        self._drawn = {item.id: self._drawn.get(item.id) or drawn(item.estimate) for item in shown}
+        return saved
 
     def _show_recorded(self, saved: SavedTarget) -> None:
         name = f": {saved.target.name}" if saved.target is not None and saved.target.name else ""
@@ -92,6 +101,9 @@ class EstimatePanel:
         with self._record.element:
             for stored in saved.estimates:
                 cards(estimate_cards(stored, {} if saved.target is None else saved.target.truth))
+                with ui.element("div").classes("estimate-figures"):
+                    for item in self._drawn.get(stored.id, ()):
+                        figure(*item)
                 message_list(estimate_messages_of(stored))
             for message in saved.damaged:
                 ui.label(f"Left out: {message}.").classes("doubtful")

@@ -7,11 +7,28 @@ from typing import TYPE_CHECKING, Any
 from nicegui import ui
 from nicegui.element import Element
 
+from tsis.__about__ import LARGEST_TARGET
 from tsis.console.live import Histogram, LiveView, SurfaceView
-from tsis.console.pages.components import OperatorControls, Redrawn, force_text, set_class
+from tsis.console.pages.components import (
+    FORCE,
+    ChoiceField,
+    NumberField,
+    OperatorControls,
+    ProgressBar,
+    Redrawn,
+    RunButton,
+    field_messages,
+    force_text,
+    number_text_of_field,
+    set_class,
+    typed_number,
+    unit_field,
+)
 from tsis.console.pages.examine._estimate import EstimatePanel
-from tsis.console.pages.examine._press import PressPanel, SequencePanel
 from tsis.console.pages.examine._settings import SettingsPanel
+from tsis.console.services import MOST_SEQUENCE_FRAMES
+from tsis.model import require_integer
+from tsis.records import ROLE_NAMES
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable
@@ -19,10 +36,10 @@ if TYPE_CHECKING:
     from nicegui.events import ValueChangeEventArguments
 
     from tsis.console.pages.components import Viewer
-    from tsis.console.services import CameraState, FrameAnalysis, Instrument, InstrumentState
+    from tsis.console.services import CameraState, FrameAnalysis, Instrument, InstrumentState, Job, JobState, SavedPress
 
 
-SOURCES = {"gauge": "from the gauge", "virtual": "of the virtual probe", "typed": "as typed"}
+SOURCES = {"gauge": "from the gauge", "virtual": "(simulated)", "typed": "(typed)"}
 
 
 class ForceRow:
@@ -220,3 +237,128 @@ def examine_page(instrument: Instrument, viewer: Viewer) -> None:
             part.show(state)
 
     viewer.follow(show)
+
+
+class PressPanel:
+    """Controls of a press."""
+
+    def __init__(self, instrument: Instrument, viewer: Viewer, controls: OperatorControls) -> None:
+        self._instrument, self._viewer, self._saving = instrument, viewer, False
+        with ui.element("div").classes("row"):
+            self._run = RunButton(instrument, viewer)
+            self._save = ui.button("Snapshot", icon="photo_camera", on_click=self.snapshot).props("no-caps unelevated")
+            with ui.element("div").classes("stepper"):
+                back = self._stepper("remove", "Target before", -1)
+                self._target = NumberField(viewer, "Target", self._set_target)
+                on = self._stepper("add", "Target after", 1)
+        with ui.element("div").classes("row"):
+            choice = ui.toggle({}, value=None).props("no-caps unelevated toggle-color=primary").classes("roles")
+            choice.props('role=group aria-label="Pressed on"')
+            self._role = ChoiceField(viewer, choice, lambda role: instrument.hold(role=role, by=viewer.identity))
+        with ui.element("div").classes("row") as self.force_row:
+            self._force = NumberField(
+                viewer, "Force", self._hold, unit="N", emptied=lambda: instrument.forget_force(by=viewer.identity)
+            )
+        controls.add(self._run.element, self._save, back, on, self._target.element, choice, self._force.element)
+
+    def show(self, state: InstrumentState) -> None:
+        """Show the instrument's press."""
+        self._run.show(state.camera)
+        if state.camera.running:
+            self._save.props(add="unelevated", remove="outline")
+        else:
+            self._save.props(add="outline", remove="unelevated")
+        self._target.show(state.target)
+        self._role.show(state.role, {role: ROLE_NAMES[role] for role in state.roles})
+        self._force.show(state.force_n)
+
+    async def snapshot(self) -> None:
+        """Save the press; a second key during saving does nothing."""
+        if self._saving:
+            return
+        self._saving = True
+        try:
+            press: SavedPress | None = await self._viewer.attempt(self._instrument.snapshot, by=self._viewer.identity)
+        finally:
+            self._saving = False
+        if press is not None:
+            self._viewer.notify(snapshot_text(press))
+
+    async def step(self, by: int) -> None:
+        """Go to the target before or after."""
+        await self._viewer.attempt(self._instrument.step_target, by, by=self._viewer.identity)
+
+    def _set_target(self, number: float) -> None:
+        whole = require_integer("target", number, 1, LARGEST_TARGET, hint="number of the target")
+        self._instrument.set_target(whole, by=self._viewer.identity)
+
+    def _hold(self, force_n: float) -> None:
+        with field_messages(FORCE):
+            self._instrument.hold(force_n=force_n, by=self._viewer.identity)
+
+    def _stepper(self, icon: str, label: str, by: int) -> ui.button:
+        button = ui.button(icon=icon, on_click=lambda: self.step(by)).props("flat dense round")
+        button.props["aria-label"] = label
+        return button
+
+
+def snapshot_text(saved: SavedPress) -> str:
+    """Text of a snapshot."""
+    press = saved.press
+    against = f"; flagged {', '.join(press.flags)}" if press.flags else ""
+    notes = "".join(f" {note}." for note in saved.notes)
+    role, force = ROLE_NAMES[press.role], force_text(press.force_n)
+    return f"Saved for target {saved.target.number}: {role}, {force}{against}.{notes}"
+
+
+SECONDS, FRAMES = "seconds", "frames"
+FIRST_LENGTH = 10.0
+
+
+class SequencePanel:
+    """Begin and end a sequence."""
+
+    def __init__(self, instrument: Instrument, viewer: Viewer, controls: OperatorControls) -> None:
+        self._instrument, self._viewer = instrument, viewer
+        with ui.element("div").classes("row"):
+            self._length = unit_field("Length", number_text_of_field(FIRST_LENGTH)).classes("number-field")
+            self._unit = ui.toggle([SECONDS, FRAMES], value=SECONDS).props("no-caps unelevated toggle-color=primary")
+            self._unit.props('role=group aria-label="Unit of the length"')
+            self._begin = ui.button("Record", icon="fiber_manual_record", on_click=self._record)
+            self._begin.props("no-caps outline")
+            self._end = ui.button("End", icon="stop", on_click=viewer.command(instrument.end_sequence))
+        self._bar = ProgressBar("Progress of the sequence")
+        self._message = ui.label().classes("muted wordy").props("role=status")
+        ui.label(
+            "Every frame is saved unchanged in the workspace; the recording continues when this page is closed."
+        ).classes("muted")
+        controls.add(self._length, self._unit, self._begin, self._end.props("no-caps outline"))
+
+    def show(self, state: InstrumentState) -> None:
+        """Show how far the sequence is."""
+        sequence = state.sequence
+        running = sequence is not None and sequence.running
+        self._begin.set_visibility(not running)
+        self._end.set_visibility(running)
+        self._bar.show(sequence)
+        self._message.text = sequence_text(sequence)
+
+    async def _record(self) -> None:
+        def begin() -> Job:
+            length = typed_number("length", self._length.value)
+            if self._unit.value == SECONDS:
+                return self._instrument.begin_sequence(seconds=length, by=self._viewer.identity)
+            frames = require_integer("frames", length, 1, MOST_SEQUENCE_FRAMES)
+            return self._instrument.begin_sequence(frames=frames, by=self._viewer.identity)
+
+        await self._viewer.attempt(begin)
+
+
+def sequence_text(sequence: JobState | None) -> str:
+    """How far a sequence is, or what came of it."""
+    if sequence is None:
+        return ""
+    if sequence.running:
+        fraction = f": {sequence.fraction:.0%}" if sequence.total else ""
+        return f"Recording {sequence.title}{fraction}"
+    return f"{sequence.title.capitalize()}: {sequence.sentence}"

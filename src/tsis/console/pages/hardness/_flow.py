@@ -1,17 +1,26 @@
-"""State of a hardness measurement, and its next step."""
+"""State of a hardness measurement, its next step, and its result."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from nicegui import ui
+
+from tsis.calibration import apply_calibration
+from tsis.catalog import load_probe
+from tsis.console.pages.components import Redrawn, cards, drawings, figure, message_list, panel_title, table
 from tsis.console.services import newest_presses
+from tsis.hardness import build_contact_table
 from tsis.records.importing import target_by_number
+from tsis.report import hardness_page
 
 if TYPE_CHECKING:
+    from tsis.console.pages.components import Viewer
     from tsis.console.services import InstrumentState
     from tsis.records import StoredEstimate, StoredPress, TargetRecord
     from tsis.records.store import Store
+    from tsis.report import Page
 
 
 HARDNESS, TARGET, BALL = "hardness", "target", "ball"
@@ -40,8 +49,7 @@ class SavedPresses:
 
 def saved_presses(store: Store, number: int) -> SavedPresses:
     """Read what is stored of a target; errors as of the store."""
-    target = target_by_number(store, number)
-    if target is None:
+    if (target := target_by_number(store, number)) is None:
         return SavedPresses(number=number)
     record = store.record(target)
     estimate = next((stored for stored in record.active_estimates if stored.kind == HARDNESS), None)
@@ -50,9 +58,8 @@ def saved_presses(store: Store, number: int) -> SavedPresses:
 
 def next_free(store: Store, number: int) -> int:
     """``number`` while nothing is stored of it, else the next after all targets."""
-    if target_by_number(store, number) is None:
-        return number
-    return max(target.target.number for target in store.targets()) + 1
+    free = target_by_number(store, number) is None
+    return number if free else max(target.target.number for target in store.targets()) + 1
 
 
 def missing_text(state: InstrumentState, *, scaled: bool, responds: bool) -> tuple[str, ...]:
@@ -63,31 +70,79 @@ def missing_text(state: InstrumentState, *, scaled: bool, responds: bool) -> tup
     camera = state.camera
     if camera.choice.is_virtual:
         return () if camera.choice.is_sphere and camera.running else ("lay an object under the virtual probe.",)
-    results = []
-    if not camera.running:
-        results.append("start the camera, on the page Examine; it is stopped.")
-    elif camera.lost:
-        results.append("wait until the camera is back; it is away.")
+    stopped = () if camera.running else ("start the camera, on the page Examine; it is stopped.",)
+    results = ["wait until the camera is back; it is away."] if camera.running and camera.lost else [*stopped]
     if not state.calibration_identity:
-        results.append("put a calibration in force, on the page Camera; there is none (the page Calibrate makes one).")
-    elif not responds:
-        results.append(f"choose another calibration; {state.calibration!r} does not tell the answer to pressure.")
-    elif not scaled:
-        results.append(f"choose another calibration; {state.calibration!r} does not tell the size of a pixel.")
+        results.append("activate a calibration, on the page Camera; there is none (the page Calibrate makes one).")
+    elif not (responds and scaled):
+        lacking = "size of a pixel" if responds else "response to pressure"
+        results.append(f"choose another calibration; {state.calibration!r} lacks the {lacking}.")
     return tuple(results)
 
 
 def next_step_text(saved: SavedPresses, missing: tuple[str, ...], *, estimating: bool) -> str:
     """The next step, or the state, as a message."""
-    count = len(saved.on_object)
     if estimating:
         return "The estimate is running."
     if saved.is_current:
         return "Done. Press again at another force to test it, or begin with another object."
-    if missing and count < PRESSES:
+    if (count := len(saved.on_object)) >= PRESSES:
+        return "Next: estimate, now that there are presses at two forces."
+    if missing:
         return f"Next: {missing[0]}"
-    if count == 0:
-        return "Next: press the object, and save the press."
-    if count < PRESSES:
-        return "Next: press it again at another force; the second press tests the first."
-    return "Next: estimate, now that there are presses at two forces."
+    again = "Next: press it again at another force; the second press tests the first."
+    return again if count else "Next: press the object, and save the press."
+
+
+class HardnessPanel:
+    """Shows the current hardness."""
+
+    def __init__(self, viewer: Viewer) -> None:
+        self._viewer = viewer
+        panel = ui.element("section").classes("panel stack hardness-result").props('aria-label="Result"')
+        self._panel = Redrawn(panel.set_visibility(False))
+
+    async def show(self, saved: SavedPresses) -> None:
+        """Show the estimate where there is one."""
+        stored, record = saved.estimate, saved.record
+        now = None if stored is None else (stored.id, saved.is_current)
+        if not self._panel.changes_to(now):
+            return
+        self._panel.element.set_visibility(False)
+        built = stored and record and await self._viewer.attempt(_page_and_figures, record, stored)
+        if not built or self._panel.content != now:
+            return
+        page, sources = built
+        with self._panel.element:
+            with ui.element("div").classes("row"):
+                panel_title(page.title)
+                ui.element("div").classes("spring")
+                ui.link(f"Report and export of target {saved.number}", f"/records/{saved.number}")
+            if not saved.is_current:
+                ui.label("Presses were saved since: estimate again to include them.").classes("doubtful")
+            with ui.element("div").classes("hardness-report"):
+                with ui.element("div").classes("stack"):
+                    cards(page.cards)
+                    for item in page.tables:
+                        table(item)
+                    message_list(page.notes)
+                with ui.element("div").classes("hardness-figures"):
+                    for parts in zip(page.pictures, sources, strict=True):
+                        figure(*parts)
+        self._panel.element.set_visibility(True)
+
+
+def _page_and_figures(record: TargetRecord, stored: StoredEstimate) -> tuple[Page, tuple[str, ...]]:
+    """The estimate's page with its figures drawn."""
+    presses = [press for press in record.presses if press.id in stored.presses and press.role == TARGET]
+    images = [record.image(press) for press in presses]
+    ready, _ = apply_calibration(record.calibrations[stored.calibration], images, identity=stored.calibration)
+    page = hardness_page(
+        stored.estimate,
+        title=f"Hardness of target {record.target.number}" + (f", {record.target.name}" if record.target.name else ""),
+        images=ready,
+        table=build_contact_table(load_probe(stored.probe)),
+        provenance=stored.estimate.provenance,
+        truth_kpa=record.target.truth.get("young_kpa"),
+    )
+    return page, drawings(page)

@@ -34,13 +34,13 @@ from tsis.console.pages.hardness._flow import (
     HARDNESS,
     PRESSES,
     TARGET,
+    HardnessPanel,
     SavedPresses,
     missing_text,
     next_free,
     next_step_text,
     saved_presses,
 )
-from tsis.console.pages.hardness._result import HardnessPanel
 from tsis.console.services import BALL_MM, FAILED, CameraChoice
 from tsis.errors import InputError, TsisError
 from tsis.hardness import RADIUS_SD_MM, require_radius

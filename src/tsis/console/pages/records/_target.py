@@ -10,8 +10,8 @@ from tsis.console.pages.components import Redrawn, follow_store, panel_title
 from tsis.console.pages.records._context import TargetView, read_target
 from tsis.console.pages.records._edit import about_target
 from tsis.console.pages.records._estimates import estimate_button, estimates, history, recompute_button
+from tsis.console.pages.records._listing import export_button
 from tsis.console.pages.records._presses import Presses, compare
-from tsis.console.pages.records._transfer import export_button
 from tsis.errors import TsisError
 
 if TYPE_CHECKING:

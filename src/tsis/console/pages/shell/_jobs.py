@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from contextlib import suppress
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from nicegui import ui
@@ -32,7 +34,7 @@ class JobList:
             with self._list:
                 self._none = ui.element("li").classes("muted")
                 with self._none:
-                    ui.label("Nothing was begun yet.")
+                    ui.label("No jobs yet.")
 
     def show(self, now: InstrumentState) -> None:
         """Show the newest jobs."""
@@ -73,6 +75,10 @@ class _Row:
                 self._end = ui.button("End", on_click=lambda: end(state.identity)).props("flat dense no-caps")
                 self._end.props["aria-label"] = f"End {state.title}"
             self._bar = ProgressBar(f"Progress of {state.title}")
+            with ui.element("div").classes("row"):
+                self._when = ui.label().classes("muted")
+                if address := job_address(state.title):
+                    ui.link("Open target", address).classes("link")
             self._message = ui.label().classes("muted")
 
     def show(self, state: JobState) -> None:
@@ -81,10 +87,45 @@ class _Row:
             return
         self._shown = state
         self._text.text = _progress(state) or ("under way" if state.running else state.status)
+        self._when.text = job_time(state)
         self._end.set_visibility(state.running)
         self._bar.show(state)
         self._message.text = state.sentence
         self._message.set_visibility(bool(state.sentence))
+
+
+def job_time(state: JobState) -> str:
+    """When a job began, and how long it took; while it runs and its steps are counted, how long it will take.
+
+    Examples
+    --------
+    >>> from datetime import UTC, datetime
+    >>> from tsis.console.services import JobState
+    >>> began, over = datetime(2026, 3, 1, 9, 5, tzinfo=UTC), datetime(2026, 3, 1, 9, 6, 30, tzinfo=UTC)
+    >>> job_time(JobState(identity="a", title="estimate", status="done", began=began, over=over))
+    'began 09:05 UTC, took 90 s'
+    """
+    if state.began is None:
+        return ""
+    began = f"began {state.began:%H:%M} UTC"
+    if state.over is not None:
+        return f"{began}, took {(state.over - state.began).total_seconds():.0f} s"
+    passed_s = (datetime.now(UTC) - state.began).total_seconds()
+    if 0.0 < state.fraction < 1.0:
+        return f"{began}, about {passed_s * (1 / state.fraction - 1):.0f} s left"
+    return began
+
+
+def job_address(title: str) -> str:
+    """The page of the target that a job's title ends with; empty where it names none.
+
+    Examples
+    --------
+    >>> job_address("estimate of target 7"), job_address("import of a bundle")
+    ('/records/7', '')
+    """
+    named = re.search(r"\btarget (\d+)$", title)
+    return f"/records/{named[1]}" if named else ""
 
 
 def _summary(running: list[JobState]) -> str:

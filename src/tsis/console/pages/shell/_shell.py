@@ -13,7 +13,7 @@ from nicegui.translations import translations
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.console.auth import LOGOUT
-from tsis.console.pages._directory import PAGES
+from tsis.console.pages import PAGES
 from tsis.console.pages.components import StatePoller, Tabs, Viewer
 from tsis.console.pages.shell._control import ControlButtons, Notices, PageVisibility
 from tsis.console.pages.shell._jobs import JobList

@@ -9,8 +9,15 @@ from nicegui import run, ui
 from tsis.console.pages.components import FactList, panel_title
 from tsis.console.pages.study._context import StudyView, view_study
 from tsis.console.pages.study._listing import CodeTable
-from tsis.console.pages.study._outcome import Outcome, Unblinding, verify_button
-from tsis.console.pages.study._reading import JobProgress, Running, import_button, show_devices
+from tsis.console.pages.study._outcome import (
+    JobProgress,
+    Outcome,
+    Running,
+    Unblinding,
+    import_button,
+    show_devices,
+    verify_button,
+)
 from tsis.console.studies import StudyRepository, unblinded_text
 from tsis.errors import TsisError
 

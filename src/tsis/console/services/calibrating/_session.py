@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from tsis.calibration.file import calibration_sha256
 from tsis.calibration.session import archive_calibration, calibrate, save_calibration, saved_calibration
@@ -13,17 +13,40 @@ from tsis.errors import CalibrationError, ControlError, TsisError
 from tsis.model import require_integer, require_number, require_one_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
     from pathlib import Path
 
     from tsis.calibration.file import ProbeCalibration
     from tsis.calibration.session import CalibrationFrame, CalibrationStep, SessionFolder, SessionResult, SessionSetup
     from tsis.console.services._control import ControlLock
     from tsis.console.services._jobs import Job, Jobs
-    from tsis.console.services.calibrating._rig import CalibrationRig
 
 
 OPEN, UNDER_WAY, DONE, LEFT_OUT = "open", "under way", "done", "left out"
+
+
+class CalibrationRig(Protocol):
+    """Takes frames."""
+
+    @property
+    def by_itself(self) -> bool:
+        """Whether it takes the steps without an operator."""
+
+    @property
+    def has_gauge(self) -> bool:
+        """Whether forces of a loading are read for it; else a person types each."""
+
+    def require(self) -> None:
+        """Refuse frames that do not belong to the session: another camera, other settings, none at all."""
+
+    def frames(self, step: CalibrationStep) -> int:
+        """How many frames a step will have; 0 where a person says when it is over."""
+
+    def shots(self, step: CalibrationStep, over: Callable[[], bool]) -> Iterator[CalibrationFrame]:
+        """Yield a step's frames; a loading by the gauge until ``over`` says so."""
+
+    def frame(self, force_n: float) -> CalibrationFrame:
+        """The next frame, with a force that a person read."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,0 +1,263 @@
+"""Files that pages link to: small pictures of frames, reports, exports."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from functools import wraps
+from pathlib import Path
+from typing import TYPE_CHECKING, ParamSpec
+
+import numpy as np
+from fastapi import APIRouter, Query, Request, Response
+from starlette.responses import FileResponse, PlainTextResponse
+
+from tsis.__about__ import LARGEST_TARGET
+from tsis.console._statuses import AbsentError, absent_if_unknown, status_of
+from tsis.console._worker import WorkerProcess
+from tsis.console.studies import FORMS, report_bytes
+from tsis.errors import FileInputError, InputError, TsisError
+from tsis.files import encode_picture
+from tsis.imaging import COLOUR_MAPS, block_means, colour_map
+from tsis.model import TactileImage, require_integer, require_one_of
+from tsis.records.export import export_file
+from tsis.report import ENDINGS, MASKED, PAGE_FORMS, StoreAddress, report_of_stored_target, write_form
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection
+    from typing import Any
+
+    from numpy.typing import NDArray
+    from starlette.types import Receive, Scope, Send
+
+    from tsis.console.studies import StudyRepository
+    from tsis.records import StoredPress, Target
+    from tsis.records.store import Store
+
+
+MOST_DIGITS = 20  # that are turned into a number at all
+
+
+def target_of(store: Store, text: str) -> Target:
+    """The target whose number stands in an address; `AbsentError` when there is none."""
+    if not (text.isascii() and text.isdigit() and len(text) <= MOST_DIGITS):
+        raise AbsentError(f"target must be a number from 1 to {LARGEST_TARGET}; got {text!r:.40}")
+    with absent_if_unknown():
+        return store.target(int(text))
+
+
+def press_of(store: Store, target: str, press: str) -> StoredPress:
+    """The press whose identity stands in an address; `AbsentError` when there is none."""
+    result = target_of(store, target)
+    with absent_if_unknown():
+        return store.press(result, press)
+
+
+def form_of(name: str, text: str, forms: Collection[str]) -> str:
+    """The form that stands in an address; `AbsentError` when there is none of that name."""
+    with absent_if_unknown():
+        return require_one_of(name, text, forms)
+
+
+SMALLEST_PX, LARGEST_PX = 16, 1024  # of the longer side
+GREY = "grey"
+MAPS = (GREY, *sorted(COLOUR_MAPS))
+
+
+def thumbnail_png(levels: NDArray[Any], *, full_scale: float, size: int, name: str) -> bytes:
+    """A frame reduced by averaging over its pixels, coloured from black to its full scale, as a PNG file.
+
+    Parameters
+    ----------
+    levels
+        Grey levels, shape (rows, columns).
+    full_scale
+        Grey level of the map's upper end.
+    size
+        Longer side in pixels, in [16, 1024], else `InputError`; a smaller frame stays as it is.
+    name
+        ``"grey"``, ``"cividis"``, ``"inferno"`` or ``"viridis"``, else `UnknownNameError`.
+    """
+    require_integer("size", size, SMALLEST_PX, LARGEST_PX, hint="pixels of the longer side")
+    require_one_of("colour map", name, MAPS)
+    grey = levels.astype(np.float64)
+    fraction = size / max(grey.shape)
+    if fraction < 1.0:
+        rows, columns = (max(1, round(side * fraction)) for side in grey.shape)
+        grey = block_means(grey, (rows, columns))
+    if name == GREY:
+        return encode_picture(np.rint(np.clip(grey / full_scale, 0.0, 1.0) * 255.0).astype(np.uint8))
+    return encode_picture(colour_map(TactileImage(grey=grey, full_scale=full_scale), name=name))
+
+
+FRAME_CACHE = "private, no-cache"  # a frame never changes, but who has logged out may not see it: the browser asks
+NO_CACHE = "private, no-store"
+Arguments = ParamSpec("Arguments")
+
+
+def files_router(store: Store, reports: Reports | None = None, studies: StudyRepository | None = None) -> APIRouter:
+    """Pictures of presses, reports and exports of targets of a store, reports of studies.
+
+    Each responds with the file, or with a message as plain text. Without ``reports`` they are built here; without
+    ``studies`` there are none of those.
+    """
+    router = APIRouter(prefix="/files", include_in_schema=False)
+
+    @router.get("/press/{target}/{press}.png")
+    @_errors_as_text
+    def picture(
+        request: Request,
+        target: str,
+        press: str,
+        size: int = Query(160, ge=SMALLEST_PX, le=LARGEST_PX),
+        map_name: str = Query("viridis", alias="map"),
+    ) -> Response:
+        result = press_of(store, target, press)
+        tag = f'"{result.frame}-{size}-{map_name}"'
+        headers = {"etag": tag, "cache-control": FRAME_CACHE}
+        if request.headers.get("if-none-match") == tag:
+            return Response(status_code=304, headers=headers)
+        content = thumbnail_png(store.levels(result.frame), full_scale=result.full_scale, size=size, name=map_name)
+        return Response(content, media_type="image/png", headers=headers)
+
+    @router.get("/report/{target}.{form}")
+    @_errors_as_text
+    def report(target: str, form: str) -> Response:
+        given = form_of("form of report", form, PAGE_FORMS)
+        return _Sent(write_export(store, target_of(store, target), given, reports=reports), shown=given == "html")
+
+    @router.get("/export/{target}/{form}")
+    @_errors_as_text
+    def export(target: str, form: str, identified: bool = False) -> Response:
+        given = form_of("form of export", form, ENDINGS)
+        result = target_of(store, target)
+        return _Sent(write_export(store, result, given, identified=identified, reports=reports), shown=False)
+
+    if studies is None:
+        return router
+
+    @router.get("/study/{name}/report.{form}")
+    @_errors_as_text
+    def study_report(name: str, form: str) -> Response:
+        given = form_of("form of report", form, FORMS)
+        content = report_bytes(studies.study(name), given)
+        kind = "inline" if given == "html" else "attachment"
+        headers = {"cache-control": NO_CACHE, "content-disposition": f'{kind}; filename="study-{name}.{given}"'}
+        return Response(content, media_type=MEDIA_TYPES[f".{given}"], headers=headers)
+
+    return router
+
+
+class _Sent(FileResponse):
+    """A file whose folder is removed after it was sent, or after the connection was closed."""
+
+    def __init__(self, file: Path, *, shown: bool) -> None:
+        super().__init__(
+            file,
+            media_type=MEDIA_TYPES[file.suffix],
+            filename=file.name,
+            content_disposition_type="inline" if shown else "attachment",
+            headers={"cache-control": NO_CACHE},
+        )
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        try:
+            await super().__call__(scope, receive, send)
+        finally:
+            shutil.rmtree(Path(self.path).parent, ignore_errors=True)
+
+
+def _errors_as_text(route: Callable[Arguments, Response]) -> Callable[Arguments, Response]:
+    """A route whose errors are messages of plain text."""
+
+    @wraps(route)
+    def response(*given: Arguments.args, **named: Arguments.kwargs) -> Response:
+        try:
+            return route(*given, **named)
+        except TsisError as error:
+            return PlainTextResponse(str(error), status_of(error), headers={"cache-control": NO_CACHE})
+
+    return response
+
+
+MEDIA_TYPES = {
+    ".html": "text/html; charset=utf-8",
+    ".pdf": "application/pdf",
+    ".h5": "application/x-hdf5",
+    ".json": "application/fhir+json",
+    ".zip": "application/zip",
+}
+
+
+def write_export(
+    store: Store, target: Target, form: str, *, identified: bool = False, reports: Reports | None = None
+) -> Path:
+    """Write a form of `tsis.report.ENDINGS` of a target into its own new folder; a folder becomes a zip file.
+
+    With ``identified`` fhir and dicom include label, names and true times; other forms mask nothing. Without
+    ``reports`` html and pdf are built in this process.
+
+    Raises
+    ------
+    InputError
+        When the form masks nothing and ``identified`` is set.
+    FileInputError
+        When it cannot be written.
+    MissingExtraError
+        When the form needs an extra that is not installed.
+    RecordsError
+        When a stored file is damaged; html and pdf say so in their text instead.
+    """
+    if identified and form not in MASKED:
+        raise InputError(f"identified is of {' and '.join(MASKED)}; {form} masks nothing (leave it out)")
+    try:
+        folder = Path(tempfile.mkdtemp(prefix="tsis-export-"))
+    except OSError as error:
+        raise FileInputError(f"a folder for the export must be writable; got: {error.strerror or error}") from error
+    try:
+        path = folder / f"target-{target.number}{ENDINGS[form]}"
+        if reports is not None and form in PAGE_FORMS:
+            reports.write(target, form, path)
+        else:
+            record = store.record(target)
+            if form not in PAGE_FORMS:
+                record.require_whole()
+            write_form(form, record, path, identified=identified)
+        return _one_file(path)
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+
+
+def _one_file(path: Path) -> Path:
+    """The file itself; of a folder a zip file of it."""
+    if path.is_file():
+        return path
+    try:
+        packed = Path(shutil.make_archive(str(path), "zip", path.parent, path.name))
+    except OSError as error:
+        raise FileInputError(f"a zip file of {path.name} must be writable; got: {error.strerror or error}") from error
+    shutil.rmtree(path, ignore_errors=True)
+    return packed
+
+
+class Reports:
+    """Builds the reports of a store, one at a time, in a worker process."""
+
+    def __init__(self, store: Store, *, database: str | None = None) -> None:
+        self._folder = StoreAddress(folder=store.folder, kind=store.kind, database=database, identity=store.identity)
+        self._worker = WorkerProcess()
+
+    def content(self, target: Target, form: str) -> bytes:
+        """The report in a form of `tsis.report.PAGE_FORMS`; errors as `tsis.report._forms` and `WorkerProcess.call`."""
+        return self._worker.call(report_of_stored_target, self._folder, target.number, form)
+
+    def write(self, target: Target, form: str, path: Path) -> None:
+        """The same as a new file; also `FileInputError` when it cannot be written."""
+        content = self.content(target, form)
+        with export_file(path) as draft:
+            draft.write_bytes(content)
+
+    def close(self) -> None:
+        """Make none any more."""
+        self._worker.close()

@@ -1,6 +1,0 @@
-"""Files that pages link to: small pictures of frames, reports, exports."""
-
-from tsis.console.files._exporting import Reports
-from tsis.console.files._router import GREY, files_router, target_of, thumbnail_png
-
-__all__ = ["GREY", "Reports", "files_router", "target_of", "thumbnail_png"]

@@ -1,0 +1,209 @@
+"""My images: files of the user dropped or named, measured, and saved as presses of a target."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from dataclasses import replace
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING
+
+from nicegui import ui
+
+from tsis.console.pages.components import (
+    LARGEST_MIB,
+    FileField,
+    cell,
+    list_message,
+    loading,
+    message_list,
+    name_parts,
+    panel_title,
+    rows_under,
+    table,
+    typed_integer,
+    typed_number,
+    typed_numbers,
+    unit_field,
+)
+from tsis.console.services import (
+    IMAGE_ROLES,
+    MOST_OWN_FRAMES,
+    OPENABLE,
+    OwnImage,
+    measure_images,
+    open_images,
+    save_images,
+)
+from tsis.errors import InputError
+from tsis.model import require_pixel_scale
+from tsis.records import ROLE_NAMES
+from tsis.records.importing import ImportOptions
+from tsis.report import Table, finding_notes, finding_rows
+from tsis.report.target import count_of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from nicegui.events import UploadEventArguments
+
+    from tsis.console.pages.components import Viewer
+    from tsis.console.services import Instrument
+
+__all__ = ["images_page"]
+
+SAYS = (
+    f"Drop images (PNG, BMP, TIFF, JPEG), videos and the sidecars of tsis acquire here: at most {MOST_OWN_FRAMES} "
+    f"frames, {LARGEST_MIB} MiB a file. They stay on this machine; nothing is stored before you save them."
+)
+
+
+def images_page(instrument: Instrument, viewer: Viewer) -> None:
+    """Build the page."""
+    OwnImagesPage(instrument, viewer)
+
+
+class OwnImagesPage:
+    """The opened frames with their roles and forces, what they measure, and the button that saves them."""
+
+    def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
+        self._instrument, self._viewer = instrument, viewer
+        self._folder = Path(tempfile.mkdtemp(prefix="tsis-images-"))
+        ui.context.client.on_delete(lambda: shutil.rmtree(self._folder, ignore_errors=True))
+        self.rows: list[FrameRow] = []
+        with ui.element("section").classes("panel stack"):
+            panel_title("My images")
+            ui.label(SAYS).classes("muted")
+            field = FileField(
+                label="Drop files here, or choose them",
+                multiple=True,
+                auto_upload=True,
+                max_file_size=LARGEST_MIB * 2**20,
+                on_upload=self.uploaded,
+                on_rejected=lambda: viewer.complain(f"a file is larger than {LARGEST_MIB} MiB or of another kind"),
+            ).props("flat bordered")
+            field.props["accept"] = ",".join(OPENABLE)
+            name_parts(field, "Choose images")
+            with ui.element("div").classes("row"):
+                self.path_field = unit_field("File or folder on the console's machine", "")
+                ui.button("Open", icon="folder_open", on_click=self.open_path).props("no-caps outline")
+            self._refused = message_list()
+        with ui.element("section").classes("panel stack") as self._panel:
+            panel_title("Frames")
+            with ui.element("div").classes("scroll"):
+                self._rows = rows_under(("File", "Size", "Pressed on", "Force", ""), caption="Frames")
+            with ui.element("div").classes("row"):
+                self.scale_field = unit_field("Scale, or x,y", "", unit="mm/pixel")
+                self._invert = ui.switch("Light falls where pressed", value=False)
+                self._calibrated = ui.switch("Taken with the active calibration", value=False)
+            with ui.element("div").classes("row"):
+                self._measure = ui.button("Measure contact", icon="straighten", on_click=self.measure)
+                self._measure.props("no-caps outline")
+                self.number_field = unit_field("Target (empty: a new one)", "")
+                self._save = ui.button("Save as target", icon="save", on_click=self.save).props("no-caps unelevated")
+        self._panel.set_visibility(False)
+        self._results = ui.element("section").classes("stack").props('role="status"')
+
+    async def uploaded(self, event: UploadEventArguments) -> None:
+        """Open an uploaded file, which keeps its name without any folder."""
+        file = self._folder / (PurePosixPath(event.file.name.replace("\\", "/")).name or "unnamed")
+        try:
+            await event.file.save(file)
+        except OSError as error:
+            self._viewer.complain(f"{file.name} needs room for a copy; got: {error.strerror or error}")
+            return
+        await self._open(file)
+
+    async def open_path(self) -> None:
+        """Open a file or folder of the console's machine; only for the owner of the camera."""
+        if not self._viewer.commands:
+            self._viewer.complain("only the camera's owner may open paths of its machine; drop the files here")
+        elif self.path_field.value:
+            await self._open(Path(self.path_field.value).expanduser())
+
+    async def _open(self, path: Path) -> None:
+        opened = await self._viewer.attempt(open_images, [path], frames_in=self._folder)
+        if opened is None:
+            return
+        with self._refused:
+            for message in opened.refused:
+                list_message(message, "flag")
+        with self._rows:
+            self.rows += [FrameRow(image, self._remove) for image in opened.images[: MOST_OWN_FRAMES - len(self.rows)]]
+        self._panel.set_visibility(bool(self.rows))
+
+    def _remove(self, row: FrameRow) -> None:
+        self.rows.remove(row)
+        row.element.delete()
+        self._panel.set_visibility(bool(self.rows))
+
+    def scale(self) -> tuple[float, float] | None:
+        """The typed scale (x, y) in millimetres per pixel; `InputError` when it is no scale."""
+        parts = typed_numbers("scale", self.scale_field.value)
+        return require_pixel_scale((parts[0], parts[-1])) if parts else None
+
+    async def measure(self) -> None:
+        """Measure the contact in each frame, and show the features and their limits."""
+        with loading(self._measure):
+            found = await self._viewer.attempt(
+                lambda: measure_images(
+                    [row.frame() for row in self.rows], mm_per_pixel=self.scale(), invert=bool(self._invert.value)
+                )
+            )
+        if found is None:
+            return
+        self._results.clear()
+        with self._results, ui.element("div").classes("panel stack"):
+            for finding in found[0]:
+                name = finding.image.name
+                table(Table(title=f"Contact in {name}", headings=("quantity", "value"), rows=finding_rows(finding)))
+                message_list(finding_notes(finding))
+            for message in found[1]:
+                ui.label(message).classes("flag")
+
+    async def save(self) -> None:
+        """Save the frames as presses of a target, and link to it: its page estimates and reports."""
+
+        def saved() -> tuple[int, int]:
+            active = self._instrument.calibration if self._calibrated.value else None
+            if self._calibrated.value and active is None:
+                raise InputError("no calibration is active; choose one on the page Camera, or leave the switch off")
+            given = None if active is None else active.calibration
+            own_scale = given is not None and given.scale is not None
+            options = ImportOptions(mm_per_pixel=None if own_scale else self.scale(), calibration=given)
+            number = typed_integer("target", self.number_field.value) if self.number_field.value else None
+            images = [row.frame() for row in self.rows]
+            return save_images(self._instrument.store, images, number=number, options=options)
+
+        with loading(self._save):
+            result = await self._viewer.attempt(saved)
+        if result is not None:
+            number, added = result
+            with self._results, ui.element("div").classes("panel row"):
+                ui.label(f"Saved {count_of(added, 'press')} of target {number}.").classes("good")
+                ui.link(f"Open target {number}: estimate and report", f"/records/{number}").classes("link")
+
+
+class FrameRow:
+    """One opened frame: what was pressed, and the force; removed by ``remove``."""
+
+    def __init__(self, image: OwnImage, remove: Callable[[FrameRow], None]) -> None:
+        self._image = image
+        with ui.element("tr") as self.element:
+            cell(image.name)
+            cell(f"{image.columns} x {image.rows}")
+            with ui.element("td"):
+                self.role = ui.select({role: ROLE_NAMES[role] for role in IMAGE_ROLES}, value=image.role)
+                self.role.props("dense outlined").props["aria-label"] = f"Pressed on, {image.name}"
+            with ui.element("td"):
+                self.force = unit_field("", unit="N")
+                self.force.props["aria-label"] = f"Force in newtons, {image.name}"
+            with ui.element("td"):
+                button = ui.button(icon="close", on_click=lambda: remove(self)).props("flat dense round")
+                button.props["aria-label"] = f"Remove {image.name}"
+
+    def frame(self) -> OwnImage:
+        """The frame as its fields say; `InputError` when the force is no number."""
+        force = self.force.value
+        force_n = typed_number(f"force of {self._image.name}", force) if force else None
+        return replace(self._image, role=self.role.value, force_n=force_n)

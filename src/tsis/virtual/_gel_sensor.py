@@ -1,0 +1,154 @@
+"""A gel sensor without hardware: a gel at finite strain, lamps, vignetting and noise that no estimator knows.
+
+The gel is pressed by the axisymmetric finite elements of `tsis.mechanics.finite_strain`, not by the linear layer and
+Hertz's contact that the estimators assume, and lit by the lamps of `random_gel_light`, which they do not know.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.errors import InputError
+from tsis.hardness import hertzian_radius_mm, press_fields
+from tsis.mechanics.finite_strain import WIDEST_CONTACT, SphereResolution
+from tsis.model import GelSensor, Layer, Probe, SoftSphere, require_number, require_type
+from tsis.virtual._gel_frames import GelBallPress, RenderedPress, gel_depth_mm, random_gel_light, render_gel
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from tsis.model import PressField
+
+
+MESH = SphereResolution(order=3, cells=6, rings=2, face_cells=10)
+LARGEST_POISSON = 0.494  # of the solver
+STEEL_OVER_GEL, STEEL_POISSON = 300.0, 0.3  # modulus of a ball that counts as rigid, over the gel's
+MARGIN = 1.4  # contact radii between the centre of a contact and the border of the frame
+SHALLOW, DEEP = 0.35, 0.8  # contact radius over the ball's of calibration presses
+DEEPEST = 0.22  # travel of calibration presses over the gel's thickness
+
+
+class VirtualGelSensor:
+    """One exemplar of a gel sensor: its gel lies somewhere within the limits of the sensor's file.
+
+    Parameters
+    ----------
+    sensor
+        A flat sensor with a known scale.
+    rng
+        Random source of gel, lamps, places and noise.
+    gel
+        The gel; drawn within the sensor's limits when None.
+    resolution
+        Mesh of the press.
+
+    Attributes
+    ----------
+    sensor, gel
+        The sensor, and the true gel as a layer.
+    reference
+        Frame of the untouched sensor, shape (rows, columns, 3), 8 bits.
+
+    Raises `InputError` when the gel is not flat, or the scale is not known.
+    """
+
+    def __init__(
+        self,
+        sensor: GelSensor,
+        *,
+        rng: np.random.Generator,
+        gel: Layer | None = None,
+        resolution: SphereResolution = MESH,
+    ) -> None:
+        require_type("sensor", sensor, GelSensor)
+        if sensor.shape != "flat":
+            raise InputError(f"a virtual gel sensor must be flat; {sensor.name} is {sensor.shape}: choose another")
+        columns, rows = sensor.image_px
+        scale = sensor.scale_of(columns, rows)
+        if scale is None:
+            raise InputError(f"mm_per_pixel of {sensor.name} is not known; put it into the sensor's file")
+        self.sensor, self._scale, self._rng, self._resolution = sensor, scale, rng, resolution
+        self.gel = _drawn_gel(sensor, rng) if gel is None else gel
+        self._light = random_gel_light((rows, columns), rng, size_px=0.08 * columns)
+        untouched = np.zeros((rows, columns))
+        self.reference: NDArray[np.uint8] = render_gel(untouched, sensor, self._light, rng, drift=False)
+
+    def press(self, ball: SoftSphere, *, force_n: float, centre_px: tuple[float, float] | None = None) -> RenderedPress:
+        """The frame of a ball at one force; `presses` of several."""
+        return self.presses(ball, forces_n=(force_n,), centre_px=centre_px)[0]
+
+    def presses(
+        self, ball: SoftSphere, *, forces_n: Sequence[float], centre_px: tuple[float, float] | None = None
+    ) -> tuple[RenderedPress, ...]:
+        """Frames of a ball at ascending forces, each at another place unless one is given.
+
+        Raises
+        ------
+        InputError
+            When a value is out of range or forces do not ascend.
+        MechanicsError
+            When a press does not converge.
+        """
+        require_type("ball", ball, SoftSphere)
+        return tuple(self._rendered(field, ball, centre_px) for field in self._fields(ball, forces_n))
+
+    def rigid_ball(self, radius_mm: float) -> SoftSphere:
+        """A ball that does not deform on this gel."""
+        return SoftSphere(radius_mm=radius_mm, young_kpa=STEEL_OVER_GEL * self.gel.young_kpa, poisson=STEEL_POISSON)
+
+    def calibration_presses(self, count: int, *, ball_radius_mm: float, depths: int = 3) -> tuple[RenderedPress, ...]:
+        """Presses of a rigid ball at ``count`` places and ``depths`` depths, as a depth calibration wants them."""
+        radius = require_number("ball_radius_mm", ball_radius_mm, 0.5, 20.0, hint="millimetres")
+        columns, rows = self.sensor.image_px
+        widest = min(0.28 * min(columns * self._scale[0], rows * self._scale[1]), DEEP * radius)
+        widest = min(widest, float(np.sqrt(DEEPEST * self.gel.thickness_mm * radius)))
+        modulus = self.gel.young_kpa / (1.0 - self.gel.poisson**2)
+        contact = np.linspace(min(SHALLOW * radius, 0.7 * widest), widest, min(depths, count))
+        forces = [float(force) for force in 4.0 / 3.0 * modulus * contact**3 / radius / 1000.0]  # Hertz's, in N
+        ball = self.rigid_ball(radius)
+        fields = self._fields(ball, forces)
+        return tuple(self._rendered(fields[number % len(fields)], ball, None) for number in range(count))
+
+    def _fields(self, ball: SoftSphere, forces_n: Sequence[float]) -> tuple[PressField, ...]:
+        half = min(self.sensor.width_mm, self.sensor.height_mm) / 2
+        # The rim is far from the contact: a wider face admits balls that are larger than the sensor.
+        probe = Probe(radius_mm=max(half, 1.01 * ball.radius_mm / WIDEST_CONTACT), layers=(self.gel,))
+        return press_fields(probe, ball, forces_n=forces_n, resolution=self._resolution)
+
+    def _rendered(self, field: PressField, ball: SoftSphere, centre_px: tuple[float, float] | None) -> RenderedPress:
+        columns, rows = self.sensor.image_px
+        contact = hertzian_radius_mm(field)
+        press = GelBallPress(
+            contact_radius_mm=contact, depth_mm=float(field.face_displacement_mm[0]),
+            radius_mm=field.radius_mm, face_mm=field.face_displacement_mm,
+        )  # fmt: skip
+        radius_px = contact / float(np.sqrt(np.prod(self._scale)))
+        centre = self._place(radius_px) if centre_px is None else centre_px
+        depth = gel_depth_mm(press, self.sensor, columns, rows, centre)
+        return RenderedPress(
+            sensor=self.sensor,
+            reference=self.reference,
+            frame=render_gel(depth, self.sensor, self._light, self._rng),
+            ball_radius_mm=ball.radius_mm,
+            centre_px=centre,
+            radius_px=radius_px,
+            depth_mm=depth,
+            force_n=field.force_n,
+        )
+
+    def _place(self, radius_px: float) -> tuple[float, float]:
+        places = []
+        for size in self.sensor.image_px:
+            margin = min(MARGIN * radius_px, 0.5 * (size - 1))
+            places.append(float(self._rng.uniform(margin, size - 1 - margin)))
+        return places[0], places[1]
+
+
+def _drawn_gel(sensor: GelSensor, rng: np.random.Generator) -> Layer:
+    thickness = float(rng.uniform(*sensor.thickness_mm.limits))
+    young, poisson = rng.uniform(*np.log(sensor.young_kpa.limits)), rng.uniform(*sensor.poisson.limits)
+    return Layer(thickness_mm=thickness, young_kpa=float(np.exp(young)), poisson=float(min(poisson, LARGEST_POISSON)))

@@ -1,0 +1,50 @@
+"""The commands of the tutorial of gel sensors, in its order, and the number at its end."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    from tests.cli.conftest import RunTsis
+
+PAGE = Path(__file__).parents[2] / "docs" / "tutorial" / "my-gelsight.md"
+REFUSED = 3
+
+
+def page_commands() -> list[list[str]]:
+    lines = PAGE.read_text(encoding="utf-8").splitlines()
+    return [shlex.split(line.removeprefix("$ tsis ")) for line in lines if line.startswith("$ tsis ")]
+
+
+def expanded(words: list[str], folder: Path) -> list[str]:
+    """The words with patterns of files replaced by the files, as a shell does it."""
+    result: list[str] = []
+    for word in words:
+        found = sorted(str(path.relative_to(folder)) for path in folder.glob(word)) if "*" in word else [word]
+        result += found
+    return result
+
+
+def test_the_page_goes_from_frames_to_a_modulus() -> None:
+    names = [words[0] for words in page_commands()]
+    assert names == ["simulate", "sensor", "sensor", "contacts", "contacts", "depth", "depth", "force", "hardness"]
+
+
+@pytest.mark.slow
+def test_the_commands_of_the_page_end_in_its_modulus(run_tsis: RunTsis, tmp_path: Path) -> None:
+    *before, last = page_commands()
+    for words in before:
+        finished = run_tsis(*expanded(words, tmp_path))
+        assert finished.code == (REFUSED if words[0] == "force" else 0), finished.err or finished.out
+    finished = run_tsis(*last, "--json")
+    assert finished.code == 0, finished.err
+    found = json.loads(finished.out)["estimate"]["parameters"]["young_kpa"]
+    low, high = found["interval_90"]
+    truth = json.loads((tmp_path / "my-frames" / "truth" / "truth.json").read_text())["ball_kpa"]
+    assert low < truth < high
+    assert found["mean"] == pytest.approx(99.4, rel=0.05)
