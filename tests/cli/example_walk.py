@@ -17,6 +17,7 @@ from tests.cli.test_program import parsers
 from tsis.cli._app import app
 from tsis.model import Inclusion
 from tsis.records.store import open_store
+from tsis.study import MODULUS_COLUMNS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -102,6 +103,8 @@ WALK = (
     Step("study card", r"as they were written", ("trial-card/report.pdf",)),
     Step("study check", r"EWMA", ("checks-chart/report.pdf",)),
     Step("study size", r"Research use only"),
+    Step("study kit", r"Begin with kit\.pdf", ("kit/kit.pdf", "kit/sphere-10.stl", "kit/modulus.csv")),
+    Step("study score", r"Moduli of the bench", ("trial-score/report.pdf",)),
     Step("study plan", r"presses +│ 40", ("plan/result.json",)),
     Step("sweep example", r"", ("plan.toml",)),
     Step("sweep run", r"1024 presses in 16 files", ("data/part-000015.parquet", "data/manifest.json")),
@@ -134,6 +137,9 @@ def prepare(folder: Path) -> None:
     (folder / "after.ply").write_text(
         f"ply\nformat ascii 1.0\nelement vertex {len(after)}\n{properties}end_header\n{vertices}", encoding="utf-8"
     )
+    points = "".join(f"random-1;random-2;random-3,1,compression,20,15,{2 * x},{x}\n" for x in np.linspace(0.1, 1.0, 9))
+    (folder / "bench").mkdir()
+    (folder / "bench" / "modulus.csv").write_text(f"{','.join(MODULUS_COLUMNS)}\n{points}", encoding="utf-8")
     response = {"gain_grey_per_kpa": 60.0, "saturation_kpa": 20.0, "probe": "tsis-2011"}
     values = {"name": "bench probe 2", "probe": "tsis-2011", "response": response}
     (folder / "values.json").write_text(json.dumps(values), encoding="utf-8")

@@ -17,9 +17,19 @@ from tsis.study._daily_check import (
 )
 from tsis.study._drift_chart import DriftChart, drift_charts, rehearsed_checks
 from tsis.study._folder import ANALYSED, PLAN, Study, enter_readings, open_study, read_seal
+from tsis.study._kit import (
+    KIT,
+    MODULUS_COLUMNS,
+    KitPhantom,
+    cup,
+    kit_files,
+    kit_moulds,
+    sphere_mould,
+    stl_bytes,
+    volume_mm3,
+)
 from tsis.study._log import LOG_FILE
 from tsis.study._making import new_study, printed_targets, random_targets
-from tsis.study._moulds import cup, sphere_mould, stl_bytes, volume_mm3
 from tsis.study._plan import ANALYSED_READING, TARGETS
 from tsis.study._pressing import RunResult, StudyInstrument, press_study
 from tsis.study._reference_run import REFERENCES, reference_targets, rehearse_reference_run
@@ -38,7 +48,9 @@ __all__ = [
     "ANALYSED",
     "ANALYSED_READING",
     "CHARTED",
+    "KIT",
     "LOG_FILE",
+    "MODULUS_COLUMNS",
     "PLAN",
     "QUANTITIES",
     "READING_COLUMNS",
@@ -49,6 +61,7 @@ __all__ = [
     "DailyCheck",
     "DeviceReading",
     "DriftChart",
+    "KitPhantom",
     "RunResult",
     "Study",
     "StudyInstrument",
@@ -65,6 +78,8 @@ __all__ = [
     "import_readings",
     "import_table",
     "is_file_name",
+    "kit_files",
+    "kit_moulds",
     "new_study",
     "open_study",
     "press_study",

@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING
 from tsis.errors import InputError, RecordsError
 from tsis.files import LogChain, LogDraft, as_path, file_error, printable_path, read_bytes
 from tsis.model import require_number
-from tsis.study._log import LOG_FILE, append_log, read_log
+from tsis.study._log import LOG_FILE, SealedTruth, append_log, commitment, parse_seal, read_log
 from tsis.study._plan import StudyPlan, parse_study_plan
-from tsis.study._seal import SealedTruth, commitment, parse_seal
 from tsis.study._values import DeviceReading, parse_reading, require_short_name
 
 if TYPE_CHECKING:

@@ -17,9 +17,8 @@ from tsis.files import EMPTY_CHAIN, LogDraft, as_path, atomic_folder, file_error
 from tsis.inclusion import InclusionPrior
 from tsis.model import Inclusion, Phantom, require_integer, require_number, require_type
 from tsis.study._folder import CREATED, PLAN, SEAL, open_study, user
-from tsis.study._log import LOG_FILE
+from tsis.study._log import LOG_FILE, SealedTruth, commitment
 from tsis.study._plan import StudyPlan, coded
-from tsis.study._seal import SealedTruth, commitment
 from tsis.study._values import TargetTruth, require_short_name
 
 if TYPE_CHECKING:

@@ -22,9 +22,8 @@ from tsis.study._folder import (
     open_study,
     read_seal,
 )
-from tsis.study._log import LOG_FILE, append_log, read_log
+from tsis.study._log import LOG_FILE, append_log, commitment, read_log
 from tsis.study._plan import parse_study_plan
-from tsis.study._seal import commitment
 from tsis.study._values import parse_reading, require_short_name
 
 if TYPE_CHECKING:

@@ -10,6 +10,7 @@ import typer
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.cli.study._analyse import analyse
 from tsis.cli.study._card import card, check
+from tsis.cli.study._kit import kit, score
 from tsis.cli.study._new import new
 from tsis.cli.study._plan import plan
 from tsis.cli.study._precision import repeatability, size
@@ -33,4 +34,6 @@ app.command(epilog="Example: tsis study repeatability trial --out trial-repeatab
 app.command(epilog="Example: tsis study size --width 0.2")(size)
 app.command(epilog="Example: tsis study card trial --out trial-card")(card)
 app.command(epilog="Example: tsis study check checks --rehearse 10 --baseline 8 --seed 2 --out checks-chart")(check)
+app.command(epilog="Example: tsis study kit kit")(kit)
+app.command(epilog="Example: tsis study score bench --study trial --out trial-score")(score)
 app.command(epilog="Example: tsis study plan --width-mm 90 --height-mm 60 --overlap 0.5 --out plan")(plan)

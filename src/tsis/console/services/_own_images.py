@@ -143,8 +143,7 @@ def save_images(
         batch
         for image in images
         for batch in find_import_batches(
-            [image.path],
-            replace(options, role=image.role, force_n=() if image.force_n is None else (image.force_n,)),
+            [image.path], replace(options, role=image.role, force_n=() if image.force_n is None else (image.force_n,))
         )
     ]
     number = number or max((item.target.number for item in store.targets()), default=0) + 1

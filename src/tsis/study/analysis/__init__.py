@@ -13,6 +13,7 @@ from tsis.study.analysis._precision import (
     TargetResult,
     analyse_precision,
 )
+from tsis.study.analysis._score import BenchModulus, QuantityScore, ValidationScore, bench_moduli, score_validation
 
 __all__ = [
     "FEW",
@@ -20,6 +21,7 @@ __all__ = [
     "PROBES",
     "Agreement",
     "AgreementValue",
+    "BenchModulus",
     "CardCheck",
     "DeviceAnalysis",
     "DeviceComparison",
@@ -27,11 +29,15 @@ __all__ = [
     "PerformanceCard",
     "Precision",
     "PrecisionAnalysis",
+    "QuantityScore",
     "SizeErrors",
     "StudyAnalysis",
     "TargetResult",
+    "ValidationScore",
     "analyse",
     "analyse_precision",
+    "bench_moduli",
     "performance_card",
     "results_table",
+    "score_validation",
 ]

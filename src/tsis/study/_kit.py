@@ -1,15 +1,17 @@
-"""Moulds of phantoms as STL files for a printer: bodies of revolution, closed, with their volumes.
+"""The kit for a first physical validation: its phantoms, their moulds as STL files for a printer, its empty tables.
 
-A body is a closed polygon (radius, height) in mm that is turned about the axis; points on the axis meet in one vertex.
+A mould is a closed polygon (radius, height) in mm that is turned about the axis; points on the axis meet in one vertex.
 """
 
 from __future__ import annotations
 
 import struct
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tsis.files import table_bytes
 from tsis.model import require_number
 
 if TYPE_CHECKING:
@@ -76,3 +78,61 @@ def stl_bytes(triangles: NDArray[np.float64], name: str) -> bytes:
     record = np.zeros(len(triangles), dtype=np.dtype([("values", "<f4", (12,)), ("attribute", "<u2")]))
     record["values"] = np.concatenate([normal / np.maximum(length, 1e-30), triangles.reshape(-1, 9)], axis=1)
     return name.encode("ascii", "replace")[:80].ljust(80) + struct.pack("<I", len(triangles)) + record.tobytes()
+
+
+TISSUE_KPA, THICKNESS_MM, WIDTH_MM = 5.0, 30.0, 90.0
+BALL_MM, PAD_MM, CYLINDER_MM, TALL_MM = 5.0, 60.0, 20.0, 15.0  # radius of the ball; widths; height of pad and cylinder
+MODULUS_COLUMNS = ("phantom", "specimen", "kind", "size_mm", "thickness_mm", "force_n", "displacement_mm")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KitPhantom:
+    """A phantom of the kit as its recipe says; a blank one has no ``batch`` of stiff material and no sizes."""
+
+    label: str
+    batch: str = ""
+    diameter_mm: float | None = None
+    depth_mm: float | None = None
+    young_kpa: float | None = None
+
+
+def _stiff(label: int, diameter: float, depth: float, batch: str, young: float) -> KitPhantom:
+    return KitPhantom(label=str(label), batch=batch, diameter_mm=diameter, depth_mm=depth, young_kpa=young)
+
+
+KIT = (
+    *(_stiff(1 + number, diameter, 5.0, "A", 100.0) for number, diameter in enumerate((6.0, 10.0, 14.0))),
+    *(_stiff(4 + number, 10.0, depth, "A", 100.0) for number, depth in enumerate((3.0, 8.0))),
+    *(_stiff(6 + number, 10.0, 5.0, "B", 40.0) for number in range(2)),
+    *(KitPhantom(label=str(8 + number)) for number in range(3)),
+)
+
+
+def kit_moulds() -> dict[str, tuple[NDArray[np.float64], str]]:
+    """Mould and what to do with it, by the name of its STL file."""
+    halves = {
+        f"sphere-{size:g}.stl": (sphere_mould(size), f"half a mould of a sphere of {size:g} mm: print two, clamp")
+        for size in sorted({item.diameter_mm for item in KIT if item.diameter_mm is not None})
+    }
+    return halves | {
+        "tissue.stl": (cup(WIDTH_MM, THICKNESS_MM), "cup for tissue: print one a phantom"),
+        "cylinder.stl": (cup(CYLINDER_MM, TALL_MM), "test cylinder: print three a batch"),
+        "pad.stl": (cup(PAD_MM, TALL_MM), "test pad: print three a batch"),
+    }
+
+
+def kit_files() -> dict[str, bytes]:
+    """Content of the kit's moulds and tables, by the name of the file.
+
+    Examples
+    --------
+    >>> [name for name in kit_files() if not name.endswith(".stl")]
+    ['phantoms.csv', 'modulus.csv']
+    """
+    columns = ("label", "diameter_mm", "depth_mm", "young_kpa")
+    rows = [[*(getattr(item, name) for name in columns), TISSUE_KPA, THICKNESS_MM] for item in KIT]
+    return {
+        **{name: stl_bytes(body, what) for name, (body, what) in kit_moulds().items()},
+        "phantoms.csv": table_bytes([[*columns, "tissue_kpa", "thickness_mm"], *rows]),
+        "modulus.csv": table_bytes([MODULUS_COLUMNS]),
+    }
