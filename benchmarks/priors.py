@@ -40,7 +40,7 @@ from tsis.files import cache_folder, content_key
 from tsis.inclusion import PARAMETERS, InclusionPrior, estimate
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -189,7 +189,7 @@ def kept_at(folder: Path, bank: PressBank) -> Path:
     return folder / f"{bank.prior.name}-{bank.name}-{content_key(decided_by)}.jsonl"
 
 
-def report(options: argparse.Namespace, table: PriorTable, lines: list[Mapping[str, Any]]) -> None:
+def report(options: argparse.Namespace, table: PriorTable, lines: Sequence[Mapping[str, Any]]) -> None:
     """Print what was measured."""
     refused = Judgement.of(lines).refused
     if options.json:

@@ -10,7 +10,7 @@ probe. Their "depth" is read as that of the top: with the centre at 10 mm the sp
 the table compares two instruments on one list of spheres, and a simulation with an experiment, and no more.
 
 The prior is one box around all eight, `PRIOR`, wider than the list on each side; no other was tried. Beside our error
-of E stands the Bayes bound of each sphere, the standard deviation of its posterior. Finished cases are kept.
+of E, of means withheld or not, stands the standard deviation of its posterior. Finished cases are kept.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ def relative_errors(values: Any, truth: Any) -> Any:
 
 
 def sphere_rows(lines: list[dict[str, Any]]) -> list[list[str]]:
-    """A row a sphere: truth, their error of d and E, ours of d, h and E, the bound, how often E is identified."""
+    """A row a sphere: truth, their error of d and E, ours of d, h, E, the sd of E, how often E is identified."""
     rows = []
     for number, (truth, theirs) in enumerate(zip(SPHERES, EVALUATED, strict=True)):
         ours = [line for line in lines if line.get("number") == number]
@@ -102,11 +102,11 @@ def sphere_rows(lines: list[dict[str, Any]]) -> list[list[str]]:
             rows.append([name, *printed, "", "", "", "", "refused", ""])
             continue
         errors = relative_errors([line["mean"] for line in ours], [line["truth"] for line in ours]).mean(axis=0)
-        bound = 100 * np.sqrt(np.mean([(line["sd"][2] / line["truth"][2]) ** 2 for line in ours]))
+        spread = 100 * np.sqrt(np.mean([(line["sd"][2] / line["truth"][2]) ** 2 for line in ours]))
         named, trusted = (
             sum(flags) for flags in ([line["identified"][2] for line in ours], [line["trusted"] for line in ours])
         )
-        cells = [f"{value:.{DIGITS}g}" for value in (*errors, bound)]
+        cells = [f"{value:.{DIGITS}g}" for value in (*errors, spread)]
         rows.append([name, *printed, *cells, f"{named} of {len(ours)}", f"{trusted} of {len(ours)}"])
     return rows
 
@@ -148,7 +148,7 @@ def main() -> None:
             progress(done, len(cases))
     lines = [found[f"{number}-{repeat}"] for number, repeat in cases]
     title = f"eight spheres, relative errors in %, {protocol.name}, {options.repeats} repeats, seed {options.seed}"
-    heads = ("sphere", "theirs: d", "E", "ours: d", "h", "E", "bound of E", "E identified", "trusted")
+    heads = ("sphere", "theirs: d", "E", "ours: d", "h", "E", "posterior sd of E", "E identified", "trusted")
     show(title, heads, sphere_rows(lines) + totals(lines), markdown=options.markdown)
     for line in lines:
         if "refused" in line:

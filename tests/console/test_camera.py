@@ -47,7 +47,7 @@ def test_another_phantom_with_another_inclusion(console: RunningConsole, browser
         _choose(page, "Pressed object", "size-8")
         page.get_by_label("Depth").fill("6")
         page.get_by_label("Seed").fill("11")
-        page.get_by_role("button", name="Use it so").click()
+        page.get_by_role("button", name="Apply").click()
         page.get_by_text("virtual probe on size-8").first.wait_for()
         page.get_by_text("runs at").wait_for()
         picture(page, "camera-virtual")
@@ -66,7 +66,7 @@ def test_a_sphere_is_for_hardness(console: RunningConsole, browser: Browser) -> 
     with operating(browser, console, "/camera") as page:
         _choose(page, "Pressed object", "cl2003x")
         expect(page.get_by_label("Depth")).not_to_be_visible()
-        page.get_by_role("button", name="Use it so").click()
+        page.get_by_role("button", name="Apply").click()
         page.get_by_text("virtual probe on cl2003x").wait_for()  # its mechanics are solved with the seed of before
         page.get_by_text("runs at").wait_for()
         assert requested(console, "/state")["roles"] == ["target", "ball", "untouched"]
@@ -93,7 +93,7 @@ def test_values_that_no_phantom_has(
     with operating(browser, console, "/camera") as page:
         _choose(page, "Pressed object", "size-14")
         page.get_by_label(label).fill(typed)
-        page.get_by_role("button", name="Use it so").click()
+        page.get_by_role("button", name="Apply").click()
         page.get_by_text(message).wait_for()
     assert requested(console, "/state")["camera"]["choice"] == before
 
@@ -112,7 +112,7 @@ def test_a_calibration_is_put_in_force_and_taken_back(
 ) -> None:
     with operating(browser, console, "/camera") as page:
         _choose(page, "Pressed object", "hardness-100")  # the probe may still be held on a sphere by the test before
-        page.get_by_role("button", name="Use it so").click()
+        page.get_by_role("button", name="Apply").click()
         page.get_by_text("virtual probe on hardness-100").wait_for()
         page.locator("input[type=file]").set_input_files(calibration)
         page.get_by_text("The calibration of a Monday is active.").wait_for()
@@ -148,7 +148,7 @@ def test_a_calibration_that_is_none_is_one_sentence(
 def test_examine_goes_on_after_another_choice(console: RunningConsole, browser: Browser) -> None:
     with operating(browser, console, "/camera") as page:
         _choose(page, "Pressed object", "hardness-100")
-        page.get_by_role("button", name="Use it so").click()
+        page.get_by_role("button", name="Apply").click()
         page.get_by_text("virtual probe on hardness-100").first.wait_for()
         page.get_by_role("navigation").get_by_role("link", name="Examine").click()
         run(page)

@@ -99,7 +99,7 @@ def test_while_it_is_recorded_no_other_begins_and_it_can_be_ended(console: Runni
         page.get_by_role("button", name="Stop").click()
         page.get_by_text("a sequence is being recorded; the camera can be stopped when it is over").wait_for()
         page.get_by_role("navigation").get_by_role("link", name="Camera").click()
-        page.get_by_role("button", name="Use it so").click()
+        page.get_by_role("button", name="Apply").click()
         page.get_by_text("a sequence is being recorded; another camera can be chosen when it is over").wait_for()
         page.get_by_role("navigation").get_by_role("link", name="Examine").click()
         page.get_by_role("tab", name="Sequence").click()

@@ -36,7 +36,7 @@ def test_a_camera_goes_and_comes_back_and_nothing_is_lost(tmp_path: Path, browse
             run(page)
             page.get_by_label("Force", exact=True).fill("0.7")
             page.get_by_label("Force", exact=True).press("Enter")
-            page.get_by_text("as typed").wait_for()
+            page.get_by_text("(typed)").wait_for()
             page.keyboard.press("Escape")
             page.get_by_role("button", name="Snapshot").click()
             page.get_by_text("Saved for target 1: on the target, 0.7 N").wait_for()

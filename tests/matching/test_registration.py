@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,8 +23,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 EVERY_METHOD = pytest.mark.parametrize("method", METHODS)
+EVERY_DIMENSION = pytest.mark.parametrize("dimension", [2, 3], ids=["plane", "space"])
 SEEDS = st.integers(0, 10_000)
-SOME = settings(max_examples=2, derandomize=True)
+SOME = settings(max_examples=1, derandomize=True)  # each is several registrations by each of the methods
 LARGEST_SHIFT = 0.02  # of the shape's extent; the points lie some 0.1 apart
 
 
@@ -55,6 +57,13 @@ def _task(seed: int, dimension: int = 2, count: int = 40) -> Task:
     rng = np.random.default_rng(seed)
     source = (even_texture if dimension == 2 else tactile_surface)(count, rng=rng)
     return Task(source, _goes(source), rng.permutation(count))
+
+
+@cache
+def _answer(method: str, dimension: int = 2, count: int = 40) -> tuple[Task, Registration]:
+    """A task and a method's answer, which several tests look at."""
+    task = _task(2, dimension, count)
+    return task, register(task.source, task.target, method=method)
 
 
 POINTS = np.random.default_rng(0).normal(size=(20, 2))
@@ -123,13 +132,10 @@ def test_too_many_points_are_refused_and_told_what_they_would_take(monkeypatch: 
         register(np.zeros((3_000_000, 2)), POINTS)
 
 
-@pytest.mark.parametrize(
-    "dimension", [pytest.param(2, id="plane", marks=pytest.mark.slow), pytest.param(3, id="space")]
-)
 @EVERY_METHOD
+@EVERY_DIMENSION
 def test_a_small_deformation_is_found(method: str, dimension: int) -> None:
-    task = _task(1, dimension, 70)
-    found = register(task.source, task.target, method=method)
+    task, found = _answer(method, dimension, 70)
     assert found.method == method
     assert found.reliable
     assert found.notes == ()
@@ -141,12 +147,11 @@ def test_a_small_deformation_is_found(method: str, dimension: int) -> None:
 
 
 @EVERY_METHOD
-@pytest.mark.parametrize("dimension", [2, 3], ids=["plane", "space"])
+@EVERY_DIMENSION
 def test_the_transform_moves_the_source_and_takes_new_points_where_their_neighbours_go(
     method: str, dimension: int
 ) -> None:
-    task = _task(2, dimension, 70)
-    found = register(task.source, task.target, method=method)
+    task, found = _answer(method, dimension, 70)
     np.testing.assert_allclose(found.transform(task.source), found.moved, atol=1e-12)
     between = (task.source[:, None] + task.source[None]).reshape(-1, dimension) / 2
     inside = between[np.linalg.norm(between - task.source.mean(axis=0), axis=1) < 0.25]
@@ -156,8 +161,7 @@ def test_the_transform_moves_the_source_and_takes_new_points_where_their_neighbo
 
 @EVERY_METHOD
 def test_the_transform_goes_over_many_points_in_blocks(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    task = _task(3)
-    found = register(task.source, task.target, method=method)
+    _, found = _answer(method)
     points = np.random.default_rng(0).uniform(0.3, 0.9, (100, 2))
     whole = found.transform(points)
     monkeypatch.setattr(fit, "BLOCK", 7)
@@ -189,10 +193,7 @@ def test_moving_and_scaling_carry_over(method: str, seed: int, size: float, x: f
     """Whether or not the result is withheld: a withheld one leaves the points where they are."""
     task, shift = _task(seed), np.array([x, y])
     one = match_points(task.source, task.target, method=method)
-    here = match_points(size * (task.source + shift), task.target, method=method)
-    np.testing.assert_array_equal(here.matches, one.matches)
-    np.testing.assert_allclose(here.moved, one.moved, atol=1e-3 * LARGEST_SHIFT)
-    there = match_points(task.source, size * (task.target + shift), method=method)
+    there = match_points((task.source - shift) / size, size * (task.target + shift), method=method)
     np.testing.assert_array_equal(there.matches, one.matches)
     np.testing.assert_allclose(there.moved / size, one.moved + shift, atol=1e-3 * LARGEST_SHIFT)
     assert there.confidence == pytest.approx(one.confidence, abs=1e-3)
@@ -220,35 +221,26 @@ def test_no_target_is_matched_twice_and_nothing_unmatched_is_trusted(
 
 
 @EVERY_METHOD
-def test_the_same_chance_gives_the_same_answer(method: str) -> None:
-    task = _task(4)
-    one, other = (register(task.source, task.target, method=method, rng=np.random.default_rng(5)) for _ in range(2))
-    np.testing.assert_array_equal(one.moved, other.moved)
-    np.testing.assert_array_equal(one.matches, other.matches)
-    seeded = register(task.source, task.target, method=method, rng=np.random.default_rng(0))
-    np.testing.assert_array_equal(seeded.moved, register(task.source, task.target, method=method).moved)
+def test_the_same_chance_gives_the_same_answer_and_changes_no_point(method: str) -> None:
+    task, found = _answer(method)
+    source, target = task.source.copy(), task.target.copy()
+    seeded = register(source, target, method=method, rng=np.random.default_rng(0))
+    np.testing.assert_array_equal(seeded.moved, found.moved)
+    np.testing.assert_array_equal(seeded.matches, found.matches)
+    np.testing.assert_array_equal(source, task.source)
+    np.testing.assert_array_equal(target, task.target)
 
 
 @EVERY_METHOD
 def test_whole_numbers_lists_and_what_is_not_contiguous_do_as_well(method: str) -> None:
     task = _task(5)
     source, target = np.round(1e4 * task.source).astype(int), np.round(1e4 * task.target).astype(int)
-    whole = register(source, target, method=method)
     floats = register(source.astype(float), target.astype(float), method=method)
-    lists = register(source.tolist(), target.tolist(), method=method)
-    strided = register(np.asfortranarray(source), np.repeat(target, 2, axis=0)[::2], method=method)
-    for found in (whole, lists, strided):
+    lists = register(source.tolist(), target, method=method)
+    strided = register(np.asfortranarray(source), np.repeat(target, 2, axis=0)[::2].tolist(), method=method)
+    for found in (lists, strided):
         np.testing.assert_array_equal(found.matches, floats.matches)
         np.testing.assert_allclose(found.moved, floats.moved, atol=1e-6)
-
-
-@EVERY_METHOD
-def test_what_it_is_given_is_not_changed(method: str) -> None:
-    task = _task(6)
-    source, target = task.source.copy(), task.target.copy()
-    register(source, target, method=method)
-    np.testing.assert_array_equal(source, task.source)
-    np.testing.assert_array_equal(target, task.target)
 
 
 @EVERY_METHOD
@@ -269,7 +261,7 @@ def test_a_point_given_twice_is_matched_as_often(method: str) -> None:
 
 
 @EVERY_METHOD
-@pytest.mark.parametrize("count", [4, 5, 6])
+@pytest.mark.parametrize("count", [4, 6])
 def test_the_fewest_points_are_answered(method: str, count: int) -> None:
     rng = np.random.default_rng(count)
     source = np.array([[0.0, 0.0], [3.0, 0.2], [2.8, 1.9], [0.3, 2.2], [1.4, 5.0], [-2.0, 1.0]])[:count]

@@ -87,7 +87,7 @@ def test_the_virtual_probe_takes_the_place_of_a_camera_and_wrong_numbers_do_not(
         await operator.types("Depth", "6")
         await operator.types("Seed", "11")
         await operator.clicks("Use the virtual probe")
-        await operator.sees("Use it so", "runs at ", "the virtual probe")
+        await operator.sees("Apply", "runs at ", "the virtual probe")
         choice = (await operator.requested("/state"))["camera"]["choice"]
         assert (choice["spec"], choice["phantom"], choice["depth_mm"], choice["seed"]) == ("virtual", "size-8", 6.0, 11)
         await operator.misses("Force gauge")

@@ -46,16 +46,16 @@ def test_a_snapshot_is_a_press_of_the_target_with_the_typed_force(lit: Instrumen
         await started(operator)
         await operator.types("Target", "20")
         await operator.types("Force", "0.8")
-        await operator.sees("0.80 N", "as typed", "Target 20")
+        await operator.sees("0.80 N", "(typed)", "Target 20")
         await operator.chooses("Pressed on", "on the target")
         await operator.clicks("Snapshot")
         await operator.hears("Saved for target 20: on the target, 0.8 N")
         await operator.sees("1 press", "0.8 N")
         await operator.chooses("Pressed on", "on plain tissue")
         await operator.types("Force", "")
-        await operator.sees("force not measured")
+        await operator.sees("no force gauge")
         operator.presses_key("snapshot")
-        await operator.hears("Saved for target 20: on plain tissue, force not measured")
+        await operator.hears("Saved for target 20: on plain tissue, no force gauge")
         await operator.sees("2 presses")
         saved = (await operator.requested("/targets/20/presses"))["presses"]
         assert [(press["role"], press["force_n"]) for press in saved] == [("target", 0.8), ("plain", None)]
@@ -111,7 +111,7 @@ def test_wrong_numbers_are_refused_and_the_old_ones_stay(lit: Instrument) -> Non
         state = await operator.requested("/state")
         assert (state["target"], state["force_n"]) == (1, 1.5)
         await operator.types("Force", "")  # which says that it is not known
-        await operator.sees("force not measured")
+        await operator.sees("no force gauge")
         assert (await operator.requested("/state"))["force_n"] is None
 
     at_console(lit, script)
@@ -184,7 +184,7 @@ def test_a_camera_that_goes_away_is_said_in_every_place(lit: Instrument, world: 
     async def script(operator: Operator) -> None:
         await started(operator)
         world.plugged = False
-        await operator.sees("camera away", "force not measured")
+        await operator.sees("camera away", "no force gauge")
         assert "No flags." not in operator.texts
         assert (await operator.requested("/state"))["camera"]["lost"] is True
         world.plugged = True

@@ -29,7 +29,7 @@ def test_without_camera_or_calibration_it_says_what_to_do_first(lit: Instrument,
         await operator.sees("Next: start the camera, on the page Examine; it is stopped.", "The camera is stopped.")
         assert not operator.enabled("Estimate")
         lit.start(by=lit.control.owner().identity)  # type: ignore[union-attr]
-        await operator.sees("Next: put a calibration in force, on the page Camera; there is none")
+        await operator.sees("Next: activate a calibration, on the page Camera; there is none")
         lit.use_calibration(
             parse_usable_calibration(file.read_bytes(), file.name),
             by=lit.control.owner().identity,  # type: ignore[union-attr]

@@ -102,7 +102,7 @@ def test_what_stands_in_the_way_is_named() -> None:
     (away,) = missing_text(state(real, lost=True), scaled=True, responds=True)
     assert away == "wait until the camera is back; it is away."
     (none,) = missing_text(state(real, calibration=""), scaled=False, responds=False)
-    assert none == "put a calibration in force, on the page Camera; there is none (the page Calibrate makes one)."
+    assert none == "activate a calibration, on the page Camera; there is none (the page Calibrate makes one)."
     (deaf,) = missing_text(state(real), scaled=True, responds=False)
     assert deaf == "choose another calibration; 'c' lacks the response to pressure."
     (blind,) = missing_text(state(real), scaled=False, responds=True)

@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.console.pages.open_page import RecordingViewer, on_a_page
+from tests.console.services.instruments import lit_instrument
 
-from tsis.console.pages.components import number_text_of_field, typed_number
+from tsis.console.pages.components import NumberField, number_text_of_field, typed_number
 from tsis.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False))
@@ -50,3 +57,24 @@ def test_nothing_is_shown_of_nothing() -> None:
     assert number_text_of_field(None) == ""
     assert number_text_of_field(5.0) == "5"
     assert number_text_of_field(0.01) == "0.01"
+
+
+def test_a_state_that_comes_meanwhile_does_not_replace_what_is_refused(tmp_path: Path) -> None:
+    async def typed(viewer: RecordingViewer) -> None:
+        field = NumberField(viewer, "Force", lambda _: None)
+        field.show(1.5)
+
+        async def refusal(act: Callable[[], object]) -> str:
+            field.show(1.5)  # the page follows the instrument while it refuses
+            with pytest.raises(InputError):
+                act()
+            return "refused"
+
+        viewer.refusal = refusal  # type: ignore[method-assign]
+        field._typed()
+        field.element.value = "hard"
+        await field._done()
+        assert (field.element.value, field.element.error) == ("hard", "refused")
+
+    with lit_instrument(tmp_path) as instrument:
+        on_a_page(instrument, typed)

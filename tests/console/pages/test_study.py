@@ -147,7 +147,7 @@ def test_it_is_unblinded_once_with_readings_and_then_shows_the_truth(lit: Instru
         await operator.clicks("although incomplete")
         await operator.clicks("Unblind and analyse")
         await operator.sees("Results of the study", "Analyse again")
-        await operator.sees("Report", "To know")
+        await operator.sees("Report", "Notes")
         opened = open_study(study.folder)
         assert opened.unblinded is not None
         await operator.until(lambda: "code" not in operator.rows[0], "no truth is shown")

@@ -62,7 +62,7 @@ def test_another_setting_puts_it_out_of_force_until_it_is_set_back(instrument: I
     state = instrument.state()
     assert (state.calibration, state.calibration_identity) == ("", "")
     assert state.trouble == (
-        "The calibration is not in force, and presses are kept without one: calibration 'bench' holds at gain = 2; the "
+        "The calibration is inactive, and presses are saved without one: calibration 'bench' holds at gain = 2; the "
         "camera is at 5 (set it back, or calibrate at this setting).",
     )
     assert instrument.snapshot(by=ANN).press.calibration is None
@@ -110,7 +110,7 @@ def test_one_that_was_given_before_the_start_and_does_not_fit_is_told_and_nothin
     instrument.use_calibration(UsableCalibration(calibration=other, identity=calibration_sha256(other)), by=ANN)
     instrument.start(by=ANN)
     until(lambda: instrument.state().camera.rows > 0)
-    assert "The calibration is not in force" in instrument.state().trouble[0]
+    assert "The calibration is inactive" in instrument.state().trouble[0]
     assert instrument.snapshot(by=ANN).press.calibration is None
     until(lambda: instrument.frame_analysis is not None)  # the live view goes on
     assert np.sum(instrument.frame_analysis.histogram if instrument.frame_analysis else 0) == ROWS * COLUMNS

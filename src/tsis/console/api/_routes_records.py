@@ -210,7 +210,7 @@ def get_calibration_file(instrument: TheInstrument) -> Response:
     """Send the active calibration as its file, which `PUT /v1/calibration` accepts."""
     given = instrument.calibration
     if given is None:
-        raise AbsentError("a calibration must be in force to be sent; there is none")
+        raise AbsentError("a calibration must be active to be sent; there is none")
     return Response(calibration_bytes(given.calibration), media_type="application/json")
 
 

@@ -196,7 +196,7 @@ class VirtualPanel:
 
     def show(self, state: InstrumentState) -> None:
         """Show whether it is in use."""
-        self._use.text = "Use it so" if state.camera.choice.is_virtual else "Use the virtual probe"
+        self._use.text = "Apply" if state.camera.choice.is_virtual else "Use the virtual probe"
 
     def _show_changes(self) -> None:
         """Show the inclusion's fields, which spheres do not have."""

@@ -197,9 +197,7 @@ class Instrument:
 
         Raises `CalibrationError` when it is expired, or of another probe, camera, setting or size of frames.
         """
-        with self._commands.run(
-            by, "putting a calibration in force", instead="another calibration can be put in force"
-        ):
+        with self._commands.run(by, "activating a calibration", instead="another calibration can be activated"):
             self._active.use(calibration)
             self._watcher.begin_anew()
 

@@ -76,7 +76,7 @@ def trouble_messages(
     if gauge is not None and not gauge.running:
         results.append(f"The gauge is away: {gauge.error or 'its readings were ended'}.")
     if unfit:
-        results.append(f"The calibration is not in force, and presses are kept without one: {unfit}.")
+        results.append(f"The calibration is inactive, and presses are saved without one: {unfit}.")
     if watching:
         results.append(f"The press cannot be judged: {watching}.")
     return tuple(results)

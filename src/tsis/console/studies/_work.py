@@ -18,14 +18,24 @@ if TYPE_CHECKING:
     from tsis.study import Study
 
 
-PREPARING = "The probe is prepared; that is kept for next time."
-READING = "The probe reads."
+PREPARING = "Preparing the probe; this is done once."
 _begin = threading.Lock()  # between the check for running jobs and the beginning of another
 
 
 def reading_title(name: str) -> str:
     """What people see of a run."""
     return f"readings of study {name}"
+
+
+def reading_text(done: int, total: int) -> str:
+    """Which target is read now, of all of a run.
+
+    Examples
+    --------
+    >>> reading_text(3, 4), reading_text(4, 4)
+    ('Reading target 4 of 4.', 'Reading target 4 of 4.')
+    """
+    return f"Reading target {min(done + 1, total)} of {total}."
 
 
 def publishing_title(name: str) -> str:
@@ -102,7 +112,7 @@ def _read(folder: Path, operator: str, job: Job) -> None:
         job.advance(done, total)
 
     def progress(done: int, total: int) -> None:
-        job.say(READING)
+        job.say(reading_text(done, total))
         job.report(done, total)
 
     job.say(PREPARING)
@@ -114,7 +124,7 @@ def _read(folder: Path, operator: str, job: Job) -> None:
 
 
 def _publish(folder: Path, by: str, although_incomplete: bool, job: Job) -> None:
-    job.say("The readings are set beside the truth.")
+    job.say("Comparing the readings with the truth.")
     study = open_study(folder)
     _require_readings(study, although_incomplete)  # others may have entered some while it waited
     publish_study(study, by=by, progress=job.advance)

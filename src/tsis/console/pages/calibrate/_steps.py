@@ -191,7 +191,7 @@ class StepCard:
         if state.step.is_loading and not session.rig.by_itself:
             ui.label("Load now, slowly, and back to 0.").classes("strong")
             self._button("It is back at 0: save it", "check", command(session.end_loading))
-        self._button("End without keeping", "stop", command(session.end_step), outline=True)
+        self._button("Cancel", "stop", command(session.end_step), outline=True)
 
     def _button(self, text: str, icon: str, act: Callable[[], Awaitable[object]], *, outline: bool = False) -> None:
         button = ui.button(text, icon=icon, on_click=act)

@@ -131,7 +131,7 @@ class NumberField:
     ) -> None:
         self._viewer, self._label, self._act, self._emptied = viewer, label, act, emptied
         self._value: float | None = None
-        self._typing, self._just_done = False, UndoMemory()
+        self._typing, self._sent, self._just_done = False, False, UndoMemory()
         self._refused: str | None = None  # the text that was refused last
         self.element = unit_field(label, unit=unit).classes("number-field")
         self.element.on("update:model-value", self._typed)
@@ -147,7 +147,7 @@ class NumberField:
             self._accepted()
         self._value = value
         self._typing = self._typing and self.element.enabled  # who may not change it any more has not typed it
-        if not self._typing:
+        if not self._typing and not self._sent:  # what was sent may be refused, and stays then
             self.element.set_value(number_text_of_field(value))
 
     def _typed(self) -> None:
@@ -174,9 +174,10 @@ class NumberField:
             return
         if text == self._refused:  # the field is left, or Enter is pressed again
             return
-        self._typing = False
+        self._typing, self._sent = False, True
         before = self._value
         message = await self._viewer.refusal(partial(self._accept, text))
+        self._sent = False
         if not self._typing:
             self._accepted()
         if message:

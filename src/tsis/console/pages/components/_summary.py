@@ -26,9 +26,9 @@ def force_text(force_n: float | None) -> str:
     Examples
     --------
     >>> force_text(0.7), force_text(None)
-    ('0.7 N', 'force not measured')
+    ('0.7 N', 'no force gauge')
     """
-    return "force not measured" if force_n is None else f"{force_n:.3g} N"
+    return "no force gauge" if force_n is None else f"{force_n:.3g} N"
 
 
 def time_label(when: datetime) -> str:

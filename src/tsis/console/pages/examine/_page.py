@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from tsis.console.services import CameraState, FrameAnalysis, Instrument, InstrumentState, Job, JobState, SavedPress
 
 
-SOURCES = {"gauge": "from the gauge", "virtual": "of the virtual probe", "typed": "as typed"}
+SOURCES = {"gauge": "from the gauge", "virtual": "(simulated)", "typed": "(typed)"}
 
 
 class ForceRow:

@@ -73,7 +73,7 @@ def missing_text(state: InstrumentState, *, scaled: bool, responds: bool) -> tup
     stopped = () if camera.running else ("start the camera, on the page Examine; it is stopped.",)
     results = ["wait until the camera is back; it is away."] if camera.running and camera.lost else [*stopped]
     if not state.calibration_identity:
-        results.append("put a calibration in force, on the page Camera; there is none (the page Calibrate makes one).")
+        results.append("activate a calibration, on the page Camera; there is none (the page Calibrate makes one).")
     elif not (responds and scaled):
         lacking = "size of a pixel" if responds else "response to pressure"
         results.append(f"choose another calibration; {state.calibration!r} lacks the {lacking}.")

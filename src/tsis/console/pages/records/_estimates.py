@@ -91,7 +91,7 @@ def _show(_: StoredEstimate) -> None:
 
 EXPLAINED = (
     "The current estimates are recomputed from the stored frames. A different result is stored as a new "
-    "estimate that says which one it takes the place of; the old one stays."
+    "estimate that says which one it replaces; the old one stays."
 )
 
 

@@ -51,7 +51,7 @@ class Outcome:
         self._panel.set_visibility(True)
         self._panel.clear()
         with self._panel:
-            ui.label("Setting the readings beside the truth ...").classes("muted").props('role="status"')
+            ui.label("Comparing the readings with the truth ...").classes("muted").props('role="status"')
         result = await self._page.viewer.attempt(study_result, view.study)
         self._panel.clear()
         with self._panel:
@@ -79,7 +79,7 @@ class Outcome:
             if result.curves:
                 figure(result.page.pictures[0], result.curves)
             with ui.element("div"):
-                panel_title("To know", level=3)
+                panel_title("Notes", level=3)
                 with ui.element("div").classes("wordy"):
                     message_list(result.page.notes)
 
@@ -256,8 +256,7 @@ class JobProgress:
         self._container.set_visibility(state is not None)
         if state is None:
             return False
-        count = f" {state.done} of {state.total}." if state.running and state.total else ""
-        self._message.text = f"{state.sentence or 'It begins when others are done.'}{count}"
+        self._message.text = state.sentence or "Waiting for other jobs."
         self._end.set_visibility(state.running)
         self._bar.show(state)
         return state.running
