@@ -65,7 +65,7 @@ COMMANDS = {
     "simulate": CommandEntry(
         "tsis.cli._simulate",
         "simulate",
-        "Press a probe on a phantom by finite elements: pressure and displacement over the face.",
+        "Press a probe on a phantom, or with --sensor balls on a gel sensor, by finite elements.",
         "tsis simulate --phantom depth-8 --force-n 0.7 --json",
     ),
     "design": CommandEntry(
@@ -127,7 +127,7 @@ COMMANDS = {
     "study": CommandEntry(
         "tsis.cli.study",
         "app",
-        f"Blinded studies: targets under codes, readings, unblinding and analysis; scan plans. {RESEARCH_USE_ONLY}",
+        f"Blinded studies, performance cards, daily checks, validation; scan plans. {RESEARCH_USE_ONLY}",
     ),
     "doctor": CommandEntry(
         "tsis.cli._doctor",

@@ -144,7 +144,7 @@ def _evidence(
             rest = max(float((partners**2).sum()) - explained, 0.0)
         logs.append(_levels(inner, pull, rest, scatter, size, count, VARIANCES, SQUARES))
     stacked = np.array(logs)
-    best, number, level = np.unravel_index(int(np.argmax(stacked)), stacked.shape)
+    best, number, level = (int(at) for at in np.unravel_index(int(np.argmax(stacked)), stacked.shape))
     top = float(stacked[best, number, level])
     solution = _ridge_solution(*systems[best], (SIGMAS[level] / AMPLITUDES[number]) ** 2)
     freedom = (count - dimension - 1) * dimension

@@ -23,6 +23,8 @@ from tsis.mechanics.gel import layer_contact
 from tsis.model import require_array, require_number
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import ArrayLike, NDArray
 
 
@@ -62,7 +64,7 @@ def indentation_modulus(
     --------
     >>> depth = np.linspace(0.1, 1.0, 10)
     >>> hertz = 4 / 3 * 10 / (1 - 0.49**2) * np.sqrt(5.0) * depth**1.5
-    >>> round(indentation_modulus(depth, hertz, radius_mm=5.0, thickness_mm=1e4).young_kpa, 2)
+    >>> round(indentation_modulus(depth, hertz, radius_mm=5.0, thickness_mm=1e3).young_kpa, 1)
     10.0
     """
     depth, force = _points(depth_mm, force_mn, "depth_mm", "force_mn")
@@ -151,20 +153,23 @@ def _points(
     return lengths, forces
 
 
-def _fitted(length: NDArray[np.float64], force: NDArray[np.float64], model: object) -> MeasuredModulus:
+def _fitted(
+    length: NDArray[np.float64], force: NDArray[np.float64], model: Callable[[NDArray[np.float64]], NDArray[np.float64]]
+) -> MeasuredModulus:
     """Least squares of modulus and first contact; sd with the degrees of freedom of the points less 2."""
     span = float(np.ptp(length))
 
     def residuals(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.exp(values[0]) * model(length - values[1]) - force  # type: ignore[operator]
+        return np.asarray(np.exp(values[0]) * model(length - values[1]) - force)
 
     start = length.min() - 0.05 * span
-    first = float(force.max() / max(float(np.max(model(length - start))), 1e-300))  # type: ignore[operator]
+    first = float(force.max() / max(float(np.max(model(length - start))), 1e-300))
     found = least_squares(residuals, [np.log(first), start], x_scale=[0.1, 0.1 * span])
     if not found.success or not np.isfinite(found.x).all():
         raise InputError("no modulus fits these points; check that forces rise with the travel, and the units")
     variance = 2 * found.cost / (len(length) - 2)
-    covariance = np.linalg.pinv(found.jac.T @ found.jac) * variance
+    jacobian = np.asarray(found.jac)
+    covariance = np.linalg.pinv(jacobian.T @ jacobian) * variance
     young = float(np.exp(found.x[0]))
     return MeasuredModulus(
         young_kpa=young, sd_kpa=young * float(np.sqrt(covariance[0, 0])), contact_mm=float(found.x[1])

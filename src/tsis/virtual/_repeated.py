@@ -99,7 +99,7 @@ class RepeatedExamination:
             return {"seed": seed, "refused": f"{type(error).__name__}: {error}"}
         truth = {name: float(getattr(phantom.inclusion, name)) for name in PARAMETERS}
         held = {f"{level:g}": _held(result.untrusted.interval(level), truth) for level in LEVELS}
-        return {"seed": seed, "truth": truth, "held": held, "trusted": result.trusted, "presence": result.presence}
+        return {"seed": seed, "truth": truth, "held": held, "trusted": result.trusted}
 
     def _pressed(self, virtual: VirtualProbe, phantom: Phantom) -> list[TactileImage]:
         return [virtual.press(phantom, force_n=force) for force in self.forces_n]

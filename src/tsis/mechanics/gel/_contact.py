@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 import scipy
@@ -18,8 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from tsis.model import require_number, require_one_of
 
-if TYPE_CHECKING:
-    Floats = NDArray[np.float64]
+Floats = NDArray[np.float64]
+Complex = NDArray[np.complex128]
 
 BODIES = ("sphere", "cylinder")
 WIDEST_CONTACT = 10.0  # of contact radius and thickness
@@ -168,9 +168,6 @@ def _half_space(places: Floats) -> Floats:
 def _gamma(values: NDArray[np.floating]) -> Floats:
     return np.asarray(scipy.special.gamma(values))
 
-
-Floats = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 LARGEST_RATIO = 0.4999
 _DEEP = 40.0  # wave number times thickness beyond which the layer is a half-space to the last digit
