@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
-from scipy.stats import binomtest
 
 import tsis
 from tsis.cli._output import print_json, print_tables
@@ -71,6 +70,8 @@ def _table(counts: Mapping[str, Any], title: str) -> Table:
 
 def _share(held: int, total: int) -> str:
     """A share in per cent with its interval of 95 %, as Clopper and Pearson give it."""
+    from scipy.stats import binomtest  # a start of the program loads no numerical library
+
     if total == 0:
         return ""
     among = binomtest(held, total).proportion_ci(CONFIDENCE)
