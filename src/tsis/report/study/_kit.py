@@ -185,7 +185,10 @@ def score_document(score: ValidationScore) -> dict[str, Any]:
         detection=None if counts is None else {name: getattr(counts, name) for name in names},
         undecided=score.undecided,
         unread=score.unread,
-        quantities=[asdict(item) for item in score.quantities],
+        quantities=[
+            asdict(item) | {"bias_interval": None if item.bias_interval is None else list(item.bias_interval)}
+            for item in score.quantities
+        ],
         moduli={label: asdict(item) for label, item in score.moduli.items()},
         sizes_of_recipe=score.of_recipe,
         notes=list(score_notes(score)),

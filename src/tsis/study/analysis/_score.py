@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.stats import norm, t
 
+from tsis.detection import Interval
 from tsis.errors import FileInputError, InputError, RecordsError
 from tsis.files import as_path, printable_path, read_csv_rows
 from tsis.mechanics import compression_modulus, indentation_modulus
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     import os
     from collections.abc import Iterator, Mapping, Sequence
 
-    from tsis.detection import Counts, Interval
+    from tsis.detection import Counts
     from tsis.files import CsvRow
     from tsis.mechanics import MeasuredModulus
     from tsis.study._folder import Study
@@ -218,10 +219,10 @@ def _score(
     held = list(_held(quantity, readings, truths, moduli))
     means = np.array([np.mean(values) for values in errors.values()])
     relative = [np.mean(values) / truths[code].values[quantity] for code, values in errors.items()]
-    interval = None
+    interval: Interval | None = None
     if len(means) > 1:
         half = float(t.ppf(0.975, len(means) - 1) * means.std(ddof=1) / np.sqrt(len(means)))
-        interval = (float(means.mean()) - half, float(means.mean()) + half)
+        interval = Interval(low=float(means.mean()) - half, high=float(means.mean()) + half, level=0.95, method="t")
     return QuantityScore(
         quantity=quantity,
         hits=sum(plain for plain, _ in held),
