@@ -11,7 +11,7 @@ import typer
 
 import tsis
 from tsis.__about__ import CALIBRATION_FILE, LARGEST_SEED
-from tsis.cli._demo_seeds import repeat_demo, stored_note
+from tsis.cli._demo_seeds import is_default_protocol, prior_name, repeat_demo, stored_note
 from tsis.cli._options import (
     AsJson,
     DepthMm,
@@ -84,7 +84,6 @@ def demo(
             as_json=as_json,
         )
         return
-    as_stored = (probe, strain, prior) == ("tsis-domed", "finite", None)
     target = tsis.catalog.phantom_variant(phantom, diameter_mm, depth_mm, young_kpa)
     truth, forces = _truth(target), _named(force_n)
     if save:
@@ -109,6 +108,7 @@ def demo(
         )
     provenance = {"simulated": {"seed": seed, "phantom": asdict(target), "command": "tsis demo"}}
     pressed = f"{chosen.name}, {' and '.join(forces)}"
+    protocol = {"probe": chosen.name, "prior": prior_name(assumed), "forces_n": force_n, "strain": strain}
     page = tsis.report.inclusion_report(
         result,
         title=f"Virtual press on {target.name}",
@@ -142,7 +142,7 @@ def demo(
         notes=(
             *tsis.report.estimate_messages(result),
             *_outside_the_prior(truth or {}, assumed),
-            *((stored_note(),) if as_stored else ()),
+            *((stored_note(),) if is_default_protocol(protocol) else ()),
         ),
         files={
             **{frame.name: tsis.instrument.png_bytes(frame) for frame in (*images, *references)},

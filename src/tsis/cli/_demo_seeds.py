@@ -34,26 +34,40 @@ def repeat_demo(
     with progress_bar(f"examining {count} virtual phantoms") as advance:
         cases = examination.run(count, first_seed=first_seed, progress=advance)
     counts = tsis.virtual.coverage_counts(cases)
-    protocol = {
+    protocol: dict[str, Any] = {
         "probe": probe.name,
-        "prior": prior.name or tsis.catalog.list_inclusion_priors()[0],
+        "prior": prior_name(prior),
         "forces_n": list(forces_n),
         "strain": strain,
         "first_seed": first_seed,
-        "command": f"tsis demo --seeds {count} --seed {first_seed}",
     }
+    protocol["command"] = _command(count, protocol)
     if as_json:
         print_json(tsis.report.envelope("demo", "seeds", protocol=protocol, counts=counts, examinations=cases))
         return
-    print_tables(
-        [
-            _table(
-                counts,
-                f"{count} examinations; {probe.name}, prior {prior.name or tsis.catalog.list_inclusion_priors()[0]}",
-            )
-        ],
-        coverage_notes(counts),
-    )
+    title = f"{count} examinations; {probe.name}, prior {protocol['prior']}"
+    print_tables([_table(counts, title)], coverage_notes(counts))
+
+
+def prior_name(prior: InclusionPrior) -> str:
+    """The name of a prior; the default one has that of its file."""
+    return prior.name or str(tsis.catalog.list_inclusion_priors()[0])
+
+
+def is_default_protocol(protocol: Mapping[str, Any]) -> bool:
+    """Whether probe, prior, forces and strain are those of the stored run."""
+    stored = tsis.virtual.stored_coverage()["protocol"]
+    return all(protocol[name] == stored[name] for name in ("probe", "prior", "forces_n", "strain"))
+
+
+def _command(count: int, protocol: Mapping[str, Any]) -> str:
+    """The command that repeats a run: what differs from the defaults is named."""
+    command = f"tsis demo --seeds {count} --seed {protocol['first_seed']}"
+    if is_default_protocol(protocol):
+        return command
+    options = [("--probe", protocol["probe"]), ("--prior", protocol["prior"]), ("--strain", protocol["strain"])]
+    options += [("--force-n", f"{force:g}") for force in protocol["forces_n"]]
+    return " ".join([command, *(f"{name} {value}" for name, value in options)])
 
 
 def _table(counts: Mapping[str, Any], title: str) -> Table:

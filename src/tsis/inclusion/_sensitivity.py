@@ -73,10 +73,10 @@ def with_prior_sensitivity(own: Estimate, shifts: Sequence[PriorShift]) -> Estim
     The notes of an untrusted estimate belong to its flags one by one, and are withheld with them; so the sentence,
     which holds no number then, ends the last note that is printed.
     """
-    told = f"Under other priors: {'; '.join(map(str, shifts))}."
+    message = f"Under other priors: {'; '.join(map(str, shifts))}."
     if own.trusted:
-        return replace(own, notes=(*own.notes, told))
+        return replace(own, notes=(*own.notes, message))
     if not own.printed_notes:
         return own
     place = len(own.notes) - 1 - own.notes[::-1].index(own.printed_notes[-1])
-    return replace(own, notes=(*own.notes[:place], f"{own.notes[place]} {told}", *own.notes[place + 1 :]))
+    return replace(own, notes=(*own.notes[:place], f"{own.notes[place]} {message}", *own.notes[place + 1 :]))
