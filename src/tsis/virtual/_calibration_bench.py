@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
 
 from tsis.calibration.force import loading_forces
 from tsis.calibration.session import (
@@ -19,6 +21,7 @@ from tsis.calibration.session import (
     CalibrationStep,
 )
 from tsis.errors import InputError
+from tsis.virtual._camera import USUAL_MS
 from tsis.virtual._loading_machine import FLAT_LEVELS as LEVELS
 from tsis.virtual._loading_machine import VirtualLoadingMachine
 from tsis.virtual._scale_targets import dot_board_frame, untouched_frame
@@ -26,10 +29,10 @@ from tsis.virtual._scale_targets import dot_board_frame, untouched_frame
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    import numpy as np
-
+    from tsis.calibration.file import ProbeCalibration
     from tsis.imaging import Sensor
-    from tsis.model import Probe, TactileImage
+    from tsis.model import Calibration, Probe, TactileImage
+    from tsis.virtual._probe import VirtualProbe
 
 
 FRAMES_PER_S = 30.0
@@ -83,6 +86,16 @@ class VirtualBench:
         self.machine = VirtualLoadingMachine(probe, rng=rng, sensor=sensor) if machine is None else machine
         self._rng, self._pitch_mm = rng, pitch_mm
 
+    @classmethod
+    def of(cls, rig: VirtualProbe, *, rng: np.random.Generator, pitch_mm: float = 2.5) -> Self:
+        """The rig on which a virtual probe is calibrated, at a shorter exposure; see `VirtualLoadingMachine.of`."""
+        return cls(rig.probe, rng=rng, pitch_mm=pitch_mm, machine=VirtualLoadingMachine.of(rig, rng=rng))
+
+    @property
+    def settings(self) -> dict[str, float]:
+        """Settings of its camera, as those of the virtual probe's camera are named."""
+        return camera_settings(self.machine.sensor, exposure=self.machine.exposure)
+
     @property
     def patch_px(self) -> tuple[int, int, int, int] | None:
         """Reference patch as left, top, right, bottom; None when there is none."""
@@ -124,3 +137,36 @@ class VirtualBench:
 def _raw(image: TactileImage) -> TactileImage:
     """The frame as a camera delivers it, without scale and force."""
     return replace(image, mm_per_pixel=None, force_n=None)
+
+
+def camera_settings(sensor: Sensor, *, exposure: float = 1.0) -> dict[str, float]:
+    """Settings of a virtual probe's camera at ``exposure`` times the usual one."""
+    return {"exposure_ms": exposure * USUAL_MS, "gain": 0.0, "brightness": sensor.background_grey}
+
+
+def tissue_calibration(measured: ProbeCalibration, sensor: Sensor) -> ProbeCalibration:
+    """The calibration of a virtual probe at its usual exposure, from the one that `VirtualBench.of` gave.
+
+    Light is proportional to the exposure of this camera. The force line of the tips is left out: their light would
+    clip. Stray light of a press is even before the light is evened out, and uneven after that by what its pattern gets.
+    """
+    exposure = measured.settings["exposure_ms"] / USUAL_MS
+    uneven = 0.0
+    if measured.reference is not None:
+        seen = measured.reference.usable & (sensor.radius_mm() < sensor.axes_mm()[1].max())
+        stray = 1 / measured.reference.relative_light[seen]
+        uneven = float(stray.std() / stray.mean())
+
+    def exposed(response: Calibration | None) -> Calibration | None:
+        if response is None:
+            return None
+        pattern = float(np.hypot(response.repeatability_sd, response.offset_sd * uneven))
+        return replace(response, gain_grey_per_kpa=response.gain_grey_per_kpa / exposure, repeatability_sd=pattern)
+
+    return replace(
+        measured,
+        settings=camera_settings(sensor),
+        force_line=None,
+        response=exposed(measured.response),
+        tissue=exposed(measured.tissue),
+    )

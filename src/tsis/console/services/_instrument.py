@@ -131,6 +131,7 @@ class Instrument:
             ),
             busy=self._commands.busy,
             gauge="" if gauge is None else gauge.name,
+            active=given,
         )
 
     def choose(self, choice: CameraChoice, *, by: str) -> None:

@@ -274,12 +274,6 @@ def calibration_content(calibration: ProbeCalibration) -> None:
     table(Table(title="Measured", headings=("quantity", "value", "95 % interval"), rows=content_rows(calibration)))
 
 
-EXERCISE = (
-    "This is an exercise with the virtual rig, whose camera no other page uses. It cannot be put in "
-    "force. The virtual probe of the other pages brings a calibration of its own."
-)
-
-
 class MakePanel:
     """Buttons that compute the calibration, activate it and download it."""
 
@@ -304,15 +298,13 @@ class MakePanel:
                 file = ui.button("Download the file", icon="download", on_click=self._download)
                 file.props("no-caps outline")
                 self._cited = ui.label().classes("muted")
-                if session.rig.by_itself:
-                    ui.label(EXERCISE).classes("muted")
         self._commands.set_visibility(False)
 
     def show(self, state: InstrumentState) -> None:
         """Say whether it is active."""
         active = bool(self._identity) and state.calibration_identity == self._identity
         self._active.set_visibility(active)
-        self._use.set_visibility(not active and not self._session.rig.by_itself)
+        self._use.set_visibility(not active)
 
     def refresh(self, steps: Sequence[StepState]) -> None:
         """Show what is missing, or how far it is."""

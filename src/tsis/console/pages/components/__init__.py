@@ -38,14 +38,13 @@ from tsis.console.pages.components._lists import (
     show_drawing,
     table,
 )
-from tsis.console.pages.components._summary import StatePoller, Tabs, force_text, press_label, time_label
-from tsis.console.pages.components._viewer import LONGEST_OPERATOR, CalibrationMemory, Viewer, follow_store
+from tsis.console.pages.components._summary import StatePoller, Tabs, follow_store, force_text, press_label, time_label
+from tsis.console.pages.components._viewer import LONGEST_OPERATOR, Viewer
 
 __all__ = [
     "FORCE",
     "LARGEST_MIB",
     "LONGEST_OPERATOR",
-    "CalibrationMemory",
     "ChoiceField",
     "FactList",
     "FileField",
