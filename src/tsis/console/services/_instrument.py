@@ -64,6 +64,8 @@ class Instrument:
         # What can fail comes first, so that nothing is left running then.
         given = None if terms.calibration is None else read_usable_calibration(terms.calibration)
         self.store: Store = open_store(terms.store, kind=terms.kind, database=terms.database)
+        if not self.store.database.read_only:
+            self.store.erase_expired()
         self.control, self.jobs, self._store_check = ControlLock(), Jobs(), StoreCheck(self.store)
         self._commands, self.search = Commands(self.control), CameraSearch(self.jobs)
         self.terms, self._target = terms, 1

@@ -19,6 +19,7 @@ from tsis.console.pages.components import (
     drawings,
     field_messages,
     figure,
+    is_confirmed,
     message_list,
     panel_title,
     set_class,
@@ -41,20 +42,6 @@ if TYPE_CHECKING:
     from tsis.console.services import Instrument, InstrumentState, JobState
     from tsis.console.services.calibrating import CalibrationResult, CalibrationSession, StepState
     from tsis.report import Page
-
-
-async def is_confirmed(question: str, *, yes: str, why: str) -> bool:
-    """Ask for confirmation; False without a response."""
-    with ui.dialog() as dialog, ui.card(), ui.element("div").classes("question"):
-        ui.label(question).classes("strong")
-        ui.label(why).classes("muted")
-        with ui.element("div").classes("row"):
-            ui.element("div").classes("spring")
-            ui.button("Cancel", on_click=lambda: dialog.submit(False)).props("flat no-caps")
-            ui.button(yes, on_click=lambda: dialog.submit(True)).props("unelevated no-caps")
-    response = bool(await dialog)
-    dialog.delete()
-    return response
 
 
 SIZE_PX = 560  # of its longer side

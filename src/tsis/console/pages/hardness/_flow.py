@@ -59,7 +59,7 @@ def saved_presses(store: Store, number: int) -> SavedPresses:
 def next_free(store: Store, number: int) -> int:
     """``number`` while nothing is stored of it, else the next after all targets."""
     free = target_by_number(store, number) is None
-    return number if free else max(target.target.number for target in store.targets()) + 1
+    return number if free else max(target.target.number for target in store.targets(hidden=True)) + 1
 
 
 def missing_text(state: InstrumentState, *, scaled: bool, responds: bool) -> tuple[str, ...]:

@@ -10,9 +10,10 @@ from nicegui import ui
 
 from tsis.calibration.guard import GUARD_FLAGS
 from tsis.console.files import target_of
-from tsis.console.pages.components import ProgressBar
+from tsis.console.pages.components import ProgressBar, dialog_buttons, open_dialog
 from tsis.console.services import DONE
 from tsis.errors import TsisError
+from tsis.report import FORM_LABELS, MASKED
 from tsis.report.target import without_identity
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from tsis.console.pages.components import Viewer
     from tsis.console.services import Instrument, Job
     from tsis.records import StoredPress, Target, TargetRecord
-    from tsis.records.store import Store
+    from tsis.records.store import Store, TargetState
 
 
 AT_ONCE = 24  # presses of a sheet
@@ -37,6 +38,7 @@ class TargetView:
     presses: tuple[StoredPress, ...]  # one page of them
     offset: int  # presses before that page
     total: int  # of all presses
+    state: TargetState | None = None  # whether it is archived or deleted
 
     @property
     def private(self) -> bool:
@@ -53,7 +55,7 @@ class TargetView:
         """Fingerprint of the whole page: equal ones have the same view."""
         record = self.record
         estimates = tuple(estimate.id for estimate in record.estimates)
-        return self.target, self.sheet, estimates, tuple(record.calibrations), record.damaged
+        return self.target, self.state, self.sheet, estimates, tuple(record.calibrations), record.damaged
 
 
 def read_target(store: Store, number: str, offset: int) -> TargetView:
@@ -70,6 +72,7 @@ def read_target(store: Store, number: str, offset: int) -> TargetView:
         presses=store.presses(target, limit=AT_ONCE, offset=offset),
         offset=offset,
         total=total,
+        state=store.state(target),
     )
 
 
@@ -174,3 +177,44 @@ async def follow_job(viewer: Viewer, place: ui.element, begin: Callable[[], Job]
     with place:
         timer = ui.timer(EVERY_S, refresh)
     return True
+
+
+IDENTIFIED = "include label, names and true times"
+MEANT = {
+    True: "Masked: label, names and times are left out or shifted, unless you ask for them below.",
+    False: "This form masks nothing: notes, names and settings are in it.",
+}
+PAGE = "This form shows what the report shows; of a subject the pseudonym only."
+
+
+def export_button(page: TargetContext, view: TargetView) -> None:
+    """A button that asks for the form, and downloads the file."""
+    ui.button("Export", icon="download", on_click=lambda: _ask(page, view)).props("dense no-caps outline")
+
+
+def _ask(page: TargetContext, view: TargetView) -> None:
+    with open_dialog(page.dialogs, f"Export target {view.target.number}") as dialog:
+        form = ui.select(FORM_LABELS, value="csv", label="Form", on_change=lambda: explain()).props("outlined dense")
+        meant = ui.label().classes("muted")
+        identified = ui.switch(IDENTIFIED, value=False).props("dense")
+        waiting = ui.linear_progress(show_value=False).props('indeterminate aria-label="writing the file"')
+        waiting.set_visibility(False)
+
+        def explain() -> None:
+            masked = form.value in MASKED
+            meant.text = PAGE if form.value in ("html", "pdf") else MEANT[masked]
+            identified.set_visibility(masked)
+
+        async def begin() -> None:
+            with_names = bool(identified.value) and form.value in MASKED
+            waiting.set_visibility(True)
+            button.disable()
+            address = f"/files/export/{view.target.number}/{form.value}" + ("?identified=true" if with_names else "")
+            if await fetch_file(page.viewer, address):
+                page.viewer.notify(f"Exported as {form.value}: the browser saves the file.")
+                dialog.close()
+            waiting.set_visibility(False)
+            button.enable()
+
+        button = dialog_buttons(dialog, "Export", begin)
+        explain()
