@@ -9,7 +9,7 @@ import signal
 import socket
 import ssl
 import threading
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field
 from logging.handlers import RotatingFileHandler
 from typing import TYPE_CHECKING, Any
@@ -18,10 +18,10 @@ import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from tsis.console._app import console_app
-from tsis.console._worker import collecting_garbage, share_memory_among_threads
+from tsis.console._worker import WorkerProcess, collecting_garbage, share_memory_among_threads
 from tsis.console.auth import Access, Logins, Sessions, console_folder, name_of, saved_token
-from tsis.console.services import Instrument, InstrumentSettings
-from tsis.errors import FileInputError, InputError
+from tsis.console.services import Instrument, InstrumentSettings, warm_up
+from tsis.errors import FileInputError, InputError, TsisError
 from tsis.model import require_integer
 
 if TYPE_CHECKING:
@@ -270,13 +270,33 @@ def serve_console(terms: ConsoleSettings, *, ready: Callable[[str], None]) -> No
                 secure=tls is not None,
             )
             share_memory_among_threads()
-            with logging_to(folder), Instrument(terms.instrument) as instrument:
+            warming = WorkerProcess()  # the first estimate is as fast as the others: its process fills the caches
+            with logging_to(folder), closing(warming), Instrument(terms.instrument) as instrument:
+                instrument.before_estimates = warm_up_once(warming)
                 application = console_app(instrument, access=access, hosts=(*OWN_NAMES, *terms.names))
                 scheme, port = "http" if tls is None else "https", listener.getsockname()[1]
                 ready(f"{scheme}://{public_host(address, terms.names)}:{port}/?token={token}")
                 # The server has ended in order, and raises the interruption that ended it.
                 with collecting_garbage(), suppress(KeyboardInterrupt):
                     uvicorn.Server(_config(application, tls)).run(sockets=[listener])
+
+
+def warm_up_once(worker: WorkerProcess) -> Callable[[str], None]:
+    """A function that warms up the estimates of a probe in the background, once for each; a failure is only logged."""
+    begun: set[str] = set()
+
+    def warm(probe: str) -> None:
+        try:
+            worker.call(warm_up, probe)
+        except (TsisError, RuntimeError) as error:
+            logging.getLogger(__name__).info("estimates of %s were not warmed up: %s", probe, error)
+
+    def begin(probe: str) -> None:
+        if probe and probe not in begun:
+            begun.add(probe)
+            threading.Thread(target=warm, args=(probe,), name="warm-up", daemon=True).start()
+
+    return begin
 
 
 def _permitted(terms: ConsoleSettings) -> tuple[str, ssl.SSLContext | None, Logins | None]:

@@ -6,8 +6,6 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Self
 
-import numpy as np
-
 from tsis.calibration.force import loading_forces
 from tsis.calibration.session import (
     BOARD,
@@ -21,7 +19,7 @@ from tsis.calibration.session import (
     CalibrationStep,
 )
 from tsis.errors import InputError
-from tsis.virtual._camera import USUAL_MS
+from tsis.virtual._camera import camera_settings
 from tsis.virtual._loading_machine import FLAT_LEVELS as LEVELS
 from tsis.virtual._loading_machine import VirtualLoadingMachine
 from tsis.virtual._scale_targets import dot_board_frame, untouched_frame
@@ -29,9 +27,10 @@ from tsis.virtual._scale_targets import dot_board_frame, untouched_frame
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from tsis.calibration.file import ProbeCalibration
+    import numpy as np
+
     from tsis.imaging import Sensor
-    from tsis.model import Calibration, Probe, TactileImage
+    from tsis.model import Probe, TactileImage
     from tsis.virtual._probe import VirtualProbe
 
 
@@ -137,36 +136,3 @@ class VirtualBench:
 def _raw(image: TactileImage) -> TactileImage:
     """The frame as a camera delivers it, without scale and force."""
     return replace(image, mm_per_pixel=None, force_n=None)
-
-
-def camera_settings(sensor: Sensor, *, exposure: float = 1.0) -> dict[str, float]:
-    """Settings of a virtual probe's camera at ``exposure`` times the usual one."""
-    return {"exposure_ms": exposure * USUAL_MS, "gain": 0.0, "brightness": sensor.background_grey}
-
-
-def tissue_calibration(measured: ProbeCalibration, sensor: Sensor) -> ProbeCalibration:
-    """The calibration of a virtual probe at its usual exposure, from the one that `VirtualBench.of` gave.
-
-    Light is proportional to the exposure of this camera. The force line of the tips is left out: their light would
-    clip. Stray light of a press is even before the light is evened out, and uneven after that by what its pattern gets.
-    """
-    exposure = measured.settings["exposure_ms"] / USUAL_MS
-    uneven = 0.0
-    if measured.reference is not None:
-        seen = measured.reference.usable & (sensor.radius_mm() < sensor.axes_mm()[1].max())
-        stray = 1 / measured.reference.relative_light[seen]
-        uneven = float(stray.std() / stray.mean())
-
-    def exposed(response: Calibration | None) -> Calibration | None:
-        if response is None:
-            return None
-        pattern = float(np.hypot(response.repeatability_sd, response.offset_sd * uneven))
-        return replace(response, gain_grey_per_kpa=response.gain_grey_per_kpa / exposure, repeatability_sd=pattern)
-
-    return replace(
-        measured,
-        settings=camera_settings(sensor),
-        force_line=None,
-        response=exposed(measured.response),
-        tissue=exposed(measured.tissue),
-    )

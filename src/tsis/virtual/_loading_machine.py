@@ -15,6 +15,7 @@ from tsis.imaging import Sensor, rough_contact
 from tsis.mechanics import HertzContact, effective_modulus_kpa, hertz_under_force, press
 from tsis.model import MN_PER_N, Calibration, LightMap, Phantom, Probe, TactileImage, require_number, require_type
 from tsis.optics.irradiance import Irradiance
+from tsis.virtual._camera import USUAL_MS, camera_settings
 from tsis.virtual._direct_contact import direct_contact_calibration
 from tsis.virtual._loading_camera import LoadingCamera, MachineErrors, drawn_truth
 from tsis.virtual._probe import FINE_RESOLUTION, VirtualProbe
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from tsis.calibration.file import ProbeCalibration
     from tsis.imaging import LedDrift
     from tsis.model import PressField
 
@@ -361,4 +363,32 @@ def _contact(probe: Probe, stiffness: float, tip_radius_mm: float, force_n: floa
         force_mn=force_n * MN_PER_N,
         young_kpa=stiffness * effective_modulus_kpa(probe.layers),
         poisson=probe.layers[0].poisson,
+    )
+
+
+def tissue_calibration(measured: ProbeCalibration, sensor: Sensor) -> ProbeCalibration:
+    """The calibration of a virtual probe at its usual exposure, from the one that `VirtualBench.of` gave.
+
+    Light is proportional to the exposure of this camera. The force line of the tips is left out: their light would
+    clip. Stray light of a press is even before the light is evened out, and uneven after that by what its pattern gets.
+    """
+    exposure = measured.settings["exposure_ms"] / USUAL_MS
+    uneven = 0.0
+    if measured.reference is not None:
+        seen = measured.reference.usable & (sensor.radius_mm() < sensor.axes_mm()[1].max())
+        stray = 1 / measured.reference.relative_light[seen]
+        uneven = float(stray.std() / stray.mean())
+
+    def exposed(response: Calibration | None) -> Calibration | None:
+        if response is None:
+            return None
+        pattern = float(np.hypot(response.repeatability_sd, response.offset_sd * uneven))
+        return replace(response, gain_grey_per_kpa=response.gain_grey_per_kpa / exposure, repeatability_sd=pattern)
+
+    return replace(
+        measured,
+        settings=camera_settings(sensor),
+        force_line=None,
+        response=exposed(measured.response),
+        tissue=exposed(measured.tissue),
     )
