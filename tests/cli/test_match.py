@@ -243,6 +243,7 @@ def test_absent_libraries_are_named(run_tsis: RunTsis, monkeypatch: pytest.Monke
     assert "must name one that can run here" in run_tsis("match", "bench", "--methods", "pycpd").err
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not DATA.is_dir(), reason="the public trials are not on this machine")
 def test_bench_on_public_trials_and_the_hotel(run_tsis: RunTsis, tmp_path: Path) -> None:
     finished = run_tsis(

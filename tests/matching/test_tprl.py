@@ -66,8 +66,15 @@ def test_noise_is_hardly_amplified(warped: Warped, noise: float) -> None:
 
 
 @pytest.mark.skipif(not DATA.is_dir(), reason="the public trials are not on this machine")
-@pytest.mark.parametrize(("family", "level"), [("deformation", 5), ("rotation", 6)])
-@pytest.mark.parametrize("shape", ["fish", "chinese"])
+@pytest.mark.parametrize(
+    ("shape", "family", "level"),
+    [
+        ("fish", "deformation", 5),
+        ("chinese", "rotation", 6),
+        pytest.param("fish", "rotation", 6, marks=pytest.mark.slow),
+        pytest.param("chinese", "deformation", 5, marks=pytest.mark.slow),
+    ],
+)
 def test_public_trials_are_matched_far_better_than_by_coherent_point_drift(
     shape: str, family: Family, level: int
 ) -> None:

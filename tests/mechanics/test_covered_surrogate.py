@@ -71,7 +71,9 @@ def press_of(
     return force_n * unit if parts.shape is None else at(getattr(parts.shape, name), spot) + force_n * unit
 
 
-@pytest.mark.parametrize("probe", [FLAT, DOMED], ids=["flat", "domed"])
+@pytest.mark.parametrize(
+    "probe", [pytest.param(FLAT, id="flat", marks=pytest.mark.slow), pytest.param(DOMED, id="domed")]
+)
 @pytest.mark.parametrize(
     "force", [pytest.param(0.6, marks=pytest.mark.slow), 1.0, pytest.param(1.6, marks=pytest.mark.slow)]
 )

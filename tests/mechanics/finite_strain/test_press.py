@@ -188,6 +188,7 @@ def test_bonded_sides_hold_the_layers() -> None:
     assert held.approach_mm < free.approach_mm
 
 
+@pytest.mark.slow
 def test_a_flat_spheroid_is_felt_otherwise_than_a_sphere() -> None:
     sphere, flat = lump(8.0, 5.0, 100.0), lump(8.0, 5.0, 100.0, semi_axes_mm=(4.0, 4.0, 2.0))
     ball = lump(8.0, 5.0, 100.0, semi_axes_mm=(4.0, 4.0, 4.0))
