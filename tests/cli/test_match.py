@@ -188,6 +188,7 @@ def benched(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     return folder / "bench", printed.getvalue()
 
 
+@pytest.mark.slow
 def test_bench_on_generated_shapes(benched: tuple[Path, str]) -> None:
     folder, printed = benched
     assert "noise: 2 trials" in words(printed)

@@ -90,6 +90,7 @@ def test_it_presses_as_a_finer_mesh_does(probe: Probe, force: float) -> None:
         assert travel == pytest.approx(fresh.approach_mm, rel=3e-4)
 
 
+@pytest.mark.slow
 def test_a_flat_unit_is_the_surrogate_at_one_newton() -> None:
     at_one = build_surrogate(FLAT, BOX, force_n=1.0, degrees=FEW, cached=False)
     unit = covered(FLAT).unit
