@@ -39,10 +39,10 @@ TEN_TO_NINETY = 2.563103  # in standard deviations of a normal blur
 def edge_width(image: TactileImage, *, shape: str = "straight", extent_mm: float = EDGE_RANGE_MM) -> MeasuredValue:
     """Width in mm from 10 to 90 % across a sharp edge of even contact: straight (a block) or circular (a flat punch).
 
-    A line or a circle is fitted to the points where the light crosses half of the step, as far as they lie on one. In each of eight parts of the
-    edge an error function is fitted to the light over the distance from that line or circle; the scatter of the parts
-    is the uncertainty. Raises `CalibrationError` when no edge stands out, or too little of it; `InputError` when the
-    scale is not known.
+    A line or a circle is fitted to the points where the light crosses half of the step, as far as they lie on one. In
+    each of eight parts of the edge an error function is fitted to the light over the distance from that line or circle;
+    the scatter of the parts is the uncertainty. Raises `CalibrationError` when no edge stands out, or too little of it;
+    `InputError` when the scale is not known.
 
     Parameters
     ----------
@@ -162,7 +162,7 @@ def _off_circle(points: NDArray[np.float64], circles: NDArray[np.float64]) -> ND
 
 def _spread(edge: NDArray[np.float64], count: int) -> NDArray[np.float64]:
     """At most ``count`` points, evenly from all."""
-    return edge[np.linspace(0, len(edge) - 1, min(count, len(edge))).astype(int)]
+    return np.asarray(edge[np.linspace(0, len(edge) - 1, min(count, len(edge))).astype(int)])
 
 
 def _most_shared(edge: NDArray[np.float64], off: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -171,7 +171,7 @@ def _most_shared(edge: NDArray[np.float64], off: NDArray[np.float64]) -> NDArray
     A fit to all points would be drawn aside by another border, as that of pixels that the correction leaves out.
     """
     near = np.abs(off) <= NEAR_MM
-    return edge[near[int(near.sum(axis=1).argmax())]]
+    return np.asarray(edge[near[int(near.sum(axis=1).argmax())]])
 
 
 def _shows_step(distance: NDArray[np.float64], grey: NDArray[np.float64], step: float) -> bool:
