@@ -59,7 +59,7 @@ def test_a_whole_study(run_tsis: RunTsis) -> None:
     assert len(stored["targets"]) == 4
 
 
-def check_export_and_show(run_tsis: RunTsis, folder: str) -> None:
+def check_export_and_show(run_tsis: RunTsis, folder: Path) -> None:
     out = run_tsis("study", "export", folder, "out.csv", "--device", "feeler")
     assert out.code == 0
     assert Path("out.csv").read_text(encoding="utf-8").startswith(HEADINGS)
@@ -68,7 +68,7 @@ def check_export_and_show(run_tsis: RunTsis, folder: str) -> None:
         assert word not in shown_now.out
 
 
-def check_analysis(run_tsis: RunTsis, folder: str, found: dict[str, Any]) -> None:
+def check_analysis(run_tsis: RunTsis, folder: Path, found: dict[str, Any]) -> None:
     assert {path.name for path in Path(found["folder"]).iterdir()} == {
         "analysis.json",
         "readings.csv",

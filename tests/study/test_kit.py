@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import json
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -39,7 +39,7 @@ def ball_on_pad(young_kpa: float, rng: np.random.Generator) -> np.ndarray:
     chi = np.sqrt(5.0 * TRAVEL) / 15.0
     correction = 1 + 1.133 * chi + 1.283 * chi**2 + 0.769 * chi**3 + 0.0975 * chi**4
     force = 16 / 9 * young_kpa * np.sqrt(5.0) * TRAVEL**1.5 * correction / 1000
-    return force * (1 + 0.01 * rng.standard_normal(len(force)))
+    return np.asarray(force * (1 + 0.01 * rng.standard_normal(len(force))))
 
 
 def bench_sheet(folder: Path, *, specimens: int = 3, seed: int = 3) -> Path:
@@ -53,18 +53,18 @@ def bench_sheet(folder: Path, *, specimens: int = 3, seed: int = 3) -> Path:
     return written(folder, *rows)
 
 
-def written(folder: Path, *rows: object) -> Path:
+def written(folder: Path, *rows: list[Any]) -> Path:
     with (folder / "modulus.csv").open("w", encoding="utf-8", newline="") as file:
         csv.writer(file).writerows([MODULUS_COLUMNS, *rows])
     return folder / "modulus.csv"
 
 
-def kit_study(folder: Path, **options: object) -> Study:
+def kit_study(folder: Path) -> Study:
     """The kit in ``folder / "kit"``, and its sealed study."""
     done = CliRunner().invoke(app, ["kit", str(folder / "kit"), "--json"])
     assert done.exit_code == 0, done.output
     targets = read_truth_table(folder / "kit" / "phantoms.csv")
-    return new_study(folder / "study", targets, seed=4, probe="tsis-2011", actor="maker", **options)
+    return new_study(folder / "study", targets, seed=4, probe="tsis-2011", actor="maker")
 
 
 def read_true(study: Study) -> Study:
