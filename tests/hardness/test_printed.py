@@ -39,7 +39,7 @@ IMAGES = hertzian(1.0)
 
 
 def found(images: Any = IMAGES, **options: Any) -> PrintedHardness:
-    return printed_estimate(images, **{"method": "cpd"} | options)
+    return printed_estimate(images, **{"method": "cpd", "points": 120} | options)
 
 
 @cache
