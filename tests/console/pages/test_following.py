@@ -9,8 +9,8 @@ from nicegui import run, ui
 from tests.console.pages.open_page import RecordingViewer, on_a_page, texts
 from tests.console.services.instruments import lit_instrument
 
-from tsis.console.pages.components import follow_store
 from tsis.console.pages.examine._estimate import EstimatePanel
+from tsis.console.pages.records._context import follow_store
 from tsis.console.pages.records._target import TargetPage
 
 if TYPE_CHECKING:

@@ -172,8 +172,9 @@ class OwnImagesPage:
             given = None if active is None else active.calibration
             own_scale = given is not None and given.scale is not None
             options = ImportOptions(mm_per_pixel=None if own_scale else self.scale(), calibration=given)
-            typed = self.number_field.value
-            number = typed_integer("target", typed, 1, LARGEST_TARGET) if typed else None
+            number = (
+                typed_integer("target", self.number_field.value, 1, LARGEST_TARGET) if self.number_field.value else None
+            )
             images = [row.frame() for row in self.rows]
             return save_images(self._instrument.store, images, number=number, options=options)
 

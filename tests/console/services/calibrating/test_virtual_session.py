@@ -36,6 +36,7 @@ def statuses(session: CalibrationSession) -> dict[str, str]:
     return {state.step.name: state.status for state in session.steps()}
 
 
+@pytest.mark.slow
 def test_the_frames_are_those_of_the_virtual_probe_of_that_seed(instrument: Instrument, tmp_path: Path) -> None:
     session = instrument.calibrating.begin(TERMS, by=ANN)
     assert session.folder.path == instrument.terms.workspace / "calibrations" / "May-left"

@@ -39,7 +39,7 @@ from tsis.console.pages.components._lists import (
     show_drawing,
     table,
 )
-from tsis.console.pages.components._summary import StatePoller, Tabs, follow_store, force_text, press_label, time_label
+from tsis.console.pages.components._summary import StatePoller, Tabs, force_text, press_label, time_label
 from tsis.console.pages.components._viewer import LONGEST_OPERATOR, Viewer
 
 __all__ = [
@@ -65,7 +65,6 @@ __all__ = [
     "estimate_job",
     "field_messages",
     "figure",
-    "follow_store",
     "force_text",
     "is_confirmed",
     "list_message",

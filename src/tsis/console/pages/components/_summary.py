@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import asyncio
-import logging
 import time
 from collections import OrderedDict
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
 
 from nicegui import run
 
-from tsis.errors import TsisError
 from tsis.records import ROLE_NAMES
 from tsis.report.target import time_text
 
 if TYPE_CHECKING:
-    from collections.abc import Awaitable, Callable
+    from collections.abc import Callable
     from datetime import datetime
 
-    from tsis.console.pages.components._viewer import Viewer
     from tsis.console.services import Instrument, InstrumentState
     from tsis.records import StoredPress
 
@@ -122,26 +119,3 @@ class Tabs:
         if len(self._values) > MOST_VALUES:
             self._values.popitem(last=False)
         return cast("Value", result)
-
-
-STORE_EVERY_S = 1.0  # between two readings
-UNREAD, FAILED = -2, -1  # in place of the number of the store's entries
-_log = logging.getLogger(__name__)
-
-
-def follow_store(viewer: Viewer, changed: Callable[[], Awaitable[None]]) -> None:
-    """Call ``changed`` now and after every change of the store, while the present part of the page is visible."""
-    last: int | None = UNREAD
-
-    async def refresh() -> None:
-        nonlocal last
-        try:
-            entries = await viewer.entries()
-        except TsisError as error:  # a page that is shown needs no message every second
-            _log.debug("the store was not read: %s", error)
-            entries = FAILED
-        if entries != last:
-            last = entries
-            await changed()
-
-    viewer.every(STORE_EVERY_S, refresh)

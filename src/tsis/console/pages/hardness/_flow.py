@@ -59,7 +59,7 @@ def saved_presses(store: Store, number: int) -> SavedPresses:
 def next_free(store: Store, number: int) -> int:
     """``number`` while nothing is stored of it, else the next after all targets."""
     free = target_by_number(store, number) is None
-    return number if free else max(target.target.number for target in store.targets(hidden=True)) + 1
+    return number if free else max(target.target.number for target in store.targets()) + 1
 
 
 def missing_text(state: InstrumentState, *, scaled: bool, responds: bool) -> tuple[str, ...]:
@@ -109,9 +109,9 @@ class HardnessPanel:
         if not self._panel.changes_to(now):
             return
         self._panel.element.set_visibility(False)
-        if stored is None or record is None:
-            return
-        built = await self._viewer.attempt(_page_and_figures, record, stored)
+        built = None
+        if stored is not None and record is not None:
+            built = await self._viewer.attempt(_page_and_figures, record, stored)
         if built is None or self._panel.content != now:
             return
         page, sources = built

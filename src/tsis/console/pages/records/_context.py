@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -17,7 +18,7 @@ from tsis.report import FORM_LABELS, MASKED
 from tsis.report.target import without_identity
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Awaitable, Callable
 
     from tsis.console.pages.components import Viewer
     from tsis.console.services import Instrument, Job
@@ -218,3 +219,26 @@ def _ask(page: TargetContext, view: TargetView) -> None:
 
         button = dialog_buttons(dialog, "Export", begin)
         explain()
+
+
+STORE_EVERY_S = 1.0  # between two readings
+UNREAD, FAILED = -2, -1  # in place of the number of the store's entries
+_log = logging.getLogger(__name__)
+
+
+def follow_store(viewer: Viewer, changed: Callable[[], Awaitable[None]]) -> None:
+    """Call ``changed`` now and after every change of the store, while the present part of the page is visible."""
+    last: int | None = UNREAD
+
+    async def refresh() -> None:
+        nonlocal last
+        try:
+            entries = await viewer.entries()
+        except TsisError as error:  # a page that is shown needs no message every second
+            _log.debug("the store was not read: %s", error)
+            entries = FAILED
+        if entries != last:
+            last = entries
+            await changed()
+
+    viewer.every(STORE_EVERY_S, refresh)

@@ -15,14 +15,13 @@ from nicegui import ui
 from tsis.console.pages.components import (
     LARGEST_MIB,
     dialog_buttons,
-    follow_store,
     list_message,
     message_list,
     one_file,
     open_dialog,
     panel_title,
 )
-from tsis.console.pages.records._context import follow_job
+from tsis.console.pages.records._context import follow_job, follow_store
 from tsis.errors import FileInputError, InputError
 from tsis.records.export.bundle import read_bundle
 from tsis.records.store import ARCHIVED, DELETED, back_up_store, verify_store

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 from nicegui import run, ui
 
-from tsis.console.pages.components import Redrawn, follow_store, panel_title
-from tsis.console.pages.records._context import TargetView, export_button, read_target
+from tsis.console.pages.components import Redrawn, panel_title
+from tsis.console.pages.records._context import TargetView, export_button, follow_store, read_target
 from tsis.console.pages.records._edit import about_target, state_banner
 from tsis.console.pages.records._estimates import estimate_button, estimates, history, recompute_button
 from tsis.console.pages.records._presses import Presses, compare
