@@ -7,7 +7,7 @@ from tests.console.browser import chromium
 from tests.console.operator import hold, press_with, run
 from tests.console.running import running_console
 
-FORCES, ROLES = ("0.5", "1"), ("on plain tissue", "on the target")
+FORCES, ROLES = ("0.5", "1"), ("reference (no inclusion)", "on the target")
 
 
 def main() -> None:

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from playwright.sync_api import Page
 
 FORCES = ("0.5", "1")
-ROLES = ("on the target", "on plain tissue")
+ROLES = ("on the target", "reference (no inclusion)")
 
 
 def first_report(page: Page, folder: Path) -> Path:

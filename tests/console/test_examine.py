@@ -218,7 +218,7 @@ def test_press_estimate_and_what_it_tells(console: RunningConsole, browser: Brow
         choose_target(page, "50")
         page.get_by_role("button", name="Estimate").click()
         page.get_by_text("got 50").wait_for()  # nothing is kept of it: one sentence
-        for role in ("on the target", "on plain tissue"):
+        for role in ("on the target", "reference (no inclusion)"):
             page.get_by_role("button", name=role).click()
             for force in ("0.5", "1"):
                 press_with(page, force)

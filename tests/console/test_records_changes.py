@@ -221,7 +221,7 @@ def test_an_estimate_is_made_from_the_presses_that_were_chosen(console: RunningC
 @pytest.mark.slow
 def test_an_estimate_that_cannot_be_made_says_why(console: RunningConsole, browser: Browser) -> None:
     with tab(browser, console, f"/records/{ESTIMATED}") as page:
-        page.get_by_role("checkbox", name=re.compile("on plain tissue, 0.7 N")).click()
+        page.get_by_role("checkbox", name=re.compile(r"reference \(no inclusion\), 0.7 N")).click()
         page.get_by_role("button", name="Compare two (1 chosen)").wait_for()
         page.get_by_role("button", name="Estimate", exact=True).click()
         page.get_by_role("dialog").get_by_role("button", name="Estimate").click()

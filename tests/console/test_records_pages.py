@@ -88,11 +88,11 @@ def test_a_target_shows_its_presses_a_sheet_at_a_time(console: RunningConsole, b
         all_shown(page, PRESSES - 24)
         assert page.locator(".press-role").all_inner_texts() == [
             "on the target",
-            "on plain tissue",
+            "reference (no inclusion)",
             "without touch",
             "on a known ball",
             "on the target",
-            "on plain tissue",
+            "reference (no inclusion)",
         ]
         assert page.locator(".press", has_text="moving").count() == 1  # that of number 27
         assert page.get_by_role("button", name="Later").is_disabled()
@@ -116,7 +116,7 @@ def test_two_presses_are_compared_in_one_scale(console: RunningConsole, browser:
         all_shown(page, 4)
         assert page.get_by_role("button", name="Compare two").is_disabled()
         page.get_by_role("checkbox", name=re.compile("on the target, 1 N")).click()
-        page.get_by_role("checkbox", name=re.compile("on plain tissue, 1 N")).click()
+        page.get_by_role("checkbox", name=re.compile(r"reference \(no inclusion\), 1 N")).click()
         page.get_by_role("button", name="Compare two (2 chosen)").click()
         page.get_by_role("img", name=re.compile("red where the first is brighter")).wait_for()
         assert page.locator(".compared img").count() == 3

@@ -53,7 +53,7 @@ def test_the_estimate_in_force_stands_beside_the_truth() -> None:
     dossier = sample_dossier()
     page = target_page(dossier)
     estimate = dossier.estimates[0].estimate
-    rows = {row[0]: row[1:] for row in table(page, "Estimate in force").rows}
+    rows = {row[0]: row[1:] for row in table(page, "Current estimate").rows}
     low, high = estimate.interval(0.9)["depth_mm"]
     assert rows["Depth h"][:2] == (f"{np.mean(estimate.samples['depth_mm']):.3g} mm", f"{low:.3g} to {high:.3g} mm")
     assert rows["Depth h"][-1] == "5 mm"
@@ -114,7 +114,7 @@ def test_what_is_not_to_be_trusted_shows_no_number() -> None:
         assert f"{stored.estimate.untrusted.mean[name]:.3g} " not in said
     assert [card.value for card in page.cards[:3]] == ["not to be trusted"] * 3
     assert "Posterior of each parameter" not in pictures(page)
-    assert [row[1] for row in table(page, "Estimate in force").rows] == ["not to be trusted"] * 3
+    assert [row[1] for row in table(page, "Current estimate").rows] == ["not to be trusted"] * 3
 
 
 def unreadable(name: str) -> NDArray[Any]:
@@ -218,7 +218,7 @@ def test_an_object_shows_its_hardness() -> None:
     assert "truth 80 kPa" in page.cards[0].detail
     assert pictures(page)[:3] == ["Modulus", "Tactile image", "What the touch changed"]
     assert "The estimate does not rest on 2 other presses of this target." in page.notes
-    assert ("truth of Diameter d", "10 mm") in table(page, "Estimate in force").rows
+    assert ("truth of Diameter d", "10 mm") in table(page, "Current estimate").rows
 
 
 def test_a_subject_is_a_pseudonym_and_nothing_else() -> None:
@@ -259,8 +259,8 @@ def test_both_kinds_of_estimate_are_in_force() -> None:
         *(f"{what} (inclusion)" for what in ("Diameter d", "Depth h", "Modulus E", "Is there an inclusion?")),
         "Young's modulus (hardness)",
     ]
-    assert table(page, "Estimate in force (hardness)").rows[0][0] == "Young's modulus"
-    assert table(page, "Estimate in force (inclusion)").rows[0][0] == "Diameter d"
+    assert table(page, "Current estimate (hardness)").rows[0][0] == "Young's modulus"
+    assert table(page, "Current estimate (inclusion)").rows[0][0] == "Diameter d"
     assert {"Modulus", "Posterior of each parameter"} <= set(pictures(page))
     assert "Of the hardness: The modulus is identified." in page.notes
     assert str(page.provenance).count("'supersedes'") == 2

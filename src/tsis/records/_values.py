@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 KINDS = ("phantom", "subject")  # of stores; their data never mix
 ROLE_NAMES = {
     "target": "on the target",
-    "plain": "on plain tissue",
+    "plain": "reference (no inclusion)",
     "untouched": "without touch",
     "ball": "on a known ball",
 }

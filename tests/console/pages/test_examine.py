@@ -52,11 +52,11 @@ def test_a_snapshot_is_a_press_of_the_target_with_the_typed_force(lit: Instrumen
         await operator.clicks("Snapshot")
         await operator.hears("Saved for target 20: on the target, 0.8 N")
         await operator.sees("1 press", "0.8 N")
-        await operator.chooses("Pressed on", "on plain tissue")
+        await operator.chooses("Pressed on", "reference (no inclusion)")
         await operator.types("Force", "")
         await operator.sees("no force gauge")
         operator.presses_key("snapshot")
-        await operator.hears("Saved for target 20: on plain tissue, no force gauge")
+        await operator.hears("Saved for target 20: reference (no inclusion), no force gauge")
         await operator.sees("2 presses")
         saved = (await operator.requested("/targets/20/presses"))["presses"]
         assert [(press["role"], press["force_n"]) for press in saved] == [("target", 0.8), ("plain", None)]

@@ -324,3 +324,15 @@ def test_a_store_is_backed_up_from_its_page(filled: Instrument, tmp_path: Path) 
     at_console(filled, script, "/records")
     with open_store(tmp_path / "backup", create=False) as copy:
         assert [item.target.number for item in copy.targets()] == [ESTIMATED, MANY, HARD]
+
+
+def test_two_targets_are_compared(filled: Instrument) -> None:
+    async def script(operator: Operator) -> None:
+        await operator.clicks("Compare")
+        await operator.types("Number of the other target", "two")
+        await operator.hears("the other target must be given by its number")
+        await operator.types("Number of the other target", f"{MANY}", enter=False)
+        await operator.clicks("Compare")
+        await operator.sees(f"Target {ESTIMATED}: size-10", f"Target {MANY}: many presses", "Current estimates")
+
+    at_console(filled, script, f"/records/{ESTIMATED}")

@@ -69,7 +69,7 @@ def test_series_are_the_roles_and_frames_their_times() -> None:
     assert first.SeriesInstanceUID != second.SeriesInstanceUID
     assert first.StudyInstanceUID == second.StudyInstanceUID
     assert "target" in first.SeriesDescription
-    assert "plain" in second.SeriesDescription
+    assert "reference" in second.SeriesDescription
     assert first["FrameIncrementPointer"].value == 0x00181065
     assert [float(each) for each in first.FrameTimeVector] == [0.0, 20_000.0]
 

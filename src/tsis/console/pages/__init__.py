@@ -22,6 +22,7 @@ PAGES: dict[str, tuple[str, Callable[..., object]]] = {
     "/study": ("Study", study.study_listing),
     "/study/{name}": ("Study", study.show_study),
     "/records": ("Records", records.target_listing),
+    "/records/compare/{pair}": ("Records", records.compare_targets),
     "/records/{number}": ("Records", records.show_target),
     "/design": ("Design", design.design_tab),
     "/jobs": ("Jobs", jobs.jobs_page),

@@ -54,15 +54,15 @@ def version_facts() -> Facts:
 def calibration_facts(state: InstrumentState, cited: UsableCalibration | None) -> Facts:
     """The active calibration."""
     if cited is None and state.camera.choice.is_virtual:
-        return (("In force", "the virtual probe's own, once it runs"),)
+        return (("Active", "the virtual probe's own, once it runs"),)
     if cited is None:
-        return (("In force", "none; lengths are in pixels, and nothing can be estimated"),)
+        return (("Active", "none; lengths are in pixels, and nothing can be estimated"),)
     given = cited.calibration
     dates: Facts = (("Made", "with the virtual probe; it does not age"),)
     if given.made is not None and given.expires is not None:
         dates = (("Made", time_label(given.made)), ("Good until", time_label(given.expires)))
     return (
-        ("In force", given.name),
+        ("Active", given.name),
         ("Identity", f"SHA-256 {cited.identity[:SHORT]}…"),
         *dates,
         ("Probe", given.probe or "not written down"),

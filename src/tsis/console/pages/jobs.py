@@ -116,15 +116,16 @@ LINK = """<q-td :props="props">
 
 def jobs_page(instrument: Instrument, viewer: Viewer) -> None:
     """Build the page: what runs, and what was done by this run of the program and those before."""
-    with ui.element("section").classes("panel stack"):
-        panel_title("Under way")
-        running = JobRows(instrument, viewer, ui.element("ul").classes("job-list wide"), "Nothing is under way.")
-    with ui.element("section").classes("panel stack"):
-        panel_title("History")
-        ui.label("Of this run of the console and those before; a result opens where it has a page.").classes("muted")
-        columns = [{"name": name, "label": label, "field": name, "align": "left"} for name, label in COLUMNS]
-        table = ui.table(rows=[], columns=columns, row_key="identity", pagination=25).props("flat dense")
-        table.add_slot("body-cell-title", LINK)
+    with ui.element("div").classes("stack"):
+        with ui.element("section").classes("panel stack"):
+            panel_title("Under way")
+            running = JobRows(instrument, viewer, ui.element("ul").classes("job-list wide"), "Nothing is under way.")
+        with ui.element("section").classes("panel stack"):
+            panel_title("History")
+            ui.label("Of this run of the console and those before; a target's job opens its page.").classes("muted")
+            columns = [{"name": name, "label": label, "field": name, "align": "left"} for name, label in COLUMNS]
+            table = ui.table(rows=[], columns=columns, row_key="identity", pagination=25).props("flat dense")
+            table.add_slot("body-cell-title", LINK)
 
     def show(now: InstrumentState) -> None:
         running.show([state for state in reversed(now.jobs) if state.running])

@@ -65,7 +65,7 @@ def _truth_rows(truth: Mapping[str, float]) -> Iterator[tuple[str, str]]:
 
 
 def _active_estimate(record: TargetRecord, stored: StoredEstimate) -> Table:
-    title, truth = heading(record, stored, "Estimate in force"), record.target.truth
+    title, truth = heading(record, stored, "Current estimate"), record.target.truth
     if stored.kind == "hardness":
         true = [(f"truth of {name}", value) for name, value in _truth_rows(truth)]
         values = (*hardness_rows(stored.estimate), *true)
@@ -125,9 +125,9 @@ def history_tables(record: TargetRecord) -> tuple[Table, ...]:
     """All estimates; no table where there is none."""
     if not record.estimates:
         return ()
-    headings = ("made (UTC)", "estimate", "kind", "tsis", "mean and 90 % interval", "presses", "takes the place of")
+    headings = ("made (UTC)", "estimate", "kind", "tsis", "mean and 90 % interval", "presses", "replaces")
     rows = tuple(_history_row(stored) for stored in record.estimates)
-    return (Table(title="All estimates, the last of each kind in force", headings=headings, rows=rows),)
+    return (Table(title="All estimates; the last of each kind is current", headings=headings, rows=rows),)
 
 
 def _history_row(stored: StoredEstimate) -> tuple[str, ...]:

@@ -260,7 +260,7 @@ def _estimate_notes(record: TargetRecord) -> tuple[str, ...]:
 def origin(stored: StoredEstimate) -> str:
     """Inputs, time and code of an estimate."""
     version = f"tsis {stored.environment['tsis']}" if "tsis" in stored.environment else "an unknown version of tsis"
-    again = f" It takes the place of {stored.supersedes[:SHORT]}." if stored.supersedes else ""
+    again = f" It replaces {stored.supersedes[:SHORT]}." if stored.supersedes else ""
     return (
         f"Estimated {time_text(stored.made)} UTC by {version} from {count_of(len(stored.presses), 'press')} of probe "
         f"{stored.probe or 'not named'} with calibration {stored.calibration[:SHORT]}.{again}"

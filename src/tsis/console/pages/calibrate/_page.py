@@ -47,7 +47,7 @@ def calibrate_page(instrument: Instrument, viewer: Viewer) -> None:
         with ui.element("section").classes("panel"):
             panel_title("Sessions")
             listed = Redrawn(ui.element("div").classes("stack"))
-        with ui.element("section").classes("panel"):
+        with ui.element("section").classes("panel stack"):
             panel_title("Begin a calibration")
             form = TermsForm(instrument, viewer, controls)
             controls.why()

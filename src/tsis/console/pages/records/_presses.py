@@ -9,27 +9,34 @@ from typing import TYPE_CHECKING
 from nicegui import ui
 
 from tsis.console.pages.components import (
+    FactList,
     Redrawn,
+    dialog_buttons,
     drawings,
     figure,
     force_text,
+    open_dialog,
     panel_title,
     press_label,
     table,
     time_label,
+    unit_field,
 )
-from tsis.console.pages.records._context import AT_ONCE, TargetView, flags_of
+from tsis.console.pages.records._context import AT_ONCE, TargetView, flags_of, read_target
 from tsis.console.pages.records._edit import open_press
+from tsis.console.pages.records._estimates import estimates
 from tsis.records import ROLE_NAMES
 from tsis.report import comparison
-from tsis.report.target import count_of
+from tsis.report.target import count_of, measure, parameter_label
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from nicegui.events import ValueChangeEventArguments
 
+    from tsis.console.pages.components import Viewer
     from tsis.console.pages.records._context import TargetContext
+    from tsis.console.services import Instrument
     from tsis.records import StoredPress, Target
     from tsis.records.store import Store
     from tsis.report import Page
@@ -177,3 +184,50 @@ def _compared(store: Store, target: Target, chosen: Sequence[str], *, same_light
     item, other = (replace(record.image(press), name=name) for press, name in zip(presses, names, strict=True))
     content = comparison(item, other, same_light=same_light)
     return content, drawings(content)
+
+
+SHOWN_PRESSES, LARGEST_OFFSET = 6, 10**9  # of a comparison; the last page of presses
+
+
+def ask_to_compare(page: TargetContext, view: TargetView) -> None:
+    """Ask for another target, and open both beside each other."""
+    number = view.target.number
+    with open_dialog(page.dialogs, f"Compare target {number}") as dialog:
+        other = unit_field("Number of the other target", keys="numeric").props("autofocus")
+
+        def go() -> None:
+            text = (other.value or "").strip()
+            if not text.isdecimal():
+                page.viewer.complain("the other target must be given by its number")
+                return
+            dialog.close()
+            ui.navigate.to(f"/records/compare/{number}-{int(text[:20])}")
+
+        other.on("keydown.enter", go)
+        dialog_buttons(dialog, "Compare", go)
+
+
+async def compare_targets(instrument: Instrument, viewer: Viewer, pair: str) -> None:
+    """Build the page of two targets beside each other: their estimates, true values and newest presses."""
+    ui.link("All targets", "/records").classes("link")
+    place = ui.element("div").classes("grid")
+    for number in pair.split("-", 1):
+        view = await viewer.attempt(read_target, instrument.store, number, LARGEST_OFFSET)
+        if view is None:
+            continue
+        with place, ui.element("section").classes("panel stack").props(f'aria-label="Target {view.target.number}"'):
+            name = f": {view.target.name}" if view.target.name else ""
+            panel_title(f"Target {view.target.number}{name}").classes("target-title")
+            ui.link("Open", f"/records/{view.target.number}").classes("link")
+            truth = {parameter_label(key): value for key, value in view.target.truth.items()}
+            facts = {f"true {label}": measure(value, unit) for (label, unit), value in truth.items()}
+            FactList().show({"presses": f"{view.total}", **facts}.items())
+            estimates(view)
+            with ui.element("div").classes("compared"):
+                for press in view.presses[:SHOWN_PRESSES]:
+                    with ui.element("figure").classes("press"):
+                        picture = ui.element("img").classes("press-picture")
+                        picture.props["alt"] = f"Frame {press_label(press)}"
+                        picture.props["src"] = f"/files/press/{view.target.number}/{press.id}.png?size=360"
+                        with ui.element("figcaption"):
+                            ui.label(press_label(press))

@@ -6,11 +6,14 @@ from typing import TYPE_CHECKING
 
 from nicegui import run, ui
 
-from tsis.console.pages.components import Redrawn, panel_title
+from tsis.console.pages.components import (
+    Redrawn,
+    panel_title,
+)
 from tsis.console.pages.records._context import TargetView, export_button, follow_store, read_target
 from tsis.console.pages.records._edit import about_target, state_banner
 from tsis.console.pages.records._estimates import estimate_button, estimates, history, recompute_button
-from tsis.console.pages.records._presses import Presses, compare
+from tsis.console.pages.records._presses import Presses, ask_to_compare, compare
 from tsis.errors import TsisError
 
 if TYPE_CHECKING:
@@ -28,6 +31,9 @@ def target_buttons(page: TargetContext, view: TargetView) -> None:
     ui.element("div").classes("spring")
     estimate_button(page, view)
     recompute_button(page, view)
+    ui.button("Compare", icon="compare_arrows", on_click=lambda: ask_to_compare(page, view)).props(
+        "dense no-caps outline"
+    )
     export_button(page, view)
     ui.link("Report", f"/files/report/{target.number}.html", new_tab=True).classes("link button")
     ui.link("PDF", f"/files/report/{target.number}.pdf").classes("link button").props("download")
@@ -52,7 +58,7 @@ class TargetPage:
                 with ui.element("div").classes("stack"):
                     presses = ui.element("section").classes("panel")
                     self.compared = ui.element("section").classes("panel")
-                    self._history = ui.element("section").classes("panel")
+                    self._history = ui.element("section").classes("panel history")
                 with ui.element("div").classes("stack"):
                     self._estimates = ui.element("section").classes("panel")
                     self._about = ui.element("section").classes("panel")
