@@ -32,10 +32,12 @@ def test_the_page_comes_back_by_itself(tmp_path: Path, browser: Browser) -> None
         port = urlsplit(console.address).port
     page.get_by_text("The connection to the console is lost.").wait_for()
     picture(page, "trouble-console-gone")
+    assert page.evaluate("[...document.querySelectorAll('.bar, .content')].every(part => part.inert)")
     with running_console(tmp_path, "--port", str(port)) as again:
         page.get_by_role("button", name="Release the camera").wait_for()  # no key asked for: the old one opens
         page.get_by_text("1 press", exact=True).wait_for()
         expect(page.get_by_text("The connection to the console is lost.")).not_to_be_visible()
+        assert not page.evaluate("[...document.querySelectorAll('.bar, .content')].some(part => part.inert)")
         run(page)
         page.get_by_role("button", name="Snapshot").click()
         page.get_by_text("2 presses").wait_for()

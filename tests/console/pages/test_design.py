@@ -55,6 +55,17 @@ def test_what_is_typed_is_drawn_and_what_is_wrong_is_said_beside_it(lit: Instrum
     at_console(lit, script, "/design")
 
 
+def test_a_wrong_draft_is_marked_after_a_reload(lit: Instrument) -> None:
+    async def script(operator: Operator) -> None:
+        await operator.types("Layer 2, modulus", "soft")
+        await operator.sees("Layer 2: modulus must be a number")
+        await operator.open("/design")
+        await operator.sees("Layer 2: modulus must be a number", "Not drawn while a field is wrong.")
+        assert operator.field("Layer 2, modulus") == "soft"
+
+    at_console(lit, script, "/design")
+
+
 def test_layers_are_added_moved_and_taken_out(lit: Instrument) -> None:
     async def script(operator: Operator) -> None:
         await operator.sees("2 mm of 140 kPa, 3 mm of 80 kPa, 5 mm of 34 kPa, glass")

@@ -76,6 +76,7 @@ def typed_field(
         element.props("stack-label").props["placeholder"] = empty
     if not shown:
         element.props["aria-label"] = label
+    element.validate()  # a draft that came back with the tab may be wrong
 
 
 LAYER = {"thickness_mm": "thickness", "young_kpa": "modulus", "poisson": "Poisson's ratio", "refractive_index": "index"}
