@@ -54,21 +54,6 @@ def open_editing(page: Page) -> None:
     still(page)
 
 
-def test_back_asks_before_it_discards_an_open_dialog(browser: Browser, console: RunningConsole) -> None:
-    with tab(browser, console, "/records") as page:
-        page.get_by_role("link", name=str(ESTIMATED), exact=True).first.click()
-        open_editing(page)
-        page.get_by_role("dialog").get_by_label("Name").fill("not yet saved")
-        page.once("dialog", lambda question: question.dismiss())
-        page.evaluate("history.back()")
-        still(page)
-        assert page.url.endswith(f"/records/{ESTIMATED}")
-        assert page.get_by_role("dialog").get_by_label("Name").input_value() == "not yet saved"
-        page.once("dialog", lambda question: question.accept())
-        page.evaluate("history.back()")
-        page.get_by_text("Targets", exact=True).wait_for()
-
-
 def save(page: Page) -> None:
     page.get_by_role("dialog").get_by_role("button", name="Save", exact=True).click()
 

@@ -1,5 +1,5 @@
 // Reports whether the page is visible, and the operator's name that this browser keeps; makes controls inert while the
-// connection to the console is lost; asks before Back discards an open dialog.
+// connection to the console is lost.
 
 export default {
   template: `<span hidden></span>`,
@@ -8,14 +8,6 @@ export default {
     this.report = () => this.$emit("visible", !document.hidden);
     document.addEventListener("visibilitychange", this.report);
     if (document.hidden) this.report();
-    this.note = () => { this.here = location.href; };
-    for (const kind of ["pointerdown", "keydown"]) document.addEventListener(kind, this.note, true);
-    this.back = (event) => {
-      if (!document.querySelector(".q-dialog__inner") || confirm("A dialog is open. Leave the page and discard it?")) return;
-      event.stopImmediatePropagation();
-      history.pushState(history.state, "", this.here);
-    };
-    addEventListener("popstate", this.back, true);
     const popup = document.getElementById("popup");
     const show = () => {
       const lost = popup.ariaHidden === "false";
@@ -31,7 +23,5 @@ export default {
   unmounted() {
     document.removeEventListener("visibilitychange", this.report);
     this.watch.disconnect();
-    for (const kind of ["pointerdown", "keydown"]) document.removeEventListener(kind, this.note, true);
-    removeEventListener("popstate", this.back, true);
   },
 };
