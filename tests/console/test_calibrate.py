@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from tests.console.running import RunningConsole
 
 pytestmark = [pytest.mark.system, needs_browser]
-STEPS = 11
+STEPS = 13  # three tips and two pads
 LIVE = "virtual probe on hardness-100"  # the camera of a console that is begun without options
 
 
