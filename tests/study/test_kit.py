@@ -20,6 +20,7 @@ from tsis.study import (
     DeviceReading,
     Study,
     enter_readings,
+    kit_files,
     new_study,
     read_seal,
     read_truth_table,
@@ -60,11 +61,12 @@ def written(folder: Path, *rows: list[Any]) -> Path:
 
 
 def kit_study(folder: Path) -> Study:
-    """The kit in ``folder / "kit"``, and its sealed study."""
-    done = CliRunner().invoke(app, ["kit", str(folder / "kit"), "--json"])
-    assert done.exit_code == 0, done.output
-    targets = read_truth_table(folder / "kit" / "phantoms.csv")
-    return new_study(folder / "study", targets, seed=4, probe="tsis-2011", actor="maker")
+    """The sealed study of the kit's phantoms, and the folder of the kit for its bench tests."""
+    (folder / "kit").mkdir()
+    (folder / "phantoms.csv").write_bytes(kit_files()["phantoms.csv"])
+    return new_study(
+        folder / "study", read_truth_table(folder / "phantoms.csv"), seed=4, probe="tsis-2011", actor="maker"
+    )
 
 
 def read_true(study: Study) -> Study:
