@@ -63,7 +63,7 @@ def test_a_second_minimum_of_the_same_evidence_makes_the_radius_uncertain() -> N
     assert joined_fits([fit, half], [100.0, 200.0]).radius_sd == pytest.approx(0.1, rel=1e-3)
 
 
-@pytest.mark.parametrize("start", [0.5, 1.0, 1.7])
+@pytest.mark.parametrize("start", [0.7, 1.5])
 def test_a_white_light_fit_finds_its_radius_from_afar(start: float) -> None:
     sensor = load_sensor("9dtact")
     made = random_gel_press(sensor, np.random.default_rng([4711, 9]), ball_radius_mm=4.0, thickness_mm=4.0)
@@ -145,6 +145,19 @@ def test_bad_frames_are_refused_in_one_sentence(frame: Any, reference: Any, said
     with pytest.raises((InputError, ImageMismatchError), match=said) as error:
         contacts([frame], sensor=MINI.sensor, reference=reference)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("name", ["gelsight-mini", "9dtact"])
+@pytest.mark.parametrize("seed", [3, 4, 5])
+def test_the_reference_of_another_sensor_as_bright_is_refused(name: str, seed: int) -> None:
+    made, other = press(name, seed), press(name, seed + 20)
+    levels = other.reference.astype(float)
+    levels *= made.reference.mean(axis=(0, 1)) / levels.mean(axis=(0, 1))  # brightness and colour are those of the own
+    assert levels.mean() == pytest.approx(made.reference.mean(), rel=1e-6)
+    with pytest.raises(ImageMismatchError, match="reference must be an untouched frame of the sensor that took frame"):
+        contacts([made.frame], sensor=made.sensor, reference=np.minimum(levels, 255.0))
+    (own,) = contacts([made.frame], sensor=made.sensor, reference=made.reference)
+    assert "no contact" not in own.reasons
 
 
 @pytest.mark.parametrize("every", [32, pytest.param(8, marks=pytest.mark.slow)])

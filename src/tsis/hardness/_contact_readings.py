@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 FORCE_SD, RADIUS_SD, DEPTH_SD = 0.02, 0.02, 0.03  # relative standard deviations where none is given
 LEAST_FORCE_SD_N = 0.005
+LEAST_OWN = 0.05  # of a standard deviation: what rounding may take off
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,7 +129,7 @@ def _reading(row: Any, name: str, force: float | None) -> TouchReading:
     if not isinstance(row, Mapping) and not any(hasattr(row, column) for column in COLUMNS):
         raise InputError(f"contacts must have radius_mm, area_mm2 or depth_mm; got {type(row).__name__}")
     numbers: dict[str, float] = {}
-    for column in COLUMNS[:8]:
+    for column in COLUMNS[:9]:
         value = force if column == "force_n" and force is not None else contact_value(row, column)
         if value is not None:
             try:
@@ -142,4 +143,13 @@ def _reading(row: Any, name: str, force: float | None) -> TouchReading:
         numbers["radius_mm"] = math.sqrt(area / math.pi)
         if area_sd is not None:
             numbers["radius_sd_mm"] = numbers["radius_mm"] * area_sd / (2.0 * area)
+    scale_sd = numbers.pop("scale_sd", 0.0)
+    if scale_sd and "radius_sd_mm" in numbers:
+        require_number(f"scale_sd of {name}", scale_sd, 0.0, 0.5, hint="a fraction")
+        numbers["radius_sd_mm"] = _own_sd(numbers["radius_sd_mm"], scale_sd * numbers["radius_mm"])
     return TouchReading(**numbers, name=name)
+
+
+def _own_sd(total: float, shared: float) -> float:
+    """What is left of a standard deviation without the scale's part, which the sensor states for all contacts."""
+    return math.sqrt(max(total**2 - shared**2, (LEAST_OWN * total) ** 2))

@@ -15,7 +15,7 @@ from tsis.files import as_path, printable_path, read_bytes
 MOST_BYTES = 10_000_000
 COLUMNS = (
     *("force_n", "force_sd_n", "radius_mm", "radius_sd_mm", "area_mm2", "area_sd_mm2"),
-    *("depth_mm", "depth_sd_mm", "object_radius_mm", "time_s"),
+    *("depth_mm", "depth_sd_mm", "scale_sd", "object_radius_mm", "time_s"),
 )
 
 

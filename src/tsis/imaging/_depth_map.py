@@ -11,7 +11,7 @@ from scipy import fft
 from scipy.ndimage import distance_transform_edt
 
 from tsis.errors import InputError, import_extra
-from tsis.imaging._gel_change import BLACK, GLARE, gel_levels
+from tsis.imaging._gel_change import BLACK, GLARE, gel_levels, require_pattern
 from tsis.model import ContentValue, GelSensor, freeze_arrays, require_number, require_one_of
 
 if TYPE_CHECKING:
@@ -131,6 +131,7 @@ class DepthCalibration(ContentValue):
         return np.asarray(np.maximum(2.0 * change / (linear + np.sign(linear) * np.sqrt(inside)), 0.0))
 
 
+PATTERN_STEP = 4  # pixels between those that are compared with the reference's pattern
 CLIPPED_SD = 3.0  # times the uncertainty where a pixel is clipped
 BORDER = 0.06  # of the frame: the strip whose median is the untouched face
 
@@ -266,6 +267,8 @@ class DepthMapper:
         levels = gel_levels(frame, self.sensor, what=name or "frame").astype(np.float32)
         if levels.shape != self.reference.shape:
             raise InputError(f"reference must have the size of {name or 'frame'}; got another size")
+        coarse = np.s_[::PATTERN_STEP, ::PATTERN_STEP]
+        require_pattern(levels[coarse], self.reference[coarse], name or "the frame", blur_px=0.5)
         change = levels - self.reference
         # The lamps' drift is the change of the strip along the border, where nothing presses most of the time.
         change -= np.median(change[self.strip], axis=0)

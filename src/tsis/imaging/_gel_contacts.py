@@ -63,6 +63,8 @@ class GelContact:
         Centre on the face from the middle of the frame, without the lens's distortion.
     radius_mm, radius_sd_mm, area_mm2, area_sd_mm2
         Size on the face; the standard deviations include that of the scale.
+    scale_sd
+        Relative standard deviation of the scale in them, which all contacts of the sensor share.
     explained
         Fraction of the change that the fit explains.
     quality
@@ -86,6 +88,7 @@ class GelContact:
     radius_sd_mm: float | None
     area_mm2: float | None
     area_sd_mm2: float | None
+    scale_sd: float | None
     explained: float
     quality: float
     good: bool
@@ -291,7 +294,7 @@ def _contact(
     quality = good_fit * float(np.clip(1.5 - radius_sd / radius / 0.1, 0.0, 1.0))
     doubt = "poor fit" if good_fit < LEAST_QUALITY else "uncertain"
     in_mm: dict[str, Any] = dict.fromkeys(
-        ("centre_mm", "centre_sd_mm", "radius_mm", "radius_sd_mm", "area_mm2", "area_sd_mm2")
+        ("centre_mm", "centre_sd_mm", "radius_mm", "radius_sd_mm", "area_mm2", "area_sd_mm2", "scale_sd")
     )
     if scale is not None:
         side = float(np.sqrt(scale[0] * scale[1]))
@@ -305,6 +308,7 @@ def _contact(
             "radius_sd_mm": radius * side * relative,
             "area_mm2": area,
             "area_sd_mm2": 2.0 * area * relative,
+            "scale_sd": sensor.scale_uncertainty,
         }
     return GelContact(
         name=name,
@@ -327,5 +331,5 @@ def _none(name: str) -> GelContact:
     return GelContact(
         name=name, centre_px=pair, centre_sd_px=pair, radius_px=nan, radius_sd_px=nan, semi_axes_px=pair, angle_deg=nan,
         centre_mm=None, centre_sd_mm=None, radius_mm=None, radius_sd_mm=None, area_mm2=None, area_sd_mm2=None,
-        explained=0.0, quality=0.0, good=False, reasons=("no contact",),
+        scale_sd=None, explained=0.0, quality=0.0, good=False, reasons=("no contact",),
     )  # fmt: skip
