@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from benchmarks.successors import DEPTH_MM, EVALUATED, PRIOR, SPHERES, relative_errors, sphere, sphere_rows, totals
@@ -19,7 +21,7 @@ def test_every_stated_sphere_lies_well_inside_the_prior() -> None:
 
 def test_a_row_is_the_mean_over_repeats_beside_what_others_print() -> None:
     common = {"number": 3, "truth": [10.0, DEPTH_MM, 40.0], "sd": [0.5, 0.5, 8.0], "trusted": True}
-    lines = [
+    lines: list[dict[str, Any]] = [
         {"case": "3-0", **common, "mean": [11.0, 10.0, 30.0], "identified": [True, True, True]},
         {"case": "3-1", **common, "mean": [10.0, 9.0, 40.0], "identified": [True, True, False]},
         {"case": "4-0", "refused": "too dark"},

@@ -193,6 +193,7 @@ def test_the_virtual_bench_at_full_size(run_tsis: RunTsis, tmp_path: Path) -> No
     assert "It may be used today." in shown.out
 
 
+@pytest.mark.slow
 def test_make_repeats_the_calibration_and_its_page_is_safe(run_tsis: RunTsis, frames: Path, tmp_path: Path) -> None:
     finished = run_tsis("calibrate", "make", frames, "--days", "30", "--out", "made")
     assert finished.code == 0, finished.err

@@ -64,6 +64,7 @@ def test_the_frames_are_those_that_were_estimated(run_tsis: RunTsis, tmp_path: P
     assert target.shape == (492, 768)
 
 
+@pytest.mark.slow
 def test_one_press_of_the_flat_probe_says_what_it_cannot_tell(run_tsis: RunTsis, tmp_path: Path) -> None:
     finished = run_tsis("demo", "--strain", "small", "--probe", "tsis-2011", "--force-n", "1", "--out", "press")
     assert finished.code == 0, finished.err
@@ -119,7 +120,7 @@ def test_a_truth_outside_the_prior_is_said(run_tsis: RunTsis) -> None:
         (["--force-n", "inf"], "force_n must lie in [0.0001, 20]; got inf"),
         (["--force-n", "1000"], "force_n must lie in [0.0001, 20]; got 1000 (newtons)"),
         (["--force-n", "0.5", "--force-n", "0.5"], "--force-n must name different forces; got 0.5, 0.5"),
-        (["--force-n", "0.1"], "at which the whole dome touches"),
+        pytest.param(["--force-n", "0.1"], "at which the whole dome touches", marks=pytest.mark.slow),
     ],
 )
 def test_wrong_input_is_one_sentence_and_writes_nothing(

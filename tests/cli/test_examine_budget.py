@@ -22,6 +22,7 @@ REFERENCES = ("--reference-press", "demo/reference-0.5N.png", "--reference-press
 BUDGET = ("examine", *FRAMES, *KNOWN, *FORCES, *REFERENCES, "--budget")
 
 
+@pytest.mark.slow
 def test_the_budget_of_the_demo(run: RunTsis, kept: Path, tmp_path: Path) -> None:
     document = told(run, *BUDGET, "--pdf", "--out", tmp_path / "made")
     budget, estimate = document["budget"], document["estimate"]

@@ -36,7 +36,7 @@ def full_disk(monkeypatch: pytest.MonkeyPatch, *, after: int) -> None:
     monkeypatch.setattr(Disk, "write", write)
 
 
-@pytest.mark.parametrize("after", [0, 1])
+@pytest.mark.parametrize("after", [pytest.param(0, marks=pytest.mark.slow), 1])
 def test_a_store_that_takes_nothing_loses_no_result(
     run: RunTsis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, after: int
 ) -> None:

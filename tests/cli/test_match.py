@@ -188,6 +188,7 @@ def benched(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     return folder / "bench", printed.getvalue()
 
 
+@pytest.mark.slow
 def test_bench_on_generated_shapes(benched: tuple[Path, str]) -> None:
     folder, printed = benched
     assert "noise: 2 trials" in words(printed)
@@ -243,6 +244,7 @@ def test_absent_libraries_are_named(run_tsis: RunTsis, monkeypatch: pytest.Monke
     assert "must name one that can run here" in run_tsis("match", "bench", "--methods", "pycpd").err
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not DATA.is_dir(), reason="the public trials are not on this machine")
 def test_bench_on_public_trials_and_the_hotel(run_tsis: RunTsis, tmp_path: Path) -> None:
     finished = run_tsis(

@@ -47,6 +47,7 @@ def test_commands_show_the_prior_to_start_from(run_tsis: RunTsis, command: str) 
     assert "--prior" in run_tsis(command, "--help").out
 
 
+@pytest.mark.slow
 def test_the_demo_estimates_with_the_prior_of_the_file(run_tsis: RunTsis, tmp_path: Path) -> None:
     """The estimate is that of the call in Python with `InclusionPrior`, on the frames that the demo wrote."""
     (tmp_path / "mine.toml").write_text(SURE)

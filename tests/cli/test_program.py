@@ -5,6 +5,7 @@ import re
 import shlex
 import subprocess
 import sys
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -109,6 +110,7 @@ def leaves(parser: Any, words: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str
         yield words, parser
 
 
+@cache
 def parsers() -> dict[tuple[str, ...], Any]:
     return dict(leaves(typer.main.get_command(app)))
 

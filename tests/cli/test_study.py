@@ -6,13 +6,13 @@ import json
 import signal
 import threading
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from tests.study.made import HEADINGS, table
 
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.study import open_study
+from tsis.study import DeviceReading, open_study
 
 if TYPE_CHECKING:
     from tests.cli.conftest import RunTsis
@@ -29,26 +29,46 @@ def fed(run_tsis: RunTsis, folder: Path, device: str = "feeler") -> None:
     assert run_tsis("study", "import", folder, "in.csv", "--device", device).code == 0
 
 
-def test_a_whole_study(run_tsis: RunTsis) -> None:
+def test_a_whole_study_of_another_device(run_tsis: RunTsis) -> None:
     folder = made(run_tsis, "--present", "2", "--blank", "2")
     shown = json.loads(run_tsis("study", "show", folder, "--json").out)
     assert (shown["left"], shown["unblinded"]) == (4, None)
     assert shown["next_code"] == open_study(folder).plan.codes[0]
+    fed(run_tsis, folder)
+    check_export_and_show(run_tsis, folder)
+    found = json.loads(run_tsis("study", "analyse", folder, "--by", "Ada", "--yes", "--json").out)
+    assert found["notice"] == RESEARCH_USE_ONLY
+    assert [one["device"] for one in found["devices"]] == ["feeler"]
+    check_analysis(run_tsis, folder, found)
+
+
+@pytest.mark.slow
+def test_a_whole_study(run_tsis: RunTsis) -> None:
+    folder = made(run_tsis, "--present", "2", "--blank", "2")
     done = json.loads(
         run_tsis("study", "run", folder, "--operator", "Ada", "--strain", "small", "--save", "records", "--json").out
     )
     assert (done["entered"], done["undecided"], done["left"]) == (4, 0, 0)
     fed(run_tsis, folder)
+    check_export_and_show(run_tsis, folder)
+    found = json.loads(run_tsis("study", "analyse", folder, "--by", "Ada", "--yes", "--json").out)
+    assert [one["device"] for one in found["devices"]] == ["virtual tsis-2011", "feeler"]
+    assert found["devices"][0]["counts"]["true_positives"] == 2
+    check_analysis(run_tsis, folder, found)
+    stored = json.loads(run_tsis("records", "list", "--store", "records", "--json").out)
+    assert len(stored["targets"]) == 4
+
+
+def check_export_and_show(run_tsis: RunTsis, folder: Path) -> None:
     out = run_tsis("study", "export", folder, "out.csv", "--device", "feeler")
     assert out.code == 0
     assert Path("out.csv").read_text(encoding="utf-8").startswith(HEADINGS)
     shown_now = run_tsis("study", "show", folder)
     for word in ("detection", "blank", "inclusion"):
         assert word not in shown_now.out
-    found = json.loads(run_tsis("study", "analyse", folder, "--by", "Ada", "--yes", "--json").out)
-    assert found["notice"] == RESEARCH_USE_ONLY
-    assert [one["device"] for one in found["devices"]] == ["virtual tsis-2011", "feeler"]
-    assert found["devices"][0]["counts"]["true_positives"] == 2
+
+
+def check_analysis(run_tsis: RunTsis, folder: Path, found: dict[str, Any]) -> None:
     assert {path.name for path in Path(found["folder"]).iterdir()} == {
         "analysis.json",
         "readings.csv",
@@ -61,8 +81,6 @@ def test_a_whole_study(run_tsis: RunTsis) -> None:
     refused = run_tsis("study", "run", folder, "--operator", "Ben")
     assert refused.code == 1
     assert "unblinded" in refused.err
-    stored = json.loads(run_tsis("records", "list", "--store", "records", "--json").out)
-    assert len(stored["targets"]) == 4
 
 
 def test_nobody_is_asked_where_nobody_answers(run_tsis: RunTsis) -> None:
@@ -126,6 +144,18 @@ def test_ctrl_c_between_readings_keeps_what_was_read(run_tsis: RunTsis, monkeypa
         signal.raise_signal(signal.SIGINT)
         return enter(*arguments, **named)  # type: ignore[arg-type]
 
+    def unread(
+        _rig: object, _truth: object, _store: object, *, code: str, operator: str, repeat: int, seed: int
+    ) -> DeviceReading:
+        assert seed == 0
+        return DeviceReading(
+            code=code, device=device, operator=operator, repeat=repeat, score=None, reason="not pressed"
+        )
+
+    device = open_study(folder).plan.device
+    for name in ("irradiance", "press_tables"):  # what a press needs is not the subject here
+        monkeypatch.setattr(pressing, name, lambda *_, **__: None)
+    monkeypatch.setattr(pressing._Rig, "read", unread)
     monkeypatch.setattr(pressing, "enter_readings", interrupted)
     done = run_tsis("study", "run", folder, "--operator", "Ada", "--strain", "small")
     assert done.code == 130

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import RegularGridInterpolator
 from scipy.spatial import cKDTree
@@ -95,6 +95,7 @@ def test_a_plan_overlaps_at_least_as_wanted_and_with_one_strip_less_it_would_not
     assert plan.presses_a_strip == 1 or 1 - height / (plan.presses_a_strip - 1) / 24 < overlap
 
 
+@settings(max_examples=25)
 @given(st.floats(4.0, 12.0), st.integers(1, 12))
 def test_the_smallest_that_cannot_be_missed_by_trying_every_size(depth: float, strips: int) -> None:
     plan = ScanPlan(width_mm=60.0, height_mm=50.0, strips=strips, presses_a_strip=strips, radius_mm=12.0)

@@ -114,6 +114,7 @@ def test_the_table_of_the_package_is_the_one_that_is_solved() -> None:
         )
 
 
+@pytest.mark.slow
 def test_seen_pressure_carries_the_force() -> None:
     (field,) = press_fields(
         SOFT, SoftSphere(radius_mm=3.0, young_kpa=300.0, poisson=0.47), forces_n=[0.5], resolution=COARSE

@@ -188,7 +188,7 @@ def test_honest_samples_are_found_honest() -> None:
 
 @pytest.mark.parametrize("spread", [0.7, 1.5])
 def test_samples_that_claim_too_much_or_too_little_are_found_out(spread: float) -> None:
-    found = toy(spread)
+    found = toy(spread, cases=600)
     summary = found.summary(PRIOR)
     assert not found.keeps_the_claim()
     for row in summary.values():

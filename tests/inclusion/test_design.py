@@ -122,6 +122,7 @@ def least_gain(more: NDArray[np.float64], less: NDArray[np.float64]) -> float:
     return float(np.linalg.eigvalsh((more - less) / scale).min())
 
 
+@pytest.mark.slow
 @settings(max_examples=25)
 @given(
     unit=st.tuples(*3 * [st.floats(0.01, 0.99)]),

@@ -18,7 +18,9 @@ pytestmark = pytest.mark.usefixtures("flat", "domed")
 FAINT = ("flat", (1.2, 7.0, 80.0))
 
 
-@pytest.mark.parametrize("protocol", PROTOCOLS)
+@pytest.mark.parametrize(
+    "protocol", [pytest.param(each, marks=[pytest.mark.slow] * (each == "flat-alone")) for each in PROTOCOLS]
+)
 def test_the_forward_model_written_twice(protocol: str) -> None:
     """Every nuisance far from what is believed."""
     rng = np.random.default_rng(4)

@@ -32,8 +32,8 @@ def few(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sampled, "SAMPLE", 150)
 
 
-@pytest.mark.parametrize("method", ["tprl", "tps-rpm"])
-@pytest.mark.parametrize("shape", [even_texture, fourier_curve, tactile_surface])
+@pytest.mark.parametrize("method", ["tprl", pytest.param("tps-rpm", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("shape", [even_texture, pytest.param(fourier_curve, marks=pytest.mark.slow), tactile_surface])
 @pytest.mark.usefixtures("few")
 def test_the_transform_of_a_sample_moves_all(shape: Shape, method: str) -> None:
     rng = np.random.default_rng(0)

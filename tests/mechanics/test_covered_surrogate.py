@@ -71,7 +71,9 @@ def press_of(
     return force_n * unit if parts.shape is None else at(getattr(parts.shape, name), spot) + force_n * unit
 
 
-@pytest.mark.parametrize("probe", [FLAT, DOMED], ids=["flat", "domed"])
+@pytest.mark.parametrize(
+    "probe", [pytest.param(FLAT, id="flat", marks=pytest.mark.slow), pytest.param(DOMED, id="domed")]
+)
 @pytest.mark.parametrize(
     "force", [pytest.param(0.6, marks=pytest.mark.slow), 1.0, pytest.param(1.6, marks=pytest.mark.slow)]
 )
@@ -88,6 +90,7 @@ def test_it_presses_as_a_finer_mesh_does(probe: Probe, force: float) -> None:
         assert travel == pytest.approx(fresh.approach_mm, rel=3e-4)
 
 
+@pytest.mark.slow
 def test_a_flat_unit_is_the_surrogate_at_one_newton() -> None:
     at_one = build_surrogate(FLAT, BOX, force_n=1.0, degrees=FEW, cached=False)
     unit = covered(FLAT).unit

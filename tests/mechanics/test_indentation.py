@@ -28,7 +28,7 @@ def test_on_a_thick_probe_it_is_hertz(poisson: float) -> None:
     assert found.contact_radius_mm == pytest.approx(exact.contact_radius_mm, rel=1e-3)
 
 
-@pytest.mark.parametrize("force", [0.02, 0.3, 1.0])
+@pytest.mark.parametrize("force", [pytest.param(0.02, marks=pytest.mark.slow), 0.3, 1.0])
 def test_a_finer_mesh_changes_nothing(force: float) -> None:
     here, finer = (
         indent(PROBE, sphere_radius_mm=10.0, force_n=force, resolution=mesh)

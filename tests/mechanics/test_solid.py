@@ -62,7 +62,8 @@ def peak_mm(found: PressMap, change: NDArray[np.float64]) -> tuple[float, float]
     return float(top[0]), float(top[1])
 
 
-@pytest.mark.parametrize("inclusion", [pytest.param(LARGE, marks=pytest.mark.slow), SMALL])
+@pytest.mark.slow
+@pytest.mark.parametrize("inclusion", [LARGE, SMALL])
 def test_on_the_axis_it_is_the_axisymmetric_press(inclusion: Inclusion) -> None:
     expected = press(PROBE, replace(PLAIN, inclusion=inclusion), force_n=1.0)
     found = solid(inclusion)

@@ -142,7 +142,10 @@ def test_the_force_is_in_the_pressures(small: PressSurrogate) -> None:
     np.testing.assert_allclose(pressure @ (area @ small.interpolation(inside)), 1000.0, rtol=1e-9)
 
 
-@pytest.mark.parametrize(("force", "share"), [(0.2, 0.5), (0.5, 0.9), (1.0, 0.9)])
+@pytest.mark.parametrize(
+    ("force", "share"),
+    [(0.2, 0.5), pytest.param(0.5, 0.9, marks=pytest.mark.slow), pytest.param(1.0, 0.9, marks=pytest.mark.slow)],
+)
 def test_a_dome_has_a_surrogate_at_each_force(force: float, share: float) -> None:
     """0.2 N touches on a part of the face, whose edge no polynomial follows; 0.5 N touches on all of it."""
     domed = tsis.load_probe("tsis-domed")
@@ -153,6 +156,7 @@ def test_a_dome_has_a_surrogate_at_each_force(force: float, share: float) -> Non
     assert (surrogate.error > 0.01) == (force == 0.2), "and it says so"
 
 
+@pytest.mark.slow
 def test_a_box_may_hold_softer_inclusions_too() -> None:
     box = replace(SMALL, young_kpa=(2.0, 8.0), tissue_young_kpa=(4.9, 5.1))
     surrogate = build_surrogate(PROBE, box, degrees=replace(FEW, contrast=5), cached=False)

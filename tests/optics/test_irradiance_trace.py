@@ -28,6 +28,7 @@ def light() -> Irradiance:
     return irradiance(PROBE, rays=2e6, cached=False)
 
 
+@pytest.mark.slow
 def test_it_predicts_what_leaves_a_dent_that_no_fit_has_seen(light: Irradiance) -> None:
     # Twice as blunt as any dent of the fit, beside the axis, and in partial contact.
     dent = hertz_dent(12.0, tip_radius_mm=18.0, depth_mm=0.5, peak_pressure_kpa=15.0, offset_mm=(-2.0, 1.0))

@@ -150,6 +150,7 @@ def test_a_single_mode_need_not_lose_more_under_a_deeper_dent() -> None:
     assert (np.diff(lost, axis=0) < 0).any()
 
 
+@pytest.mark.slow
 def test_powers_do_not_depend_on_where_the_grid_ends() -> None:
     """What leaves the sides beyond the ends is a geometric series: a longer grid moves light from it to the sides."""
     dent = Dent(depth_um=4.0)

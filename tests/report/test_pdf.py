@@ -52,7 +52,7 @@ def a_page(text: str, *, pictures: tuple[Picture, ...] = ()) -> Page:
     )
 
 
-@settings(max_examples=8, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=4, suppress_health_check=[HealthCheck.too_slow])
 @given(TEXTS)
 def test_any_text_makes_a_file(text: str) -> None:
     content = pdf(a_page(text))

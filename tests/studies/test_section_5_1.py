@@ -150,6 +150,7 @@ def test_the_picture_and_the_table_are_written(
     assert len(FORCES_N) == 20
 
 
+@pytest.mark.slow
 def test_under_the_catalogs_lamps_two_bends_of_the_line_cancel() -> None:
     """Light that gathers in the middle makes wide contacts dimmer; a deeper dent catches more of it."""
     light = irradiance(PROBE, rays=400_000, cached=False)

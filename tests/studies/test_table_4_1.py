@@ -25,6 +25,7 @@ def test_the_edge_is_as_wide_as_lens_and_pixels_blur_it() -> None:
     assert found == {"width of an edge of contact, 10 to 90 %": pytest.approx(width, rel=0.02)}
 
 
+@pytest.mark.slow
 def test_the_loops_are_what_the_machine_remembers(result: Result) -> None:
     found = result.value("hysteresis")
     assert found is not None

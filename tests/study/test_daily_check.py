@@ -16,7 +16,7 @@ import tsis
 from tsis.cli.study import app
 from tsis.errors import InputError, RecordsError
 from tsis.files import encode_picture
-from tsis.model import LightMap
+from tsis.model import LightMap, TactileImage
 from tsis.study import (
     CHARTED,
     CheckLog,
@@ -103,22 +103,31 @@ def test_temperature_is_removed_where_the_baseline_shows_its_effect(tmp_path: Pa
     assert unread.chart.sd > 0.03
 
 
+def blob(light: float = 1.0) -> TactileImage:
+    """A bright patch of 100 grey levels times ``light`` on a background of 8."""
+    x, y = np.meshgrid(np.linspace(-12, 12, 96), np.linspace(-10, 10, 80))
+    grey = 8 + 100 * light * np.exp(-(x**2 + y**2) / 18)
+    return TactileImage(grey=grey, mm_per_pixel=(24 / 95, 20 / 79))
+
+
+def written(folder: Path, *, light: float = 1.0) -> list[str]:
+    """Options that give the frames of a day."""
+    options = []
+    for name, frame in (("press", blob(light)), ("untouched", blob(0.0))):
+        (folder / f"{name}.png").write_bytes(encode_picture(frame.grey.round().astype(np.uint8)))
+        options += [f"--{name}", str(folder / f"{name}.png")]
+    return [*options, "--json"]
+
+
 def test_a_check_is_read_from_two_frames(tmp_path: Path) -> None:
-    probe = VirtualProbe(
-        tsis.load_probe("tsis-2011"), rng=np.random.default_rng(1), strain="small", light=LightMap.uniform()
-    )
-    frames = probe.press(tsis.load_phantom("size-8"), force_n=1.0), probe.no_contact()
+    frames = blob(), blob(0.0)
     one, two = (daily_check(*frames, force_n=force, at=START, operator="Ada") for force in (1.0, 2.0))
     assert one.values["light"] == pytest.approx(2 * two.values["light"])
-    darker = probe.aged(np.random.default_rng(9), lamps=0.9).press(tsis.load_phantom("size-8"), force_n=1.0)
-    less = daily_check(darker, frames[1], force_n=1.0, at=START, operator="Ada")
-    assert less.values["light"] / one.values["light"] == pytest.approx(0.9, abs=0.04)
+    less = daily_check(blob(0.9), frames[1], force_n=1.0, at=START, operator="Ada")
+    assert less.values["light"] / one.values["light"] == pytest.approx(0.9, abs=1e-3)
     with pytest.raises(InputError, match="press must show a contact"):
         daily_check(frames[1], frames[1], force_n=1.0, at=START)
-    for name, frame in zip(("press", "untouched"), frames, strict=True):
-        (tmp_path / f"{name}.png").write_bytes(encode_picture(frame.grey.round().astype(np.uint8)))
-    options = ["--press", str(tmp_path / "press.png"), "--untouched", str(tmp_path / "untouched.png"), "--json"]
-    done = CliRunner().invoke(app, ["check", str(tmp_path / "log"), *options, "--operator", "Ada"])
+    done = CliRunner().invoke(app, ["check", str(tmp_path / "log"), *written(tmp_path), "--operator", "Ada"])
     assert done.exit_code == 0, done.output
     document = json.loads(done.output)
     assert (document["checks"], document["warns"], faults(document)) == (1, False, [])
@@ -126,8 +135,7 @@ def test_a_check_is_read_from_two_frames(tmp_path: Path) -> None:
 
 def test_the_command_warns_with_its_exit_code(tmp_path: Path) -> None:
     begun(tmp_path / "log", checks(50, seed=11, daily=0.004))
-    out = ["--out", str(tmp_path / "out"), "--json", "--rehearse", "1", "--seed", "1"]
-    done = CliRunner().invoke(app, ["check", str(tmp_path / "log"), *out])
+    done = CliRunner().invoke(app, ["check", str(tmp_path / "log"), "--out", str(tmp_path / "out"), *written(tmp_path)])
     assert done.exit_code == 3, done.output
     document = json.loads(done.output)
     assert document["warns"]
@@ -136,6 +144,24 @@ def test_the_command_warns_with_its_exit_code(tmp_path: Path) -> None:
     refused = CliRunner().invoke(app, ["check", str(tmp_path / "log")])
     assert isinstance(refused.exception, InputError)
     assert "a check needs --press and --untouched" in str(refused.exception)
+
+
+@pytest.mark.slow
+def test_the_virtual_probe_is_checked_and_rehearsed(tmp_path: Path) -> None:
+    probe = VirtualProbe(
+        tsis.load_probe("tsis-2011"), rng=np.random.default_rng(1), strain="small", light=LightMap.uniform()
+    )
+    untouched = probe.no_contact()
+    press, darker = (
+        one.press(tsis.load_phantom("size-8"), force_n=1.0)
+        for one in (probe, probe.aged(np.random.default_rng(9), lamps=0.9))
+    )
+    one, less = (daily_check(frame, untouched, force_n=1.0, at=START) for frame in (press, darker))
+    assert less.values["light"] / one.values["light"] == pytest.approx(0.9, abs=0.04)
+    begun(tmp_path / "log", checks(50, seed=11, daily=0.004))
+    options = ["--rehearse", "1", "--seed", "1", "--json", "--out", str(tmp_path / "out")]
+    done = CliRunner().invoke(app, ["check", str(tmp_path / "log"), *options])
+    assert done.exit_code == 3, done.output
 
 
 @pytest.mark.slow

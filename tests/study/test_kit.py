@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import json
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 
 from tsis.cli.study import app
 from tsis.errors import FileInputError, InputError, RecordsError
+from tsis.report.study import score_page
 from tsis.study import (
     MODULUS_COLUMNS,
     DeviceReading,
@@ -29,7 +30,7 @@ from tsis.study.analysis import bench_moduli, score_validation
 if TYPE_CHECKING:
     from pathlib import Path
 
-BATCHES = {"1;2;3;4;5": 90.0, "6;7": 44.0, "tissue": 5.0}  # true moduli, kPa; the recipe says 100, 40 and 5
+BATCHES = {"1;2;3;4;5": 82.0, "6;7": 60.0, "tissue": 5.0}  # true moduli, kPa; the recipe says 90, 55 and 5
 TRAVEL = np.linspace(0.1, 1.0, 10)
 
 
@@ -38,7 +39,7 @@ def ball_on_pad(young_kpa: float, rng: np.random.Generator) -> np.ndarray:
     chi = np.sqrt(5.0 * TRAVEL) / 15.0
     correction = 1 + 1.133 * chi + 1.283 * chi**2 + 0.769 * chi**3 + 0.0975 * chi**4
     force = 16 / 9 * young_kpa * np.sqrt(5.0) * TRAVEL**1.5 * correction / 1000
-    return force * (1 + 0.01 * rng.standard_normal(len(force)))
+    return np.asarray(force * (1 + 0.01 * rng.standard_normal(len(force))))
 
 
 def bench_sheet(folder: Path, *, specimens: int = 3, seed: int = 3) -> Path:
@@ -52,18 +53,18 @@ def bench_sheet(folder: Path, *, specimens: int = 3, seed: int = 3) -> Path:
     return written(folder, *rows)
 
 
-def written(folder: Path, *rows: object) -> Path:
+def written(folder: Path, *rows: list[Any]) -> Path:
     with (folder / "modulus.csv").open("w", encoding="utf-8", newline="") as file:
         csv.writer(file).writerows([MODULUS_COLUMNS, *rows])
     return folder / "modulus.csv"
 
 
-def kit_study(folder: Path, **options: object) -> Study:
+def kit_study(folder: Path) -> Study:
     """The kit in ``folder / "kit"``, and its sealed study."""
     done = CliRunner().invoke(app, ["kit", str(folder / "kit"), "--json"])
     assert done.exit_code == 0, done.output
     targets = read_truth_table(folder / "kit" / "phantoms.csv")
-    return new_study(folder / "study", targets, seed=4, probe="tsis-2011", actor="maker", **options)
+    return new_study(folder / "study", targets, seed=4, probe="tsis-2011", actor="maker")
 
 
 def read_true(study: Study) -> Study:
@@ -72,7 +73,7 @@ def read_true(study: Study) -> Study:
     for code, truth in read_seal(study)[0].truths.items():
         values = dict(truth.values)
         if values:
-            values["young_kpa"] = 1.1 * (90.0 if values["young_kpa"] == 100 else 44.0)
+            values["young_kpa"] = 1.1 * (82.0 if values["young_kpa"] == 90 else 60.0)
         intervals = {name: (0.95 * value, 1.05 * value) for name, value in values.items()}
         readings.append(
             DeviceReading(
@@ -118,10 +119,32 @@ def test_the_score_takes_the_measured_moduli(tmp_path: Path) -> None:
     assert (by["diameter_mm"]["hits"], by["diameter_mm"]["bias"]) == (7, 0)
     assert (by["young_kpa"]["hits"], by["young_kpa"]["count"]) == (0, 7)  # 10 % off with intervals of 5 %
     assert by["young_kpa"]["relative_bias"] == pytest.approx(0.1, abs=0.03)
-    assert document["moduli"]["3"]["young_kpa"] == pytest.approx(90.0, rel=0.03)
+    assert document["moduli"]["3"]["young_kpa"] == pytest.approx(82.0, rel=0.03)
     assert document["moduli"]["7"]["specimens"] == 3
     assert "those of the recipe" in " ".join(document["notes"])
     assert (tmp_path / "out" / "report.pdf").read_bytes().startswith(b"%PDF")
+
+
+def test_intervals_count_where_every_value_is_withheld(tmp_path: Path) -> None:
+    study = kit_study(tmp_path)
+    readings = [
+        DeviceReading(
+            code=code, device="feeler", operator="Ada", repeat=1, score=1.0, interval_90={"young_kpa": (81.0, 84.0)}
+        )
+        for code, truth in read_seal(study)[0].truths.items()
+        if truth.has_inclusion
+    ]
+    study = unblind(enter_readings(study, readings, actor="Ada"), by="Ada")
+    score = score_validation(study, bench_moduli(bench_sheet(tmp_path), poisson=0.4999))
+    (only,) = score.quantities
+    assert (only.quantity, only.bias, only.relative_bias, only.bias_interval) == ("young_kpa", None, None, None)
+    assert (only.hits, only.count, only.phantoms) == (5, 7, 0)  # batch B is of 60 kPa
+    assert tuple(score_page(score).tables[0].rows[0][at] for at in (0, 1, 3, 4)) == (
+        "modulus / kPa",
+        "5 of 7",
+        "-",
+        "-",
+    )
 
 
 GOOD = ["1", 1, "compression", 20, 15, 1.0, 0.1]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import struct
-from collections import Counter
 
 import numpy as np
 import pytest
@@ -19,7 +18,7 @@ def read_back(content: bytes) -> np.ndarray:
     return np.frombuffer(content, record, offset=84)["corners"].astype(float)
 
 
-@pytest.mark.parametrize("diameter", [3.0, 8.0, 14.0])
+@pytest.mark.parametrize("diameter", [3.0, 13.0])
 def test_half_a_mould_of_a_sphere(diameter: float) -> None:
     radius = diameter / 2
     expected = np.pi * (radius + 3) ** 2 * (radius + 3) - 2 / 3 * np.pi * radius**3
@@ -34,13 +33,13 @@ def test_a_cup(diameter: float, height: float) -> None:
 
 def check(triangles: np.ndarray, expected: float) -> None:
     stored = read_back(stl_bytes(triangles, "mould"))
-    assert stored == pytest.approx(triangles, abs=1e-5)
-    edges: Counter[tuple[bytes, bytes]] = Counter()
-    for corners in stored + 0.0:  # no negative zeros
-        names = [corner.round(5).tobytes() for corner in corners + 0.0]
-        edges.update(zip(names, [*names[1:], names[0]], strict=True))
-    assert set(edges.values()) == {1}
-    assert all(edges[after, before] == 1 for before, after in edges)  # watertight, one orientation
+    np.testing.assert_allclose(stored, triangles, atol=1e-5, rtol=0)
+    places = np.rint(stored * 1e4).astype(np.int64) + 2**20  # tenths of a micrometre, 21 bits each
+    corner = np.unique(places @ (1 << np.array([42, 21, 0])), return_inverse=True)[1].reshape(-1, 3)
+    there, back = corner, np.roll(corner, -1, axis=1)
+    one_way, count = np.unique(there * len(stored) * 3 + back, return_counts=True)
+    assert (count == 1).all()
+    assert np.array_equal(one_way, np.unique(back * len(stored) * 3 + there))  # watertight, one orientation
     assert volume_mm3(stored) == pytest.approx(expected, rel=1e-3)
 
 

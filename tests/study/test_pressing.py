@@ -66,7 +66,18 @@ def test_neither_the_log_nor_the_store_is_told_of_the_truth(whole: Study) -> Non
     assert not any(target.truth for target in targets)
 
 
-def test_a_run_that_was_ended_goes_on_with_the_same_readings(whole: Study, tmp_path: Path) -> None:
+@pytest.fixture
+def undecided(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An estimator that refuses every press, where only the order of the readings matters."""
+
+    def refuse(*_: object, **__: object) -> None:
+        raise InputError("images must show contact; got none")
+
+    monkeypatch.setattr(pressing, "estimate", refuse)
+
+
+@pytest.mark.usefixtures("undecided")
+def test_a_run_that_was_ended_goes_on_with_the_same_presses(whole: Study, tmp_path: Path) -> None:
     study = made_study(tmp_path / "study", present=2, blank=2)
     steps: list[int] = []
     done = press_study(
@@ -75,7 +86,7 @@ def test_a_run_that_was_ended_goes_on_with_the_same_readings(whole: Study, tmp_p
     assert (done.entered, done.left) == (2, 2)
     done = press_study(done.study, operator="Ada", strain="small")
     assert (done.entered, done.left) == (2, 0)
-    assert said(done.study) == said(whole)
+    assert [frames for *_, frames in said(done.study)] == [frames for *_, frames in said(whole)]
     assert press_study(done.study, operator="Ada", strain="small").entered == 0
 
 
@@ -96,6 +107,7 @@ def test_a_killed_run_loses_no_reading(whole: Study, tmp_path: Path) -> None:
     assert said(press_study(study, operator="Ada", strain="small").study) == said(whole)
 
 
+@pytest.mark.usefixtures("undecided")
 def test_two_runs_do_not_read_at_once(tmp_path: Path) -> None:
     study = made_study(tmp_path / "study", present=1, blank=1)
     refused: list[str] = []
@@ -125,12 +137,9 @@ def test_every_repeat_operator_and_seed_has_errors_of_its_own(tmp_path: Path) ->
     assert [each.repeat for each in study.readings[:4]] == [1, 1, 2, 2]
 
 
-def test_a_refused_estimate_is_undecided_and_no_guess(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(*_: object, **__: object) -> None:
-        raise InputError("images must show contact; got none")
-
+@pytest.mark.usefixtures("undecided")
+def test_a_refused_estimate_is_undecided_and_no_guess(tmp_path: Path) -> None:
     study = made_study(tmp_path / "study", present=1, blank=1)
-    monkeypatch.setattr(pressing, "estimate", refuse)
     done = press_study(study, operator="Ada", strain="small")
     assert (done.entered, done.undecided, done.left) == (2, 2, 0)
     assert [(each.score, each.reason) for each in done.study.readings] == [

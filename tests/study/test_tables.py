@@ -9,10 +9,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 import pytest
-from tests.study.made import made_study, read_study, table
+from tests.study.made import HEADINGS, made_study, read_study, table
 
-from tsis.errors import MissingExtraError
-from tsis.study import export_readings, import_readings, open_study, read_seal, readings_table, unblind
+from tsis.errors import FileInputError, MissingExtraError
+from tsis.study import (
+    DeviceReading,
+    enter_readings,
+    export_readings,
+    import_readings,
+    open_study,
+    read_seal,
+    readings_table,
+    unblind,
+)
 from tsis.study.analysis import analyse, results_table
 
 if TYPE_CHECKING:
@@ -64,6 +73,33 @@ def test_results_lie_beside_the_truth(tmp_path: Path) -> None:
     first = readings_table(study).query("device == 'feeler' and repeat == 1").set_index("code")
     own = frame[frame["device"] == "feeler"].set_index("code")
     pd.testing.assert_frame_equal(own[QUANTITIES].sort_index(), first[QUANTITIES].sort_index())
+
+
+def test_intervals_survive_the_table_that_carries_readings(tmp_path: Path) -> None:
+    study = made_study(tmp_path / "study")
+    code = study.plan.codes[0]
+    stated = DeviceReading(
+        code=code,
+        device="feeler",
+        operator="Ben",
+        repeat=1,
+        score=1.0,
+        values={"diameter_mm": 8.25},
+        sd={"diameter_mm": 0.5, "young_kpa": 9.0},
+        interval_90={"diameter_mm": (7.5, 9.0), "young_kpa": (0.0, 80.0)},
+    )
+    (tmp_path / "out.csv").write_bytes(export_readings(enter_readings(study, [stated], actor="Ben")))
+    again = import_readings(made_study(tmp_path / "again"), tmp_path / "out.csv", device="feeler", actor="Ben")
+    assert again.readings == (stated,)
+
+
+@pytest.mark.parametrize(("low", "high"), [("7.5", ""), ("9", "7.5"), ("-1", "7")])
+def test_a_half_interval_is_refused(tmp_path: Path, low: str, high: str) -> None:
+    study = made_study(tmp_path / "study")
+    row = f"{study.plan.codes[0]},1,Ben,1,8,,,{low},{high}"
+    (tmp_path / "t.csv").write_text(f"{HEADINGS},diameter_mm_low,diameter_mm_high\n{row}\n", encoding="utf-8")
+    with pytest.raises(FileInputError, match=r"diameter_mm_low and diameter_mm_high must be given together.*line 2"):
+        import_readings(study, tmp_path / "t.csv", device="feeler")
 
 
 def test_without_pandas_one_sentence_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

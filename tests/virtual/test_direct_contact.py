@@ -76,6 +76,7 @@ def test_a_solved_press_shows_its_force() -> None:
     assert read(rig.press(SPHERE, force_n=0.5)).light_force_n == pytest.approx(0.5, rel=1e-2)
 
 
+@pytest.mark.slow
 def test_errors_have_their_stated_sizes() -> None:
     known = replace(EXACT, gain_sd=0.02, force_sd=0.03)
     forces, radii, written = [], [], []

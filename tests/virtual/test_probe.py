@@ -233,7 +233,9 @@ def scatter(name: str, sd: float) -> NDArray[np.float64]:
     return np.asarray(np.array(ratios) / float(ideal[middle].mean()))
 
 
-@pytest.mark.parametrize("name", ["gain_sd", "force_sd", "offset_sd"])
+@pytest.mark.parametrize(
+    "name", ["gain_sd", *[pytest.param(other, marks=pytest.mark.slow) for other in ("force_sd", "offset_sd")]]
+)
 def test_errors_have_their_stated_size(name: str) -> None:
     found = scatter(name, 0.01)
     assert found.mean() == pytest.approx(1.0, abs=0.005)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import ndimage
-from scipy.optimize import curve_fit
+from scipy.optimize import least_squares
 from scipy.special import erf
 
 from tsis.calibration._measured import MeasuredValue
@@ -28,6 +29,8 @@ __all__ = ["Specification", "SpecificationRow", "edge_width", "frame_rate", "spe
 SHAPES = ("straight", "circle")
 PARTS = 8  # of the edge, each measured separately
 EDGE_RANGE_MM = 1.0  # from the edge to both sides
+NEAR_MM = 0.1  # of a point from the line or circle that it belongs to
+LINE_STARTS, CIRCLE_STARTS = 48, 18  # points whose pairs and triples give lines and circles to begin with
 LEAST_PIXELS = 60  # in a part
 LEAST_CONTRAST = 8.0  # of the step, in standard deviations of a pixel's noise
 TEN_TO_NINETY = 2.563103  # in standard deviations of a normal blur
@@ -36,10 +39,10 @@ TEN_TO_NINETY = 2.563103  # in standard deviations of a normal blur
 def edge_width(image: TactileImage, *, shape: str = "straight", extent_mm: float = EDGE_RANGE_MM) -> MeasuredValue:
     """Width in mm from 10 to 90 % across a sharp edge of even contact: straight (a block) or circular (a flat punch).
 
-    A line or a circle is fitted to the points where the light crosses half of the step. In each of eight parts of the
-    edge an error function is fitted to the light over the distance from that line or circle; the scatter of the parts
-    is the uncertainty. Raises `CalibrationError` when no edge stands out, or too little of it; `InputError` when the
-    scale is not known.
+    A line or a circle is fitted to the points where the light crosses half of the step, as far as they lie on one. In
+    each of eight parts of the edge an error function is fitted to the light over the distance from that line or circle;
+    the scatter of the parts is the uncertainty. Raises `CalibrationError` when no edge stands out, or too little of it;
+    `InputError` when the scale is not known.
 
     Parameters
     ----------
@@ -70,7 +73,7 @@ def edge_width(image: TactileImage, *, shape: str = "straight", extent_mm: float
     widths = []
     for part in range(PARTS):
         here = (along == part) & (np.abs(distance) <= extent_mm)
-        if int(here.sum()) >= LEAST_PIXELS:
+        if _shows_step(distance[here], flat[here], high - low):
             widths.append(_width(distance[here], flat[here], high - low))
     if len(widths) < PARTS // 2:
         raise CalibrationError(
@@ -112,14 +115,18 @@ def _longest_border(bright: NDArray[np.bool]) -> NDArray[np.intp]:
 def _from_line(
     positions: NDArray[np.float64], edge: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-    """Distance from the straight line through the edge, and the nearest eighth of it."""
-    middle = np.median(edge, axis=0)
-    near = edge
+    """Distance from the straight line through most of the edge, and the nearest eighth of it; -1 beyond its ends."""
+    some = _spread(edge, LINE_STARTS)
+    first, second = np.triu_indices(len(some), 1)
+    along = some[second] - some[first]
+    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
+    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    near = _most_shared(edge, across @ edge.T - (across * some[first]).sum(axis=1, keepdims=True))
     for _ in range(5):  # drops points off the line, as at the end of the block
         direction = np.linalg.svd(near - near.mean(axis=0), full_matrices=False)[2]
         middle = near.mean(axis=0)
-        off = np.abs((edge - middle) @ direction[1])
-        near = edge[off <= max(0.1, 2 * float(np.median(off)))]
+        offset = np.abs((edge - middle) @ direction[1])
+        near = edge[offset <= NEAR_MM]
     ends = (near - middle) @ direction[0]
     fraction = ((positions - middle) @ direction[0] - ends.min()) / max(float(np.ptp(ends)), 1e-9)
     part = np.where((fraction >= 0) & (fraction <= 1), np.minimum((fraction * PARTS).astype(int), PARTS - 1), -1)
@@ -129,28 +136,68 @@ def _from_line(
 def _from_circle(
     positions: NDArray[np.float64], edge: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-    """Distance from the circle through the edge, and the nearest eighth of it."""
-    design = np.column_stack([2 * edge, np.ones(len(edge))])
-    circle, *_ = np.linalg.lstsq(design, (edge**2).sum(axis=1), rcond=None)
-    centre, radius = circle[:2], float(np.sqrt(circle[2] + circle[:2] @ circle[:2]))
-    away = positions - centre
+    """Distance from the circle through most of the edge, and the nearest eighth of it."""
+    some = _spread(edge, CIRCLE_STARTS)
+    triples = some[np.array(list(combinations(range(len(some)), 3)))]
+    designs = np.concatenate([2 * triples, np.ones_like(triples[..., :1])], axis=2)
+    sound = np.abs(np.linalg.det(designs)) > 1e-6  # three points of a line have no circle
+    if not sound.any():
+        raise CalibrationError("image must show a circular edge; this one is straight (choose the straight shape)")
+    circles = np.linalg.solve(designs[sound], (triples[sound] ** 2).sum(axis=2)[..., None])[..., 0]
+    near = _most_shared(edge, _off_circle(edge, circles))
+    for _ in range(5):
+        design = np.column_stack([2 * near, np.ones(len(near))])
+        circle = np.linalg.lstsq(design, (near**2).sum(axis=1), rcond=None)[0]
+        near = edge[np.abs(_off_circle(edge, circle[None])[0]) <= NEAR_MM]
+    away = positions - circle[:2]
     angle = np.arctan2(away[:, 1], away[:, 0]) / (2 * np.pi) + 0.5
-    return np.hypot(away[:, 0], away[:, 1]) - radius, np.minimum((angle * PARTS).astype(int), PARTS - 1)
+    return _off_circle(positions, circle[None])[0], np.minimum((angle * PARTS).astype(int), PARTS - 1)
+
+
+def _off_circle(points: NDArray[np.float64], circles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Distance of points (x, y) outwards from circles (x, y, radius² - x² - y²), shape (circles, points)."""
+    radius = np.sqrt(np.maximum(circles[:, 2] + (circles[:, :2] ** 2).sum(axis=1), 0.0))
+    return np.asarray(np.linalg.norm(points - circles[:, None, :2], axis=2) - radius[:, None])
+
+
+def _spread(edge: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    """At most ``count`` points, evenly from all."""
+    return np.asarray(edge[np.linspace(0, len(edge) - 1, min(count, len(edge))).astype(int)])
+
+
+def _most_shared(edge: NDArray[np.float64], off: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Points near the candidate that passes most of them; ``off`` has the shape (candidates, points).
+
+    A fit to all points would be drawn aside by another border, as that of pixels that the correction leaves out.
+    """
+    near = np.abs(off) <= NEAR_MM
+    return np.asarray(edge[near[int(near.sum(axis=1).argmax())]])
+
+
+def _shows_step(distance: NDArray[np.float64], grey: NDArray[np.float64], step: float) -> bool:
+    """Whether a part has pixels enough, and most of the step of the whole between its sides."""
+    sides = grey[distance > 0], grey[distance <= 0]
+    if min(map(len, sides)) < LEAST_PIXELS // 4 or len(grey) < LEAST_PIXELS:
+        return False
+    return abs(float(np.median(sides[0]) - np.median(sides[1]))) > step / 2
 
 
 def _width(distance: NDArray[np.float64], grey: NDArray[np.float64], step: float) -> float:
     """Width in mm of one part of the edge."""
+    sign = 1.0 if np.median(grey[distance > 0]) > np.median(grey[distance <= 0]) else -1.0
 
-    def rise(x: NDArray[np.float64], low: float, height: float, position: float, blur: float) -> NDArray[np.float64]:
-        return np.asarray(low + height * (0.5 + 0.5 * erf((x - position) / (np.sqrt(2) * blur))))
+    def misfit(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        low, height, position, blur = values
+        rise = 0.5 + 0.5 * erf((sign * distance - position) / (np.sqrt(2) * max(abs(blur), 1e-9)))
+        return np.asarray(low + height * rise - grey)
 
-    sign = 1.0 if grey[distance > 0].mean() > grey[distance < 0].mean() else -1.0
-    start = (float(grey.min()), step, 0.0, 0.05)
-    try:
-        parameters, _ = curve_fit(rise, sign * distance, grey, p0=start, maxfev=4000)
-    except RuntimeError as error:
-        raise CalibrationError("the edge must rise like a blurred step; it does not (clean the edge)") from error
-    return TEN_TO_NINETY * abs(float(parameters[3]))
+    start = float(np.percentile(grey, 5)), step, 0.0, 0.05
+    scale = step, step, 0.05, 0.05
+    # The loss lets pixels off the step, which the correction left out, weigh little.
+    found = least_squares(misfit, start, x_scale=scale, loss="soft_l1", f_scale=step / 10, max_nfev=4000)
+    if not found.success:
+        raise CalibrationError("the edge must rise like a blurred step; it does not (clean the edge)")
+    return TEN_TO_NINETY * abs(float(found.x[3]))
 
 
 FEWEST = 3

@@ -35,6 +35,7 @@ from tsis.study._pressing import RunResult, StudyInstrument, press_study
 from tsis.study._reference_run import REFERENCES, reference_targets, rehearse_reference_run
 from tsis.study._tables import (
     READING_COLUMNS,
+    UNCERTAINTY_COLUMNS,
     export_readings,
     import_readings,
     import_table,
@@ -56,6 +57,7 @@ __all__ = [
     "READING_COLUMNS",
     "REFERENCES",
     "TARGETS",
+    "UNCERTAINTY_COLUMNS",
     "CheckLog",
     "CheckPlan",
     "DailyCheck",

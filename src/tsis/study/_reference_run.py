@@ -9,7 +9,7 @@ import numpy as np
 
 from tsis.__about__ import LARGEST_SEED
 from tsis.catalog import load_phantom, load_probe
-from tsis.model import require_integer
+from tsis.model import Inclusion, require_integer
 from tsis.study._making import new_study
 from tsis.study._pressing import StudyInstrument, press_study
 from tsis.study._values import TargetTruth, require_short_name
@@ -23,20 +23,35 @@ if TYPE_CHECKING:
     from tsis.study._folder import Study
 
 
-REFERENCES = ("size-8", "size-14", "depth-4", "depth-8", "hardness-40", "hardness-70", "hardness-100")
+# Well inside the default prior: phantoms of the catalog at 4 mm, 40 and 120 kPa lie on the ends of what is believed,
+# where no interval of 90 % holds the truth.
+REFERENCES = {  # diameter and depth in mm, modulus in kPa
+    "diameter 7": (7.0, 6.0, 80.0),
+    "diameter 13": (13.0, 6.0, 80.0),
+    "depth 5": (10.0, 5.0, 80.0),
+    "depth 9": (10.0, 9.0, 80.0),
+    "modulus 55": (10.0, 6.0, 55.0),
+    "modulus 80": (10.0, 6.0, 80.0),
+    "modulus 105": (10.0, 6.0, 105.0),
+}
 BLANKS = 2
 
 
 def reference_targets() -> tuple[TargetTruth, ...]:
-    """Seven phantoms of the catalog that vary in size, depth and modulus, and two blanks.
+    """Seven phantoms that vary in size, depth and modulus, and two blanks, in the tissue of ``plain``.
 
     Examples
     --------
     >>> sum(target.has_inclusion for target in reference_targets()), len(reference_targets())
     (7, 9)
     """
-    names = (*REFERENCES, *["plain"] * BLANKS)
-    return tuple(TargetTruth(label=name, phantom=replace(load_phantom(name), name="", assumed=())) for name in names)
+    tissue = replace(load_phantom("plain"), name="", assumed=())
+    stiff = {
+        label: Inclusion(diameter_mm=diameter, depth_mm=depth, young_kpa=young, poisson=tissue.poisson)
+        for label, (diameter, depth, young) in REFERENCES.items()
+    }
+    targets = [TargetTruth(label=label, phantom=replace(tissue, inclusion=lump)) for label, lump in stiff.items()]
+    return (*targets, *[TargetTruth(label="plain", phantom=tissue)] * BLANKS)
 
 
 def rehearse_reference_run(

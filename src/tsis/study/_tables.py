@@ -84,6 +84,7 @@ def _target(row: CsvRow) -> TargetTruth:
 
 
 READING_COLUMNS = ("code", "score", "operator", "repeat", *QUANTITIES)
+UNCERTAINTY_COLUMNS = tuple(f"{name}{ending}" for name in QUANTITIES for ending in ("_sd", "_low", "_high"))
 NO_RESPONSE = "the device gave no result"
 
 
@@ -96,6 +97,8 @@ def import_readings(
     actor: str = "",
 ) -> Study:
     """Enter the readings of a device from a file with the columns `READING_COLUMNS`, all or none.
+
+    `UNCERTAINTY_COLUMNS` may follow: the standard deviation of a quantity, and both ends of its 90 % interval.
 
     Parameters
     ----------
@@ -139,7 +142,7 @@ def import_table(
     limit = _threshold(study, device, threshold)
     readings: dict[tuple[str, str, str, int], DeviceReading] = {}
     entered, codes = {reading.key for reading in study.readings}, frozenset(study.plan.codes)
-    for row in parse_csv_rows(content, name, READING_COLUMNS):
+    for row in parse_csv_rows(content, name, READING_COLUMNS, UNCERTAINTY_COLUMNS):
         reading = _reading(row, codes, device)
         if reading.key in readings or reading.key in entered:
             raise FileInputError(
@@ -190,13 +193,27 @@ def _reading(row: CsvRow, codes: frozenset[str], device: str) -> DeviceReading:
             score=score,
             reason=NO_RESPONSE if score is None else "",
             values=values,
+            sd={name: sd for name in QUANTITIES if (sd := row.number(f"{name}_sd")) is not None},
+            interval_90={name: ends for name in QUANTITIES if (ends := _interval(row, name)) is not None},
         )
     except InputError as error:
         raise FileInputError(f"{error} ({row.where})") from error
 
 
+def _interval(row: CsvRow, quantity: str) -> tuple[float, float] | None:
+    low, high = row.number(f"{quantity}_low"), row.number(f"{quantity}_high")
+    if low is None and high is None:
+        return None
+    if low is None or high is None or not 0 <= low <= high:
+        found = f"{row.text(f'{quantity}_low')} and {row.text(f'{quantity}_high')}"
+        raise row.refused(f"{quantity}_low and {quantity}_high", "given together, from 0 upwards", found)
+    return low, high
+
+
 def export_readings(study: Study, device: str | None = None) -> bytes:
     """Readings of a device, by default the only one, in the format of `import_readings`, without the truth.
+
+    `UNCERTAINTY_COLUMNS` follow where a reading has a standard deviation or an interval.
 
     Raises
     ------
@@ -213,10 +230,11 @@ def export_readings(study: Study, device: str | None = None) -> bytes:
     readings = [reading for reading in study.readings if reading.device == device]
     if not readings:
         raise InputError(f"device must be one that has readings, {', '.join(study.devices)}; got {device!r:.60}")
-    rows: list[list[Any]] = [list(READING_COLUMNS)]
+    more = UNCERTAINTY_COLUMNS if any(item.sd or item.interval_90 for item in readings) else ()
+    rows: list[list[Any]] = [[*READING_COLUMNS, *more]]
     for item in readings:
-        values = [item.values.get(name) for name in QUANTITIES]
-        rows.append([item.code, item.score, item.operator, item.repeat, *values])
+        numbers = {name: value for name, value in quantity_columns(item).items() if not math.isnan(value)}
+        rows.append([item.code, item.score, item.operator, item.repeat, *map(numbers.get, (*QUANTITIES, *more))])
     return table_bytes(rows)
 
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from tsis.errors import InputError
 from tsis.files import from_json_value, to_json_value
 from tsis.model import (
+    NOT_IDENTIFIED_FLAG,
     ContentValue,
     Inclusion,
     Phantom,
@@ -117,8 +118,18 @@ class DeviceReading(ContentValue):
 
 
 def parse_reading(document: Mapping[str, Any]) -> DeviceReading:
-    """The reading in the JSON values of a log entry; `InputError` when they are no reading."""
-    return from_json_value(DeviceReading, document, "reading")
+    """The reading in the JSON values of a log entry; `InputError` when they are no reading.
+
+    Earlier programs logged mean and deviation of quantities that are not identified, too; those are left out.
+    """
+    reading = from_json_value(DeviceReading, document, "reading")
+    withheld = {name for name in QUANTITIES if f"{name}{NOT_IDENTIFIED_FLAG}" in reading.flags}
+    if withheld.isdisjoint(reading.values.keys() | reading.sd.keys()):
+        return reading
+    values, sd = (
+        {name: value for name, value in part.items() if name not in withheld} for part in (reading.values, reading.sd)
+    )
+    return replace(reading, values=values, sd=sd)
 
 
 def require_short_name(what: str, name: object) -> str:

@@ -147,6 +147,7 @@ def test_a_pitch_that_is_poorly_known_widens_the_gain_twice_and_the_force_line_n
     assert known.force_line == made[0].force_line
 
 
+@pytest.mark.slow
 def test_without_any_flat_light_counts_as_even_and_the_boards_frames_tell_the_noise(copied: SessionFolder) -> None:
     for step in ("flat-1", "flat-2", "flat-3"):
         shutil.rmtree(copied.path / step)
@@ -159,6 +160,7 @@ def test_without_any_flat_light_counts_as_even_and_the_boards_frames_tell_the_no
     assert "No flat field was taken" in " ".join(calibration_notes(known, findings))
 
 
+@pytest.mark.slow
 def test_presses_too_light_to_tell_are_left_out(
     copied: SessionFolder, made: tuple[ProbeCalibration, SessionResult]
 ) -> None:
@@ -190,6 +192,7 @@ def test_a_loading_of_too_few_presses_is_refused_with_its_step(copied: SessionFo
         calibrate(copied)
 
 
+@pytest.mark.slow
 def test_a_loading_that_begins_on_the_tissue_is_refused_with_its_step(copied: SessionFolder) -> None:
     change_rows(copied, "tip-10mm-1", lambda rows: rows.__delitem__(slice(0, 5)))  # 0.5 N would pass for the zero
     with pytest.raises(CalibrationError, match="step 'tip-10mm-1': the tip must not touch in the first frame"):
@@ -208,7 +211,7 @@ def repeat_frame(session: SessionFolder, step: str, number: int, *, noisy: bool)
     session.save(own, shots)
 
 
-@pytest.mark.parametrize("number", [0, 38])
+@pytest.mark.parametrize("number", [pytest.param(0, marks=pytest.mark.slow), 38])
 def test_a_camera_that_froze_in_a_loading_is_refused_with_its_step(copied: SessionFolder, number: int) -> None:
     repeat_frame(copied, "tip-2mm-1", number, noisy=False)
     said = f"step 'tip-2mm-1': every frame must be a new one; frames {number + 1} and {number + 2} are identical"
@@ -216,7 +219,7 @@ def test_a_camera_that_froze_in_a_loading_is_refused_with_its_step(copied: Sessi
         calibrate(copied)
 
 
-@pytest.mark.parametrize("number", [5, 30])
+@pytest.mark.parametrize("number", [5, pytest.param(30, marks=pytest.mark.slow)])
 def test_light_that_does_not_follow_the_force_is_refused_with_its_step(copied: SessionFolder, number: int) -> None:
     repeat_frame(copied, "tip-10mm-1", number, noisy=True)
     with pytest.raises(CalibrationError, match=r"step 'tip-10mm-1': the sum of grey levels must rise with the force"):

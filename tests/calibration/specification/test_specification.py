@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.special import erf
@@ -43,6 +45,17 @@ def test_the_width_of_a_straight_edge_is_that_of_its_blur(sigma_mm: float, angle
 def test_the_width_of_a_circular_edge_is_that_of_its_blur() -> None:
     found = edge_width(edge(0.1, radius_mm=2.0), shape="circle")
     assert found.value == pytest.approx(TEN_TO_NINETY * 0.1, rel=0.02)
+
+
+@pytest.mark.parametrize(("shape", "radius_mm"), [("straight", None), ("circle", 1.8)])
+def test_pixels_that_the_correction_leaves_out_do_not_draw_the_edge_aside(shape: str, radius_mm: float | None) -> None:
+    whole = edge(0.1, radius_mm=radius_mm)
+    holed = whole.grey.copy()
+    # inside the contact, and joined to the dark beside it: their border is longer than a fifth of the edge
+    rows, columns = ((70, 150), (190, 240)) if radius_mm is None else ((90, 115), (110, 240))
+    holed[slice(*rows), slice(*columns)] = 0.0
+    found = edge_width(replace(whole, grey=holed), shape=shape)
+    assert found.value == pytest.approx(TEN_TO_NINETY * 0.1, rel=0.03)
 
 
 def test_the_width_is_not_the_size_of_a_pixel() -> None:

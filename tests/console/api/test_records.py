@@ -161,6 +161,8 @@ def test_a_damaged_frame_is_said_and_nothing_else_is_lost(holder: Script, consol
 def test_every_answer_says_what_it_may_be_used_for(script: Script) -> None:
     for address in ("/state", "/about", "/jobs", "/targets", "/cameras", "/calibration", "/sight", "/camera/settings"):
         answer = script.client.get(address)
-        assert answer.json()["notice"] == RESEARCH_USE_ONLY
+        document = answer.json()
+        assert document["notice"] == RESEARCH_USE_ONLY
+        assert document["schema"] == {"name": f"tsis-http-{document['command']}", "version": 1}
         assert answer.headers["TSIS-Notice"] == RESEARCH_USE_ONLY
         assert answer.headers["Cache-Control"] == "no-store"

@@ -77,3 +77,11 @@ def test_a_mapping_that_cannot_be_changed_is_an_object() -> None:
     target = Target(number=3, kind="phantom", made=WHEN, truth={"diameter_mm": 10.0})
     sent = json.loads(TargetResponse(target=target, presses=0).model_dump_json())
     assert sent["target"]["truth"] == {"diameter_mm": 10.0}
+
+
+def test_every_response_names_its_schema(schemas: Any) -> None:
+    responses = [name for name in schemas if name.endswith("Response")]
+    assert len(responses) > 10
+    assert all("schema" in schemas[name]["required"] for name in responses)
+    sent = json.loads(PressesResponse(target=1, total=0, offset=0, presses=[]).model_dump_json(by_alias=True))
+    assert sent["schema"] == {"name": "tsis-http-presses", "version": 1}

@@ -58,6 +58,7 @@ def test_on_its_own_lines_it_is_the_press_of_a_load_path() -> None:
     np.testing.assert_allclose(followed.pressure_kpa, with_it.pressure_kpa, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_the_way_around_a_stalled_path_ends_in_the_same_states() -> None:
     stiff = START.with_contrast(16.0).phantom
     pairs = press_pairs(PROBE, stiff, forces_n=(0.3, 0.5), resolution=COARSE)

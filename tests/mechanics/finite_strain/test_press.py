@@ -115,6 +115,7 @@ def test_small_loads_are_small_strain() -> None:
         np.testing.assert_allclose(finite.face_displacement_mm[inside], small.face_displacement_mm[inside], rtol=0.01)
 
 
+@pytest.mark.slow
 def test_large_loads_strengthen_the_signal() -> None:
     """At 0.75 N by about a tenth of what 0.25 N would make of it, and not by a third as nodes that stick would say."""
     phantom = lump(10.0, 5.0, 100.0)
@@ -188,6 +189,7 @@ def test_bonded_sides_hold_the_layers() -> None:
     assert held.approach_mm < free.approach_mm
 
 
+@pytest.mark.slow
 def test_a_flat_spheroid_is_felt_otherwise_than_a_sphere() -> None:
     sphere, flat = lump(8.0, 5.0, 100.0), lump(8.0, 5.0, 100.0, semi_axes_mm=(4.0, 4.0, 2.0))
     ball = lump(8.0, 5.0, 100.0, semi_axes_mm=(4.0, 4.0, 4.0))

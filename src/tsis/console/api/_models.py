@@ -5,7 +5,7 @@ from __future__ import annotations
 from datetime import datetime
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, computed_field
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.console.services import LOCK_S, LONGEST_LOCK_S, LONGEST_OWNER_NAME, SHORTEST_LOCK_S
@@ -20,6 +20,9 @@ Identity = Annotated[str, Field(pattern="^[0-9a-f]{32}$", examples=["6f1c0d9a1b7
 Measured = Annotated[float | None, Field(description="null where there is no such number, or it is infinite")]
 
 
+HTTP_VERSION = 1  # of all responses, until a name is removed from one or changes its meaning
+
+
 class RequestModel(BaseModel):
     """Body of a call: only these fields, of their own types, with finite numbers."""
 
@@ -32,11 +35,24 @@ class ItemModel(BaseModel):
     model_config = ConfigDict(from_attributes=True)
 
 
+class SchemaItem(ItemModel):
+    """Name and version of the response's form; the version increases as those of the results of commands do."""
+
+    name: str = Field(examples=["tsis-http-estimates"])
+    version: int
+
+
 class ResponseModel(ItemModel):
     """First fields of every response; ``command`` names its kind."""
 
     notice: str = Field(default=RESEARCH_USE_ONLY, description="what the program may be used for")
     tsis: str = Field(default=__version__, description="version of the program")
+    command: str
+
+    @computed_field(alias="schema")
+    def response_schema(self) -> SchemaItem:
+        """``tsis-http-`` and the command."""
+        return SchemaItem(name=f"tsis-http-{self.command}", version=HTTP_VERSION)
 
 
 class Problem(BaseModel):

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 POINTS, CODES, SPECIMENS = 10, 10, 3
 RECIPE = (
-    "Mix tissue of about 5 kPa, inclusions A of about 100 kPa and B of about 40 kPa: platinum-cured silicone with "
+    "Mix tissue of about 5 kPa, inclusions A of about 90 kPa and B of about 55 kPa: platinum-cured silicone with "
     "silicone oil, which keeps for months, or gelatin (about 5 % by mass for tissue, 15 to 20 % for inclusions), which "
     "lasts days in the cold under oil.",
     "Print the moulds. Cast the spheres in two clamped halves, through a needle at the seam. Measure each with a "
@@ -33,7 +33,8 @@ PROTOCOL = (
     "The maker, who reads nothing, types: tsis study new validation --truth phantoms.csv --repeats 3. The program "
     "seals the list and prints codes and a hash; the hash goes to somebody else. The maker sticks the codes on.",
     "Calibrate the probe. Two others read every code three times in the order of tsis study show, on the data sheet or "
-    "in a table for tsis study import. Undecided readings stay empty. Give nobody the folder with the seal.",
+    "in a table for tsis study import, with the ends of each 90 % interval. Undecided readings stay empty. Give nobody "
+    "the folder with the seal.",
     "The maker tests the batches on the day of the readings, at their temperature, and types the points into "
     "modulus.csv: a row each, forces in N, lengths in mm, size_mm the radius of the ball or the diameter of the "
     "cylinder, phantom the phantoms of the batch between semicolons (1;2;3;4;5) or tissue. Stay below 10 % of "
@@ -114,8 +115,8 @@ def score_page(score: ValidationScore) -> Page:
             labelled(item.quantity),
             f"{item.hits} of {item.count}" if item.count else "-",
             f"{item.hits_widened} of {item.count}" if item.count else "-",
-            f"{item.bias:+.3g} ({ends(item.bias_interval, 2)})",
-            f"{item.relative_bias:+.1%}",
+            "-" if item.bias is None else f"{item.bias:+.3g} ({ends(item.bias_interval, 2)})",
+            _percent(item.relative_bias),
             str(item.phantoms),
         )
         for item in score.quantities
@@ -139,7 +140,7 @@ def score_page(score: ValidationScore) -> Page:
                 Card(
                     title=f"{NAMES[item.quantity][0]}: 90 % intervals that hold the truth",
                     value=f"{item.hits} of {item.count}" if item.count else "none given",
-                    detail=f"bias {item.relative_bias:+.1%}",
+                    detail=f"bias {_percent(item.relative_bias)}",
                 )
                 for item in score.quantities
             ),
@@ -161,6 +162,10 @@ def score_page(score: ValidationScore) -> Page:
     )
 
 
+def _percent(value: float | None) -> str:
+    return "-" if value is None else f"{value:+.1%}"
+
+
 def score_notes(score: ValidationScore) -> tuple[str, ...]:
     """What limits the score."""
     named = [
@@ -171,7 +176,8 @@ def score_notes(score: ValidationScore) -> tuple[str, ...]:
     return (
         *(text for holds, text in named if holds),
         "The truth of the modulus is that of the bench test; widened intervals include its standard uncertainty. "
-        "First readings of a phantom by each operator count; readings of one phantom are not independent.",
+        "First readings of a phantom by each operator count; readings of one phantom are not independent. The bias is "
+        "that of readings whose value is identified; intervals count in any case.",
     )
 
 

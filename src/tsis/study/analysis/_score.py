@@ -51,6 +51,7 @@ class BenchModulus:
 class QuantityScore:
     """A quantity: intervals that hold the truth, and the bias over phantoms with its 95 % interval (None for one).
 
+    There is no bias where every value was withheld as not identified; the intervals count all the same.
     ``hits`` counts the first readings of a phantom by an operator whose 90 % interval holds the true value, of
     ``count``; ``hits_widened`` does so with intervals widened by the uncertainty of the measured modulus.
     """
@@ -60,8 +61,8 @@ class QuantityScore:
     hits_widened: int
     count: int
     phantoms: int
-    bias: float
-    relative_bias: float
+    bias: float | None
+    relative_bias: float | None
     bias_interval: Interval | None
 
 
@@ -209,14 +210,14 @@ def _score(
     truths: Mapping[str, TargetTruth],
     moduli: Mapping[str, BenchModulus],
 ) -> QuantityScore | None:
-    """The score of a quantity; None where nothing was read of it."""
+    """The score of a quantity; None where neither a value nor an interval was read of it."""
     errors: dict[str, list[float]] = {}
     for reading in readings:
         if quantity in reading.values:
             errors.setdefault(reading.code, []).append(reading.values[quantity] - truths[reading.code].values[quantity])
-    if not errors:
-        return None
     held = list(_held(quantity, readings, truths, moduli))
+    if not errors and not held:
+        return None
     means = np.array([np.mean(values) for values in errors.values()])
     relative = [np.mean(values) / truths[code].values[quantity] for code, values in errors.items()]
     interval: Interval | None = None
@@ -229,8 +230,8 @@ def _score(
         hits_widened=sum(widened for _, widened in held),
         count=len(held),
         phantoms=len(means),
-        bias=float(means.mean()),
-        relative_bias=float(np.mean(relative)),
+        bias=float(means.mean()) if errors else None,
+        relative_bias=float(np.mean(relative)) if errors else None,
         bias_interval=interval,
     )
 

@@ -35,6 +35,7 @@ def statuses(session: CalibrationSession) -> dict[str, str]:
     return {state.step.name: state.status for state in session.steps()}
 
 
+@pytest.mark.slow
 def test_the_same_frames_as_the_guide_of_the_terminal(instrument: Instrument, tmp_path: Path) -> None:
     session = instrument.calibrating.begin(TERMS, by=ANN)
     assert session.folder.path == instrument.terms.workspace / "calibrations" / "May-left"

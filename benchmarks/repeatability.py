@@ -1,0 +1,121 @@
+"""Repeatability of the virtual instrument, and the same readings by an independent package.
+
+    python -m benchmarks.repeatability FOLDER --phantoms 20 --repeats 3 --seed 81
+
+One virtual probe, two operators: each reads every phantom blind, `random_targets` of the seed, with errors of force,
+pattern, stray light and reference site of its own in each reading. The study stays in FOLDER; ``tsis study
+repeatability FOLDER`` writes its page. Beside the product's within-subject standard deviation, and that between
+operators, stand those from the analysis of variance by statsmodels.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+from benchmarks.tables import show
+from statsmodels.formula.api import ols
+from statsmodels.stats.anova import anova_lm
+
+import tsis
+from tsis.cli import progress_bar
+from tsis.study import StudyInstrument, new_study, open_study, press_study, random_targets, unblind
+from tsis.study.analysis import OPERATORS, analyse_precision
+from tsis.virtual import VirtualProbe
+
+if TYPE_CHECKING:
+    from tsis.study import Study
+    from tsis.study.analysis import Precision
+
+NAMES = ("A", "B")
+HEADS = (
+    "quantity",
+    "phantoms",
+    "within-subject sd",
+    "statsmodels",
+    "operators' sd",
+    "statsmodels",
+    "coefficient",
+    "CV",
+)
+
+
+def read_study(folder: Path, *, phantoms: int, repeats: int, seed: int, probe: str, strain: str) -> Study:
+    """The study in a folder, read and unblinded; what is there already is taken up."""
+    if folder.exists():
+        study = open_study(folder)
+    else:
+        targets = random_targets(phantoms, 0, rng=np.random.default_rng([seed, 1]))
+        study = new_study(folder, targets, seed=seed, probe=probe, repeats=repeats, name="repeatability")
+    if study.unblinded is not None:
+        return study
+    virtual = VirtualProbe(tsis.load_probe(probe), rng=np.random.default_rng([seed, 2]), strain=strain)
+    for name in NAMES:
+        with progress_bar(f"operator {name} reads") as progress:
+            study = press_study(
+                study,
+                operator=name,
+                seed=seed,
+                strain=strain,
+                instrument=StudyInstrument(virtual=virtual),
+                progress=progress,
+            ).study
+    return unblind(study, by=NAMES[0])
+
+
+def by_statsmodels(study: Study, found: Precision) -> tuple[float, float]:
+    """Standard deviations within subjects and of operators, by a balanced analysis of variance of two factors."""
+    rows = pd.DataFrame(
+        [
+            {"y": item.values[found.quantity], "target": item.code, "operator": item.operator}
+            for item in study.readings
+            if item.code in found.complete
+        ]
+    )
+    square = anova_lm(ols("y ~ C(target) * C(operator)", rows).fit())["mean_sq"]
+    readings = found.repeats * len(found.complete)
+    operators = max((square["C(operator)"] - square["C(target):C(operator)"]) / readings, 0.0)
+    return math.sqrt(square["Residual"]), math.sqrt(operators)
+
+
+def main() -> None:
+    """Read the phantoms and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--phantoms", type=int, default=20)
+    parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--probe", default="tsis-domed")
+    parser.add_argument("--strain", choices=("finite", "small"), default="small", help="of presses and estimates")
+    parser.add_argument("--markdown", action="store_true", help="print the table as Markdown")
+    options = parser.parse_args()
+    study = read_study(
+        options.folder,
+        phantoms=options.phantoms,
+        repeats=options.repeats,
+        seed=options.seed,
+        probe=options.probe,
+        strain=options.strain,
+    )
+    analysis = analyse_precision(study)
+    rows = []
+    for found in (item for item in analysis.results if item.over == OPERATORS):
+        within, operators = by_statsmodels(study, found)
+        ours = math.nan if found.between is None else found.between.operator_sd
+        numbers = (found.within.within_sd, within, ours, operators, found.within.coefficient)
+        cv = math.nan if found.within.within_cv is None else found.within.within_cv
+        rows.append(
+            [found.quantity, str(len(found.complete)), *(f"{value:.6g}" for value in numbers), f"{100 * cv:.2f} %"]
+        )
+    title = f"{options.phantoms} phantoms, 2 operators, {options.repeats} repeats, {options.probe}, seed {options.seed}"
+    show(title, HEADS, rows, markdown=options.markdown)
+    for (_, quantity), why in analysis.missing.items():
+        print(f"{quantity}: {why}")
+
+
+if __name__ == "__main__":
+    main()
