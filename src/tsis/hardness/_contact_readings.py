@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from tsis.errors import InputError
-from tsis.hardness._contact_rows import COLUMNS, contact_rows, contact_value, forces_of_contacts, is_good
+from tsis.hardness._contact_rows import COLUMNS, contact_rows, contact_value, forces_of_contacts, is_good, own_sd
 from tsis.model import require_number
 
 if TYPE_CHECKING:
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
 FORCE_SD, RADIUS_SD, DEPTH_SD = 0.02, 0.02, 0.03  # relative standard deviations where none is given
 LEAST_FORCE_SD_N = 0.005
-LEAST_OWN = 0.05  # of a standard deviation: what rounding may take off
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -145,11 +144,5 @@ def _reading(row: Any, name: str, force: float | None) -> TouchReading:
             numbers["radius_sd_mm"] = numbers["radius_mm"] * area_sd / (2.0 * area)
     scale_sd = numbers.pop("scale_sd", 0.0)
     if scale_sd and "radius_sd_mm" in numbers:
-        require_number(f"scale_sd of {name}", scale_sd, 0.0, 0.5, hint="a fraction")
-        numbers["radius_sd_mm"] = _own_sd(numbers["radius_sd_mm"], scale_sd * numbers["radius_mm"])
+        numbers["radius_sd_mm"] = own_sd(numbers["radius_sd_mm"], numbers["radius_mm"], scale_sd, name)
     return TouchReading(**numbers, name=name)
-
-
-def _own_sd(total: float, shared: float) -> float:
-    """What is left of a standard deviation without the scale's part, which the sensor states for all contacts."""
-    return math.sqrt(max(total**2 - shared**2, (LEAST_OWN * total) ** 2))

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.ndimage import binary_dilation, gaussian_filter
 
 from tsis.errors import ImageMismatchError, InputError
+from tsis.imaging._colour import require_pattern
 from tsis.model import GelSensor, TactileImage, require_type
 
 if TYPE_CHECKING:
@@ -20,8 +21,6 @@ if TYPE_CHECKING:
 BLACK, GLARE = 3.0, 250.0  # levels of 255
 MOST_CLIPPED = 0.5  # of the pixels
 FOREIGN = 30.0  # median change of a reference of another sensor, levels
-FOREIGN_PATTERN, FOREIGN_LEVELS = 0.5, 4.0  # the same over the reference's own unevenness, and its least size, levels
-PATTERN_BLUR_PX = 2.0
 FEWEST_WITHOUT_REFERENCE = 8
 MARKER_DARK = 0.75  # level of a marker over that of its surroundings
 
@@ -141,22 +140,6 @@ def gel_change(frame: Any, reference: NDArray[np.float64], sensor: GelSensor, *,
         marker=marker,
         noise=max(noise, 0.29),
     )
-
-
-def require_pattern(
-    levels: NDArray[Any], reference: NDArray[Any], what: str, *, blur_px: float = PATTERN_BLUR_PX
-) -> None:
-    """Refuse a reference whose uneven light is not that of the frame: one of another sensor, as bright as it may be."""
-    blur = (blur_px, blur_px, 0.0)
-    seen, pattern = gaussian_filter(levels, blur), gaussian_filter(reference, blur)
-    left, own = (
-        float(np.median(np.abs(part - np.median(part, axis=(0, 1))).max(axis=2))) for part in (seen - pattern, pattern)
-    )
-    if left > max(FOREIGN_LEVELS, FOREIGN_PATTERN * own):
-        raise ImageMismatchError(
-            f"reference must be an untouched frame of the sensor that took {what}, under the same light; got one whose "
-            f"pattern differs by {left:.0f} levels over half of the frame; its own varies by {own:.0f}"
-        )
 
 
 def _markers(levels: NDArray[np.float64], sensor: GelSensor) -> NDArray[np.bool_]:
