@@ -89,6 +89,8 @@ WALK = (
     Step("records list", r"size-8 +│ 5"),
     Step("records show", r"diameter"),
     Step("records verify", r"17 rows and 7 files"),
+    Step("records backup", r"17 rows and 7 files", ("records-backup/**/*.png",)),
+    Step("records restore", r"17 rows and 7 files", ("restored-records/**/*.png",)),
     Step("records recompute", r"bit for bit the same"),
     Step("records edit", r"Changed note, name of target 1"),
     Step("records export", r"target-1", ("target-1/*.pdf", "target-1/target-1-csv/*")),

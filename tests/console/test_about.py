@@ -15,7 +15,7 @@ from tests.console.browser import needs_browser, picture
 from tests.console.operator import tab
 
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.console.pages.about import LICENCE, citation, licence
+from tsis.console.pages.about import CITATION, LICENCE, licence
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -26,7 +26,7 @@ ROOT = Path(__file__).parents[2]
 
 def test_it_is_cited_as_the_citation_file_says() -> None:
     reported: dict[str, Any] = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
-    program, thesis = citation()
+    program, thesis = CITATION
     (reference,) = reported["references"]
     for part in (reported["title"], reported["version"], reported["authors"][0]["name"]):
         assert part in program

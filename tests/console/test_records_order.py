@@ -12,20 +12,21 @@ from hypothesis import strategies as st
 
 from tsis.console.pages.records._listing import ESTIMATED, KINDS, NOT_ESTIMATED, SHEETS, Order, sheet_of
 from tsis.records import Target
-from tsis.records.store import TargetSummary
+from tsis.records.store import TargetState, TargetSummary
 
 BEGUN = datetime(2026, 1, 1, tzinfo=UTC)
 COLUMNS = ("number", "name", "presses", "estimates", "last")
 
 
 def summary(
-    number: int, *, name: str = "", presses: int = 0, estimates: int = 0, day: int | None = None
+    number: int, *, name: str = "", presses: int = 0, estimates: int = 0, day: int | None = None, state: str = ""
 ) -> TargetSummary:
     return TargetSummary(
         target=Target(number=number, kind="phantom", name=name, made=BEGUN, id=f"{number}"),
         presses=presses,
         estimates=estimates,
         last=None if day is None else BEGUN + timedelta(days=day),
+        state=TargetState(name=state, since=BEGUN) if state else None,
     )
 
 
@@ -37,6 +38,7 @@ summaries = st.lists(
         presses=st.integers(0, 4),
         estimates=st.integers(0, 2),
         day=st.none() | st.integers(0, 3),
+        state=st.sampled_from(["", "", "archived", "deleted"]),
     ),
     max_size=120,
     unique_by=lambda item: item.target.number,
@@ -67,7 +69,14 @@ def test_all_sheets_together_are_the_sorted_list(
             result, Order(column=column, descending=descending, kind=kind, rows=SHEETS[0], sheet=number)
         ).targets
     ]
-    expected = [item for item in result if kind == "all" or (item.estimates > 0) == (kind == ESTIMATED)]
+    present = [item for item in result if item.state is None]
+    expected = {
+        "all": present,
+        "estimated": [item for item in present if item.estimates > 0],
+        "not estimated": [item for item in present if item.estimates == 0],
+        "archived": [item for item in result if item.state is not None and item.state.name == "archived"],
+        "deleted": [item for item in result if item.state is not None and item.state.name == "deleted"],
+    }[kind]
     assert len(shown) == len(expected)
     assert {item.target.number for item in shown} == {item.target.number for item in expected}
     pairs = list(pairwise(shown))

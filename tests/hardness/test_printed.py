@@ -39,7 +39,8 @@ IMAGES = hertzian(1.0)
 
 
 def found(images: Any = IMAGES, **options: Any) -> PrintedHardness:
-    return printed_estimate(images, **{"method": "cpd", "points": 120} | options)
+    usual: dict[str, Any] = {"method": "cpd", "points": 120}
+    return printed_estimate(images, **usual | options)
 
 
 @cache

@@ -11,7 +11,7 @@ import tsis
 from tsis.errors import InputError
 from tsis.imaging import LedDrift, Sensor
 from tsis.model import LightMap
-from tsis.virtual import VirtualLoadingMachine
+from tsis.virtual import VirtualLoadingMachine, VirtualProbe
 from tsis.virtual._loading_camera import MachineErrors
 
 SENSOR = Sensor(columns=256, rows=216)
@@ -160,3 +160,19 @@ def test_tips_and_forces_out_of_range_are_refused(tip_mm: float, force_n: float)
 def test_the_edge_is_blurred_by_the_lens_and_the_pixels() -> None:
     sharp, soft = (machine(errors=NO_ERRORS, blur_mm=blur).edge(0.0).grey[100] for blur in (0.0, 0.3))
     assert np.abs(np.diff(sharp)).max() > 3 * np.abs(np.diff(soft)).max()
+
+
+def test_the_machine_of_a_virtual_probe_sees_its_light_at_another_exposure() -> None:
+    """Tissue and pad of one modulus: frames of the probe itself, drawn by other code, times the ratio of exposures."""
+    domed = tsis.load_probe("tsis-domed")
+    rig = VirtualProbe(domed, rng=np.random.default_rng(1), strain="small")
+    machine = VirtualLoadingMachine.of(rig, rng=np.random.default_rng(2))
+    image, _ = machine.press_pad(5.0, 1.0)
+    pad = tsis.Phantom(young_kpa=5.0, poisson=0.49, thickness_mm=30.0)
+    radius = rig.sensor.radius_mm()
+    light = rig.light(pad, force_n=1.0) * machine.exposure
+    for low, high in ((0.0, 3.0), (3.0, 6.0), (6.0, 9.0)):
+        ring = (radius >= low) & (radius < high)
+        seen = float(image.grey[ring].mean()) - rig.sensor.background_grey
+        assert seen == pytest.approx(float(light[ring].mean()), rel=0.06)  # force, stray light and pad by 1 to 2 %
+    assert image.grey[radius < 9.0].max() < 0.8 * rig.sensor.full_scale

@@ -122,7 +122,7 @@ COMMANDS = {
     "records": CommandEntry(
         "tsis.cli.records",
         "app",
-        f"Targets with their presses and estimates: list, verify, recompute, export. {RESEARCH_USE_ONLY}",
+        f"Targets with their presses and estimates: list, verify, back up, recompute, export. {RESEARCH_USE_ONLY}",
     ),
     "study": CommandEntry(
         "tsis.cli.study",

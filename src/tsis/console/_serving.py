@@ -1,29 +1,30 @@
-"""The server of a console: certificate, address, and start until interruption."""
+"""The server of a console: certificate, address, log, and start until interruption."""
 
 from __future__ import annotations
 
+import asyncio
 import ipaddress
+import logging
 import signal
 import socket
 import ssl
 import threading
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field
+from logging.handlers import RotatingFileHandler
 from typing import TYPE_CHECKING, Any
 
 import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from tsis.console._app import console_app
-from tsis.console._log import logging_to
-from tsis.console._worker import collecting_garbage, share_memory_among_threads
+from tsis.console._worker import WorkerProcess, collecting_garbage, share_memory_among_threads
 from tsis.console.auth import Access, Logins, Sessions, console_folder, name_of, saved_token
-from tsis.console.services import Instrument, InstrumentSettings
-from tsis.errors import FileInputError, InputError
+from tsis.console.services import Instrument, InstrumentSettings, warm_up
+from tsis.errors import FileInputError, InputError, TsisError
 from tsis.model import require_integer
 
 if TYPE_CHECKING:
-    import asyncio
     from collections.abc import Callable, Iterator
     from pathlib import Path
 
@@ -134,6 +135,71 @@ def public_host(address: str, names: tuple[str, ...]) -> str:
     return f"[{address}]" if ":" in address else address
 
 
+FILE = "console.log"
+LARGEST_BYTES = 2**20
+SOURCES = ("tsis", "nicegui", "uvicorn.error", "asyncio")
+LOGINS = "tsis.console.auth"  # of it the file holds who came in, too
+_NOT_LOGGED = (
+    "timeout graceful shutdown exceeded",  # an open page was ended with the console
+    "Invalid HTTP request received",  # anybody can send such, as often as he likes, and was answered
+    "Unsupported upgrade request",
+)
+
+
+class OneLineFormatter(logging.Formatter):
+    """The message and the error, without traceback."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """One line."""
+        text = record.getMessage()
+        error = record.exc_info[1] if record.exc_info else None
+        if error is not None:
+            text = f"{text}: {type(error).__name__}: {error}"
+        return f"{record.levelname.capitalize()}: {' '.join(text.split())[:500]}"
+
+
+class FullLogHandler(RotatingFileHandler):
+    """The log file; write errors are ignored."""
+
+    def handleError(self, _: logging.LogRecord) -> None:  # noqa: N802 - the library's name
+        """Do nothing: on a full disk a message would repeat for each line."""
+
+
+@contextmanager
+def logging_to(folder: Path) -> Iterator[None]:
+    """Log the console and its libraries inside the block: to `FILE` of the folder, and to the terminal."""
+    whole = FullLogHandler(folder / FILE, maxBytes=LARGEST_BYTES, backupCount=2, encoding="utf-8", delay=True)
+    whole.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
+    short = logging.StreamHandler()
+    short.setFormatter(OneLineFormatter())
+    for handler, level in ((whole, logging.INFO), (short, logging.WARNING)):
+        handler.setLevel(level)
+        handler.addFilter(_is_logged)
+    sources = [logging.getLogger(name) for name in SOURCES]
+    for source in sources:
+        source.addHandler(whole)
+        source.addHandler(short)
+    logins = logging.getLogger(LOGINS)
+    level = logins.level
+    logins.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        logins.setLevel(level)
+        for source in sources:
+            source.removeHandler(whole)
+            source.removeHandler(short)
+        whole.close()
+
+
+def _is_logged(record: logging.LogRecord) -> bool:
+    if record.levelno < logging.WARNING and not record.name.startswith(LOGINS):
+        return False
+    if record.exc_info and isinstance(record.exc_info[1], asyncio.CancelledError):  # what waited when the console ended
+        return False
+    return not any(item in record.getMessage() for item in _NOT_LOGGED)
+
+
 LARGEST_PORT = 65535
 END_S = 1  # for which open pages are waited for
 LARGEST_HEADERS = 2**15
@@ -204,13 +270,33 @@ def serve_console(terms: ConsoleSettings, *, ready: Callable[[str], None]) -> No
                 secure=tls is not None,
             )
             share_memory_among_threads()
-            with logging_to(folder), Instrument(terms.instrument) as instrument:
+            warming = WorkerProcess()  # the first estimate is as fast as the others: its process fills the caches
+            with logging_to(folder), closing(warming), Instrument(terms.instrument) as instrument:
+                instrument.before_estimates = warm_up_once(warming)
                 application = console_app(instrument, access=access, hosts=(*OWN_NAMES, *terms.names))
                 scheme, port = "http" if tls is None else "https", listener.getsockname()[1]
                 ready(f"{scheme}://{public_host(address, terms.names)}:{port}/?token={token}")
                 # The server has ended in order, and raises the interruption that ended it.
                 with collecting_garbage(), suppress(KeyboardInterrupt):
                     uvicorn.Server(_config(application, tls)).run(sockets=[listener])
+
+
+def warm_up_once(worker: WorkerProcess) -> Callable[[str], None]:
+    """A function that warms up the estimates of a probe in the background, once for each; a failure is only logged."""
+    begun: set[str] = set()
+
+    def warm(probe: str) -> None:
+        try:
+            worker.call(warm_up, probe)
+        except (TsisError, RuntimeError) as error:
+            logging.getLogger(__name__).info("estimates of %s were not warmed up: %s", probe, error)
+
+    def begin(probe: str) -> None:
+        if probe and probe not in begun:
+            begun.add(probe)
+            threading.Thread(target=warm, args=(probe,), name="warm-up", daemon=True).start()
+
+    return begin
 
 
 def _permitted(terms: ConsoleSettings) -> tuple[str, ssl.SSLContext | None, Logins | None]:

@@ -1,7 +1,7 @@
 """The virtual probe: mechanics, light and camera without hardware."""
 
 from tsis.virtual._calibration_bench import VirtualBench, bench_name, bench_seed
-from tsis.virtual._camera import FORCE_SETTING, LARGEST_FORCE_N, USUAL_MS, VirtualCamera, virtual_mode
+from tsis.virtual._camera import FORCE_SETTING, LARGEST_FORCE_N, USUAL_MS, VirtualCamera, camera_settings, virtual_mode
 from tsis.virtual._direct_contact import DIRECT_CONTACT_RESOLUTION, DirectContactRig, direct_contact_calibration
 from tsis.virtual._gel_frames import (
     GelBallPress,
@@ -17,7 +17,7 @@ from tsis.virtual._gel_frames import (
 from tsis.virtual._gel_sensor import VirtualGelSensor
 from tsis.virtual._gige import GigEServer
 from tsis.virtual._loading_camera import MachineErrors
-from tsis.virtual._loading_machine import FLAT_LEVELS, VirtualLoadingMachine
+from tsis.virtual._loading_machine import FLAT_LEVELS, PROBE_PAD_SD, VirtualLoadingMachine, tissue_calibration
 from tsis.virtual._probe import FINE_RESOLUTION, VirtualProbe, nominal_calibration
 from tsis.virtual._repeated import (
     DEEPEST_FRACTION,
@@ -39,6 +39,7 @@ __all__ = [
     "FORCE_SETTING",
     "LARGEST_DRAWN_POISSON",
     "LARGEST_FORCE_N",
+    "PROBE_PAD_SD",
     "USUAL_MS",
     "DirectContactRig",
     "GelBallPress",
@@ -56,6 +57,7 @@ __all__ = [
     "ball_press",
     "bench_name",
     "bench_seed",
+    "camera_settings",
     "coverage_counts",
     "direct_contact_calibration",
     "dot_board_frame",
@@ -69,6 +71,7 @@ __all__ = [
     "rendered_series",
     "stored_coverage",
     "surround",
+    "tissue_calibration",
     "untouched_frame",
     "virtual_mode",
 ]

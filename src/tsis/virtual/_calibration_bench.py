@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 from tsis.calibration.force import loading_forces
 from tsis.calibration.session import (
@@ -19,6 +19,7 @@ from tsis.calibration.session import (
     CalibrationStep,
 )
 from tsis.errors import InputError
+from tsis.virtual._camera import camera_settings
 from tsis.virtual._loading_machine import FLAT_LEVELS as LEVELS
 from tsis.virtual._loading_machine import VirtualLoadingMachine
 from tsis.virtual._scale_targets import dot_board_frame, untouched_frame
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 
     from tsis.imaging import Sensor
     from tsis.model import Probe, TactileImage
+    from tsis.virtual._probe import VirtualProbe
 
 
 FRAMES_PER_S = 30.0
@@ -82,6 +84,16 @@ class VirtualBench:
     ) -> None:
         self.machine = VirtualLoadingMachine(probe, rng=rng, sensor=sensor) if machine is None else machine
         self._rng, self._pitch_mm = rng, pitch_mm
+
+    @classmethod
+    def of(cls, rig: VirtualProbe, *, rng: np.random.Generator, pitch_mm: float = 2.5) -> Self:
+        """The rig on which a virtual probe is calibrated, at a shorter exposure; see `VirtualLoadingMachine.of`."""
+        return cls(rig.probe, rng=rng, pitch_mm=pitch_mm, machine=VirtualLoadingMachine.of(rig, rng=rng))
+
+    @property
+    def settings(self) -> dict[str, float]:
+        """Settings of its camera, as those of the virtual probe's camera are named."""
+        return camera_settings(self.machine.sensor, exposure=self.machine.exposure)
 
     @property
     def patch_px(self) -> tuple[int, int, int, int] | None:

@@ -257,6 +257,11 @@ class VirtualCamera:
         self._opened = False
 
 
+def camera_settings(sensor: Sensor, *, exposure: float = 1.0) -> dict[str, float]:
+    """Settings of a virtual probe's camera at ``exposure`` times the usual one."""
+    return {"exposure_ms": exposure * USUAL_MS, "gain": 0.0, "brightness": sensor.background_grey}
+
+
 def virtual_mode(sensor: Sensor, frames_per_s: float = USUAL_PER_S) -> Mode:
     """The only mode of a virtual camera with that sensor."""
     return Mode(width_px=sensor.columns, height_px=sensor.rows, full_scale=sensor.full_scale, frames_per_s=frames_per_s)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from scipy.ndimage import gaussian_filter
@@ -15,15 +15,17 @@ from tsis.imaging import Sensor, rough_contact
 from tsis.mechanics import HertzContact, effective_modulus_kpa, hertz_under_force, press
 from tsis.model import MN_PER_N, Calibration, LightMap, Phantom, Probe, TactileImage, require_number, require_type
 from tsis.optics.irradiance import Irradiance
+from tsis.virtual._camera import USUAL_MS, camera_settings
 from tsis.virtual._direct_contact import direct_contact_calibration
 from tsis.virtual._loading_camera import LoadingCamera, MachineErrors, drawn_truth
-from tsis.virtual._probe import FINE_RESOLUTION
+from tsis.virtual._probe import FINE_RESOLUTION, VirtualProbe
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
+    from tsis.calibration.file import ProbeCalibration
     from tsis.imaging import LedDrift
     from tsis.model import PressField
 
@@ -33,6 +35,8 @@ HEADROOM = 1.2  # range for the errors of the machine before pixels clip
 FLAT_LEVELS = (0.15, 0.4, 0.65)  # of the scale
 EDGE_LEVEL = 0.6
 DARKEST = 0.02  # of the mean light
+FULL_CONTACT = 0.4  # of the scale: full contact in the brightest light of the untouched face; dents brighten it
+PROBE_PAD_SD = 0.02  # of the moduli of the pads that calibrate a virtual probe, relative
 
 
 class VirtualLoadingMachine:
@@ -105,7 +109,7 @@ class VirtualLoadingMachine:
         self._pads: dict[float, tuple[float, float]] = {}  # modulus over the nominal one, and light
         self._largest_n = 0.0
         peak = _contact(probe, 1.0, NOMINAL_TIP_MM, NOMINAL_N).peak_pressure_kpa
-        self._dented = light
+        self._dented, self._emphasis, self.exposure = light, 0.0, 1.0
         known = light.near_undented() if isinstance(light, Irradiance) else light
         exposed = direct_contact_calibration(self.sensor, probe=probe, light=known, peak_kpa=HEADROOM * peak)
         nominal = Calibration(
@@ -116,6 +120,38 @@ class VirtualLoadingMachine:
         # Even contact that fills the scale where the light is brightest
         self._even_grey = self.camera.range_grey / max(1.0, 1.0 if level is None else float(level.max()))
         self.truth = drawn_truth(nominal, self.camera, self.errors, rng, level)
+
+    @classmethod
+    def of(cls, rig: VirtualProbe, *, rng: np.random.Generator) -> Self:
+        """The machine that calibrates a virtual probe: it loads this very probe, under its own light.
+
+        Under a tip the skin's contact is nearly full, and at the exposure of tissue its light would clip: the machine's
+        camera has a shorter one, ``exposure`` times that of the probe. Its light is even but for the probe's lamps.
+        """
+        require_type("rig", rig, VirtualProbe)
+        errors = MachineErrors(shading_sd=0.0, stray_grey=0.0, gain_sd=0.0, pad_young_sd=PROBE_PAD_SD)
+        response = rig.calibration
+        machine = cls(
+            rig.probe,
+            rng=rng,
+            sensor=rig.sensor,
+            errors=errors,
+            patch=False,
+            saturation_kpa=response.saturation_kpa,
+            light=rig._light,
+        )
+        level = rig._light.at(*rig.sensor.axes_mm())
+        full = response.gain_grey_per_kpa * response.saturation_kpa * float(level.max())
+        machine.exposure = FULL_CONTACT * machine.camera.range_grey / full
+        machine._emphasis = rig._emphasis
+        gain = machine.exposure * rig._gain * response.gain_grey_per_kpa
+        machine.truth = replace(
+            machine.truth,
+            response=replace(machine.truth.response, gain_grey_per_kpa=gain),
+            stiffness=rig._stiffness,
+            relative_light=level * rig._pattern,
+        )
+        return machine
 
     @property
     def patch_px(self) -> tuple[int, int, int, int] | None:
@@ -214,7 +250,8 @@ class VirtualLoadingMachine:
             away = np.maximum(radius, 1e-9)
             slopes = outwards * x / away, outwards * y[:, None] / away
             dented = self._dented.at(x, y, displacement_mm=displacement, slope_x=slopes[0], slope_y=slopes[1])
-            light *= dented / np.maximum(self._dented.at(x, y), DARKEST) * self._remaining(light)
+            dented = dented / np.maximum(self._dented.at(x, y), DARKEST)
+            light *= dented ** (1 + self._emphasis) * self._remaining(light)
         knots = self.errors.pattern_sd * np.sqrt(1.5) * self._rng.standard_normal(int(2 * radius.max()) + 3)
         return self._blurred(light * (1 + np.interp(2 * radius, np.arange(len(knots)), knots)))
 
@@ -283,7 +320,7 @@ class VirtualLoadingMachine:
         sunk = np.where(within, (contact.contact_radius_mm**2 - (along**2 + across**2) / 2) / tip, 0.0)
         slope_x, slope_y = (np.where(within, -part / tip, 0.0) for part in (along, across))
         here = self._dented.at(x, y, displacement_mm=sunk, slope_x=slope_x, slope_y=slope_y)
-        return np.asarray(here / np.maximum(self._dented.at(x, y), DARKEST))
+        return np.asarray((here / np.maximum(self._dented.at(x, y), DARKEST)) ** (1 + self._emphasis))
 
     def _remaining(self, light: NDArray[np.float64]) -> float:
         """Fraction of the light that the real contact leaves on the face."""
@@ -326,4 +363,32 @@ def _contact(probe: Probe, stiffness: float, tip_radius_mm: float, force_n: floa
         force_mn=force_n * MN_PER_N,
         young_kpa=stiffness * effective_modulus_kpa(probe.layers),
         poisson=probe.layers[0].poisson,
+    )
+
+
+def tissue_calibration(measured: ProbeCalibration, sensor: Sensor) -> ProbeCalibration:
+    """The calibration of a virtual probe at its usual exposure, from the one that `VirtualBench.of` gave.
+
+    Light is proportional to the exposure of this camera. The force line of the tips is left out: their light would
+    clip. Stray light of a press is even before the light is evened out, and uneven after that by what its pattern gets.
+    """
+    exposure = measured.settings["exposure_ms"] / USUAL_MS
+    uneven = 0.0
+    if measured.reference is not None:
+        seen = measured.reference.usable & (sensor.radius_mm() < sensor.axes_mm()[1].max())
+        stray = 1 / measured.reference.relative_light[seen]
+        uneven = float(stray.std() / stray.mean())
+
+    def exposed(response: Calibration | None) -> Calibration | None:
+        if response is None:
+            return None
+        pattern = float(np.hypot(response.repeatability_sd, response.offset_sd * uneven))
+        return replace(response, gain_grey_per_kpa=response.gain_grey_per_kpa / exposure, repeatability_sd=pattern)
+
+    return replace(
+        measured,
+        settings=camera_settings(sensor),
+        force_line=None,
+        response=exposed(measured.response),
+        tissue=exposed(measured.tissue),
     )

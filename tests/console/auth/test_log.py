@@ -10,8 +10,7 @@ import pytest
 import uvicorn
 
 from tsis.console import _serving as serving
-from tsis.console._log import FILE, logging_to
-from tsis.console._serving import listen
+from tsis.console._serving import FILE, listen, logging_to
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -11,6 +11,7 @@ from tests.console.filled_store import ESTIMATED
 from tests.console.pages.simulated import at_console
 from tests.console.services.instruments import ANN, BOB, gauge
 from tests.records.sample import sample_dossier
+from tests.waiting import HANGS_S
 
 from tsis.console.live import LiveView
 from tsis.files import target_folder
@@ -287,3 +288,15 @@ def test_the_image_is_frozen_ranged_and_marked_while_the_camera_goes_on(lit: Ins
         assert (await operator.requested("/state"))["camera"]["running"]
 
     at_console(lit, script)
+
+
+def test_the_page_of_jobs_has_those_of_earlier_runs(lit: Instrument) -> None:
+    job = lit.jobs.begin("estimate of target 7", lambda job: job.say("d = 8 mm"))
+    assert job.wait(HANGS_S)
+
+    async def script(operator: Operator) -> None:
+        await operator.sees("Nothing is under way.", "Of this run of the console and those before")
+        await operator.until(lambda: [row[1:3] for row in operator.rows] == [("estimate of target 7", "done")], "none")
+        assert operator.rows[0][4] == "d = 8 mm"
+
+    at_console(lit, script, "/jobs")

@@ -9,8 +9,8 @@ from nicegui import run, ui
 from tests.console.pages.open_page import RecordingViewer, on_a_page, texts
 from tests.console.services.instruments import lit_instrument
 
-from tsis.console.pages.components import CalibrationMemory, follow_store
 from tsis.console.pages.examine._estimate import EstimatePanel
+from tsis.console.pages.records._context import follow_store
 from tsis.console.pages.records._target import TargetPage
 
 if TYPE_CHECKING:
@@ -113,31 +113,3 @@ def test_of_two_readings_the_one_asked_for_last_is_shown(tmp_path: Path, monkeyp
             assert "Target 1: new" in texts(viewer)
 
         on_a_page(instrument, overtaken)
-
-
-def test_a_calibration_is_asked_for_when_it_is_another_one() -> None:
-    requested: list[int] = []
-
-    class Judging:
-        latest: Any = SimpleNamespace(identity="a")
-
-        @property
-        def calibration(self) -> Any:
-            requested.append(1)
-            return self.latest
-
-    instrument: Any = Judging()
-    observed = CalibrationMemory(instrument)
-
-    def state(identity: str) -> Any:
-        return SimpleNamespace(calibration_identity=identity)
-
-    assert observed.of(state("")) is None
-    assert not requested
-    assert [observed.of(state("a")) for _ in range(3)] == [instrument.latest] * 3
-    assert len(requested) == 1
-    before, instrument.latest = instrument.latest, None
-    assert observed.of(state("b")) is None
-    assert observed.of(state("")) is None
-    instrument.latest = before
-    assert observed.of(state("a")) is before

@@ -49,6 +49,12 @@ def test_own_images_are_opened_measured_and_saved(tmp_path: Path, monkeypatch: p
             assert "Contact in press.png" in texts(viewer)
             await page.save()
             assert "Saved 1 press of target 1." in texts(viewer)
+            page.number_field.value = "0"
+            await page.save()
+            assert "target must lie in [1, " in viewer.complaints[-1]
+            page.number_field.value = "1"
+            await page.save()
+            assert "Saved 0 presses of target 1." in texts(viewer), "what is there is not saved twice"
 
         on_a_page(instrument, done)
         (press,) = instrument.store.record(instrument.store.target(1)).presses

@@ -280,3 +280,47 @@ def test_an_export_is_fetched_by_the_browser_from_an_address_that_gives_it(fille
     filled.terms.workspace.mkdir(exist_ok=True)
     at_console(filled, script, f"/records/{ESTIMATED}")
     assert read_bundle(filled.terms.workspace / "b.zip").target.name == "size-10"
+
+
+def test_a_target_is_deleted_and_restored(filled: Instrument) -> None:
+    async def script(operator: Operator) -> None:
+        await operator.clicks("Delete")
+        await operator.sees(f"Delete target {MANY}?", "The audit and the logs of studies stay.")
+        await operator.clicks("Cancel")
+        assert filled.store.state(filled.store.target(MANY)) is None
+        await operator.clicks("Delete")
+        await operator.clicks("Delete")
+        await operator.hears(f"Target {MANY} is deleted.")
+        await operator.sees("It can be restored until")
+        await operator.open("/records")
+        await operator.sees("2 targets (phantoms)")
+        await operator.until(lambda: [int(row[0]) for row in operator.rows] == [ESTIMATED, HARD], "listed still")
+        await operator.chooses("Show", "deleted")
+        await operator.until(lambda: [int(row[0]) for row in operator.rows] == [MANY], "not among the deleted")
+        await operator.open(f"/records/{MANY}")
+        await operator.clicks("Restore")
+        await operator.hears(f"Target {MANY} is restored.")
+        await operator.misses("It can be restored until")
+        await operator.clicks("Archive")
+        await operator.sees("it is out of the lists, and whole")
+
+    at_console(filled, script, f"/records/{MANY}")
+    state = filled.store.state(filled.store.target(MANY))
+    assert state is not None
+    assert state.name == "archived"
+
+
+def test_a_store_is_backed_up_from_its_page(filled: Instrument, tmp_path: Path) -> None:
+    async def script(operator: Operator) -> None:
+        await operator.clicks("Back up")
+        await operator.types("New folder, whole path", str(tmp_path / "backup"))
+        await operator.clicks("Back up")
+        await operator.sees(f"The backup is in {tmp_path / 'backup'}")
+        await operator.clicks("Back up")
+        await operator.types("New folder, whole path", "here")
+        await operator.clicks("Back up")
+        await operator.hears("folder must be a whole path")
+
+    at_console(filled, script, "/records")
+    with open_store(tmp_path / "backup", create=False) as copy:
+        assert [item.target.number for item in copy.targets()] == [ESTIMATED, MANY, HARD]

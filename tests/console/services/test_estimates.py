@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import threading
 from dataclasses import replace
 from datetime import timedelta
 from functools import partial
@@ -18,6 +19,7 @@ from tests.waiting import HANGS_S
 
 import tsis
 import tsis.hardness
+from tsis.console._serving import warm_up_once
 from tsis.console.services import BALL_MM, CameraChoice, newest_presses
 from tsis.console.services import _subject as subject_module
 from tsis.errors import InputError
@@ -25,7 +27,7 @@ from tsis.imaging import Sensor
 from tsis.virtual import DirectContactRig
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
 
     from tsis.console.services import Instrument, Job, SavedPress
@@ -217,3 +219,23 @@ def test_an_estimate_that_is_ended_stores_nothing(probe: Instrument) -> None:
     assert job.wait(HANGS_S)
     assert job.state().status == "ended"
     assert probe.store.estimates(remaining.target) == ()
+
+
+def test_estimates_of_a_probe_are_warmed_up_once(tmp_path: Path) -> None:
+    called: list[tuple[str, str]] = []
+    over = threading.Event()
+
+    class Recording:
+        def call(self, work: Callable[[str], None], probe: str) -> None:
+            called.append((work.__name__, probe))
+            over.set()
+            raise InputError("a probe that nobody knows is no trouble")
+
+    worker: Any = Recording()
+    with virtual_instrument(tmp_path) as instrument:
+        instrument.before_estimates = warm_up_once(worker)
+        for _ in range(2):
+            instrument.start(by=ANN)
+            instrument.stop(by=ANN)
+    assert over.wait(HANGS_S)
+    assert called == [("warm_up", "tsis-2011")]

@@ -295,3 +295,26 @@ def test_role_and_force_are_changed_together_or_not_at_all(instrument: Instrumen
     assert (instrument.state().role, instrument.state().force_n) == ("plain", 0.5)
     instrument.hold(role="ball", forget=True, by=ANN)
     assert (instrument.state().role, instrument.state().force_n) == ("ball", None)
+
+
+def test_what_was_chosen_comes_back_after_a_kill_and_is_said(tmp_path: Path) -> None:
+    killed = lit_instrument(tmp_path)
+    try:
+        killed.choose(CameraChoice(phantom="size-8", probe="tsis-2011"), by=ANN)
+        killed.set_target(12, by=ANN)
+        waits = FixedGauge()
+        killed.jobs.begin("sequence of target 12", waits, at_once=True)
+        assert waits.begun.wait(HANGS_S)
+        with lit_instrument(tmp_path) as again:
+            state = again.state()
+            assert (state.camera.choice.phantom, state.target) == ("size-8", 12)
+            assert state.trouble[-1] == (
+                "The console was not ended in order. Cut off, with what they had saved: sequence of target 12. Brought "
+                "back: camera virtual on size-8, target 12; start the camera to go on."
+            )
+            again.start(by=ANN)
+            assert not any("in order" in message for message in again.state().trouble)
+    finally:
+        killed.close()
+    with lit_instrument(tmp_path) as later:  # the one before was ended in order
+        assert (later.state().target, later.state().trouble) == (1, ())

@@ -18,6 +18,7 @@ from tsis.errors import ControlError, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
+    from pathlib import Path
 
 
 @pytest.fixture
@@ -258,3 +259,34 @@ def test_no_thread_stays_when_nothing_is_left_to_do(jobs: Jobs) -> None:
     before = threading.active_count()
     assert done(jobs.begin("one", lambda job: 1)) == "done"
     until(lambda: threading.active_count() <= before)
+
+
+def test_the_history_outlives_the_program_and_names_what_it_cut_off(tmp_path: Path) -> None:
+    file = tmp_path / "workspace" / "jobs.jsonl"
+    first = Jobs(file)
+    assert (first.history.past, first.history.interrupted) == ((), ())
+    done = first.begin("sum", lambda job: job.say("42"))
+    assert done.wait(HANGS_S)
+    waits = FixedGauge()
+    cut = first.begin("sequence of target 3", waits, at_once=True)
+    assert waits.begun.wait(HANGS_S)
+    with file.open("a") as damaged:
+        damaged.write('{"identity": "half')
+    second = Jobs(file)  # the first was killed
+    (over, interrupted) = second.history.past
+    assert over == done.state()
+    assert (interrupted.identity, interrupted.status) == (cut.identity, "failed")
+    assert interrupted.sentence == "the console ended before it was over; what was saved until then is there"
+    assert second.history.interrupted == (interrupted,)
+    third = Jobs(file)
+    assert (third.history.past, third.history.interrupted) == ((over, interrupted), ())
+    waits.over.set()
+    assert cut.wait(HANGS_S)
+
+
+def test_a_history_that_cannot_be_written_stops_no_job(tmp_path: Path) -> None:
+    (tmp_path / "jobs.jsonl").mkdir()
+    jobs = Jobs(tmp_path / "jobs.jsonl")
+    job = jobs.begin("sum", lambda job: job.say("42"))
+    assert job.wait(HANGS_S)
+    assert job.state().status == "done"

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from tsis.console.pages import about, calibrate, camera, design, examine, hardness, images, records, study
+from tsis.console.pages import about, calibrate, camera, design, examine, hardness, images, jobs, records, study
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-__all__ = ["PAGES"]
+__all__ = ["PAGES", "UNLISTED"]
+UNLISTED = ("/jobs",)  # reached by a button of the header
 # A page is called with the instrument, the viewer, and the parts of its address in braces.
 PAGES: dict[str, tuple[str, Callable[..., object]]] = {
     "/": ("Examine", examine.examine_page),
@@ -23,5 +24,6 @@ PAGES: dict[str, tuple[str, Callable[..., object]]] = {
     "/records": ("Records", records.target_listing),
     "/records/{number}": ("Records", records.show_target),
     "/design": ("Design", design.design_tab),
+    "/jobs": ("Jobs", jobs.jobs_page),
     "/about": ("About", about.about_page),
 }

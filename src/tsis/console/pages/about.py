@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from nicegui import ui
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.console.pages.components import CalibrationMemory, FactList, panel_title, time_label
+from tsis.console.pages.components import FactList, panel_title, time_label
 from tsis.console.pages.examine import KEYS
 from tsis.records import environment
 
@@ -21,18 +21,12 @@ if TYPE_CHECKING:
     from tsis.console.services import Instrument, InstrumentState
 
 
-TITLE = "tsis: open software for optical tactile imaging"
-AUTHORS = "the TSIS founders"
-THESIS = (
+CITATION = (
+    f"the TSIS founders, tsis: open software for optical tactile imaging, version {__version__}.",
     'J.-H. Lee, "Tactile Sensation Imaging System and Algorithms for Tumor Detection", Ph.D. dissertation, '
-    "Temple University, 2011"
+    "Temple University, 2011.",
 )
 LICENCE = "BSD-3-Clause"
-
-
-def citation() -> tuple[str, ...]:
-    """What to cite: the program, and the dissertation whose system it describes."""
-    return (f"{AUTHORS}, {TITLE}, version {__version__}.", f"{THESIS}.")
 
 
 def licence() -> str:
@@ -41,7 +35,6 @@ def licence() -> str:
 
 
 Facts = tuple[tuple[str, str], ...]
-
 ALSO = ("matplotlib", "sqlalchemy", "nicegui", "fastapi", "uvicorn")  # beside those that change results
 SHORT = 16  # digits of a SHA-256 that tell one calibration from another on a page
 
@@ -65,11 +58,9 @@ def calibration_facts(state: InstrumentState, cited: UsableCalibration | None) -
     if cited is None:
         return (("In force", "none; lengths are in pixels, and nothing can be estimated"),)
     given = cited.calibration
-    dates = (
-        (("Made", "with the virtual probe; it does not age"),)
-        if given.made is None or given.expires is None
-        else (("Made", time_label(given.made)), ("Good until", time_label(given.expires)))
-    )
+    dates: Facts = (("Made", "with the virtual probe; it does not age"),)
+    if given.made is not None and given.expires is not None:
+        dates = (("Made", time_label(given.made)), ("Good until", time_label(given.expires)))
     return (
         ("In force", given.name),
         ("Identity", f"SHA-256 {cited.identity[:SHORT]}…"),
@@ -83,17 +74,11 @@ def camera_facts(state: InstrumentState) -> Facts:
     """The camera and the seed of the virtual one."""
     now = state.camera
     size = f"{now.columns} x {now.rows} pixels" if now.rows else "not known before it runs"
-    results = [
-        ("Camera", now.name or ("the virtual probe" if now.choice.is_virtual else now.choice.spec)),
-        ("Mode", now.mode or "not known before it runs"),
-        ("Picture", size),
-    ]
-    if now.choice.is_virtual:
-        results += [
-            ("Probe", now.choice.probe),
-            ("It presses", now.choice.phantom),
-            ("Seed of its errors", str(now.choice.seed)),
-        ]
+    choice = now.choice
+    name = now.name or ("the virtual probe" if choice.is_virtual else choice.spec)
+    results = [("Camera", name), ("Mode", now.mode or "not known before it runs"), ("Picture", size)]
+    if choice.is_virtual:
+        results += [("Probe", choice.probe), ("It presses", choice.phantom), ("Seed of its errors", str(choice.seed))]
     return tuple(results)
 
 
@@ -137,19 +122,15 @@ async def about_page(instrument: Instrument, viewer: Viewer) -> None:
             FactList().show((*KEYS.items(), MOUSELESS))
         with _panel("For scripts"):
             ui.label("What pages do, scripts can do by HTTP and JSON, with the same rights and behind the same key.")
-            with ui.element("p"):
-                ui.label("The calls and their values: ")
-                ui.link(DESCRIPTION, DESCRIPTION, new_tab=True)
+            ui.link("The calls and their values", DESCRIPTION, new_tab=True)
         with _panel("To cite it"):
-            for message in citation():
+            for message in CITATION:
                 ui.label(message)
         with _panel(f"Licence: {LICENCE}"), ui.expansion("Read it").props("dense").classes("licence"):
             ui.label(licence()).classes("whole-text")
 
-    active = CalibrationMemory(instrument)
-
     def show(state: InstrumentState) -> None:
-        calibration.show(calibration_facts(state, active.of(state)))
+        calibration.show(calibration_facts(state, state.active))
         camera.show(camera_facts(state))
 
     viewer.follow(show)

@@ -14,7 +14,6 @@ from tsis.calibration import parse_usable_calibration
 from tsis.calibration.file import LARGEST_BYTES
 from tsis.catalog import list_phantoms, list_probes, list_spheres
 from tsis.console.pages.components import (
-    CalibrationMemory,
     ChoiceField,
     OperatorControls,
     ProgressBar,
@@ -58,7 +57,7 @@ class CalibrationPanel:
     """Show and change the active calibration."""
 
     def __init__(self, instrument: Instrument, viewer: Viewer, controls: OperatorControls) -> None:
-        self._instrument, self._viewer, self._calibration = instrument, viewer, CalibrationMemory(instrument)
+        self._instrument, self._viewer = instrument, viewer
         with ui.element("section").classes("panel stack tight"):
             panel_title("Active calibration")
             self._name = ui.label()
@@ -75,7 +74,7 @@ class CalibrationPanel:
         """Show which it is."""
         own = state.camera.choice.is_virtual
         self._name.text = state.calibration or ("the virtual probe's own, once it runs" if own else "none")
-        given = self._calibration.of(state)
+        given = state.active
         self._identity.text = "" if given is None and own else calibration_text(given)
         self._none.text = "Use the virtual probe's own" if own else "Use none"
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
+from tsis.__about__ import LARGEST_TARGET
 from tsis.console.pages.components import (
     LARGEST_MIB,
     FileField,
@@ -171,7 +172,9 @@ class OwnImagesPage:
             given = None if active is None else active.calibration
             own_scale = given is not None and given.scale is not None
             options = ImportOptions(mm_per_pixel=None if own_scale else self.scale(), calibration=given)
-            number = typed_integer("target", self.number_field.value) if self.number_field.value else None
+            number = (
+                typed_integer("target", self.number_field.value, 1, LARGEST_TARGET) if self.number_field.value else None
+            )
             images = [row.frame() for row in self.rows]
             return save_images(self._instrument.store, images, number=number, options=options)
 

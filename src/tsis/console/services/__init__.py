@@ -9,7 +9,7 @@ from tsis.console.services._control import (
     ControlLock,
     Owner,
 )
-from tsis.console.services._estimates import estimate_title, newest_presses
+from tsis.console.services._estimates import estimate_title, newest_presses, warm_up
 from tsis.console.services._frame_analysis import ContactView, FrameAnalysis
 from tsis.console.services._instrument import Instrument
 from tsis.console.services._jobs import DONE, ENDED, FAILED, RESULTS, Job, JobCancelled, Jobs, JobState
@@ -74,4 +74,5 @@ __all__ = [
     "newest_presses",
     "open_images",
     "save_images",
+    "warm_up",
 ]

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from tsis.calibration import UsableCalibration
     from tsis.calibration.guard import GuardReference
     from tsis.console.services._camera import CameraController
-    from tsis.console.services._subject import VirtualSubject
+    from tsis.console.services._subject import CameraChoice, VirtualSubject
 
 
 Pair = tuple[float, float]
@@ -97,10 +97,16 @@ class ActiveCalibrationCheck:
 def _require_fit(cited: UsableCalibration, camera_controller: CameraController) -> None:
     """Refuse, with `CalibrationError`, what is expired, or of another probe, camera, setting or size of frames."""
     given, choice, acquisition = cited.calibration, camera_controller.choice, camera_controller.acquisition
-    if bench_seed(given.camera) is not None:
+    seed = bench_seed(given.camera)
+    if seed is not None and not given.settings:
         raise CalibrationError(
             f"calibration {given.name!r} is of the {given.camera}, an exercise: no page looks through its camera "
-            "(the virtual probe brings its own calibration)"
+            "(begin a new calibration, which is one of the virtual probe)"
+        )
+    if seed is not None and (not choice.is_virtual or choice.is_sphere or choice.seed != seed):
+        raise CalibrationError(
+            f"calibration {given.name!r} is of the virtual probe of seed {seed} on tissue; the camera is {_of(choice)} "
+            f"(choose that probe on the page Camera, or begin a calibration of this one)"
         )
     given.require_usable(
         datetime.now(UTC),
@@ -122,6 +128,12 @@ def _require_fit(cited: UsableCalibration, camera_controller: CameraController) 
             f"calibration {given.name!r} is of frames with full scale {reference.full_scale:g}; the camera's have "
             f"{full_scale:g} (start the camera in the mode in which it was calibrated)"
         )
+
+
+def _of(choice: CameraChoice) -> str:
+    if not choice.is_virtual:
+        return choice.spec
+    return f"the virtual probe of seed {choice.seed} on {'a bare sphere' if choice.is_sphere else 'tissue'}"
 
 
 def _other_frames(name: str, ours: tuple[int, ...], theirs: tuple[int, ...]) -> CalibrationError:

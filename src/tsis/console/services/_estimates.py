@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from tsis.__about__ import LARGEST_TARGET
+from tsis.catalog import load_phantom, load_probe
 from tsis.errors import InputError, RecordsError
-from tsis.inclusion import stated_strain
+from tsis.inclusion import estimate, stated_strain
 from tsis.model import require_integer, require_one_of
 from tsis.records import ESTIMATES, REFERENCE_ROLES, EstimationRequest, environment, estimate_stored, require_options
+from tsis.virtual import VirtualProbe
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -86,6 +90,14 @@ def require_estimable(
 def estimate_title(number: int) -> str:
     """Title of an estimate's job, by which pages find the one of their target."""
     return f"estimate of target {number}"
+
+
+def warm_up(probe: str) -> None:
+    """Estimate a simulated press: solver, tables and compiled loops are in the caches then, for every process."""
+    rig = VirtualProbe(load_probe(probe), rng=np.random.default_rng(0), strain="small")
+    phantom = load_phantom("size-8")
+    frames, reference = ([rig.press(item, force_n=1.0)] for item in (phantom, phantom.without_inclusion()))
+    estimate(frames, probe=rig.probe, calibration=rig.calibration, reference=reference, strain="small")
 
 
 def newest_presses(record: TargetRecord, kind: str) -> tuple[StoredPress, ...]:

@@ -13,7 +13,14 @@ from tsis.console.services._camera import CameraController
 from tsis.console.services._control import Commands, ControlLock
 from tsis.console.services._estimates import estimate_target, estimate_title, require_estimable
 from tsis.console.services._jobs import RUNNING, Jobs
-from tsis.console.services._reading import StoreCheck, force_at, gauge_force, trouble_messages
+from tsis.console.services._reading import (
+    InstrumentMemory,
+    StoreCheck,
+    force_at,
+    gauge_force,
+    interruption_message,
+    trouble_messages,
+)
 from tsis.console.services._sequences import SequenceRequest, begin_sequence
 from tsis.console.services._snapshots import PressToSave, save_press
 from tsis.console.services._state import InstrumentState, camera_state
@@ -47,6 +54,8 @@ class Instrument:
     A command names its caller's identity, ``by``, which must own the camera (`ControlLock.take`). Commands run in turn.
     Each raises `ControlError` when somebody else owns the camera, or another command lasts for seconds.
 
+    ``before_estimates`` is called with the name of the probe when the camera has started: estimates come soon.
+
     Parameters
     ----------
     terms
@@ -64,12 +73,20 @@ class Instrument:
         # What can fail comes first, so that nothing is left running then.
         given = None if terms.calibration is None else read_usable_calibration(terms.calibration)
         self.store: Store = open_store(terms.store, kind=terms.kind, database=terms.database)
-        self.control, self.jobs, self._store_check = ControlLock(), Jobs(), StoreCheck(self.store)
+        if not self.store.database.read_only:
+            self.store.erase_expired()
+        self.control, self._store_check = ControlLock(), StoreCheck(self.store)
+        self.jobs = Jobs(terms.workspace / "jobs.jsonl")
+        self._memory = InstrumentMemory(terms.workspace / "last-run.state")
+        restored = self._memory.begin(terms.choice)
+        self._interruption = interruption_message(self.jobs.history.interrupted, restored)
         self._commands, self.search = Commands(self.control), CameraSearch(self.jobs)
-        self.terms, self._target = terms, 1
+        choice, number = restored or (terms.choice, 1)
+        self.terms, self._target = terms, number
         self._gauge: ForceLog | None = None
+        self.before_estimates: Callable[[str], None] = lambda _: None
         self.camera_controller = CameraController(
-            terms.choice, changed=lambda: self._watcher.begin_anew(), connect_to=connect_to
+            choice, changed=lambda: self._watcher.begin_anew(), connect_to=connect_to
         )
         self._active = ActiveCalibrationCheck(self.camera_controller, given)
         self.calibrating = CalibrationSessions(
@@ -93,6 +110,7 @@ class Instrument:
         """Close camera, gauge and store; a running sequence is completed. A second call does nothing."""
         with ExitStack() as left:  # the last first, and each whatever becomes of the others
             left.callback(self.store.close)
+            left.callback(self._memory.ended)
             if self._gauge is not None:
                 left.callback(self._gauge.stop)
             left.callback(self.camera_controller.close)
@@ -127,22 +145,31 @@ class Instrument:
             sequence=None if sequence is None else sequence.state(),
             jobs=self.jobs.states(),
             trouble=trouble_messages(
-                camera, gauge, active.why, self._watcher.failure, store_gone=self._store_check.trouble()
+                camera,
+                gauge,
+                active.why,
+                self._watcher.failure,
+                store_gone=self._store_check.trouble(),
+                interruption=self._interruption,
             ),
             busy=self._commands.busy,
             gauge="" if gauge is None else gauge.name,
+            active=given,
         )
 
     def choose(self, choice: CameraChoice, *, by: str) -> None:
         """Choose another camera, not yet started; a chosen calibration stays active where it fits."""
         with self._commands.run(by, "choosing a camera", instead="another camera can be chosen"):
             self.camera_controller.choose(choice)
+            self._keep()
             self._watcher.begin_anew()
 
     def start(self, *, by: str) -> None:
         """Start the camera; errors as `CameraController.start`. When it runs already, nothing happens."""
         with self._commands.run(by, "starting the camera"):
             self.camera_controller.start()
+            self._interruption = ""  # it was read, and work goes on
+            self.before_estimates(self._active.now().probe)
 
     def stop(self, *, by: str) -> None:
         """Stop the camera."""
@@ -163,6 +190,7 @@ class Instrument:
         """Choose the target that snapshots go to, in [1, 99999]."""
         with self._commands.run(by, "choosing a target"):
             self._target = require_integer("target", number, 1, LARGEST_TARGET, hint="number of the target")
+            self._keep()
 
     def step_target(self, many: int, *, by: str) -> None:
         """Choose the target so many after the present one, whichever that is when it is done; before where negative."""
@@ -170,6 +198,7 @@ class Instrument:
             self._target = require_integer(
                 "target", self._target + many, 1, LARGEST_TARGET, hint="number of the target"
             )
+            self._keep()
 
     def hold(self, *, role: str | None = None, force_n: float | None = None, forget: bool = False, by: str) -> None:
         """Set role and force of the press; the virtual probe moves there.
@@ -292,6 +321,9 @@ class Instrument:
             f"recomputation of target {target.number}",
             lambda job: recompute(self.store, target, dry_run=dry_run, progress=job.advance),
         )
+
+    def _keep(self) -> None:
+        self._memory.keep(self.terms.choice, self.camera_controller.choice, self._target)
 
     def _about(self) -> dict[str, Any]:
         """What is recorded, as the camera is set now."""

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import threading
 import time
 import uuid
 from collections import OrderedDict, deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 from tsis.errors import ControlError, InputError, TsisError
+from tsis.files import from_json_value, to_json_value
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from pathlib import Path
 
 
 AT_ONCE, REMEMBERED = 2, 50
@@ -163,13 +166,65 @@ class Job:
         self._finished.set()
 
 
+MOST_PAST, MOST_LINES = 200, 2000  # jobs of the history that are shown; lines of its file before it is made shorter
+INTERRUPTED = "the console ended before it was over; what was saved until then is there"
+
+
+class JobHistory:
+    """The jobs of earlier runs of the program, in a file of one line for each beginning and each end.
+
+    ``past`` are those that are over, the newest last, and ``interrupted`` those that the last end of the program cut
+    off. A line that cannot be read or written is left out.
+    """
+
+    def __init__(self, file: Path | None) -> None:
+        self._file, self._lock = file, threading.Lock()
+        states: dict[str, JobState] = {}
+        lines = self._lines()
+        for line in lines:
+            try:
+                state = from_json_value(JobState, json.loads(line), "job")
+            except (ValueError, InputError):  # cut off, or of another release
+                continue
+            states[state.identity] = state
+        cut = [state for state in states.values() if state.running]
+        ended = {state.identity: replace(state, status=FAILED, sentence=INTERRUPTED) for state in cut}
+        self.interrupted = tuple(ended.values())
+        self.past = tuple((states | ended).values())[-MOST_PAST:]
+        if ended or len(lines) > MOST_LINES:
+            self._write("w", self.past)
+
+    def add(self, state: JobState) -> None:
+        """Enter a job that begins or is over."""
+        self._write("a", (state,))
+
+    def _lines(self) -> list[str]:
+        try:
+            return [] if self._file is None else self._file.read_text(encoding="utf-8").splitlines()
+        except (OSError, UnicodeDecodeError):  # none was begun yet
+            return []
+
+    def _write(self, mode: str, states: tuple[JobState, ...]) -> None:
+        if self._file is None:
+            return
+        try:
+            with self._lock:
+                self._file.parent.mkdir(parents=True, exist_ok=True)
+                with self._file.open(mode, encoding="utf-8") as file:
+                    file.writelines(json.dumps(to_json_value(state)) + "\n" for state in states)
+        except OSError as error:
+            _log.warning("the history of jobs was not written: %s", error)
+
+
 class Jobs:
     """The jobs of a console: limited in number at once; the last ones and fewer results stay; safe for several threads.
 
-    Threads of jobs do not keep the program from ending: what they store is whole or absent at any moment.
+    Threads of jobs do not keep the program from ending: what they store is whole or absent at any moment. ``history``
+    has those of earlier runs of the program.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, history: Path | None = None) -> None:
+        self.history = JobHistory(history)
         self._lock = threading.Lock()
         self._jobs: OrderedDict[str, Job] = OrderedDict()
         self._waiting: deque[tuple[Job, Callable[[Job], Any]]] = deque()
@@ -192,12 +247,14 @@ class Jobs:
         wait already, or the console is closing.
         """
         job = Job(title, follows_camera=at_once, after=after)
+        state = job.state()
         with self._lock:
             if self._closed:
                 raise ControlError("the console is being ended; nothing can be begun any more (start it again)")
             running = sum(job.state().running for job in self._jobs.values())
             if not at_once and running >= REMEMBERED:
                 raise ControlError(f"at most {REMEMBERED} jobs may wait at once; wait until one is done")
+            self.history.add(state)  # before the line of its end
             self._jobs[job.identity] = job
             self._forget()
             if at_once:
@@ -249,6 +306,7 @@ class Jobs:
 
     def _run(self, job: Job, work: Callable[[Job], Any]) -> None:
         job.run(work)
+        self.history.add(job.state())
         if job.result is not None:
             self._save_result(job)
         job.finish()  # not before: what is begun after this one ends after it

@@ -146,5 +146,5 @@ def save_images(
             [image.path], replace(options, role=image.role, force_n=() if image.force_n is None else (image.force_n,))
         )
     ]
-    number = number or max((item.target.number for item in store.targets()), default=0) + 1
+    number = number or max((item.target.number for item in store.targets(hidden=True)), default=0) + 1
     return number, sum(item.added for item in import_batches(store, batches, target=number))

@@ -1,17 +1,22 @@
-"""Force readings at a frame, and problems of the instrument."""
+"""Force readings at a frame, problems of the instrument, and what it was set to when the program was killed."""
 
 from __future__ import annotations
 
+import json
 import time
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from tsis.console.services._subject import PressForce
-from tsis.files import printable_path
+from tsis.console.services._subject import CameraChoice, PressForce
+from tsis.errors import InputError
+from tsis.files import from_json_value, printable_path, to_json_value
 from tsis.virtual import FORCE_SETTING
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from pathlib import Path
 
+    from tsis.console.services._jobs import JobState
     from tsis.console.services._state import CameraState
     from tsis.instrument.acquisition import ReceivedFrame
     from tsis.instrument.gauge import ForceLog
@@ -56,7 +61,13 @@ class StoreCheck:
 
 
 def trouble_messages(
-    camera: CameraState, log: ForceLog | None, unfit: str, watching: str, *, store_gone: str = ""
+    camera: CameraState,
+    log: ForceLog | None,
+    unfit: str,
+    watching: str,
+    *,
+    store_gone: str = "",
+    interruption: str = "",
 ) -> tuple[str, ...]:
     """Messages of problems, the most urgent first.
 
@@ -79,4 +90,47 @@ def trouble_messages(
         results.append(f"The calibration is inactive, and presses are saved without one: {unfit}.")
     if watching:
         results.append(f"The press cannot be judged: {watching}.")
+    if interruption:
+        results.append(interruption)
     return tuple(results)
+
+
+class InstrumentMemory:
+    """Keeps camera and target in a file while the program runs, so that a start after a kill finds them again."""
+
+    def __init__(self, file: Path) -> None:
+        self._file = file
+
+    def begin(self, choice: CameraChoice) -> tuple[CameraChoice, int] | None:
+        """Camera and target of a run of the same ``choice`` at the start that did not end in order; None without."""
+        try:
+            last = json.loads(self._file.read_text(encoding="utf-8"))
+            started, chosen = (from_json_value(CameraChoice, last[name], "camera") for name in ("start", "choice"))
+            target = int(last["target"])
+        except (OSError, ValueError, KeyError, TypeError, InputError):  # ended in order, or never begun
+            return None
+        return (chosen, target) if started == choice else None
+
+    def keep(self, start: CameraChoice, choice: CameraChoice, target: int) -> None:
+        """Keep the present ones; a disk that refuses them stops nothing."""
+        content = {"start": to_json_value(start), "choice": to_json_value(choice), "target": target}
+        with suppress(OSError):
+            self._file.parent.mkdir(parents=True, exist_ok=True)
+            self._file.write_text(json.dumps(content), encoding="utf-8")
+
+    def ended(self) -> None:
+        """Forget them: the program ends in order."""
+        with suppress(OSError):
+            self._file.unlink()
+
+
+def interruption_message(jobs: tuple[JobState, ...], restored: tuple[CameraChoice, int] | None) -> str:
+    """What a program that was killed left behind; empty without that."""
+    cut = ", ".join(state.title for state in jobs)
+    parts = [f"Cut off, with what they had saved: {cut}." if cut else ""]
+    if restored is not None:
+        choice, target = restored
+        object_ = f" on {choice.phantom}" if choice.is_virtual else ""
+        parts.append(f"Brought back: camera {choice.spec}{object_}, target {target}; start the camera to go on.")
+    text = " ".join(part for part in parts if part)
+    return f"The console was not ended in order. {text}" if text else ""

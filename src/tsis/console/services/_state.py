@@ -9,6 +9,7 @@ from tsis.console.services._subject import UNTOUCHED, CameraChoice
 from tsis.instrument import Setting
 
 if TYPE_CHECKING:
+    from tsis.calibration import UsableCalibration
     from tsis.console.services._camera import CameraController
     from tsis.console.services._control import Owner
     from tsis.console.services._frame_analysis import FrameAnalysis
@@ -94,6 +95,8 @@ class InstrumentState:
         The running command that others must wait for, as ``"starting the camera"``; empty without one.
     gauge
         Name of the gauge that forces are read from; empty without one.
+    active
+        The active calibration itself.
     """
 
     camera: CameraState
@@ -110,6 +113,7 @@ class InstrumentState:
     trouble: tuple[str, ...]
     busy: str = ""
     gauge: str = ""
+    active: UsableCalibration | None = None
 
     @property
     def lifted(self) -> bool:

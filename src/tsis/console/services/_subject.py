@@ -20,7 +20,7 @@ from tsis.imaging import Sensor
 from tsis.instrument import STORED_SOURCES, live_sources
 from tsis.model import Phantom, SoftSphere, TactileImage, require_integer, require_number, require_one_of, require_type
 from tsis.records import KINDS, ROLES
-from tsis.virtual import LARGEST_FORCE_N, USUAL_MS, DirectContactRig, VirtualCamera, VirtualProbe, virtual_mode
+from tsis.virtual import LARGEST_FORCE_N, DirectContactRig, VirtualCamera, VirtualProbe, camera_settings, virtual_mode
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -225,7 +225,7 @@ class VirtualSubject:
     def _own_calibration(self) -> UsableCalibration:
         """What is known of the rig, which holds at the camera's usual settings."""
         response, sensor = self._rig.calibration, self._rig.sensor
-        settings = {"exposure_ms": USUAL_MS, "gain": 0.0, "brightness": sensor.background_grey}
+        settings = camera_settings(sensor)
         calibration = ProbeCalibration(name=response.name, probe=self.probe.name, settings=settings, response=response)
         return UsableCalibration(calibration=calibration, identity=calibration_sha256(calibration))
 

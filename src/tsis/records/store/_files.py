@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
+import time
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,6 +36,7 @@ if TYPE_CHECKING:
 
 
 ENDINGS = ("png", "json", "samples")
+SAVED_AGAIN_S = 3600.0  # longer than any transaction between a file and its row
 
 
 class Blobs:
@@ -84,6 +88,8 @@ class Blobs:
                 return False
         except FileInputError:
             return False
+        with suppress(OSError):
+            os.utime(path)  # `remove` leaves it to the row that cites it next
         self._disk.sync_again(path)
         self._disk.sync_folder(path.parent)
         return True
@@ -111,6 +117,14 @@ class Blobs:
                 "damaged (take it from a backup)"
             )
         return content
+
+    def remove(self, name: str, ending: str) -> None:
+        """Remove a file that no row cites any more; one that was just saved again, by any program, stays."""
+        path = self.path(name, ending)
+        self._allowed()
+        with suppress(OSError):
+            if time.time() - path.stat().st_mtime > SAVED_AGAIN_S:
+                self._disk.remove(path)
 
     def path(self, name: str, ending: str) -> Path:
         """Path of a file; names are hashes, so none leads out of the folder."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from datetime import datetime
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -47,10 +48,16 @@ class StoreReader:
         with self.database.reading() as connection:
             return int(connection.execute(select(tables.audit_head_table.c.number)).scalar() or 0)
 
-    def targets(self) -> tuple[TargetSummary, ...]:
-        """Summaries of all targets, by number."""
+    def targets(self, *, hidden: bool = False) -> tuple[TargetSummary, ...]:
+        """Summaries of the targets, by number; ``hidden`` adds those that are archived or deleted."""
         with self.database.reading() as connection:
-            return target_summaries(connection)
+            result = target_summaries(connection)
+        return tuple(item for item in result if hidden or item.state is None)
+
+    def state(self, target: Target) -> TargetState | None:
+        """Whether a target is archived or deleted; None for the others."""
+        with self.database.reading() as connection:
+            return read_states(connection, target.id).get(target.id)
 
     def target(self, number: int) -> Target:
         """The target of this number, or `InputError`."""
@@ -198,6 +205,36 @@ def in_lineage(estimates: Sequence[StoredEstimate]) -> tuple[StoredEstimate, ...
     return tuple(sorted(estimates, key=made))
 
 
+ARCHIVED, DELETED = "archived", "deleted"
+TERM_OF = "state of target "  # before its identity: the name of its state in the table of the store's terms
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TargetState:
+    """That a target is archived or deleted, and since when."""
+
+    name: str
+    since: datetime
+
+
+def read_states(connection: Connection, target: str = "") -> dict[str, TargetState]:
+    """The state of each target, or of one, that is archived or deleted, by identity."""
+    table = tables.store_table
+    rows_of = connection.execute(select(table).where(table.c.name.startswith(TERM_OF + target, autoescape=True)))
+    result = {}
+    for row in rows_of:
+        try:
+            value = json.loads(row.value)
+            state = TargetState(name=value["state"], since=datetime.fromisoformat(value["since"]))
+        except (ValueError, TypeError, KeyError) as error:
+            raise RecordsError(
+                f"the state of a target must be as it was stored; got {row.value!r:.60} (tsis records verify)"
+            ) from error
+        if state.name in (ARCHIVED, DELETED):
+            result[row.name.removeprefix(TERM_OF)] = state
+    return result
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TargetSummary:
     """A target with the number of its presses and estimates, and the time of the last press or None."""
@@ -206,6 +243,7 @@ class TargetSummary:
     presses: int
     estimates: int
     last: datetime | None
+    state: TargetState | None = None  # whether it is archived or deleted
 
 
 def target_summaries(connection: Connection) -> tuple[TargetSummary, ...]:
@@ -214,6 +252,7 @@ def target_summaries(connection: Connection) -> tuple[TargetSummary, ...]:
     presses = {row.target: (row.number, row.last) for row in connection.execute(count.group_by(pressed.target))}
     query = select(created.target, func.count().label("number")).group_by(created.target)
     estimates = {row.target: row.number for row in connection.execute(query)}
+    states = read_states(connection)
     targets = connection.execute(select(tables.target_table).order_by(tables.target_table.c.number))
     return tuple(
         TargetSummary(
@@ -221,6 +260,7 @@ def target_summaries(connection: Connection) -> tuple[TargetSummary, ...]:
             presses=presses.get(row.id, (0, None))[0],
             estimates=estimates.get(row.id, 0),
             last=_moment(presses[row.id][1]) if row.id in presses else None,
+            state=states.get(row.id),
         )
         for row in targets
     )

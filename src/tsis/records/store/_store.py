@@ -32,7 +32,8 @@ from tsis.records.store._audit import (
 from tsis.records.store._database import derived, entered_secret, read_secret
 from tsis.records.store._editing import insert_row, insert_row_once, press_edit, require_row, target_edit
 from tsis.records.store._files import Blobs, frame_bytes, samples_bytes
-from tsis.records.store._reader import StoreReader
+from tsis.records.store._reader import DELETED, StoreReader, TargetState, read_states
+from tsis.records.store._removal import erase_expired, require_present, state_edit
 from tsis.records.store._transfer import (
     ImportedTarget,
     TargetImport,
@@ -180,7 +181,7 @@ class Store(StoreReader):
         frame = {"id": press.frame, "rows": shape[0], "columns": shape[1], "bytes": len(content)}
 
         def enter(connection: Connection) -> tuple[StoredPress, list[AuditChange]]:
-            require_row(connection, tables.target_table, target.id, "target")
+            require_present(connection, target)
             return press, [
                 *insert_row_once(connection, tables.calibration_table, stored),
                 *insert_row_once(connection, tables.frame_table, frame),
@@ -228,7 +229,7 @@ class Store(StoreReader):
         row = rows.estimate_row(stored, self.blobs.put(samples_bytes(estimate), "samples"))
 
         def enter(connection: Connection) -> tuple[StoredEstimate, list[AuditChange]]:
-            require_row(connection, tables.target_table, target.id, "target")
+            require_present(connection, target)
             for press in stored.presses:
                 require_row(connection, tables.press_table, press, "press", target=target.id)
             changes = insert_row_once(connection, tables.calibration_table, calibration_row)
@@ -275,6 +276,29 @@ class Store(StoreReader):
     def edit_press(self, press: StoredPress, **changes: Any) -> StoredPress:
         """Change ``role``, ``force_n``, ``flags`` or ``note`` of a press; errors as `edit_target`."""
         return self._write(press_edit(press, changes))
+
+    # Removal: hidden first, and for good only after some weeks
+
+    def set_state(self, target: Target, state: str) -> TargetState | None:
+        """Archive (``"archived"``), delete (``"deleted"``) or restore (``""``) a target; nothing of it is lost.
+
+        `RecordsError` when it is not stored.
+        """
+        return self._write(state_edit(target, state))
+
+    def erase_expired(self, *, now: datetime | None = None) -> int:
+        """Remove what was deleted more than `UNDO_DAYS` days ago, and return how many targets.
+
+        Rows and files go; number, time and count of presses stay, and the audit has an entry for each removed row.
+        """
+        now = now or datetime.now(UTC)
+        with self.database.reading() as connection:
+            if not any(state.name == DELETED for state in read_states(connection).values()):
+                return 0
+        count, files = self._write(erase_expired(now))
+        for name, ending in files:
+            self.blobs.remove(name, ending)
+        return count
 
     def _write(self, enter: Callable[[Connection], tuple[Value, list[AuditChange]]]) -> Value:
         """Commit one transaction of rows and their audit entries."""

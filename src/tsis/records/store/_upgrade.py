@@ -67,8 +67,7 @@ def back_up(connection: Connection, file: Path, present: str) -> None:
     try:
         draft.unlink(missing_ok=True)  # from a killed migration
         draft.touch(mode=PRIVATE_FILE)
-        # SQLite allows this only outside of a transaction, into an empty or missing file.
-        connection.connection.driver_connection.execute("VACUUM INTO ?", (str(draft),))  # type: ignore[union-attr]
+        vacuum_into(connection, draft)
         with draft.open("rb+") as written:
             DISK.sync(written)
         DISK.rename(draft, copy)
@@ -81,6 +80,11 @@ def back_up(connection: Connection, file: Path, present: str) -> None:
     finally:
         with suppress(OSError):
             draft.unlink(missing_ok=True)
+
+
+def vacuum_into(connection: Connection, file: Path) -> None:
+    """Copy the database of SQLite into an empty or missing file; outside of a transaction only."""
+    connection.connection.driver_connection.execute("VACUUM INTO ?", (str(file),))  # type: ignore[union-attr]
 
 
 def _alembic(connection: Connection | None = None) -> Config:

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
 
 _AT_ONCE = 1000  # rows
+GONE = digest_or_none({})  # in the last entry of a row that was erased
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,14 +80,14 @@ def verify_store(store: Store, *, progress: Callable[[int, int], None] | None = 
     with store.database.reading() as connection:
         faults += schema_faults(connection)
         faults += _chain_faults(connection)
-        head = _head(connection)
+        head = last_entry(connection)
         if anchored is not None and anchored != BEFORE and not has_entry(connection, anchored):
             faults.append(
                 f"audit entry {anchored.number} must be the one that the anchor tells; it is another, or was cut off"
             )
         row_faults, count = _row_faults(connection)
         notes = tuple(_notes(connection))
-        requested = dict(_files(connection))
+        requested = dict(cited_files(connection))
     faults += row_faults
     for done, ((name, ending), of) in enumerate(requested.items(), start=1):
         try:
@@ -127,7 +128,7 @@ def _notes(connection: Connection) -> Iterator[str]:
         )
 
 
-def _head(connection: Connection) -> AuditHead:
+def last_entry(connection: Connection) -> AuditHead:
     """The last entry according to the database; `BEFORE` where that is invalid."""
     results = [tuple(row) for row in connection.execute(select(audit_head_table).limit(2))]
     if len(results) != 1 or results[0][0] != 1 or type(results[0][1]) is not int or not isinstance(results[0][2], str):
@@ -151,7 +152,7 @@ def _chain_faults(connection: Connection) -> Iterator[str]:
         if "hash" in faults:
             yield f"audit entry {shown} must be as it was written; it was changed"
         number, before = entry["number"] if type(entry["number"]) is int else number + 1, entry["hash"]
-    head = _head(connection)
+    head = last_entry(connection)
     if (head.number, head.hash) != (number, before):
         yield f"the audit must end at entry {head.number}; it ends at {number}"
 
@@ -173,11 +174,12 @@ def _row_faults(connection: Connection) -> tuple[list[str], int]:
                 faults.append(f"{name} {shown}: this row was put in beside the audit")
             elif last.pop(key) != digest_or_none(row):
                 faults.append(f"{name} {shown}: this row is not as it was stored")
-    faults += [f"{one_line(name, 40)} {one_line(key, 80)}: this row was taken out" for name, key in last]
+    taken_out = [key for key, content in last.items() if content != GONE]
+    faults += [f"{one_line(name, 40)} {one_line(key, 80)}: this row was taken out" for name, key in taken_out]
     return faults, count
 
 
-def _files(connection: Connection) -> Iterator[tuple[tuple[str, str], str]]:
+def cited_files(connection: Connection) -> Iterator[tuple[tuple[str, str], str]]:
     """Name and ending of every file that a row cites, with the row."""
     kinds: tuple[tuple[Table, str, str], ...] = (
         (frame_table, "id", "png"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,14 +10,14 @@ import pytest
 from tests.console.services.instruments import ANN, BOB, lit_instrument, virtual_instrument
 from tests.waiting import HANGS_S
 
-from tsis.calibration import UsableCalibration
+from tsis.calibration import UsableCalibration, read_usable_calibration
 from tsis.calibration.file import ProbeCalibration, calibration_sha256
 from tsis.calibration.session import SessionFolder, SessionSetup
 from tsis.catalog import load_probe
 from tsis.console.services.calibrating._sessions import folder_name
 from tsis.errors import CalibrationError, ControlError, InputError
 from tsis.model import Calibration
-from tsis.virtual import VirtualBench, bench_name
+from tsis.virtual import VirtualBench, VirtualProbe, bench_name
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from tsis.console.services import Instrument
     from tsis.console.services.calibrating import CalibrationSession
 
-TERMS = SessionSetup(name="May, left", probe="tsis-direct", camera=bench_name(3), tips_mm=(2.0, 14.0))
+TERMS = SessionSetup(name="May, left", probe="tsis-domed", camera=bench_name(3), tips_mm=(6.0, 14.0))
 
 
 def files(folder: Path) -> dict[str, bytes]:
@@ -36,26 +37,18 @@ def statuses(session: CalibrationSession) -> dict[str, str]:
 
 
 @pytest.mark.slow
-def test_the_same_frames_as_the_guide_of_the_terminal(instrument: Instrument, tmp_path: Path) -> None:
+def test_the_frames_are_those_of_the_virtual_probe_of_that_seed(instrument: Instrument, tmp_path: Path) -> None:
     session = instrument.calibrating.begin(TERMS, by=ANN)
     assert session.folder.path == instrument.terms.workspace / "calibrations" / "May-left"
-    for name in ("dark", "untouched", "flat-1"):
-        assert session.take(name, by=ANN).wait(HANGS_S)
-    virtual = VirtualBench(load_probe("tsis-direct"), rng=np.random.default_rng(3))
+    assert session.take("flat-1", by=ANN).wait(HANGS_S)
+    rig = VirtualProbe(load_probe("tsis-domed"), rng=np.random.default_rng(3), strain="small")
+    virtual = VirtualBench.of(rig, rng=np.random.default_rng(np.random.PCG64([3, 1])))
     guided = SessionFolder(tmp_path / "guided")
-    guided.begin(
-        SessionSetup(
-            name="May, left",
-            probe="tsis-direct",
-            camera="virtual bench, seed 3",
-            tips_mm=(2.0, 14.0),
-            patch_px=virtual.patch_px,
-        )
-    )
-    for step in guided.plan()[:3]:
-        guided.save(step, virtual.shots(step))
+    guided.begin(replace(TERMS, settings=virtual.settings, pad_sd=0.02))
+    (step,) = [step for step in guided.plan() if step.name == "flat-1"]
+    guided.save(step, virtual.shots(step))
     assert files(session.folder.path) == files(guided.path)
-    assert [name for name, status in statuses(session).items() if status == "done"] == ["dark", "untouched", "flat-1"]
+    assert [name for name, status in statuses(session).items() if status == "done"] == ["flat-1"]
 
 
 def test_a_session_goes_on_in_another_program_and_its_noise_does_not_come_again(
@@ -160,17 +153,68 @@ def test_a_folder_is_a_plain_name_whatever_the_title(title: str) -> None:
     assert set(name) <= set("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-")
 
 
-def test_a_calibration_of_the_virtual_bench_is_an_exercise(tmp_path: Path) -> None:
-    """Its light is that of another exposure: on the virtual probe it would be wrong by a factor of ten."""
-    calibration_with = ProbeCalibration(
-        name="exercise",
-        probe="tsis-2011",
-        camera=bench_name(3),
-        response=Calibration(gain_grey_per_kpa=2.0, saturation_kpa=460.0, probe="tsis-2011"),
+EXPOSED = {"exposure_ms": 20.0, "gain": 0.0, "brightness": 8.0}
+
+
+def of_bench(seed: int, settings: dict[str, float]) -> UsableCalibration:
+    made = ProbeCalibration(
+        name="bench",
+        probe="tsis-domed",
+        camera=bench_name(seed),
+        settings=settings,
+        response=Calibration(gain_grey_per_kpa=24.0, saturation_kpa=20.0, probe="tsis-domed"),
     )
-    with virtual_instrument(tmp_path) as instrument:
-        with pytest.raises(CalibrationError, match="'exercise' is of the virtual bench, seed 3, an exercise"):
-            instrument.use_calibration(
-                UsableCalibration(calibration=calibration_with, identity=calibration_sha256(calibration_with)), by=ANN
-            )
+    return UsableCalibration(calibration=made, identity=calibration_sha256(made))
+
+
+def test_a_calibration_of_the_virtual_probe_is_active_on_that_probe_alone(tmp_path: Path) -> None:
+    with virtual_instrument(tmp_path, probe="tsis-domed") as instrument:
+        seed = instrument.camera_controller.choice.seed
+        used = of_bench(seed, EXPOSED)
+        instrument.use_calibration(used, by=ANN)
+        assert instrument.state().calibration_identity == used.identity
+        with pytest.raises(CalibrationError, match=f"of the virtual probe of seed {seed + 1} on tissue; the camera is"):
+            instrument.use_calibration(of_bench(seed + 1, EXPOSED), by=ANN)
+        assert instrument.state().calibration_identity == used.identity
+        instrument.choose(replace(instrument.camera_controller.choice, phantom="cl2000x"), by=ANN)
+        assert "on a bare sphere" in instrument.state().trouble[0]
         assert instrument.state().calibration == ""
+
+
+def test_a_calibration_of_an_older_session_of_the_virtual_bench_is_an_exercise(tmp_path: Path) -> None:
+    """Its light is that of another exposure: on the virtual probe it would be wrong by a factor of ten."""
+    with virtual_instrument(tmp_path, probe="tsis-domed") as instrument:
+        with pytest.raises(CalibrationError, match="'bench' is of the virtual bench, seed 4, an exercise"):
+            instrument.use_calibration(of_bench(4, {}), by=ANN)
+        assert instrument.state().calibration == ""
+
+
+@pytest.mark.slow
+def test_a_session_ends_in_an_active_calibration_under_which_estimates_are_right(tmp_path: Path) -> None:
+    """Seed 14 was not used while the bench was made."""
+    size_mm, depth_mm = 8.0, 5.0
+    with virtual_instrument(tmp_path, probe="tsis-domed", phantom="size-8", seed=14) as instrument:
+        terms = replace(
+            TERMS, probe="tsis-domed", camera=bench_name(14), tips_mm=(6.0, 10.0, 14.0), pads_kpa=(5.0, 10.0)
+        )
+        session = instrument.calibrating.begin(terms, by=ANN)
+        assert session.take_all(by=ANN).wait(HANGS_S)
+        job = session.make(days=30)
+        assert job.wait(HANGS_S)
+        assert job.state().status == "done", job.state().sentence
+        used = read_usable_calibration(job.result.file)
+        instrument.use_calibration(used, by=ANN)
+        assert instrument.state().calibration_identity == used.identity
+        instrument.start(by=ANN)
+        assert instrument.state().calibration_identity == used.identity  # also with the settings of the running camera
+        for role in ("plain", "target"):
+            for force_n in (0.7, 1.0, 1.3):
+                instrument.hold(role=role, force_n=force_n, by=ANN)
+                assert instrument.snapshot(by=ANN).press.calibration == used.identity
+        estimate = instrument.estimate(1)
+        assert estimate.wait(HANGS_S)
+        found = estimate.result.estimate
+        assert found.trusted, found.flags
+        for name, true in (("diameter_mm", size_mm), ("depth_mm", depth_mm)):
+            low, high = found.interval(0.95)[name]
+            assert low < true < high

@@ -19,6 +19,7 @@ from tsis.console.pages.components import (
     drawings,
     field_messages,
     figure,
+    is_confirmed,
     message_list,
     panel_title,
     set_class,
@@ -41,20 +42,6 @@ if TYPE_CHECKING:
     from tsis.console.services import Instrument, InstrumentState, JobState
     from tsis.console.services.calibrating import CalibrationResult, CalibrationSession, StepState
     from tsis.report import Page
-
-
-async def is_confirmed(question: str, *, yes: str, why: str) -> bool:
-    """Ask for confirmation; False without a response."""
-    with ui.dialog() as dialog, ui.card(), ui.element("div").classes("question"):
-        ui.label(question).classes("strong")
-        ui.label(why).classes("muted")
-        with ui.element("div").classes("row"):
-            ui.element("div").classes("spring")
-            ui.button("Cancel", on_click=lambda: dialog.submit(False)).props("flat no-caps")
-            ui.button(yes, on_click=lambda: dialog.submit(True)).props("unelevated no-caps")
-    response = bool(await dialog)
-    dialog.delete()
-    return response
 
 
 SIZE_PX = 560  # of its longer side
@@ -274,12 +261,6 @@ def calibration_content(calibration: ProbeCalibration) -> None:
     table(Table(title="Measured", headings=("quantity", "value", "95 % interval"), rows=content_rows(calibration)))
 
 
-EXERCISE = (
-    "This is an exercise with the virtual rig, whose camera no other page uses. It cannot be put in "
-    "force. The virtual probe of the other pages brings a calibration of its own."
-)
-
-
 class MakePanel:
     """Buttons that compute the calibration, activate it and download it."""
 
@@ -304,15 +285,13 @@ class MakePanel:
                 file = ui.button("Download the file", icon="download", on_click=self._download)
                 file.props("no-caps outline")
                 self._cited = ui.label().classes("muted")
-                if session.rig.by_itself:
-                    ui.label(EXERCISE).classes("muted")
         self._commands.set_visibility(False)
 
     def show(self, state: InstrumentState) -> None:
         """Say whether it is active."""
         active = bool(self._identity) and state.calibration_identity == self._identity
         self._active.set_visibility(active)
-        self._use.set_visibility(not active and not self._session.rig.by_itself)
+        self._use.set_visibility(not active)
 
     def refresh(self, steps: Sequence[StepState]) -> None:
         """Show what is missing, or how far it is."""

@@ -27,6 +27,7 @@ from tsis.console.pages.components._lists import (
     drawing,
     drawings,
     figure,
+    is_confirmed,
     list_message,
     message_list,
     open_dialog,
@@ -39,13 +40,12 @@ from tsis.console.pages.components._lists import (
     table,
 )
 from tsis.console.pages.components._summary import StatePoller, Tabs, force_text, press_label, time_label
-from tsis.console.pages.components._viewer import LONGEST_OPERATOR, CalibrationMemory, Viewer, follow_store
+from tsis.console.pages.components._viewer import LONGEST_OPERATOR, Viewer
 
 __all__ = [
     "FORCE",
     "LARGEST_MIB",
     "LONGEST_OPERATOR",
-    "CalibrationMemory",
     "ChoiceField",
     "FactList",
     "FileField",
@@ -65,8 +65,8 @@ __all__ = [
     "estimate_job",
     "field_messages",
     "figure",
-    "follow_store",
     "force_text",
+    "is_confirmed",
     "list_message",
     "loading",
     "message_list",

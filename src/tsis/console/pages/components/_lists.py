@@ -47,6 +47,20 @@ def dialog_buttons(dialog: ui.dialog, text: str, act: Callable[[], object], *, l
     return button
 
 
+async def is_confirmed(question: str, *, yes: str, why: str) -> bool:
+    """Ask for confirmation; False without a response."""
+    with ui.dialog() as dialog, ui.card(), ui.element("div").classes("question"):
+        ui.label(question).classes("strong")
+        ui.label(why).classes("muted")
+        with ui.element("div").classes("row"):
+            ui.element("div").classes("spring")
+            ui.button("Cancel", on_click=lambda: dialog.submit(False)).props("flat no-caps")
+            ui.button(yes, on_click=lambda: dialog.submit(True)).props("unelevated no-caps")
+    response = bool(await dialog)
+    dialog.delete()
+    return response
+
+
 class Redrawn:
     """A part of a page that is drawn anew when its content changes; it replaces whatever is in the element."""
 

@@ -17,13 +17,11 @@ if TYPE_CHECKING:
 
     from nicegui.client import Client
 
-    from tsis.calibration import UsableCalibration
     from tsis.console.pages.components._summary import StatePoller, Tabs
     from tsis.console.services import Instrument, InstrumentState
 
 
-STATE_EVERY_S, STORE_EVERY_S = 0.3, 1.0  # between two readings
-UNREAD, FAILED = -2, -1  # in place of the number of the store's entries
+STATE_EVERY_S = 0.3  # between two readings
 CORNER: Final = "bottom-right"  # where messages cover least
 OPERATOR_KEY = "tsis-operator"  # in the browser's local storage; presence.js has it too
 LONGEST_OPERATOR = 60
@@ -149,36 +147,3 @@ class Viewer:
                 show(state)
 
         self.every(STATE_EVERY_S, refresh)
-
-
-class CalibrationMemory:
-    """Caches the active calibration, which the instrument checks at each call."""
-
-    def __init__(self, instrument: Instrument) -> None:
-        self._instrument = instrument
-        self._calibration: UsableCalibration | None = None
-
-    def of(self, state: InstrumentState) -> UsableCalibration | None:
-        """The state's calibration; None without one, and after a change."""
-        if self._calibration is None or self._calibration.identity != state.calibration_identity:
-            self._calibration = self._instrument.calibration if state.calibration_identity else None
-        given = self._calibration
-        return given if given is not None and given.identity == state.calibration_identity else None
-
-
-def follow_store(viewer: Viewer, changed: Callable[[], Awaitable[None]]) -> None:
-    """Call ``changed`` now and after every change of the store, while the present part of the page is visible."""
-    last: int | None = UNREAD
-
-    async def refresh() -> None:
-        nonlocal last
-        try:
-            entries = await viewer.entries()
-        except TsisError as error:  # a page that is shown needs no message every second
-            _log.debug("the store was not read: %s", error)
-            entries = FAILED
-        if entries != last:
-            last = entries
-            await changed()
-
-    viewer.every(STORE_EVERY_S, refresh)

@@ -109,8 +109,10 @@ class HardnessPanel:
         if not self._panel.changes_to(now):
             return
         self._panel.element.set_visibility(False)
-        built = stored and record and await self._viewer.attempt(_page_and_figures, record, stored)
-        if not built or self._panel.content != now:
+        built = None
+        if stored is not None and record is not None:
+            built = await self._viewer.attempt(_page_and_figures, record, stored)
+        if built is None or self._panel.content != now:
             return
         page, sources = built
         with self._panel.element:

@@ -11,7 +11,6 @@ from tsis.catalog import list_spheres, load_probe
 from tsis.console.live import LiveView
 from tsis.console.pages.components import (
     FORCE,
-    CalibrationMemory,
     OperatorControls,
     ProgressBar,
     Redrawn,
@@ -290,7 +289,7 @@ class HardnessPage:
     """The parts of the page, and what they show."""
 
     def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
-        self._instrument, self._viewer, self._calibration = instrument, viewer, CalibrationMemory(instrument)
+        self._instrument, self._viewer = instrument, viewer
         self._state: InstrumentState | None = None
         self._results = SavedPresses(number=0)
         self._mark: object = None
@@ -351,7 +350,7 @@ class HardnessPage:
         result = self._results if read else SavedPresses(number=state.target)
         self._object.show(state, result)
         self._presses.show_presses(result)
-        given = self._calibration.of(state)
+        given = state.active
         missing = missing_text(
             state,
             scaled=given is not None and given.calibration.scale is not None,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -10,18 +11,19 @@ from nicegui import ui
 
 from tsis.calibration.guard import GUARD_FLAGS
 from tsis.console.files import target_of
-from tsis.console.pages.components import ProgressBar
+from tsis.console.pages.components import ProgressBar, dialog_buttons, open_dialog
 from tsis.console.services import DONE
 from tsis.errors import TsisError
+from tsis.report import FORM_LABELS, MASKED
 from tsis.report.target import without_identity
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Awaitable, Callable
 
     from tsis.console.pages.components import Viewer
     from tsis.console.services import Instrument, Job
     from tsis.records import StoredPress, Target, TargetRecord
-    from tsis.records.store import Store
+    from tsis.records.store import Store, TargetState
 
 
 AT_ONCE = 24  # presses of a sheet
@@ -37,6 +39,7 @@ class TargetView:
     presses: tuple[StoredPress, ...]  # one page of them
     offset: int  # presses before that page
     total: int  # of all presses
+    state: TargetState | None = None  # whether it is archived or deleted
 
     @property
     def private(self) -> bool:
@@ -53,7 +56,7 @@ class TargetView:
         """Fingerprint of the whole page: equal ones have the same view."""
         record = self.record
         estimates = tuple(estimate.id for estimate in record.estimates)
-        return self.target, self.sheet, estimates, tuple(record.calibrations), record.damaged
+        return self.target, self.state, self.sheet, estimates, tuple(record.calibrations), record.damaged
 
 
 def read_target(store: Store, number: str, offset: int) -> TargetView:
@@ -70,6 +73,7 @@ def read_target(store: Store, number: str, offset: int) -> TargetView:
         presses=store.presses(target, limit=AT_ONCE, offset=offset),
         offset=offset,
         total=total,
+        state=store.state(target),
     )
 
 
@@ -174,3 +178,67 @@ async def follow_job(viewer: Viewer, place: ui.element, begin: Callable[[], Job]
     with place:
         timer = ui.timer(EVERY_S, refresh)
     return True
+
+
+IDENTIFIED = "include label, names and true times"
+MEANT = {
+    True: "Masked: label, names and times are left out or shifted, unless you ask for them below.",
+    False: "This form masks nothing: notes, names and settings are in it.",
+}
+PAGE = "This form shows what the report shows; of a subject the pseudonym only."
+
+
+def export_button(page: TargetContext, view: TargetView) -> None:
+    """A button that asks for the form, and downloads the file."""
+    ui.button("Export", icon="download", on_click=lambda: _ask(page, view)).props("dense no-caps outline")
+
+
+def _ask(page: TargetContext, view: TargetView) -> None:
+    with open_dialog(page.dialogs, f"Export target {view.target.number}") as dialog:
+        form = ui.select(FORM_LABELS, value="csv", label="Form", on_change=lambda: explain()).props("outlined dense")
+        meant = ui.label().classes("muted")
+        identified = ui.switch(IDENTIFIED, value=False).props("dense")
+        waiting = ui.linear_progress(show_value=False).props('indeterminate aria-label="writing the file"')
+        waiting.set_visibility(False)
+
+        def explain() -> None:
+            masked = form.value in MASKED
+            meant.text = PAGE if form.value in ("html", "pdf") else MEANT[masked]
+            identified.set_visibility(masked)
+
+        async def begin() -> None:
+            with_names = bool(identified.value) and form.value in MASKED
+            waiting.set_visibility(True)
+            button.disable()
+            address = f"/files/export/{view.target.number}/{form.value}" + ("?identified=true" if with_names else "")
+            if await fetch_file(page.viewer, address):
+                page.viewer.notify(f"Exported as {form.value}: the browser saves the file.")
+                dialog.close()
+            waiting.set_visibility(False)
+            button.enable()
+
+        button = dialog_buttons(dialog, "Export", begin)
+        explain()
+
+
+STORE_EVERY_S = 1.0  # between two readings
+UNREAD, FAILED = -2, -1  # in place of the number of the store's entries
+_log = logging.getLogger(__name__)
+
+
+def follow_store(viewer: Viewer, changed: Callable[[], Awaitable[None]]) -> None:
+    """Call ``changed`` now and after every change of the store, while the present part of the page is visible."""
+    last: int | None = UNREAD
+
+    async def refresh() -> None:
+        nonlocal last
+        try:
+            entries = await viewer.entries()
+        except TsisError as error:  # a page that is shown needs no message every second
+            _log.debug("the store was not read: %s", error)
+            entries = FAILED
+        if entries != last:
+            last = entries
+            await changed()
+
+    viewer.every(STORE_EVERY_S, refresh)

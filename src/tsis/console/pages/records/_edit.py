@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from datetime import timedelta
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from nicegui import run, ui
@@ -14,6 +15,7 @@ from tsis.console.pages.components import (
     FactList,
     dialog_buttons,
     field_messages,
+    is_confirmed,
     open_dialog,
     panel_title,
     press_label,
@@ -22,7 +24,7 @@ from tsis.console.pages.components import (
 from tsis.console.pages.records._context import fault_of, flags_of
 from tsis.errors import StaleRecordError
 from tsis.records import DAMAGED, ROLE_NAMES, parse_force, parse_truth
-from tsis.records.store import EDITABLE
+from tsis.records.store import ARCHIVED, DELETED, EDITABLE, UNDO_DAYS
 from tsis.report.target import SHORT, measure, parameter_label
 
 if TYPE_CHECKING:
@@ -265,6 +267,11 @@ def about_target(page: TargetContext, view: TargetView) -> None:
         panel_title("About this target", level=3)
         ui.element("div").classes("spring")
         ui.button("Edit", icon="edit", on_click=edit).props("dense no-caps outline")
+        if view.state is None:
+            ui.button("Archive", icon="archive", on_click=lambda: _set_state(page, target, ARCHIVED)).props(
+                "dense no-caps outline"
+            )
+            ui.button("Delete", icon="delete", on_click=lambda: _delete(page, target)).props("dense no-caps outline")
     rows = {
         "name": target.name or "none",
         "note": "not shown of a subject" if view.private else target.note or "none",
@@ -276,6 +283,42 @@ def about_target(page: TargetContext, view: TargetView) -> None:
         "version": f"{target.version}",
     }
     FactList().show(rows.items())
+
+
+def state_banner(page: TargetContext, view: TargetView) -> None:
+    """Say that a target is archived or deleted, with the button that restores it; nothing for the others."""
+    state = view.state
+    if state is None:
+        return
+    message = f"Archived on {state.since:%Y-%m-%d}: it is out of the lists, and whole."
+    if state.name == DELETED:
+        until = state.since + timedelta(days=UNDO_DAYS)
+        message = f"Deleted on {state.since:%Y-%m-%d}. It can be restored until {until:%Y-%m-%d}, and is erased then."
+    with ui.element("div").classes("row conflict").props('role="status"'):
+        ui.label(message).classes("flag" if state.name == DELETED else "strong")
+        ui.button("Restore", icon="undo", on_click=lambda: _set_state(page, view.target, "")).props(
+            "dense no-caps outline"
+        )
+
+
+async def _set_state(page: TargetContext, target: Target, state: str) -> None:
+    refusal = await page.viewer.refusal(lambda: page.instrument.store.set_state(target, state))
+    if refusal:
+        page.viewer.complain(refusal)
+        return
+    page.viewer.notify(f"Target {target.number} is {state or 'restored'}.")
+    await page.load()
+
+
+async def _delete(page: TargetContext, target: Target) -> None:
+    why = (
+        f"It goes out of the lists and takes no more presses. For {UNDO_DAYS} days it can be restored on this page; "
+        "then its presses, estimates and frames are erased. The audit and the logs of studies stay."
+    )
+    with page.dialogs:
+        sure = await is_confirmed(f"Delete target {target.number}?", yes="Delete", why=why)
+    if sure:
+        await _set_state(page, target, DELETED)
 
 
 class _TargetEditing(Editing["Target"]):

@@ -15,18 +15,17 @@ from nicegui import ui
 from tsis.console.pages.components import (
     LARGEST_MIB,
     dialog_buttons,
-    follow_store,
     list_message,
     message_list,
     one_file,
     open_dialog,
     panel_title,
 )
-from tsis.console.pages.records._context import fetch_file, follow_job
-from tsis.errors import FileInputError
+from tsis.console.pages.records._context import follow_job, follow_store
+from tsis.errors import FileInputError, InputError
 from tsis.records.export.bundle import read_bundle
-from tsis.records.store import verify_store
-from tsis.report import FORM_LABELS, MASKED, import_message, verdict, verification_notes
+from tsis.records.store import ARCHIVED, DELETED, back_up_store, verify_store
+from tsis.report import import_message, verdict, verification_notes
 from tsis.report.target import count_of, time_text
 
 if TYPE_CHECKING:
@@ -35,13 +34,12 @@ if TYPE_CHECKING:
     from nicegui.events import GenericEventArguments, UploadEventArguments
 
     from tsis.console.pages.components import Viewer
-    from tsis.console.pages.records._context import TargetContext, TargetView
     from tsis.console.services import Instrument, Job
     from tsis.records.store import ImportedTarget, StoreVerification, TargetSummary
 
 
 ALL, ESTIMATED, NOT_ESTIMATED = "all", "estimated", "not estimated"
-KINDS = (ALL, ESTIMATED, NOT_ESTIMATED)
+KINDS = (ALL, ESTIMATED, NOT_ESTIMATED, ARCHIVED, DELETED)
 SHEETS = (25, 50, 100)  # rows of a sheet that one may choose
 NEVER = datetime.min.replace(tzinfo=UTC)
 KEYS: dict[str, Callable[[TargetSummary], Any]] = {
@@ -99,7 +97,9 @@ def sheet_of(targets: Sequence[TargetSummary], order: Order) -> Sheet:
 
 
 def _is_requested(summary: TargetSummary, search: str, kind: str) -> bool:
-    if kind != ALL and (summary.estimates > 0) != (kind == ESTIMATED):
+    if (summary.state.name if summary.state else "") != (kind if kind in (ARCHIVED, DELETED) else ""):
+        return False
+    if kind in (ESTIMATED, NOT_ESTIMATED) and (summary.estimates > 0) != (kind == ESTIMATED):
         return False
     return search in summary.target.name.casefold() or str(summary.target.number).startswith(search)
 
@@ -129,6 +129,7 @@ def target_listing(instrument: Instrument, viewer: Viewer) -> None:
         below = ui.element("div")
         with buttons:
             verify_button(instrument, viewer, below)
+            backup_button(instrument, viewer, below)
             import_button(instrument, viewer, below)
         targets = _TargetTable(instrument, viewer, count)
     follow_store(viewer, targets.load)
@@ -172,16 +173,17 @@ class _TargetTable:
 
     async def load(self) -> None:
         """Read the list anew."""
-        targets = await self._viewer.attempt(self._instrument.store.targets)
-        if targets is None:
+        everything = await self._viewer.attempt(self._instrument.store.targets, hidden=True)
+        if everything is None:
             return
-        self._targets = targets
+        self._targets = everything
+        targets = tuple(item for item in everything if item.state is None)
         presses = sum(target.presses for target in targets)
         kind = self._instrument.store.kind
         self._count.text = f"{count_of(len(targets), 'target')} ({kind}s), {count_of(presses, 'press')}"
-        self._empty.set_visibility(not targets)
-        self._request.set_visibility(bool(targets))
-        self._table.set_visibility(bool(targets))
+        self._empty.set_visibility(not everything)
+        self._request.set_visibility(bool(everything))
+        self._table.set_visibility(bool(everything))
         self._show()
 
     def _requested(self) -> None:
@@ -225,47 +227,6 @@ def _row(summary: TargetSummary) -> dict[str, Any]:
         "last": "never" if summary.last is None else time_text(summary.last),
         "address": f"/records/{summary.target.number}",
     }
-
-
-IDENTIFIED = "include label, names and true times"
-MEANT = {
-    True: "Masked: label, names and times are left out or shifted, unless you ask for them below.",
-    False: "This form masks nothing: notes, names and settings are in it.",
-}
-PAGE = "This form shows what the report shows; of a subject the pseudonym only."
-
-
-def export_button(page: TargetContext, view: TargetView) -> None:
-    """A button that asks for the form, and downloads the file."""
-    ui.button("Export", icon="download", on_click=lambda: _ask(page, view)).props("dense no-caps outline")
-
-
-def _ask(page: TargetContext, view: TargetView) -> None:
-    with open_dialog(page.dialogs, f"Export target {view.target.number}") as dialog:
-        form = ui.select(FORM_LABELS, value="csv", label="Form", on_change=lambda: explain()).props("outlined dense")
-        meant = ui.label().classes("muted")
-        identified = ui.switch(IDENTIFIED, value=False).props("dense")
-        waiting = ui.linear_progress(show_value=False).props('indeterminate aria-label="writing the file"')
-        waiting.set_visibility(False)
-
-        def explain() -> None:
-            masked = form.value in MASKED
-            meant.text = PAGE if form.value in ("html", "pdf") else MEANT[masked]
-            identified.set_visibility(masked)
-
-        async def begin() -> None:
-            with_names = bool(identified.value) and form.value in MASKED
-            waiting.set_visibility(True)
-            button.disable()
-            address = f"/files/export/{view.target.number}/{form.value}" + ("?identified=true" if with_names else "")
-            if await fetch_file(page.viewer, address):
-                page.viewer.notify(f"Exported as {form.value}: the browser saves the file.")
-                dialog.close()
-            waiting.set_visibility(False)
-            button.enable()
-
-        button = dialog_buttons(dialog, "Export", begin)
-        explain()
 
 
 BUNDLE = "bundle.zip"
@@ -342,6 +303,49 @@ def verify_button(instrument: Instrument, viewer: Viewer, place: ui.element) -> 
         await follow_job(viewer, place, verify, partial(_show_verification, place))
 
     ui.button("Verify the store", icon="verified_user", on_click=begin).props("dense no-caps outline")
+
+
+BACKUP = (
+    "A copy of the whole store in a new folder on the console's computer, verified, and a store itself. To restore: "
+    "tsis records restore FOLDER --store NEW, then tsis console --store NEW."
+)
+
+
+def backup_button(instrument: Instrument, viewer: Viewer, place: ui.element) -> None:
+    """A button that asks for a folder, copies the store there, and shows the verification of the copy in ``place``."""
+
+    def ask() -> None:
+        with open_dialog(place, "Back up the store") as dialog:
+            ui.label(BACKUP).classes("muted")
+            folder = ui.input("New folder, whole path", value=str(instrument.store.folder.resolve()) + "-backup")
+            folder.props("outlined dense")
+
+            async def begin() -> None:
+                path = Path((folder.value or "").strip())
+                dialog.close()
+                await follow_job(
+                    viewer, results, lambda: _backup(instrument, path), partial(_show_backup, results, path)
+                )
+
+            dialog_buttons(dialog, "Back up", begin)
+
+    with place:
+        results = ui.element("div")
+    ui.button("Back up", icon="save", on_click=ask).props("dense no-caps outline")
+
+
+def _backup(instrument: Instrument, path: Path) -> Job:
+    if not path.is_absolute():
+        raise InputError(f"folder must be a whole path on the console's computer; got {str(path)!r:.80}")
+    return instrument.jobs.begin(
+        "backup of the store", lambda job: back_up_store(instrument.store, path, progress=job.advance)
+    )
+
+
+def _show_backup(place: ui.element, path: Path, verification: StoreVerification) -> None:
+    _show_verification(place, verification)
+    with place:
+        ui.label(f"The backup is in {path}").classes("good identity")
 
 
 def _show_verification(place: ui.element, verification: StoreVerification) -> None:

@@ -6,11 +6,10 @@ from typing import TYPE_CHECKING
 
 from nicegui import run, ui
 
-from tsis.console.pages.components import Redrawn, follow_store, panel_title
-from tsis.console.pages.records._context import TargetView, read_target
-from tsis.console.pages.records._edit import about_target
+from tsis.console.pages.components import Redrawn, panel_title
+from tsis.console.pages.records._context import TargetView, export_button, follow_store, read_target
+from tsis.console.pages.records._edit import about_target, state_banner
 from tsis.console.pages.records._estimates import estimate_button, estimates, history, recompute_button
-from tsis.console.pages.records._listing import export_button
 from tsis.console.pages.records._presses import Presses, compare
 from tsis.errors import TsisError
 
@@ -47,6 +46,7 @@ class TargetPage:
         with ui.element("div").classes("stack"):
             with ui.element("section").classes("panel"):
                 self._head = Redrawn(ui.element("div").classes("row"))
+                self._state = ui.element("div")
                 self.below = ui.element("div")
             with ui.element("div").classes("split records-split") as self._parts:
                 with ui.element("div").classes("stack"):
@@ -82,8 +82,10 @@ class TargetPage:
         with self._head.element:
             target_buttons(self, view)
         self.presses.show(view)
-        for position in (self._estimates, self._about, self._history):
+        for position in (self._state, self._estimates, self._about, self._history):
             position.clear()
+        with self._state:
+            state_banner(self, view)
         with self._estimates:
             estimates(view)
         with self._about:

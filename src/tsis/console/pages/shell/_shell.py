@@ -13,10 +13,10 @@ from nicegui.translations import translations
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.console.auth import LOGOUT
-from tsis.console.pages import PAGES
+from tsis.console.pages import PAGES, UNLISTED
 from tsis.console.pages.components import StatePoller, Tabs, Viewer
+from tsis.console.pages.jobs import JobList
 from tsis.console.pages.shell._control import ControlButtons, Notices, PageVisibility
-from tsis.console.pages.shell._jobs import JobList
 
 if TYPE_CHECKING:
     from nicegui.elements.label import Label
@@ -63,7 +63,8 @@ def _instead(message: str) -> None:
 LANGUAGE: Final = "en-GB"
 LOST_CONNECTION = {
     "connection_lost": "The connection to the console is lost.",
-    "trying_to_reconnect": "Trying again. Saved data are safe; a running sequence or job continues.",
+    "trying_to_reconnect": "Trying again; nothing on this page works until it is back. Saved data are safe. Where the "
+    "console itself was ended, its sequences and jobs were too.",
     "message_too_long": "This was too much for one message.",
     "message_too_long_body": "It was not done. Try again with less of it.",
 }
@@ -87,7 +88,7 @@ class Navigation:
             self._links = {
                 address: ui.link(title, address).classes("tab")
                 for address, (title, _) in PAGES.items()
-                if "{" not in address
+                if "{" not in address and address not in UNLISTED
             }
         self._path = router.current_path
         router.on_path_changed(self._navigated)

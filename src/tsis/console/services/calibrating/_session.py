@@ -48,6 +48,9 @@ class CalibrationRig(Protocol):
     def frame(self, force_n: float) -> CalibrationFrame:
         """The next frame, with a force that a person read."""
 
+    def finished(self, measured: ProbeCalibration) -> ProbeCalibration:
+        """The calibration as it will be used, from the one that the frames gave."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepState:
@@ -250,7 +253,8 @@ class CalibrationSession:
         require_number("days", days, 1, 3650)
 
         def work(job: Job) -> CalibrationResult:
-            given, findings = calibrate(self.folder, days=days, progress=job.advance)
+            measured, findings = calibrate(self.folder, days=days, progress=job.advance)
+            given = self.rig.finished(measured)
             file = save_calibration(self.folder, given)
             self.result = CalibrationResult(
                 calibration=given, findings=findings, identity=calibration_sha256(given), file=file

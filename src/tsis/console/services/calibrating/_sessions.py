@@ -16,13 +16,15 @@ from tsis.calibration.session import PAD_FORCES_N, LiveCalibration, SessionFolde
 from tsis.catalog import load_probe
 from tsis.console.services.calibrating._session import CalibrationRig, CalibrationSession
 from tsis.errors import CalibrationError, CameraError, InputError, TsisError
+from tsis.imaging import Sensor
 from tsis.model import require_number
-from tsis.virtual import VirtualBench, bench_seed
+from tsis.virtual import PROBE_PAD_SD, VirtualBench, VirtualProbe, bench_seed, tissue_calibration
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
 
+    from tsis.calibration.file import ProbeCalibration
     from tsis.calibration.session import CalibrationFrame, CalibrationStep, SessionSetup
     from tsis.console.services._camera import CameraController
     from tsis.console.services._control import ControlLock
@@ -132,8 +134,8 @@ class CalibrationSessions:
         return VirtualCalibrationRig(terms, seed, before=sum(folder.done(step) for step in folder.plan()))
 
     def _virtual(self, terms: SessionSetup) -> SessionSetup:
-        instrument = VirtualBench(load_probe(terms.probe), rng=np.random.default_rng(0))
-        return replace(terms, patch_px=instrument.patch_px)
+        rig = virtual_bench(terms, np.random.default_rng(0), of_probe=True)
+        return replace(terms, patch_px=rig.patch_px, settings=rig.settings, pad_sd=PROBE_PAD_SD)
 
     def _with_camera(self, terms: SessionSetup) -> SessionSetup:
         acquisition = self._camera.acquisition
@@ -172,6 +174,15 @@ def _summary(folder: SessionFolder) -> SessionSummary:
     )
 
 
+def virtual_bench(terms: SessionSetup, rng: np.random.Generator, *, of_probe: bool) -> VirtualBench:
+    """The virtual rig of a session: that of the virtual probe of its seed, or one of its own as in older sessions."""
+    probe = load_probe(terms.probe)
+    if not of_probe:
+        return VirtualBench(probe, rng=rng, pitch_mm=terms.pitch_mm)
+    rig = VirtualProbe(probe, rng=np.random.default_rng(bench_seed(terms.camera)), strain="small")
+    return VirtualBench.of(rig, rng=rng, pitch_mm=terms.pitch_mm)
+
+
 LARGEST_TYPED_N = 100.0
 FAR = 2**64  # more random numbers than any step draws
 
@@ -198,11 +209,15 @@ class VirtualCalibrationRig:
     def shots(self, step: CalibrationStep, over: Callable[[], bool]) -> Iterator[CalibrationFrame]:
         """Yield a step's frames."""
         if self._rig is None:
-            source = np.random.PCG64(self._seed)
-            rng = np.random.Generator(source)
-            self._rig = VirtualBench(load_probe(self._terms.probe), rng=rng, pitch_mm=self._terms.pitch_mm)
+            of_probe = bool(self._terms.settings)
+            source = np.random.PCG64([self._seed, 1] if of_probe else self._seed)  # the probe itself has its seed
+            self._rig = virtual_bench(self._terms, np.random.Generator(source), of_probe=of_probe)
             source.advance(self._before * FAR)
         return self._rig.shots(step)
+
+    def finished(self, measured: ProbeCalibration) -> ProbeCalibration:
+        """The calibration at the exposure of the virtual probe, on which it is used."""
+        return tissue_calibration(measured, Sensor()) if measured.settings else measured
 
     def frame(self, force_n: float) -> CalibrationFrame:
         """Never: it loads by itself."""
@@ -247,6 +262,10 @@ class CameraRig:
         """The next frame with a typed force, in [-100, 100] N."""
         require_number("force", force_n, -LARGEST_TYPED_N, LARGEST_TYPED_N, hint="newtons")
         return LiveCalibration(self._acquisition()).take_frame(force_n)
+
+    def finished(self, measured: ProbeCalibration) -> ProbeCalibration:
+        """The calibration as it was measured."""
+        return measured
 
     def _acquisition(self) -> Acquisition:
         return acquisition_of(self._camera, self._terms)

@@ -1,4 +1,4 @@
-"""Jobs in the header: progress, results, and cancellation."""
+"""Jobs: the list in the header, and the page with the history."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from tsis.console.pages.components import ProgressBar
+from tsis.console.pages.components import ProgressBar, panel_title
+from tsis.console.services import DONE, ENDED, FAILED
 from tsis.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Awaitable, Callable
+    from collections.abc import Awaitable, Callable, Sequence
 
     from tsis.console.pages.components import Viewer
     from tsis.console.services import Instrument, InstrumentState, JobState
@@ -22,24 +23,19 @@ if TYPE_CHECKING:
 SHOWN = 8  # the newest
 
 
-class JobList:
-    """A button that shows running jobs, and their list; the camera's owner may end jobs."""
+class JobRows:
+    """A list of jobs with their progress; the camera's owner may end them."""
 
-    def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
-        self._instrument, self._viewer = instrument, viewer
+    def __init__(self, instrument: Instrument, viewer: Viewer, place: ui.element, nothing: str) -> None:
+        self._instrument, self._viewer, self._list = instrument, viewer, place
         self._rows: dict[str, _Row] = {}
-        self._button = ui.button("Jobs").props('flat dense no-caps aria-haspopup="true"')
-        with self._button, ui.menu().props('anchor="bottom right" self="top right"'):
-            self._list = ui.element("ul").classes("job-list").props('aria-label="Jobs, the newest first"')
-            with self._list:
-                self._none = ui.element("li").classes("muted")
-                with self._none:
-                    ui.label("No jobs yet.")
+        with place:
+            self._none = ui.element("li").classes("muted")
+            with self._none:
+                ui.label(nothing)
 
-    def show(self, now: InstrumentState) -> None:
-        """Show the newest jobs."""
-        states = now.jobs[: -SHOWN - 1 : -1]
-        self._button.text = _summary([state for state in now.jobs if state.running])
+    def show(self, states: Sequence[JobState]) -> None:
+        """Show these jobs, in this order."""
         self._none.set_visibility(not states)
         requested = {state.identity for state in states}
         for identity in [row for row in self._rows if row not in requested]:
@@ -60,6 +56,22 @@ class JobList:
     def _ended(self, identity: str) -> None:
         with suppress(InputError):  # it was forgotten meanwhile
             self._instrument.end_job(identity, by=self._viewer.identity)
+
+
+class JobList:
+    """The header's button, which says how far running jobs are, and its list."""
+
+    def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
+        self._button = ui.button("Jobs").props('flat dense no-caps aria-haspopup="true"')
+        with self._button, ui.menu().props('anchor="bottom right" self="top right"'):
+            ui.link("All jobs and their history", "/jobs").classes("link job-history")
+            place = ui.element("ul").classes("job-list").props('aria-label="Jobs, the newest first"')
+            self._rows = JobRows(instrument, viewer, place, "No jobs yet.")
+
+    def show(self, now: InstrumentState) -> None:
+        """Show the newest jobs."""
+        self._button.text = _summary([state for state in now.jobs if state.running])
+        self._rows.show(now.jobs[: -SHOWN - 1 : -1])
 
 
 class _Row:
@@ -92,6 +104,50 @@ class _Row:
         self._bar.show(state)
         self._message.text = state.sentence
         self._message.set_visibility(bool(state.sentence))
+
+
+STATUSES = {DONE: "done", FAILED: "failed", ENDED: "cancelled"}
+COLUMNS = (("began", "Began (UTC)"), ("title", "Job"), ("status", "Status"), ("took", "Took"), ("result", "Result"))
+LINK = """<q-td :props="props">
+  <a v-if="props.row.address" class="link" :href="props.row.address">{{ props.value }}</a>
+  <template v-else>{{ props.value }}</template>
+</q-td>"""
+
+
+def jobs_page(instrument: Instrument, viewer: Viewer) -> None:
+    """Build the page: what runs, and what was done by this run of the program and those before."""
+    with ui.element("section").classes("panel stack"):
+        panel_title("Under way")
+        running = JobRows(instrument, viewer, ui.element("ul").classes("job-list wide"), "Nothing is under way.")
+    with ui.element("section").classes("panel stack"):
+        panel_title("History")
+        ui.label("Of this run of the console and those before; a result opens where it has a page.").classes("muted")
+        columns = [{"name": name, "label": label, "field": name, "align": "left"} for name, label in COLUMNS]
+        table = ui.table(rows=[], columns=columns, row_key="identity", pagination=25).props("flat dense")
+        table.add_slot("body-cell-title", LINK)
+
+    def show(now: InstrumentState) -> None:
+        running.show([state for state in reversed(now.jobs) if state.running])
+        over = [state for state in now.jobs if not state.running]
+        rows = [history_row(state) for state in (*instrument.jobs.history.past, *over)][::-1]
+        if rows != table.rows:
+            table.rows = rows
+
+    viewer.follow(show)
+
+
+def history_row(state: JobState) -> dict[str, str]:
+    """A job that is over, as the table shows it."""
+    known = state.began is not None and state.over is not None
+    return {
+        "identity": state.identity,
+        "began": "" if state.began is None else f"{state.began:%Y-%m-%d %H:%M}",
+        "title": state.title,
+        "status": STATUSES.get(state.status, state.status),
+        "took": f"{(state.over - state.began).total_seconds():.0f} s" if known else "",  # type: ignore[operator]
+        "result": state.sentence,
+        "address": job_address(state.title),
+    }
 
 
 def job_time(state: JobState) -> str:
