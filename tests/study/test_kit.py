@@ -152,6 +152,31 @@ def test_intervals_count_where_every_value_is_withheld(tmp_path: Path) -> None:
     )
 
 
+def test_intervals_are_widened_by_what_is_not_known_of_the_sizes(tmp_path: Path) -> None:
+    study = kit_study(tmp_path)
+    readings = [
+        DeviceReading(
+            code=code,
+            device="feeler",
+            operator="Ada",
+            repeat=1,
+            score=1.0,
+            values={"depth_mm": truth.values["depth_mm"] + 0.25},
+            interval_90={"depth_mm": (truth.values["depth_mm"] + 0.15, truth.values["depth_mm"] + 0.35)},
+        )
+        for code, truth in read_seal(study)[0].truths.items()
+        if truth.has_inclusion
+    ]
+    study = unblind(enter_readings(study, readings, actor="Ada"), by="Ada")
+    moduli = bench_moduli(bench_sheet(tmp_path, specimens=1))
+    # 1.645 sd beside 0.1 mm must reach 0.25 mm: from an sd of 0.139 mm on
+    for sd, hits in ((0.0, 0), (0.138, 0), (0.140, 7)):
+        (depth,) = score_validation(study, moduli, depth_sd_mm=sd, diameter_sd_mm=5.0).quantities
+        assert (depth.hits, depth.hits_widened, depth.count) == (0, hits, 7)
+    with pytest.raises(InputError, match="depth_sd_mm must lie in"):
+        score_validation(study, moduli, depth_sd_mm=-1.0)
+
+
 GOOD = ["1", 1, "compression", 20, 15, 1.0, 0.1]
 
 

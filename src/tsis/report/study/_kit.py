@@ -41,7 +41,8 @@ PROTOCOL = (
     "cylinder, phantom the phantoms of the batch between semicolons (1;2;3;4;5) or tissue. Stay below 10 % of "
     "shortening, and leave out points before contact.",
     "tsis study import, then tsis study analyse --by NAME: the seal opens once.",
-    "tsis study score KIT --study validation: the score, with the measured moduli in place of those of the recipe.",
+    "tsis study score KIT --study validation --diameter-sd MM --depth-sd MM: the score, with the measured moduli in "
+    "place of those of the recipe, and the standard uncertainties of the measured sizes.",
 )
 
 
@@ -176,7 +177,8 @@ def score_notes(score: ValidationScore) -> tuple[str, ...]:
     ]
     return (
         *(text for holds, text in named if holds),
-        "The truth of the modulus is that of the bench test; widened intervals include its standard uncertainty. "
+        "The truth is that of calliper and bench test; widened intervals include its standard uncertainty, of sizes as "
+        "far as it was given. "
         "First readings of a phantom by each operator count; readings of one phantom are not independent. The bias is "
         "that of readings whose value is identified; intervals count in any case.",
     )
