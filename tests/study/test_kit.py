@@ -14,12 +14,13 @@ from typer.testing import CliRunner
 
 from tsis.cli.study import app
 from tsis.errors import FileInputError, InputError, RecordsError
-from tsis.report.study import score_page
+from tsis.report.study import score_document, score_page
 from tsis.study import (
     MODULUS_COLUMNS,
     DeviceReading,
     Study,
     enter_readings,
+    kit_files,
     new_study,
     read_seal,
     read_truth_table,
@@ -60,11 +61,12 @@ def written(folder: Path, *rows: list[Any]) -> Path:
 
 
 def kit_study(folder: Path) -> Study:
-    """The kit in ``folder / "kit"``, and its sealed study."""
-    done = CliRunner().invoke(app, ["kit", str(folder / "kit"), "--json"])
-    assert done.exit_code == 0, done.output
-    targets = read_truth_table(folder / "kit" / "phantoms.csv")
-    return new_study(folder / "study", targets, seed=4, probe="tsis-2011", actor="maker")
+    """The sealed study of the kit's phantoms, and the folder of the kit for its bench tests."""
+    (folder / "kit").mkdir()
+    (folder / "phantoms.csv").write_bytes(kit_files()["phantoms.csv"])
+    return new_study(
+        folder / "study", read_truth_table(folder / "phantoms.csv"), seed=4, probe="tsis-2011", actor="maker"
+    )
 
 
 def read_true(study: Study) -> Study:
@@ -95,6 +97,7 @@ def test_the_kit_is_whole(tmp_path: Path) -> None:
     document = json.loads(done.output)
     assert faults(document) == []
     stored = json.loads((tmp_path / "kit" / "kit.json").read_text())
+    assert faults(stored) == []
     for name, sha256 in stored["files"].items():
         assert hashlib.sha256((tmp_path / "kit" / name).read_bytes()).hexdigest() == sha256
     assert {path.name for path in (tmp_path / "kit").iterdir()} == {*stored["files"], "kit.json"}
@@ -114,6 +117,7 @@ def test_the_score_takes_the_measured_moduli(tmp_path: Path) -> None:
     assert done.exit_code == 0, done.output
     document = json.loads(done.output)
     assert faults(document) == []
+    assert faults(json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))) == []
     assert document["detection"] == {"true_positives": 7, "present": 7, "false_positives": 0, "absent": 3}
     by = {item["quantity"]: item for item in document["quantities"]}
     assert (by["diameter_mm"]["hits"], by["diameter_mm"]["bias"]) == (7, 0)
@@ -139,6 +143,7 @@ def test_intervals_count_where_every_value_is_withheld(tmp_path: Path) -> None:
     (only,) = score.quantities
     assert (only.quantity, only.bias, only.relative_bias, only.bias_interval) == ("young_kpa", None, None, None)
     assert (only.hits, only.count, only.phantoms) == (5, 7, 0)  # batch B is of 60 kPa
+    assert faults(score_document(score)) == []
     assert tuple(score_page(score).tables[0].rows[0][at] for at in (0, 1, 3, 4)) == (
         "modulus / kPa",
         "5 of 7",

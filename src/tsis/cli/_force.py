@@ -63,9 +63,12 @@ def force(
         values = _demo_depth(loaded) if depth is None else _read_depth(depth)
         scale = None
         if known:
-            presses = [tsis.mechanics.gel.gel_force(_read_depth(path), sensor=loaded, draws=20) for path, _ in known]
+            presses = [
+                tsis.mechanics.gel.gel_force(_read_depth(path), sensor=loaded, sd_mm=_read_sd(path), draws=20)
+                for path, _ in known
+            ]
             scale = tsis.mechanics.gel.gel_force_scale(presses, [newtons for _, newtons in known])
-        result = tsis.mechanics.gel.gel_force(values, sensor=loaded, errors=errors, scale=scale)
+        result = tsis.mechanics.gel.gel_force(values, sensor=loaded, sd_mm=_read_sd(depth), errors=errors, scale=scale)
     low, high = result.interval_n()
     document: dict[str, Any] = tsis.report.envelope(
         "force",
@@ -118,6 +121,12 @@ def _read_depth(path: Path) -> NDArray[np.float64]:
     if mapped.size > LARGEST_MAP:
         raise FileInputError(f"{path.name} must have at most {LARGEST_MAP} pixels; got {mapped.size}")
     return np.asarray(mapped, dtype=float)
+
+
+def _read_sd(depth: Path | None) -> NDArray[np.float64] | None:
+    """The uncertainty that ``tsis depth`` wrote beside a depth map; None without it."""
+    beside = None if depth is None else depth.with_name(f"{depth.stem}-sd.npy")
+    return _read_depth(beside) if beside is not None and beside.is_file() else None
 
 
 def _weight(text: str) -> tuple[Path, float]:

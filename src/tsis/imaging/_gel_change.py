@@ -9,6 +9,7 @@ import numpy as np
 from scipy.ndimage import binary_dilation, gaussian_filter
 
 from tsis.errors import ImageMismatchError, InputError
+from tsis.imaging._colour import require_pattern
 from tsis.model import GelSensor, TactileImage, require_type
 
 if TYPE_CHECKING:
@@ -123,6 +124,7 @@ def gel_change(frame: Any, reference: NDArray[np.float64], sensor: GelSensor, *,
             f"reference must be an untouched frame of the sensor that took {what}, under the same light; got one that "
             f"differs by {max(typical, float(np.abs(drift).max())):.0f} levels nearly everywhere"
         )
+    require_pattern(levels, reference, what)
     change -= drift
     clipped = (np.maximum(levels, reference) >= GLARE).any(axis=2) | (
         np.minimum(levels, reference).max(axis=2) <= BLACK

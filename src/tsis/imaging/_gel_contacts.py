@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy import ndimage
 
+from tsis.compiled import one_blas_thread
 from tsis.errors import InputError
-from tsis.imaging._contact_fit import ContactFit, fit_contact
+from tsis.imaging._contact_fit import ContactFit, GelLayer, fit_contact
 from tsis.imaging._filters import block_means
 from tsis.imaging._gel_change import GelChange, gel_change, gel_reference
 
@@ -23,9 +24,11 @@ if TYPE_CHECKING:
 
 SEARCH_COLUMNS = 160  # a search does not need more
 FITTED_RADIUS_PX = 15.0  # larger contacts are fitted on block means
+STARTS, AGAIN = (0.65, 0.85, 1.1), (0.6, 0.8, 1.0, 1.25)  # radii of a first and a second fit, relative
 PEAK_NOISE = 8.0  # times the noise of the smoothed change
 LEAST_CHANGE = 3.0  # levels
-CENTRE_MODEL_SD, RADIUS_MODEL_SD = 0.03, 0.02  # of the radius: what the fit's model misses, by rendered frames
+CENTRE_MODEL_SD = 0.03  # of the radius: what the fit's model misses
+RADIUS_MODEL_SD = {"rgb": 0.006, "white": 0.01}  # of the radius, by rendered frames (seed 501)
 LEAST_QUALITY = 0.5
 MOVED = 0.1  # of the radius, between frames of a sequence
 REASONS = {
@@ -60,6 +63,8 @@ class GelContact:
         Centre on the face from the middle of the frame, without the lens's distortion.
     radius_mm, radius_sd_mm, area_mm2, area_sd_mm2
         Size on the face; the standard deviations include that of the scale.
+    scale_sd
+        Relative standard deviation of the scale in them, which all contacts of the sensor share.
     explained
         Fraction of the change that the fit explains.
     quality
@@ -83,6 +88,7 @@ class GelContact:
     radius_sd_mm: float | None
     area_mm2: float | None
     area_sd_mm2: float | None
+    scale_sd: float | None
     explained: float
     quality: float
     good: bool
@@ -147,6 +153,11 @@ def _moved(before: GelContact, now: GelContact) -> bool:
 
 def find_gel_contact(change: GelChange, sensor: GelSensor, *, name: str = "frame") -> GelContact:
     """Find the contact in the change of one frame; what `contacts` does for each."""
+    with one_blas_thread():  # the systems are small: a second thread costs ten times what it saves
+        return _find(change, sensor, name)
+
+
+def _find(change: GelChange, sensor: GelSensor, name: str) -> GelContact:
     rows, columns = change.usable.shape
     step = max(1, round(columns / SEARCH_COLUMNS))
     coarse, usable = _reduced(change, step)
@@ -154,21 +165,33 @@ def find_gel_contact(change: GelChange, sensor: GelSensor, *, name: str = "frame
     if place is None:
         return _none(name)
     centre, radius, others = place
-    slope = sensor.light == "rgb"
-    fit = fit_contact(coarse, usable.astype(float), centre, radius, slope=slope, starts=(0.65, 0.85, 1.1))
+    gel = _layer(sensor, columns, rows)
+    layer = None if gel is None else gel.scaled(1.0 / step)
+    fit = fit_contact(coarse, usable.astype(float), centre, radius, gel=layer, starts=STARTS)
     if fit is None:
         return _none(name)
     fine = max(1, int(fit.radius * step / FITTED_RADIUS_PX))
     if fine != step:
         coarse, usable = _reduced(change, fine)
-        fit = _scaled(fit, step, fine)
-        fit = fit_contact(coarse, usable.astype(float), fit.centre, fit.radius, slope=slope) or fit
-    oval = fit_contact(coarse, usable.astype(float), fit.centre, fit.radius, slope=slope, ellipse=True)
+        fit, layer = _scaled(fit, step, fine), None if gel is None else gel.scaled(1.0 / fine)
+    starts = (1.0,) if gel is None else AGAIN
+    fit = fit_contact(coarse, usable.astype(float), fit.centre, fit.radius, gel=layer, starts=starts) or fit
+    oval = fit_contact(coarse, usable.astype(float), fit.centre, fit.radius, gel=layer, ellipse=True)
     if oval is not None and _is_oval(fit, oval):
         fit = oval
     fit = _scaled(fit, fine, 1)
     reasons = _reasons(change, fit, others=[_again(other, step, 1) for other in others])
     return _contact(name, fit, reasons, sensor, columns, rows, change)
+
+
+def _layer(sensor: GelSensor, columns: int, rows: int) -> GelLayer | None:
+    """The gel in pixels of the frame under white light; None under coloured lamps."""
+    if sensor.light == "rgb":
+        return None
+    scale, (low, high) = sensor.scale_of(columns, rows), sensor.thickness_mm.limits
+    side = None if scale is None else float(np.sqrt(scale[0] * scale[1]))
+    thickness = (0.1 * columns, 2.0 * columns) if side is None else (low / side, high / side)
+    return GelLayer(thickness_px=thickness, poisson=sensor.poisson.limits)
 
 
 def _reduced(change: GelChange, step: int) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
@@ -266,11 +289,12 @@ def _contact(
 ) -> GelContact:
     radius, scale = fit.radius, sensor.scale_of(columns, rows)
     centre_sd = tuple(float(np.hypot(part, CENTRE_MODEL_SD * radius)) for part in fit.centre_sd)
-    radius_sd = float(np.hypot(fit.radius_sd, RADIUS_MODEL_SD * radius))
+    radius_sd = float(np.hypot(fit.radius_sd, RADIUS_MODEL_SD[sensor.light] * radius))
     good_fit = float(np.clip((fit.explained - 0.5) / 0.4, 0.0, 1.0))
     quality = good_fit * float(np.clip(1.5 - radius_sd / radius / 0.1, 0.0, 1.0))
+    doubt = "poor fit" if good_fit < LEAST_QUALITY else "uncertain"
     in_mm: dict[str, Any] = dict.fromkeys(
-        ("centre_mm", "centre_sd_mm", "radius_mm", "radius_sd_mm", "area_mm2", "area_sd_mm2")
+        ("centre_mm", "centre_sd_mm", "radius_mm", "radius_sd_mm", "area_mm2", "area_sd_mm2", "scale_sd")
     )
     if scale is not None:
         side = float(np.sqrt(scale[0] * scale[1]))
@@ -284,6 +308,7 @@ def _contact(
             "radius_sd_mm": radius * side * relative,
             "area_mm2": area,
             "area_sd_mm2": 2.0 * area * relative,
+            "scale_sd": sensor.scale_uncertainty,
         }
     return GelContact(
         name=name,
@@ -296,7 +321,7 @@ def _contact(
         explained=fit.explained,
         quality=quality if not reasons else min(quality, 0.45),
         good=not reasons and quality >= LEAST_QUALITY,
-        reasons=tuple(reasons) if reasons or quality >= LEAST_QUALITY else ("poor fit",),
+        reasons=tuple(reasons) if reasons or quality >= LEAST_QUALITY else (doubt,),
         **in_mm,
     )
 
@@ -306,5 +331,5 @@ def _none(name: str) -> GelContact:
     return GelContact(
         name=name, centre_px=pair, centre_sd_px=pair, radius_px=nan, radius_sd_px=nan, semi_axes_px=pair, angle_deg=nan,
         centre_mm=None, centre_sd_mm=None, radius_mm=None, radius_sd_mm=None, area_mm2=None, area_sd_mm2=None,
-        explained=0.0, quality=0.0, good=False, reasons=("no contact",),
+        scale_sd=None, explained=0.0, quality=0.0, good=False, reasons=("no contact",),
     )  # fmt: skip

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from tsis.mechanics.gel._contact import Floats
 
 SMALLEST_DEPTH_MM = 0.03  # shallower pixels count as untouched
+CERTAIN = 3.0  # standard deviations of a depth that count as untouched
 SHALLOW = 0.05  # of the deepest point
 SMOOTHING_PX = 2.0
 LARGE_STRAIN = 2.6  # of the correction; benchmarks/gel_force.py measures it by finite strain
@@ -95,6 +96,7 @@ def gel_force(
     *,
     sensor: GelSensor,
     contact: NDArray[np.bool_] | None = None,
+    sd_mm: ArrayLike | None = None,
     errors: DepthErrors | None = None,
     scale: ForceScale | None = None,
     smoothing_px: float = SMOOTHING_PX,
@@ -110,7 +112,10 @@ def gel_force(
     sensor
         The sensor with its gel; the map has the size of its frames.
     contact
-        Pixels that may touch; by default those deeper than 0.03 mm and than a twentieth of the deepest.
+        Pixels that may touch; by default those deeper than 0.03 mm, than a twentieth of the deepest, and than three
+        times ``sd_mm``.
+    sd_mm
+        Standard deviation of each depth (`tsis.imaging.depth.DepthMap.sd_mm`): what lies within it is no contact.
     errors
         Errors of the depth map.
     scale
@@ -133,7 +138,7 @@ def gel_force(
     draws = require_integer("draws", draws, 20, 100_000)
     errors, rng = errors or DepthErrors(), rng or np.random.default_rng(0)
     depth, pixel = _checked(depth_mm, sensor, smoothing_px)
-    touching = _contact(depth, contact)
+    touching = _contact(depth, contact, None if sd_mm is None else require_array("sd_mm", sd_mm, ndim=2))
     best = _Gel(sensor.young_kpa.best, min(sensor.poisson.best, LARGEST_RATIO), sensor.thickness_mm.best)
     pressure, force, correction = _press(depth, touching, pixel, best)
     factor = 1.0 if scale is None else scale.factor
@@ -223,17 +228,21 @@ def _checked(depth_mm: ArrayLike, sensor: GelSensor, smoothing_px: float) -> tup
     return (gaussian_filter(depth, smoothing_px) if smoothing_px else depth), pixel
 
 
-def _contact(depth: Floats, contact: NDArray[np.bool_] | None) -> NDArray[np.bool_]:
+def _contact(depth: Floats, contact: NDArray[np.bool_] | None, sd_mm: Floats | None) -> NDArray[np.bool_]:
     deepest = float(depth.max())
+    if sd_mm is not None and sd_mm.shape != depth.shape:
+        raise InputError(f"sd_mm must have the shape {depth.shape} of the depth map; got {sd_mm.shape}")
     if contact is None:
         contact = depth > max(SMALLEST_DEPTH_MM, SHALLOW * deepest)
+        if sd_mm is not None:
+            contact = contact & (depth > CERTAIN * sd_mm)
     elif contact.shape != depth.shape:
         raise InputError(f"contact must have the shape {depth.shape} of the depth map; got {contact.shape}")
     result = np.asarray(contact & (depth > 0))
     if not result.any():
         raise InputError(
-            f"no pixel is pressed in by more than {SMALLEST_DEPTH_MM:g} mm; the deepest is {deepest:.3g} mm: give the "
-            "depth in millimetres, positive into the gel"
+            f"no pixel is pressed in by more than {SMALLEST_DEPTH_MM:g} mm and its uncertainty; the deepest is "
+            f"{deepest:.3g} mm: give the depth in millimetres, positive into the gel"
         )
     return result
 

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from tsis.study.analysis import ValidationScore
 
 POINTS, CODES, SPECIMENS = 10, 10, 3
+SIZED = tuple(name for size in ("d / mm", "h / mm", "E / kPa") for name in (size, "low, high"))
 RECIPE = (
     "Mix tissue of about 5 kPa, inclusions A of about 90 kPa and B of about 55 kPa: platinum-cured silicone with "
     "silicone oil, which keeps for months, or gelatin (about 5 % by mass for tissue, 15 to 20 % for inclusions), which "
@@ -83,8 +84,8 @@ def kit_page() -> Page:
             ),
             Table(
                 title="Data sheet of the readings. Operator, date, temperature: ____________",
-                headings=("code", "repeat", "score", "diameter / mm", "depth / mm", "modulus / kPa", "remark"),
-                rows=tuple(("", str(repeat + 1), *[""] * 5) for _ in range(CODES) for repeat in range(3)),
+                headings=("code", "repeat", "score", *SIZED),
+                rows=tuple(("", str(repeat + 1), "", *[""] * len(SIZED)) for _ in range(CODES) for repeat in range(3)),
             ),
         ),
         provenance={"columns of modulus.csv": ", ".join(MODULUS_COLUMNS)},
