@@ -25,6 +25,7 @@ def test_ritz_and_finite_elements_agree_on_a_held_cylinder(diameter: float, heig
     assert expected < force[0] / free < 1.005 * expected  # a bound from above
 
 
+@pytest.mark.slow
 def test_the_bench_finds_the_moduli_within_what_poissons_ratio_moves(tmp_path: Path) -> None:
     rng = np.random.default_rng(3)
     made = made_phantoms(rng)
