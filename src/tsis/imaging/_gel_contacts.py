@@ -244,7 +244,9 @@ def _search(
     y, x = np.nonzero(labels == main + 1)
     others = [
         (float(place[1]), float(place[0]))
-        for index, place in enumerate(np.atleast_2d(ndimage.center_of_mass(strength, labels, np.arange(1, count + 1))))
+        for index, place in enumerate(
+            np.atleast_2d(ndimage.center_of_mass(strength + 1e-9, labels, np.arange(1, count + 1)))
+        )
         if index != main and totals[index] > 0.25 * totals[main] and areas[index] > 20
     ]
     return (float(x.mean()), float(y.mean())), max(float(np.sqrt(x.size / np.pi)), 3.0), others
