@@ -12,7 +12,7 @@ from tsis.compiled import one_blas_thread
 from tsis.errors import InputError
 from tsis.imaging._contact_fit import ContactFit, GelLayer, fit_contact
 from tsis.imaging._filters import block_means
-from tsis.imaging._gel_change import GelChange, gel_change, gel_reference
+from tsis.imaging._gel_change import GelChange, gel_change, gel_levels, gel_reference, marker_pixels
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -244,7 +244,9 @@ def _search(
     y, x = np.nonzero(labels == main + 1)
     others = [
         (float(place[1]), float(place[0]))
-        for index, place in enumerate(np.atleast_2d(ndimage.center_of_mass(strength, labels, np.arange(1, count + 1))))
+        for index, place in enumerate(
+            np.atleast_2d(ndimage.center_of_mass(strength + 1e-9, labels, np.arange(1, count + 1)))
+        )
         if index != main and totals[index] > 0.25 * totals[main] and areas[index] > 20
     ]
     return (float(x.mean()), float(y.mean())), max(float(np.sqrt(x.size / np.pi)), 3.0), others
@@ -333,3 +335,53 @@ def _none(name: str) -> GelContact:
         centre_mm=None, centre_sd_mm=None, radius_mm=None, radius_sd_mm=None, area_mm2=None, area_sd_mm2=None,
         scale_sd=None, explained=0.0, quality=0.0, good=False, reasons=("no contact",),
     )  # fmt: skip
+
+
+LARGEST_SHIFT = 0.75  # of the markers' pitch, beyond which a marker may be taken for its neighbour
+FEWEST_MARKER_PX, MOST_MARKER = 4, 0.5  # pixels of a marker, and its size over the pitch
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MarkerShift:
+    """Markers of a gel: their places on the untouched face and how far they moved along it, shape (n, 2), mm."""
+
+    points_mm: NDArray[np.float64]
+    shift_mm: NDArray[np.float64]
+
+
+def marker_shift(frame: Any, reference: Any, sensor: GelSensor) -> MarkerShift:
+    """How far the markers of a gel moved against the untouched sensor.
+
+    Dark dots of both frames are paired where each is the other's nearest.
+
+    Raises
+    ------
+    InputError
+        When the sensor's file has no marker_pitch_mm or no scale, or no marker is found.
+    """
+    if sensor.marker_pitch_mm is None:
+        raise InputError(f"{sensor.name} has no markers; put marker_pitch_mm into its file if the gel has them")
+    now, before = (gel_levels(part, sensor, what=what) for part, what in ((frame, "frame"), (reference, "reference")))
+    rows, columns = before.shape[:2]
+    points, moved = (sensor.face_mm(_marker_places(part, sensor), columns, rows) for part in (before, now))
+    gaps = np.hypot(*(points[:, None] - moved[None]).transpose(2, 0, 1))
+    nearest = gaps.argmin(axis=1)
+    own = np.arange(len(points))
+    pair = (gaps.argmin(axis=0)[nearest] == own) & (gaps[own, nearest] < LARGEST_SHIFT * sensor.marker_pitch_mm)
+    return MarkerShift(points_mm=points[pair], shift_mm=(moved[nearest] - points)[pair])
+
+
+def _marker_places(levels: NDArray[np.float64], sensor: GelSensor) -> NDArray[np.float64]:
+    """Centres (x, y) of the markers in pixels, weighted by their darkness."""
+    rows, columns = levels.shape[:2]
+    scale = sensor.scale_of(columns, rows)
+    pitch = 0.0 if scale is None or sensor.marker_pitch_mm is None else sensor.marker_pitch_mm / scale[0]
+    grey = levels.mean(axis=2)
+    dark = np.maximum(ndimage.gaussian_filter(grey, max(pitch, 1.0)) - grey, 0.0)
+    labels, count = ndimage.label(marker_pixels(levels, sensor))
+    numbers = np.arange(1, count + 1)
+    areas = ndimage.sum_labels(labels > 0, labels, numbers)
+    kept = numbers[(areas >= FEWEST_MARKER_PX) & (areas < (MOST_MARKER * max(pitch, 4.0)) ** 2 * np.pi)]
+    if kept.size == 0:
+        raise InputError(f"a frame of {sensor.name} must show markers every {sensor.marker_pitch_mm} mm; got none")
+    return np.asarray(ndimage.center_of_mass(dark, labels, kept))[:, ::-1]
