@@ -2,6 +2,8 @@
 
 ``python -m benchmarks.gel_force --seed 2028`` prints one row a press. Gels and balls are drawn from the seed; the
 correction for large strain was chosen on others (4 mm, 150 kPa, Poisson 0.46 and 0.485, balls of 2.5 and 6 mm).
+Then flat discs and bars with sharp edges, by the bricks of `benchmarks.gel_shear` at small strain: without friction the
+face slides along them, and their pressure has no peak that a mesh could tell, so that the force alone is compared.
 """
 
 from __future__ import annotations
@@ -9,6 +11,8 @@ from __future__ import annotations
 import argparse
 
 import numpy as np
+from benchmarks.gel_shear import CELL_MM, WIDE_MM, Layer
+from scipy.interpolate import RegularGridInterpolator
 
 import tsis
 from tsis.errors import MechanicsError
@@ -20,10 +24,62 @@ PIXEL_MM, COLUMNS, ROWS = 0.0632, 320, 240
 DEPTH_NOISE_MM = 0.005
 
 
+def punches(rng: np.random.Generator, count: int) -> None:
+    """Flat discs and bars of 8 mm length pressed into bonded gels."""
+    print("gel kPa  nu     t mm  punch             depth/t  force N  force ratio")
+    off = []
+    for number in range(count):
+        young, poisson = float(np.exp(rng.uniform(*np.log([60, 300])))), float(rng.uniform(0.45, 0.48))
+        thickness, half = float(rng.uniform(3, 5)), float(rng.uniform(1.2, 3.0))
+        layer = Layer(thickness, young, poisson)
+        x, y = np.meshgrid(layer.side, layer.side, indexing="ij")
+        disc = number % 2 == 0
+        inside = np.hypot(x, y) <= half if disc else (np.abs(x) <= half) & (np.abs(y) <= 4.0)
+        nodes, depth = np.argwhere(inside), float(rng.uniform(0.03, 0.1)) * thickness
+        columns = []
+        for i, j in nodes:
+            unit = np.zeros((3, *x.shape))
+            unit[2, i, j] = -1.0
+            columns.append(-layer.displaced(unit)[2])
+        response = np.array(columns)
+        pressure = np.linalg.solve(response[:, inside], np.full(len(nodes), depth))
+        face = np.tensordot(pressure, response, axes=1)
+        force = float(pressure.sum()) * CELL_MM**2 / 1000
+        places = (np.mgrid[:ROWS, :COLUMNS] - np.array([(ROWS - 1) / 2, (COLUMNS - 1) / 2])[:, None, None]) * PIXEL_MM
+        seen = RegularGridInterpolator((layer.side, layer.side), face)(np.stack([places[1], places[0]], axis=-1))
+        seen += rng.normal(0, DEPTH_NOISE_MM, seen.shape)
+        result = gel_force(seen, sensor=_sensor(thickness, young, poisson), draws=20)
+        ratio = result.force_n / result.strain_correction / force  # the bricks are linear
+        off.append(abs(ratio - 1))
+        name = f"disc {half:.2f} mm" if disc else f"bar {2 * half:.2f} x 8 mm"
+        print(
+            f"{young:7.0f}  {poisson:.3f}  {thickness:.2f}  {name:16}  {depth / thickness:7.3f}  {force:7.3f}  "
+            f"{ratio:11.3f}"
+        )
+    print(
+        f"punches and bars in a block of {WIDE_MM:g} mm: largest error {max(off):.3f}, median {np.median(off):.3f}; "
+        "goal 0.10"
+    )
+
+
+def _sensor(thickness: float, young: float, poisson: float) -> GelSensor:
+    return GelSensor(
+        name="drawn",
+        width_mm=COLUMNS * PIXEL_MM,
+        height_mm=ROWS * PIXEL_MM,
+        thickness_mm=BoundedValue(value=thickness),
+        young_kpa=BoundedValue(value=young),
+        poisson=BoundedValue(value=poisson),
+        image_px=(COLUMNS, ROWS),
+        mm_per_pixel=(PIXEL_MM, PIXEL_MM),
+    )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seed", type=int, default=2028)
     parser.add_argument("--gels", type=int, default=3)
+    parser.add_argument("--punches", type=int, default=6)
     arguments = parser.parse_args()
     rng = np.random.default_rng(arguments.seed)
     print("gel kPa  nu     t mm  ball mm  force N  depth/t  a/t    force ratio  pressure RMS/peak  in 90 %")
@@ -34,16 +90,7 @@ def main() -> None:
         young, poisson = float(np.exp(rng.uniform(*np.log([60, 300])))), float(rng.uniform(0.46, 0.49))
         thickness, ball = float(rng.uniform(3, 5)), float(rng.uniform(2.5, 6))
         gel = tsis.Layer(thickness_mm=thickness, young_kpa=young, poisson=poisson)
-        sensor = GelSensor(
-            name="drawn",
-            width_mm=COLUMNS * PIXEL_MM,
-            height_mm=ROWS * PIXEL_MM,
-            thickness_mm=BoundedValue(value=thickness),
-            young_kpa=BoundedValue(value=young),
-            poisson=BoundedValue(value=poisson),
-            image_px=(COLUMNS, ROWS),
-            mm_per_pixel=(PIXEL_MM, PIXEL_MM),
-        )
+        sensor = _sensor(thickness, young, poisson)
         unit = young * thickness**2 / 1000  # newtons
         forces = [unit * share for share in (0.03, 0.12, 0.3)]
         try:
@@ -77,6 +124,7 @@ def main() -> None:
     print(f"force: largest error {off.max():.3f}, median {np.median(off):.3f}; goal 0.10")
     print(f"pressure: largest RMS {max(rms):.3f}, median {np.median(rms):.3f}; goal 0.15")
     print(f"interval (gel known): holds {sum(held)} of {len(held)}")
+    punches(np.random.default_rng([arguments.seed, 1]), arguments.punches)
 
 
 if __name__ == "__main__":

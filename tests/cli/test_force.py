@@ -44,6 +44,7 @@ def test_a_known_weight_scales_the_force(run_tsis: RunTsis, folder: Path) -> Non
         (("text.npy",), "text.npy must be an NPY file"),
         (("colour.npy",), "must hold numbers in rows and columns; got (60, 80, 3)"),
         (("flat.npy",), "no pixel is pressed in by more than 0.03 mm"),
+        (("depth.npy", "--markers", "press.png"), "--markers needs a frame of the untouched sensor"),
         (("depth.npy", "--weight", "depth.npy"), "as press.npy=0.5; got 'depth.npy'"),
     ],
 )

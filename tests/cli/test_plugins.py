@@ -96,6 +96,7 @@ def test_a_gauge_is_read_beside_the_camera() -> None:
         log.stop()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("example")
 def test_a_matching_method_is_judged_as_those_of_tsis() -> None:
     source = np.random.default_rng(5).normal(size=(40, 2))

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from tests.cli.published import faults
 from tests.study.made import HEADINGS, table
 
 from tsis.__about__ import RESEARCH_USE_ONLY
@@ -75,6 +76,7 @@ def check_analysis(run_tsis: RunTsis, folder: Path, found: dict[str, Any]) -> No
         "report.html",
         "report.pdf",
     }
+    assert faults(json.loads((Path(found["folder"]) / "analysis.json").read_text(encoding="utf-8"))) == []
     checked = run_tsis("study", "verify", folder, "--head", found["head"])
     assert checked.code == 0
     assert "as it was written" in checked.out

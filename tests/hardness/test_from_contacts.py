@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
+from tsis.catalog import load_sensor
 from tsis.errors import FileInputError, InputError, NotIdentifiedError, UnknownNameError, UntrustedError
 from tsis.hardness import ObjectGeometry, TouchReading, as_touch_readings, estimate_from_contacts, press_fields
 from tsis.hardness import hertzian_radius_mm as contact_radius_of
+from tsis.imaging import contacts as find_contacts
 from tsis.mechanics.finite_strain import SphereResolution
 from tsis.model import BoundedValue, GelSensor, Layer, Probe, SoftSphere
 
@@ -110,6 +112,7 @@ def test_limits_of_the_gel_widen_and_a_rigid_ball_narrows() -> None:
     assert abs(np.log(middle(told) / 60.0)) < 2 * sd["told"]
 
 
+@pytest.mark.slow
 def test_a_press_at_finite_strain_on_a_thin_gel_gives_the_modulus() -> None:
     """Sphere and gel of finite elements, finer than those to which the correction was fitted, at other values."""
     gel, sphere = 120.0, SoftSphere(radius_mm=6.0, young_kpa=70.0, poisson=0.47)
@@ -202,6 +205,38 @@ def test_any_program_may_have_read_the_contacts(tmp_path: Path) -> None:
     given = [{"radius_mm": row["radius_mm"]} for row in rows]
     forced = estimate_from_contacts(given, sensor=GEL, geometry=R_MM, force=[row["force_n"] for row in rows])
     assert middle(forced) == pytest.approx(same[1], rel=1e-6)
+
+
+def test_the_scale_counts_once(tmp_path: Path) -> None:
+    """Contacts of `tsis.imaging.contacts` state the scale in their sd; the sensor states it again for all of them."""
+    row = {"force_n": 0.2, "radius_mm": 2.0, "radius_sd_mm": 2.0 * float(np.hypot(0.01, 0.05)), "scale_sd": 0.05}
+    file = tmp_path / "contacts.csv"
+    file.write_text(",".join(row) + "\n" + ",".join(str(value) for value in row.values()) + "\n")
+    area = {
+        "force_n": 0.2, "area_mm2": np.pi * 4.0, "area_sd_mm2": 8 * np.pi * float(np.hypot(0.01, 0.05)),
+        "scale_sd": 0.05,
+    }  # fmt: skip
+    for contacts in (row, file, area):
+        (reading,), _, _ = as_touch_readings(contacts)
+        assert reading.radius_sd_mm == pytest.approx(0.02, rel=1e-6)
+    (all_scale,), _, _ = as_touch_readings(row | {"radius_sd_mm": 0.1})
+    assert all_scale.radius_sd_mm == pytest.approx(0.005)  # not zero: what rounding leaves
+    with pytest.raises(InputError, match="scale_sd of contact 1 must lie in"):
+        as_touch_readings(row | {"scale_sd": 0.7})
+
+
+def test_contacts_of_frames_say_which_part_of_their_sd_is_the_scale() -> None:
+    sensor = replace(load_sensor("9dtact"), scale_uncertainty=0.04)
+    y, x = np.mgrid[:345, :460]
+    hill = np.maximum(1.0 - ((x - 230) ** 2 + (y - 170) ** 2) / 60.0**2, 0.0)
+    frames = [
+        np.clip(120 + change + np.random.default_rng(1).normal(0, 1, x.shape), 0, 255) for change in (-50 * hill, 0)
+    ]
+    (found,) = find_contacts(frames[:1], sensor=sensor, reference=frames[1])
+    (reading,), _, _ = as_touch_readings(replace(found, good=True), force=0.5)
+    assert reading.radius_sd_mm is not None
+    assert reading.radius_mm is not None
+    assert reading.radius_sd_mm / reading.radius_mm == pytest.approx(found.radius_sd_px / found.radius_px, rel=1e-3)
 
 
 def test_bad_contacts_are_left_out_and_said() -> None:

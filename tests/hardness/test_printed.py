@@ -63,7 +63,7 @@ def test_by_default_points_are_matched_as_printed() -> None:
     assert 0.05 < answer.mean_strain < 0.5
 
 
-@pytest.mark.parametrize("young", [0.6, 1.7])
+@pytest.mark.parametrize("young", [0.6, pytest.param(1.7, marks=pytest.mark.slow)])
 def test_it_does_not_see_the_modulus(young: float) -> None:
     """Nearly three times the modulus, and the strain is the same within the scatter of the matching."""
     assert found(hertzian(young)).mean_strain == pytest.approx(usual().mean_strain, abs=0.1)

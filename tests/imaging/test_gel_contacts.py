@@ -11,6 +11,7 @@ import pytest
 from tsis.catalog import load_sensor
 from tsis.errors import ImageMismatchError, InputError
 from tsis.imaging import contacts
+from tsis.imaging._contact_fit import ContactFit, GelLayer, fit_contact, joined_fits, layer_hill
 from tsis.instrument import read_colour
 from tsis.virtual import RenderedPress, ball_press, random_gel_press
 
@@ -39,6 +40,41 @@ def test_the_rendered_ball_is_that_of_the_half_space_on_a_thick_gel(a: float, ex
 
 def test_a_thin_gel_bulges_around_the_ball() -> None:
     assert ball_press(4.0, 1.5, thickness_mm=1.0, poisson=0.499).face_mm.min() < -0.01
+
+
+@pytest.mark.parametrize(("ratio", "poisson"), [(0.2, 0.45), (0.6, 0.49), (1.5, 0.475)])
+def test_the_hill_of_white_light_is_the_rendered_balls(ratio: float, poisson: float) -> None:
+    """A shallow ball on a layer by another sum over wave numbers; inside, a paraboloid."""
+    made = ball_press(30.0, 1.0, thickness_mm=1.0 / ratio, poisson=poisson)
+    places = np.linspace(0.0, 3.0, 31)
+    expected = np.interp(places, made.radius_mm, made.face_mm) / made.depth_mm
+    assert np.interp(places, np.linspace(0.0, 6.0, 301), layer_hill(ratio, poisson)) == pytest.approx(
+        expected, abs=0.02
+    )
+
+
+def test_a_second_minimum_of_the_same_evidence_makes_the_radius_uncertain() -> None:
+    fit = ContactFit(
+        centre=(0.0, 0.0), semi_axes=(20.0, 20.0), angle_deg=0.0, centre_sd=(0.1, 0.1), radius_sd=0.1,
+        explained=0.9, amplitude=10.0, patch_variance=4.0,
+    )  # fmt: skip
+    half = replace(fit, semi_axes=(10.0, 10.0))
+    assert joined_fits([fit, half], [100.0, 100.0]).radius_sd == pytest.approx(np.hypot(0.1, 10 / np.sqrt(2)))
+    assert joined_fits([fit, half], [100.0, 200.0]).radius_sd == pytest.approx(0.1, rel=1e-3)
+
+
+@pytest.mark.parametrize("start", [0.7, 1.5])
+def test_a_white_light_fit_finds_its_radius_from_afar(start: float) -> None:
+    sensor = load_sensor("9dtact")
+    made = random_gel_press(sensor, np.random.default_rng([4711, 9]), ball_radius_mm=4.0, thickness_mm=4.0)
+    levels = (made.frame.astype(float) - made.reference).mean(axis=2)[::2, ::2, None]
+    gel = GelLayer(thickness_px=(35.0, 45.0), poisson=sensor.poisson.limits)
+    centre = (made.centre_px[0] / 2, made.centre_px[1] / 2)
+    fit = fit_contact(
+        levels, np.ones(levels.shape[:2]), centre, start * made.radius_px / 2, gel=gel, starts=(0.6, 0.8, 1.0, 1.25)
+    )
+    assert fit is not None
+    assert 2 * fit.radius == pytest.approx(made.radius_px, rel=0.05)
 
 
 @pytest.mark.parametrize("name", ["gelsight-mini", "gelsight-taxim", "9dtact"])
@@ -109,6 +145,19 @@ def test_bad_frames_are_refused_in_one_sentence(frame: Any, reference: Any, said
     with pytest.raises((InputError, ImageMismatchError), match=said) as error:
         contacts([frame], sensor=MINI.sensor, reference=reference)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("name", ["gelsight-mini", "9dtact"])
+@pytest.mark.parametrize("seed", [3, 4, 5])
+def test_the_reference_of_another_sensor_as_bright_is_refused(name: str, seed: int) -> None:
+    made, other = press(name, seed), press(name, seed + 20)
+    levels = other.reference.astype(float)
+    levels *= made.reference.mean(axis=(0, 1)) / levels.mean(axis=(0, 1))  # brightness and colour are those of the own
+    assert levels.mean() == pytest.approx(made.reference.mean(), rel=1e-6)
+    with pytest.raises(ImageMismatchError, match="reference must be an untouched frame of the sensor that took frame"):
+        contacts([made.frame], sensor=made.sensor, reference=np.minimum(levels, 255.0))
+    (own,) = contacts([made.frame], sensor=made.sensor, reference=made.reference)
+    assert "no contact" not in own.reasons
 
 
 @pytest.mark.parametrize("every", [32, pytest.param(8, marks=pytest.mark.slow)])

@@ -148,7 +148,7 @@ def test_the_rim_of_a_face_that_has_moved_is_no_slope() -> None:
     assert render(moved, SENSOR, ANSWER, contact_model="curvature").max() < 1e-9
 
 
-@pytest.mark.parametrize("model", ["rough", "curvature"])
+@pytest.mark.parametrize("model", [pytest.param("rough", marks=pytest.mark.slow), "curvature"])
 def test_a_press_over_a_grid_renders_as_the_round_press_it_is(model: str) -> None:
     one = render(dented(), SENSOR, ANSWER, contact_model=model, light=uneven_light())
     off = []

@@ -145,6 +145,7 @@ def test_ranks_are_uniform(protocol: str) -> None:
     assert (found.rmse_over_exact() < 1.1).all()
 
 
+@pytest.mark.slow
 def test_a_faint_inclusion_is_not_moved_to_where_nothing_was_compared() -> None:
     """Draw 111 of seed 2: a parabola through comparisons once put a mountain into a corner of the prior."""
     prior = InclusionPrior()

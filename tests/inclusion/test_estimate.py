@@ -210,7 +210,7 @@ def test_a_prior_of_ones_own_is_respected(
 ) -> None:
     few = Degrees(diameter=3, depth=2, contrast=1, tissue=1, thickness=1, baseline=2)  # enough for so small a box
     monkeypatch.setattr(reading, "build_full_contact_surrogate", partial(build_full_contact_surrogate, degrees=few))
-    narrow = InclusionPrior(diameter_mm=(8.0, 12.0), depth_mm=(4.0, 7.0), young_kpa=(90.0, 110.0))
+    narrow = InclusionPrior(diameter_mm=(8.0, 12.0), depth_mm=(4.0, 7.0), young_kpa=(90.0, 110.0), heterogeneity_sd=0.0)
     result = estimate(lump[0], probe=PROBE, calibration=ANSWER, reference=lump[1], prior=narrow)
     for name, low, high in zip(PARAMETERS, narrow.low, narrow.high, strict=True):
         assert low <= result.samples[name].min() <= result.samples[name].max() <= high

@@ -176,7 +176,9 @@ def test_what_may_be_declared_follows_the_size_of_the_file() -> None:
     assert FREE_PIXELS < LARGEST_PIXELS
 
 
-@pytest.mark.parametrize(("deep", "hot"), [(False, 0.0), (False, 1e-4), (True, 1e-3)])
+@pytest.mark.parametrize(
+    ("deep", "hot"), [pytest.param(False, 0.0, marks=pytest.mark.slow), (False, 1e-4), (True, 1e-3)]
+)
 def test_a_dark_frame_is_read_back_by_what_wrote_it(tmp_path: Path, deep: bool, hot: float) -> None:
     rng = np.random.default_rng(4)
     grey = np.zeros((4096, 4096), np.uint16 if deep else np.uint8)

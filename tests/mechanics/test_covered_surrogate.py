@@ -140,7 +140,7 @@ def kernel_of(thickness: float) -> PressKernel:
 
 
 @pytest.mark.parametrize("probe", [FLAT, DOMED], ids=["flat", "domed"])
-@pytest.mark.parametrize("poisson", [0.487, 0.494])
+@pytest.mark.parametrize("poisson", [pytest.param(0.487, marks=pytest.mark.slow), 0.494])
 def test_poissons_ratio_moves_it_along_the_derivative(probe: Probe, poisson: float) -> None:
     for spot in SPOTS:
         moved, still = (press(probe, phantom(spot, ratio), force_n=1.0).pressure_kpa[::2] for ratio in (poisson, 0.49))

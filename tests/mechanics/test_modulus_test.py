@@ -24,6 +24,7 @@ def test_a_thin_pad_follows_the_published_correction() -> None:
     assert found.contact_mm == pytest.approx(0.3, abs=0.01)
 
 
+@pytest.mark.slow
 def test_a_pad_of_finite_elements_gives_its_modulus_back() -> None:
     pad = Probe(radius_mm=30.0, layers=(Layer(thickness_mm=8.0, young_kpa=15.0, poisson=0.48),))
     presses = [indent(pad, sphere_radius_mm=5.0, force_n=force) for force in np.linspace(0.01, 0.08, 7)]
@@ -33,10 +34,10 @@ def test_a_pad_of_finite_elements_gives_its_modulus_back() -> None:
     assert found.young_kpa == pytest.approx(15.0, rel=0.02)
 
 
-@pytest.mark.parametrize(("diameter", "height", "within"), [(40.0, 4.0, 0.04), (30.0, 5.0, 0.04), (20.0, 10.0, 0.04)])
-def test_a_flat_held_cylinder_is_near_gent_and_lindley(diameter: float, height: float, within: float) -> None:
+@pytest.mark.parametrize(("diameter", "height"), [(40.0, 4.0), (20.0, 10.0)])
+def test_a_flat_held_cylinder_is_near_gent_and_lindley(diameter: float, height: float) -> None:
     shape = diameter / (4 * height)
-    assert bonded_factor(diameter, height, 0.4999) == pytest.approx(1 + 2 * shape**2, rel=within)
+    assert bonded_factor(diameter, height, 0.4999) == pytest.approx(1 + 2 * shape**2, rel=0.04)
 
 
 def test_a_held_cylinder_has_the_right_limits() -> None:

@@ -25,7 +25,9 @@ HARD = Probe(radius_mm=100.0, layers=(Layer(thickness_mm=0.01, young_kpa=1e6, po
 THIN = Probe(radius_mm=12.0, layers=(Layer(thickness_mm=0.5, young_kpa=20.0, poisson=0.3),))
 
 
-@pytest.mark.parametrize("radius", [1.0, 1.6, 2.0])
+@pytest.mark.parametrize(
+    "radius", [1.0, pytest.param(1.6, marks=pytest.mark.slow), pytest.param(2.0, marks=pytest.mark.slow)]
+)
 def test_small_faces_have_a_finite_strain_too(radius: float) -> None:
     small = Probe(radius_mm=radius, layers=(Layer(thickness_mm=2.0, young_kpa=50.0),))
     force = 0.002 * radius**2

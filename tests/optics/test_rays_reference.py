@@ -62,7 +62,9 @@ def z_scores(case: str, photons: int) -> dict[str, float]:
     return scores
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize(
+    "case", [pytest.param(each, marks=[pytest.mark.slow] * (each in ("flat", "absorbing"))) for each in CASES]
+)
 def test_shares_agree_within_their_errors(case: str) -> None:
     assert max(map(abs, z_scores(case, 500).values())) < 4
 

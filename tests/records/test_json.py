@@ -25,7 +25,7 @@ from tsis.records import (
 from tsis.records._estimate_json import estimate_from_json
 from tsis.records.store import samples_bytes, samples_of
 
-SETTINGS = settings(max_examples=150)
+SETTINGS = settings(max_examples=80)
 WORDS = st.text(st.characters(exclude_categories=("C", "Z")), max_size=12)
 FLOATS = st.floats(allow_nan=False, allow_infinity=False)
 ZONES = st.integers(-23 * 60, 23 * 60).map(lambda minutes: timezone(timedelta(minutes=minutes)))

@@ -62,7 +62,7 @@ def test_any_text_makes_a_file(text: str) -> None:
     assert html(a_page(text)).endswith(b"</html>"), "the same page for a browser"
 
 
-@pytest.mark.parametrize("wide", [True, False])
+@pytest.mark.parametrize("wide", [True, pytest.param(False, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("size", [(30.0, 4.0), (4.0, 30.0), (40.0, 40.0)])
 def test_pictures_of_any_size_fit(size: tuple[float, float], wide: bool) -> None:
     content = pdf(Page(title="t", subtitle="", pictures=(a_picture(size=size, wide=wide, alt="w " * 900),) * 3))

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 ROOT = Path(__file__).parents[2]
-QUICK = {"table-2-1", "table-4-1", "figure-3-9", "figure-3-10", "figure-5-19", "figure-5-20", "figure-6-23"}
+QUICK = {"table-2-1", "figure-3-9", "figure-3-10", "figure-5-19", "figure-6-23"}
 RUNS = [pytest.param(each, id=each.name, marks=() if each.name in QUICK else pytest.mark.slow) for each in SHOWN]
 
 

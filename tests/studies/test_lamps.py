@@ -19,6 +19,7 @@ def test_light_that_two_seeds_trace_agrees() -> None:
     assert first.depletion == pytest.approx(second.depletion, rel=0.2)
 
 
+@pytest.mark.slow
 def test_level_light_is_not_missed_elsewhere_and_steep_light_is_even_along_the_face() -> None:
     """A level beam meets the face once, so no contact can darken another place; a steep one comes from all sides."""
     narrow = tuple(replace(led, half_angle_deg=15.0) for led in PROBE.leds)

@@ -59,7 +59,9 @@ def test_table_2_1_is_drawn_and_its_index_is_youdens() -> None:
     assert list(SHOWN[0].values(TABLE_2_1).values()) == pytest.approx(100 * np.sqrt(2) * distances)
 
 
-@pytest.mark.parametrize(("probe", "force"), [("tsis-2011", 1.0), ("tsis-domed", 0.5)])
+@pytest.mark.parametrize(
+    ("probe", "force"), [pytest.param("tsis-2011", 1.0, marks=pytest.mark.slow), ("tsis-domed", 0.5)]
+)
 def test_a_press_between_those_solved_is_as_one_solved_there(probe: str, force: float) -> None:
     name, log_softer, other = "detection-7", 0.083, 0.975 * force
     found = between(probe, name, nominal_n=force, log_softer=log_softer, force_n=other)

@@ -65,6 +65,7 @@ def test_the_command_writes_two_sheets(tmp_path: Path) -> None:
     assert done.exit_code == 0, done.output
     document = json.loads(done.output)
     assert faults(document) == []
+    assert faults(json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))) == []
     assert document["passed"]
     assert document["detection"] == {"true_positives": 7, "present": 7, "false_positives": 0, "absent": 2}
     paper = (tmp_path / "out" / "report.pdf").read_bytes()

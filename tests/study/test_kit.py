@@ -14,12 +14,13 @@ from typer.testing import CliRunner
 
 from tsis.cli.study import app
 from tsis.errors import FileInputError, InputError, RecordsError
-from tsis.report.study import score_page
+from tsis.report.study import score_document, score_page
 from tsis.study import (
     MODULUS_COLUMNS,
     DeviceReading,
     Study,
     enter_readings,
+    kit_files,
     new_study,
     read_seal,
     read_truth_table,
@@ -60,11 +61,12 @@ def written(folder: Path, *rows: list[Any]) -> Path:
 
 
 def kit_study(folder: Path) -> Study:
-    """The kit in ``folder / "kit"``, and its sealed study."""
-    done = CliRunner().invoke(app, ["kit", str(folder / "kit"), "--json"])
-    assert done.exit_code == 0, done.output
-    targets = read_truth_table(folder / "kit" / "phantoms.csv")
-    return new_study(folder / "study", targets, seed=4, probe="tsis-2011", actor="maker")
+    """The sealed study of the kit's phantoms, and the folder of the kit for its bench tests."""
+    (folder / "kit").mkdir()
+    (folder / "phantoms.csv").write_bytes(kit_files()["phantoms.csv"])
+    return new_study(
+        folder / "study", read_truth_table(folder / "phantoms.csv"), seed=4, probe="tsis-2011", actor="maker"
+    )
 
 
 def read_true(study: Study) -> Study:
@@ -95,6 +97,7 @@ def test_the_kit_is_whole(tmp_path: Path) -> None:
     document = json.loads(done.output)
     assert faults(document) == []
     stored = json.loads((tmp_path / "kit" / "kit.json").read_text())
+    assert faults(stored) == []
     for name, sha256 in stored["files"].items():
         assert hashlib.sha256((tmp_path / "kit" / name).read_bytes()).hexdigest() == sha256
     assert {path.name for path in (tmp_path / "kit").iterdir()} == {*stored["files"], "kit.json"}
@@ -114,6 +117,7 @@ def test_the_score_takes_the_measured_moduli(tmp_path: Path) -> None:
     assert done.exit_code == 0, done.output
     document = json.loads(done.output)
     assert faults(document) == []
+    assert faults(json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))) == []
     assert document["detection"] == {"true_positives": 7, "present": 7, "false_positives": 0, "absent": 3}
     by = {item["quantity"]: item for item in document["quantities"]}
     assert (by["diameter_mm"]["hits"], by["diameter_mm"]["bias"]) == (7, 0)
@@ -139,12 +143,38 @@ def test_intervals_count_where_every_value_is_withheld(tmp_path: Path) -> None:
     (only,) = score.quantities
     assert (only.quantity, only.bias, only.relative_bias, only.bias_interval) == ("young_kpa", None, None, None)
     assert (only.hits, only.count, only.phantoms) == (5, 7, 0)  # batch B is of 60 kPa
+    assert faults(score_document(score)) == []
     assert tuple(score_page(score).tables[0].rows[0][at] for at in (0, 1, 3, 4)) == (
         "modulus / kPa",
         "5 of 7",
         "-",
         "-",
     )
+
+
+def test_intervals_are_widened_by_what_is_not_known_of_the_sizes(tmp_path: Path) -> None:
+    study = kit_study(tmp_path)
+    readings = [
+        DeviceReading(
+            code=code,
+            device="feeler",
+            operator="Ada",
+            repeat=1,
+            score=1.0,
+            values={"depth_mm": truth.values["depth_mm"] + 0.25},
+            interval_90={"depth_mm": (truth.values["depth_mm"] + 0.15, truth.values["depth_mm"] + 0.35)},
+        )
+        for code, truth in read_seal(study)[0].truths.items()
+        if truth.has_inclusion
+    ]
+    study = unblind(enter_readings(study, readings, actor="Ada"), by="Ada")
+    moduli = bench_moduli(bench_sheet(tmp_path, specimens=1))
+    # 1.645 sd beside 0.1 mm must reach 0.25 mm: from an sd of 0.139 mm on
+    for sd, hits in ((0.0, 0), (0.138, 0), (0.140, 7)):
+        (depth,) = score_validation(study, moduli, depth_sd_mm=sd, diameter_sd_mm=5.0).quantities
+        assert (depth.hits, depth.hits_widened, depth.count) == (0, hits, 7)
+    with pytest.raises(InputError, match="depth_sd_mm must lie in"):
+        score_validation(study, moduli, depth_sd_mm=-1.0)
 
 
 GOOD = ["1", 1, "compression", 20, 15, 1.0, 0.1]

@@ -139,6 +139,7 @@ def test_the_commands_print_described_documents(study: Study, tmp_path: Path) ->
     document = json.loads(done.stdout)
     assert faults(document) == []
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"index.html", "report.pdf", "result.json"}
+    assert faults(json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))) == []
     assert len(document["results"]) == 9
     planned = CliRunner().invoke(app, ["size", "--width", "0.2", "--json"])
     assert planned.exit_code == 0, planned.output

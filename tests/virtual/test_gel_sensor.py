@@ -11,7 +11,7 @@ from tsis.catalog import load_sensor
 from tsis.errors import InputError
 from tsis.imaging import contacts
 from tsis.mechanics.finite_strain import SphereResolution
-from tsis.model import BoundedValue, GelSensor, Layer
+from tsis.model import BoundedValue, GelSensor, Layer, SoftSphere
 from tsis.virtual import VirtualGelSensor
 
 COARSE = SphereResolution(order=3, cells=4, rings=2, face_cells=6)
@@ -23,6 +23,17 @@ def small_sensor() -> GelSensor:
     return replace(sensor, image_px=(160, 120), mm_per_pixel=(0.1264, 0.1264), thickness_mm=BoundedValue(value=8.0))
 
 
+@pytest.mark.parametrize("seed", [1, 2])
+def test_the_gel_lies_within_the_limits_of_the_file_and_another_seed_has_another(seed: int) -> None:
+    sensor = load_sensor("gelsight-mini")
+    gel = VirtualGelSensor(small_sensor(), rng=np.random.default_rng(seed)).gel
+    other = VirtualGelSensor(small_sensor(), rng=np.random.default_rng(seed + 10)).gel
+    low, high = sensor.young_kpa.limits
+    assert low <= gel.young_kpa <= high
+    assert gel.young_kpa != other.young_kpa
+
+
+@pytest.mark.slow
 def test_a_rigid_ball_is_that_of_hertz_and_its_contact_is_found() -> None:
     """Hertz on a half-space: a³ = 3 F R / 4 E*; a layer seven contact radii thick is stiffer."""
     virtual = VirtualGelSensor(small_sensor(), rng=np.random.default_rng(3), gel=GEL, resolution=COARSE)
@@ -38,6 +49,25 @@ def test_a_rigid_ball_is_that_of_hertz_and_its_contact_is_found() -> None:
     assert found.radius_px == pytest.approx(press.radius_px, rel=0.12)  # the mesh is coarse
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [8, 104])
+def test_white_light_calls_no_contact_good_that_is_far_off(seed: int) -> None:
+    """Two minima of the radius, one at half of it, were taken for the truth."""
+    virtual = VirtualGelSensor(load_sensor("9dtact"), rng=np.random.default_rng(seed))
+    ball = SoftSphere(radius_mm=5.0, young_kpa=100.0)
+    presses = (
+        *virtual.calibration_presses(6, ball_radius_mm=3.0),
+        *virtual.presses(ball, forces_n=(0.3, 0.6, 0.9)),
+    )
+    found = contacts([press.frame for press in presses], sensor=virtual.sensor, reference=virtual.reference)
+    off = [contact.radius_px / press.radius_px - 1 for contact, press in zip(found, presses, strict=True)]
+    good = [abs(error) for error, contact in zip(off, found, strict=True) if contact.good]
+    assert len(good) >= 5
+    assert max(good) < 0.15
+    assert np.median(good) < 0.05
+
+
+@pytest.mark.slow
 def test_calibration_presses_lie_inside_the_frame_at_several_depths() -> None:
     virtual = VirtualGelSensor(small_sensor(), rng=np.random.default_rng(4), gel=GEL, resolution=COARSE)
     made = virtual.calibration_presses(4, ball_radius_mm=3.0, depths=2)

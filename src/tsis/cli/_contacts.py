@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import itertools
+import signal
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,19 +13,19 @@ from rich.table import Table
 
 import tsis
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.cli._groups import DefaultCommand
+from tsis.cli._groups import DefaultCommand, ended_by
 from tsis.cli._options import AsJson
-from tsis.cli._output import leave, print_json, print_tables
+from tsis.cli._output import leave, print_json, print_notice, print_tables
 from tsis.cli._progress import progress_bar
 from tsis.cli._sensor import SensorOption
-from tsis.errors import InputError
+from tsis.errors import InputError, TsisError, import_extra
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
-    from tsis.imaging.depth import DepthMap
+    from tsis.imaging.depth import DepthMap, DepthMapper
     from tsis.model import GelSensor
 
 
@@ -94,7 +96,8 @@ def contacts(
         table = Table(*tsis.report.CONTACT_HEADINGS, title="Contacts")
         for row in tsis.report.gel_contact_rows(found):
             table.add_row(*row)
-        print_tables([table], tsis.report.contact_notes(found), where=", ".join(written))
+        notes = (*tsis.report.contact_notes(found), *missing_frames_note(frames))
+        print_tables([table], notes, where=", ".join(written))
     leave(trusted=any(contact.good for contact in found))
 
 
@@ -117,6 +120,87 @@ def gel_frame_paths(frames: Sequence[Path]) -> list[Path]:
             f"frames must be at most {MOST_GEL_FRAMES}; got {len(frames)}: give every second one, or fewer"
         )
     return list(frames)
+
+
+GAP = 1.8  # times the median time between frames
+
+
+def missing_frames_note(frames: Sequence[Path]) -> tuple[str, ...]:
+    """A sentence on gaps of a recorded folder; none for a folder without gaps, or for single frames."""
+    if len(frames) != 1 or not frames[0].is_dir():
+        return ()
+    times = [arrived for _, arrived in tsis.instrument.recording.read_recording_index(frames[0])]
+    steps = sorted(after - before for before, after in itertools.pairwise(times))
+    usual = steps[len(steps) // 2] if steps else 0.0
+    lost = sum(round(step / usual) - 1 for step in steps if usual > 0 and step > GAP * usual)
+    if not lost:
+        return ()
+    text = (
+        f"{lost} frames of the recording are missing: a contact may have moved where nobody saw it, press again slower"
+    )
+    return (f"{text}.",)
+
+
+def watch_gel(
+    camera: str, *, sensor: str, reference: Path | None, depth: Path | None, seconds: float | None, as_json: bool
+) -> None:
+    """Contact, and with a depth calibration depth and force, of each newest frame, until Ctrl-C or the video's end."""
+    import time
+    from collections import Counter
+
+    from rich.console import Console
+
+    cv2 = import_extra("cv2", feature="the live view of a gel sensor", extra="camera")
+    kind, _, where = camera.partition(":")
+    if kind not in ("opencv", "video") or not where:
+        raise InputError(f"--sensor needs --camera opencv:NUMBER or video:FILE, which have colours; got {camera!r:.80}")
+    chosen, mapper = chosen_sensor(sensor), None
+    untouched = _reference(chosen, reference)
+    if depth is not None:
+        calibration = tsis.imaging.depth.parse_depth_calibration(tsis.files.read_object(depth, values=MOST_WEIGHTS))
+        mapper = tsis.imaging.depth.DepthMapper(calibration, chosen, untouched)
+    capture = cv2.VideoCapture(int(where) if kind == "opencv" and where.isdigit() else where)
+    if not capture.isOpened():
+        raise InputError(f"--camera must be a camera that opens; {camera} does not: tsis acquire --list shows them")
+    capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)  # the newest frame, not one of a second ago
+    console, counted, begun = Console(stderr=as_json, highlight=False), Counter[str](), time.monotonic()
+    with ended_by(signal.SIGINT) as ended:
+        while not ended.is_set() and not (seconds is not None and time.monotonic() - begun >= seconds):
+            there, frame = capture.read()
+            if not there:
+                break
+            counted["frames"] += 1
+            try:
+                line, reasons = _gel_line(frame[..., ::-1], chosen, untouched, mapper)
+            except TsisError as error:  # a black frame, a moved lamp: the next one may be good
+                line, reasons = f"! {error}", ("refused",)
+            counted.update(reasons)
+            console.print(line, markup=False, soft_wrap=True)
+    capture.release()
+    total = counted.pop("frames", 0)
+    if as_json:
+        flagged = {name: counted[name] for name in sorted(counted)}
+        print_json(tsis.report.envelope("acquire", "watch", frames=total, flagged=flagged))
+    else:
+        print_notice(console)
+
+
+def _gel_line(
+    frame: NDArray[Any], sensor: GelSensor, reference: NDArray[Any], mapper: DepthMapper | None
+) -> tuple[str, tuple[str, ...]]:
+    """One frame as a line of text, and the reasons against its contact."""
+    (contact,) = tsis.imaging.contacts([frame], sensor=sensor, reference=reference)
+    if not contact.good:
+        return "no good contact: " + ", ".join(contact.reasons), contact.reasons
+    text = "contact at {:.1f}, {:.1f} px".format(*contact.centre_px)
+    text += f", radius {contact.radius_mm:.3f} mm" if contact.radius_mm else f", radius {contact.radius_px:.1f} px"
+    if mapper is not None:
+        depth = mapper.map(frame)
+        force = tsis.mechanics.gel.gel_force(depth.depth_mm, sensor=sensor, sd_mm=depth.sd_mm, draws=20)
+        low, high = force.interval_n()
+        text += f", deepest {force.deepest_mm:.3f} mm, {force.force_n:.3g} N ({low:.3g} to {high:.3g})"
+        text += "".join(f"; {problem}" for problem in force.problems)
+    return text, ()
 
 
 def _sidecar_force(frame: Path) -> tuple[float | None, float | None]:

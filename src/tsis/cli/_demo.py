@@ -36,8 +36,11 @@ if TYPE_CHECKING:
     from tsis.model import Phantom, TactileImage
     from tsis.virtual import VirtualProbe
 
+ONE_EXAMINATION = ("phantom", "diameter_mm", "depth_mm", "young_kpa", "out", "save", "store", "number")
+
 
 def demo(
+    context: typer.Context,
     *,
     phantom: PhantomName = "hardness-100",
     probe: ProbeOption = "tsis-domed",
@@ -73,7 +76,7 @@ def demo(
     import numpy as np
 
     if seeds is not None:
-        _require_no_inclusion(diameter_mm, depth_mm, young_kpa, save=save)
+        _require_only_seeds(context)
         repeat_demo(
             seeds,
             first_seed=seed,
@@ -153,13 +156,13 @@ def demo(
     publish_and_save(outcome, out, destination, savable, as_json=as_json)
 
 
-def _require_no_inclusion(*sizes: float | None, save: bool) -> None:
-    """Refuse options of one inclusion beside --seeds, which draws inclusions."""
-    if save or any(size is not None for size in sizes):
-        raise InputError(
-            "--seeds draws every inclusion from the prior and saves none: leave out --diameter-mm, --depth-mm, "
-            "--young-kpa and --save"
-        )
+def _require_only_seeds(context: typer.Context) -> None:
+    """Refuse options that --seeds, which draws each inclusion and writes nothing, would ignore."""
+    sources = {name: context.get_parameter_source(name) for name in ONE_EXAMINATION}
+    typed = [name for name, source in sources.items() if source is not None and source.name == "COMMANDLINE"]
+    if typed:
+        said = " and ".join(f"--{'target' if name == 'number' else name.replace('_', '-')}" for name in typed)
+        raise InputError(f"--seeds draws every inclusion from the prior and writes nothing: leave out {said}")
 
 
 def _named(force_n: list[float]) -> dict[str, float]:

@@ -11,6 +11,7 @@ import typer
 from rich.table import Table
 
 import tsis
+from tsis.cli._contacts import GelReference, read_gel_frame, read_gel_reference
 from tsis.cli._options import AsJson
 from tsis.cli._output import CommandResult, Out, show_result
 from tsis.cli._progress import waiting
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from tsis.mechanics.gel import GelForce
+    from tsis.mechanics.gel import GelForce, GelShear
     from tsis.model import GelSensor
 
 
@@ -47,6 +48,11 @@ def force(
     ] = None,
     depth_scale_sd: Annotated[float, typer.Option(help="Relative error of the depth, one standard deviation.")] = 0.05,
     depth_offset_sd_mm: Annotated[float, typer.Option(help="Error of the depth's zero in mm.")] = 0.01,
+    markers: Annotated[
+        Path | None,
+        typer.Option("--markers", help="Frame of the same press: the shift of its markers tells the shear force."),
+    ] = None,
+    reference: GelReference = None,
     demo: Annotated[
         bool, typer.Option("--demo", help="Press a ball of 2.5 mm radius on the gel at 0.4 N by finite elements.")
     ] = False,
@@ -63,10 +69,15 @@ def force(
         values = _demo_depth(loaded) if depth is None else _read_depth(depth)
         scale = None
         if known:
-            presses = [tsis.mechanics.gel.gel_force(_read_depth(path), sensor=loaded, draws=20) for path, _ in known]
+            presses = [
+                tsis.mechanics.gel.gel_force(_read_depth(path), sensor=loaded, sd_mm=_read_sd(path), draws=20)
+                for path, _ in known
+            ]
             scale = tsis.mechanics.gel.gel_force_scale(presses, [newtons for _, newtons in known])
-        result = tsis.mechanics.gel.gel_force(values, sensor=loaded, errors=errors, scale=scale)
+        result = tsis.mechanics.gel.gel_force(values, sensor=loaded, sd_mm=_read_sd(depth), errors=errors, scale=scale)
+        shear = None if markers is None else _shear(markers, reference, loaded)
     low, high = result.interval_n()
+    problems = (*result.problems, *(() if shear is None else shear.problems))
     document: dict[str, Any] = tsis.report.envelope(
         "force",
         sensor=loaded.name,
@@ -79,7 +90,10 @@ def force(
         deepest_mm=result.deepest_mm,
         strain_correction=result.strain_correction,
         scale=None if scale is None else {"factor": scale.factor, "relative_sd": scale.relative_sd},
-        trusted=not result.problems,
+        shear=None
+        if shear is None
+        else {"force_n": list(shear.force_n), "interval_n": shear.interval_n(), "explained": shear.explained},
+        trusted=not problems,
     )
     table = Table("quantity", "value", title="Force on the gel")
     for name, text in (
@@ -90,17 +104,35 @@ def force(
         ("deepest point", f"{result.deepest_mm:.3g} mm"),
     ):
         table.add_row(name, text)
+    if shear is not None:
+        for name, part, (left, right) in zip("xy", shear.force_n, shear.interval_n(), strict=True):
+            table.add_row(f"shear force along {name}", f"{part:.3g} N ({left:.3g} to {right:.3g} N)")
     shown = CommandResult(
         document=document,
         tables=(table,),
-        notes=(*result.problems, *(() if scale is not None else (_WIDE,))),
+        notes=(*problems, *(() if scale is not None else (_WIDE,))),
         figures={"pressure": lambda: _figure(values, result, loaded)},
         arrays={"pressure_kpa": result.pressure_kpa, "depth_mm": values},
     )
-    show_result(shown, out, as_json=as_json, trusted=not result.problems)
+    show_result(shown, out, as_json=as_json, trusted=not problems)
 
 
 _WIDE = "The gel's modulus passes one to one into the force: presses with known weights (--weight) narrow the interval."
+
+
+def _shear(frame: Path, reference: Path | None, sensor: GelSensor) -> GelShear:
+    """Shear force of a frame with markers; `InputError` where its contact is not good."""
+    untouched = read_gel_reference(sensor, reference)
+    if untouched is None:
+        raise InputError("--markers needs a frame of the untouched sensor; give it as --reference")
+    levels = read_gel_frame(frame)
+    (contact,) = tsis.imaging.contacts([levels], sensor=sensor, reference=untouched, names=[frame.name])
+    if contact.centre_mm is None or contact.radius_mm is None:
+        raise InputError(f"the contact in {frame.name} must be found in mm for a shear force; got {contact.reasons}")
+    moved = tsis.imaging.marker_shift(levels, untouched, sensor)
+    return tsis.mechanics.gel.gel_shear(
+        moved.points_mm, moved.shift_mm, sensor=sensor, centre_mm=contact.centre_mm, radius_mm=contact.radius_mm
+    )
 
 
 def _read_depth(path: Path) -> NDArray[np.float64]:
@@ -118,6 +150,12 @@ def _read_depth(path: Path) -> NDArray[np.float64]:
     if mapped.size > LARGEST_MAP:
         raise FileInputError(f"{path.name} must have at most {LARGEST_MAP} pixels; got {mapped.size}")
     return np.asarray(mapped, dtype=float)
+
+
+def _read_sd(depth: Path | None) -> NDArray[np.float64] | None:
+    """The uncertainty that ``tsis depth`` wrote beside a depth map; None without it."""
+    beside = None if depth is None else depth.with_name(f"{depth.stem}-sd.npy")
+    return _read_depth(beside) if beside is not None and beside.is_file() else None
 
 
 def _weight(text: str) -> tuple[Path, float]:

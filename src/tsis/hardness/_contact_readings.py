@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from tsis.errors import InputError
-from tsis.hardness._contact_rows import COLUMNS, contact_rows, contact_value, forces_of_contacts, is_good
+from tsis.hardness._contact_rows import COLUMNS, contact_rows, contact_value, forces_of_contacts, is_good, own_sd
 from tsis.model import require_number
 
 if TYPE_CHECKING:
@@ -128,7 +128,7 @@ def _reading(row: Any, name: str, force: float | None) -> TouchReading:
     if not isinstance(row, Mapping) and not any(hasattr(row, column) for column in COLUMNS):
         raise InputError(f"contacts must have radius_mm, area_mm2 or depth_mm; got {type(row).__name__}")
     numbers: dict[str, float] = {}
-    for column in COLUMNS[:8]:
+    for column in COLUMNS[:9]:
         value = force if column == "force_n" and force is not None else contact_value(row, column)
         if value is not None:
             try:
@@ -142,4 +142,7 @@ def _reading(row: Any, name: str, force: float | None) -> TouchReading:
         numbers["radius_mm"] = math.sqrt(area / math.pi)
         if area_sd is not None:
             numbers["radius_sd_mm"] = numbers["radius_mm"] * area_sd / (2.0 * area)
+    scale_sd = numbers.pop("scale_sd", 0.0)
+    if scale_sd and "radius_sd_mm" in numbers:
+        numbers["radius_sd_mm"] = own_sd(numbers["radius_sd_mm"], numbers["radius_mm"], scale_sd, name)
     return TouchReading(**numbers, name=name)

@@ -11,11 +11,13 @@ from typing import Any
 
 from tsis.errors import FileInputError, InputError
 from tsis.files import as_path, printable_path, read_bytes
+from tsis.model import require_number
 
 MOST_BYTES = 10_000_000
+LEAST_OWN = 0.05  # of a standard deviation: what rounding may take off
 COLUMNS = (
     *("force_n", "force_sd_n", "radius_mm", "radius_sd_mm", "area_mm2", "area_sd_mm2"),
-    *("depth_mm", "depth_sd_mm", "object_radius_mm", "time_s"),
+    *("depth_mm", "depth_sd_mm", "scale_sd", "object_radius_mm", "time_s"),
 )
 
 
@@ -73,3 +75,9 @@ def forces_of_contacts(force: float | Sequence[float] | None, count: int) -> Seq
     if len(forces) != count:
         raise InputError(f"force must be one number, or one for each of the {count} contacts; got {len(forces)}")
     return forces
+
+
+def own_sd(total: float, value: float, scale_sd: float, name: str) -> float:
+    """What is left of a standard deviation without the scale's part, which the sensor states for all contacts."""
+    require_number(f"scale_sd of {name}", scale_sd, 0.0, 0.5, hint="a fraction")
+    return math.sqrt(max(total**2 - (scale_sd * value) ** 2, (LEAST_OWN * total) ** 2))

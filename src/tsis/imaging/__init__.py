@@ -25,7 +25,7 @@ from tsis.imaging._corrections import (
 )
 from tsis.imaging._filters import block_means
 from tsis.imaging._gel_change import GelChange, gel_change, gel_levels, gel_reference
-from tsis.imaging._gel_contacts import REASONS, GelContact, contacts, find_gel_contact
+from tsis.imaging._gel_contacts import REASONS, GelContact, MarkerShift, contacts, find_gel_contact, marker_shift
 from tsis.imaging._height_surface import HeightSurface, height_surface
 from tsis.imaging._lost_light import LostLight, find_lost_light
 from tsis.imaging._patch import (
@@ -61,6 +61,7 @@ __all__ = [
     "HeightSurface",
     "LedDrift",
     "LostLight",
+    "MarkerShift",
     "Patch",
     "RadialProfile",
     "Sensor",
@@ -80,6 +81,7 @@ __all__ = [
     "gel_levels",
     "gel_reference",
     "height_surface",
+    "marker_shift",
     "match_light",
     "pixel_noise",
     "radial_profile",

@@ -6,6 +6,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.ndimage import gaussian_filter
 
 from tsis.errors import ImageMismatchError, InputError
 from tsis.imaging._corrections import require_image
@@ -115,3 +116,23 @@ def _table(name: str) -> NDArray[np.uint8]:
 
     table: NDArray[np.uint8] = colormaps[name](np.arange(256), bytes=True)[:, :3]
     return table
+
+
+FOREIGN_PATTERN, FOREIGN_LEVELS = 0.5, 4.0  # change over the reference's own unevenness, and its least size, levels
+PATTERN_BLUR_PX = 2.0
+
+
+def require_pattern(
+    levels: NDArray[Any], reference: NDArray[Any], what: str, *, blur_px: float = PATTERN_BLUR_PX
+) -> None:
+    """Refuse a reference whose uneven light is not that of the frame: one of another sensor, as bright as it may be."""
+    blur = (blur_px, blur_px, 0.0)
+    seen, pattern = gaussian_filter(levels, blur), gaussian_filter(reference, blur)
+    left, own = (
+        float(np.median(np.abs(part - np.median(part, axis=(0, 1))).max(axis=2))) for part in (seen - pattern, pattern)
+    )
+    if left > max(FOREIGN_LEVELS, FOREIGN_PATTERN * own):
+        raise ImageMismatchError(
+            f"reference must be an untouched frame of the sensor that took {what}, under the same light; got one whose "
+            f"pattern differs by {left:.0f} levels over half of the frame; its own varies by {own:.0f}"
+        )

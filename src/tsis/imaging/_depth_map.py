@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from scipy import fft
-from scipy.ndimage import distance_transform_edt
+from scipy.ndimage import binary_dilation, distance_transform_edt
 
 from tsis.errors import InputError, import_extra
+from tsis.imaging._colour import require_pattern
 from tsis.imaging._gel_change import BLACK, GLARE, gel_levels
 from tsis.model import ContentValue, GelSensor, freeze_arrays, require_number, require_one_of
 
@@ -99,7 +100,7 @@ class DepthCalibration(ContentValue):
         Diameter of the ball, and how many presses were used.
     sd_mm, sd_relative
         Standard deviation of a depth: root mean square distance from the ball's cap of presses that were left out in
-        turn, and the part that grows with the depth.
+        turn, joined with their depth of the untouched face; and the part that grows with the depth.
     errors_mm
         That distance for each press.
     other_sd_mm
@@ -131,6 +132,8 @@ class DepthCalibration(ContentValue):
         return np.asarray(np.maximum(2.0 * change / (linear + np.sign(linear) * np.sqrt(inside)), 0.0))
 
 
+PATTERN_STEP = 4  # pixels between those that are compared with the reference's pattern
+LEVEL_PX, LEVEL_TOUCHED = 80, 0.12  # pixels along the longer side; fraction of the depth that counts as touched
 CLIPPED_SD = 3.0  # times the uncertainty where a pixel is clipped
 BORDER = 0.06  # of the frame: the strip whose median is the untouched face
 
@@ -266,6 +269,8 @@ class DepthMapper:
         levels = gel_levels(frame, self.sensor, what=name or "frame").astype(np.float32)
         if levels.shape != self.reference.shape:
             raise InputError(f"reference must have the size of {name or 'frame'}; got another size")
+        coarse = np.s_[::PATTERN_STEP, ::PATTERN_STEP]
+        require_pattern(levels[coarse], self.reference[coarse], name or "the frame", blur_px=0.5)
         change = levels - self.reference
         # The lamps' drift is the change of the strip along the border, where nothing presses most of the time.
         change -= np.median(change[self.strip], axis=0)
@@ -274,12 +279,28 @@ class DepthMapper:
         else:
             slope = self._slopes(change)
             depth = integrate_gradients(slope[..., 0], slope[..., 1], self.mm_per_pixel)
-            depth = depth - np.median(depth[self.strip])
+            depth = self._levelled(depth - np.median(depth[self.strip]))
         sd = np.hypot(self.calibration.sd_mm, self.calibration.sd_relative * depth)
         clipped = (levels >= GLARE).any(axis=2) | (levels.max(axis=2) <= BLACK)
         return DepthMap(
             depth_mm=depth, sd_mm=np.where(clipped, CLIPPED_SD * sd, sd), mm_per_pixel=self.mm_per_pixel, name=name
         )
+
+    def _levelled(self, depth: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The map less the plane of the untouched face: an even error of the slopes tilts the whole map."""
+        step = max(1, round(max(depth.shape) / LEVEL_PX))
+        coarse = depth[::step, ::step]
+        y, x = np.mgrid[-1 : 1 : coarse.shape[0] * 1j, -1 : 1 : coarse.shape[1] * 1j]
+        plane, level = np.stack([np.ones_like(x), x, y], axis=-1), np.zeros(3)
+        for _ in range(3):
+            left = coarse - plane @ level
+            near = np.sqrt(np.count_nonzero(left > 0.3 * left.max()) / np.pi) / 2.0
+            touched = binary_dilation(left > LEVEL_TOUCHED * left.max(), iterations=max(2, int(near)))
+            if touched.mean() > 0.7:
+                return depth
+            level = np.linalg.lstsq(plane[~touched], coarse[~touched], rcond=None)[0]
+        places = self.place.reshape(*depth.shape, 2)
+        return np.asarray(depth - level[0] - places @ level[1:].astype(np.float32))
 
     def _slopes(self, change: NDArray[np.float32]) -> NDArray[np.float32]:
         flat = change.reshape(-1, change.shape[2])

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.ndimage import binary_dilation, gaussian_filter
 
 from tsis.errors import ImageMismatchError, InputError
+from tsis.imaging._colour import require_pattern
 from tsis.model import GelSensor, TactileImage, require_type
 
 if TYPE_CHECKING:
@@ -123,13 +124,14 @@ def gel_change(frame: Any, reference: NDArray[np.float64], sensor: GelSensor, *,
             f"reference must be an untouched frame of the sensor that took {what}, under the same light; got one that "
             f"differs by {max(typical, float(np.abs(drift).max())):.0f} levels nearly everywhere"
         )
+    require_pattern(levels, reference, what)
     change -= drift
     clipped = (np.maximum(levels, reference) >= GLARE).any(axis=2) | (
         np.minimum(levels, reference).max(axis=2) <= BLACK
     )
     marker = np.zeros(clipped.shape, dtype=bool)
     if sensor.marker_pitch_mm is not None:
-        marker = binary_dilation(_markers(levels, sensor) | _markers(reference, sensor), iterations=1)
+        marker = binary_dilation(marker_pixels(levels, sensor) | marker_pixels(reference, sensor), iterations=1)
     fine = change - gaussian_filter(change, (1.0, 1.0, 0.0))
     noise = 1.4826 * float(np.median(np.abs(fine))) / 0.92  # the blur takes a part of the noise along
     return GelChange(
@@ -140,7 +142,7 @@ def gel_change(frame: Any, reference: NDArray[np.float64], sensor: GelSensor, *,
     )
 
 
-def _markers(levels: NDArray[np.float64], sensor: GelSensor) -> NDArray[np.bool_]:
+def marker_pixels(levels: NDArray[np.float64], sensor: GelSensor) -> NDArray[np.bool_]:
     """Pixels that are much darker than their surroundings of two pitches."""
     grey = levels.mean(axis=2)
     scale = sensor.scale_of(grey.shape[1], grey.shape[0])

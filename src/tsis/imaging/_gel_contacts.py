@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy import ndimage
 
+from tsis.compiled import one_blas_thread
 from tsis.errors import InputError
-from tsis.imaging._contact_fit import ContactFit, fit_contact
+from tsis.imaging._contact_fit import ContactFit, GelLayer, fit_contact
 from tsis.imaging._filters import block_means
-from tsis.imaging._gel_change import GelChange, gel_change, gel_reference
+from tsis.imaging._gel_change import GelChange, gel_change, gel_levels, gel_reference, marker_pixels
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -23,9 +24,11 @@ if TYPE_CHECKING:
 
 SEARCH_COLUMNS = 160  # a search does not need more
 FITTED_RADIUS_PX = 15.0  # larger contacts are fitted on block means
+STARTS, AGAIN = (0.65, 0.85, 1.1), (0.6, 0.8, 1.0, 1.25)  # radii of a first and a second fit, relative
 PEAK_NOISE = 8.0  # times the noise of the smoothed change
 LEAST_CHANGE = 3.0  # levels
-CENTRE_MODEL_SD, RADIUS_MODEL_SD = 0.03, 0.02  # of the radius: what the fit's model misses, by rendered frames
+CENTRE_MODEL_SD = 0.03  # of the radius: what the fit's model misses
+RADIUS_MODEL_SD = {"rgb": 0.006, "white": 0.01}  # of the radius, by rendered frames (seed 501)
 LEAST_QUALITY = 0.5
 MOVED = 0.1  # of the radius, between frames of a sequence
 REASONS = {
@@ -60,6 +63,8 @@ class GelContact:
         Centre on the face from the middle of the frame, without the lens's distortion.
     radius_mm, radius_sd_mm, area_mm2, area_sd_mm2
         Size on the face; the standard deviations include that of the scale.
+    scale_sd
+        Relative standard deviation of the scale in them, which all contacts of the sensor share.
     explained
         Fraction of the change that the fit explains.
     quality
@@ -83,6 +88,7 @@ class GelContact:
     radius_sd_mm: float | None
     area_mm2: float | None
     area_sd_mm2: float | None
+    scale_sd: float | None
     explained: float
     quality: float
     good: bool
@@ -147,6 +153,11 @@ def _moved(before: GelContact, now: GelContact) -> bool:
 
 def find_gel_contact(change: GelChange, sensor: GelSensor, *, name: str = "frame") -> GelContact:
     """Find the contact in the change of one frame; what `contacts` does for each."""
+    with one_blas_thread():  # the systems are small: a second thread costs ten times what it saves
+        return _find(change, sensor, name)
+
+
+def _find(change: GelChange, sensor: GelSensor, name: str) -> GelContact:
     rows, columns = change.usable.shape
     step = max(1, round(columns / SEARCH_COLUMNS))
     coarse, usable = _reduced(change, step)
@@ -154,21 +165,33 @@ def find_gel_contact(change: GelChange, sensor: GelSensor, *, name: str = "frame
     if place is None:
         return _none(name)
     centre, radius, others = place
-    slope = sensor.light == "rgb"
-    fit = fit_contact(coarse, usable.astype(float), centre, radius, slope=slope, starts=(0.65, 0.85, 1.1))
+    gel = _layer(sensor, columns, rows)
+    layer = None if gel is None else gel.scaled(1.0 / step)
+    fit = fit_contact(coarse, usable.astype(float), centre, radius, gel=layer, starts=STARTS)
     if fit is None:
         return _none(name)
     fine = max(1, int(fit.radius * step / FITTED_RADIUS_PX))
     if fine != step:
         coarse, usable = _reduced(change, fine)
-        fit = _scaled(fit, step, fine)
-        fit = fit_contact(coarse, usable.astype(float), fit.centre, fit.radius, slope=slope) or fit
-    oval = fit_contact(coarse, usable.astype(float), fit.centre, fit.radius, slope=slope, ellipse=True)
+        fit, layer = _scaled(fit, step, fine), None if gel is None else gel.scaled(1.0 / fine)
+    starts = (1.0,) if gel is None else AGAIN
+    fit = fit_contact(coarse, usable.astype(float), fit.centre, fit.radius, gel=layer, starts=starts) or fit
+    oval = fit_contact(coarse, usable.astype(float), fit.centre, fit.radius, gel=layer, ellipse=True)
     if oval is not None and _is_oval(fit, oval):
         fit = oval
     fit = _scaled(fit, fine, 1)
     reasons = _reasons(change, fit, others=[_again(other, step, 1) for other in others])
     return _contact(name, fit, reasons, sensor, columns, rows, change)
+
+
+def _layer(sensor: GelSensor, columns: int, rows: int) -> GelLayer | None:
+    """The gel in pixels of the frame under white light; None under coloured lamps."""
+    if sensor.light == "rgb":
+        return None
+    scale, (low, high) = sensor.scale_of(columns, rows), sensor.thickness_mm.limits
+    side = None if scale is None else float(np.sqrt(scale[0] * scale[1]))
+    thickness = (0.1 * columns, 2.0 * columns) if side is None else (low / side, high / side)
+    return GelLayer(thickness_px=thickness, poisson=sensor.poisson.limits)
 
 
 def _reduced(change: GelChange, step: int) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
@@ -221,7 +244,9 @@ def _search(
     y, x = np.nonzero(labels == main + 1)
     others = [
         (float(place[1]), float(place[0]))
-        for index, place in enumerate(np.atleast_2d(ndimage.center_of_mass(strength, labels, np.arange(1, count + 1))))
+        for index, place in enumerate(
+            np.atleast_2d(ndimage.center_of_mass(strength + 1e-9, labels, np.arange(1, count + 1)))
+        )
         if index != main and totals[index] > 0.25 * totals[main] and areas[index] > 20
     ]
     return (float(x.mean()), float(y.mean())), max(float(np.sqrt(x.size / np.pi)), 3.0), others
@@ -266,11 +291,12 @@ def _contact(
 ) -> GelContact:
     radius, scale = fit.radius, sensor.scale_of(columns, rows)
     centre_sd = tuple(float(np.hypot(part, CENTRE_MODEL_SD * radius)) for part in fit.centre_sd)
-    radius_sd = float(np.hypot(fit.radius_sd, RADIUS_MODEL_SD * radius))
+    radius_sd = float(np.hypot(fit.radius_sd, RADIUS_MODEL_SD[sensor.light] * radius))
     good_fit = float(np.clip((fit.explained - 0.5) / 0.4, 0.0, 1.0))
     quality = good_fit * float(np.clip(1.5 - radius_sd / radius / 0.1, 0.0, 1.0))
+    doubt = "poor fit" if good_fit < LEAST_QUALITY else "uncertain"
     in_mm: dict[str, Any] = dict.fromkeys(
-        ("centre_mm", "centre_sd_mm", "radius_mm", "radius_sd_mm", "area_mm2", "area_sd_mm2")
+        ("centre_mm", "centre_sd_mm", "radius_mm", "radius_sd_mm", "area_mm2", "area_sd_mm2", "scale_sd")
     )
     if scale is not None:
         side = float(np.sqrt(scale[0] * scale[1]))
@@ -284,6 +310,7 @@ def _contact(
             "radius_sd_mm": radius * side * relative,
             "area_mm2": area,
             "area_sd_mm2": 2.0 * area * relative,
+            "scale_sd": sensor.scale_uncertainty,
         }
     return GelContact(
         name=name,
@@ -296,7 +323,7 @@ def _contact(
         explained=fit.explained,
         quality=quality if not reasons else min(quality, 0.45),
         good=not reasons and quality >= LEAST_QUALITY,
-        reasons=tuple(reasons) if reasons or quality >= LEAST_QUALITY else ("poor fit",),
+        reasons=tuple(reasons) if reasons or quality >= LEAST_QUALITY else (doubt,),
         **in_mm,
     )
 
@@ -306,5 +333,55 @@ def _none(name: str) -> GelContact:
     return GelContact(
         name=name, centre_px=pair, centre_sd_px=pair, radius_px=nan, radius_sd_px=nan, semi_axes_px=pair, angle_deg=nan,
         centre_mm=None, centre_sd_mm=None, radius_mm=None, radius_sd_mm=None, area_mm2=None, area_sd_mm2=None,
-        explained=0.0, quality=0.0, good=False, reasons=("no contact",),
+        scale_sd=None, explained=0.0, quality=0.0, good=False, reasons=("no contact",),
     )  # fmt: skip
+
+
+LARGEST_SHIFT = 0.75  # of the markers' pitch, beyond which a marker may be taken for its neighbour
+FEWEST_MARKER_PX, MOST_MARKER = 4, 0.5  # pixels of a marker, and its size over the pitch
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MarkerShift:
+    """Markers of a gel: their places on the untouched face and how far they moved along it, shape (n, 2), mm."""
+
+    points_mm: NDArray[np.float64]
+    shift_mm: NDArray[np.float64]
+
+
+def marker_shift(frame: Any, reference: Any, sensor: GelSensor) -> MarkerShift:
+    """How far the markers of a gel moved against the untouched sensor.
+
+    Dark dots of both frames are paired where each is the other's nearest.
+
+    Raises
+    ------
+    InputError
+        When the sensor's file has no marker_pitch_mm or no scale, or no marker is found.
+    """
+    if sensor.marker_pitch_mm is None:
+        raise InputError(f"{sensor.name} has no markers; put marker_pitch_mm into its file if the gel has them")
+    now, before = (gel_levels(part, sensor, what=what) for part, what in ((frame, "frame"), (reference, "reference")))
+    rows, columns = before.shape[:2]
+    points, moved = (sensor.face_mm(_marker_places(part, sensor), columns, rows) for part in (before, now))
+    gaps = np.hypot(*(points[:, None] - moved[None]).transpose(2, 0, 1))
+    nearest = gaps.argmin(axis=1)
+    own = np.arange(len(points))
+    pair = (gaps.argmin(axis=0)[nearest] == own) & (gaps[own, nearest] < LARGEST_SHIFT * sensor.marker_pitch_mm)
+    return MarkerShift(points_mm=points[pair], shift_mm=(moved[nearest] - points)[pair])
+
+
+def _marker_places(levels: NDArray[np.float64], sensor: GelSensor) -> NDArray[np.float64]:
+    """Centres (x, y) of the markers in pixels, weighted by their darkness."""
+    rows, columns = levels.shape[:2]
+    scale = sensor.scale_of(columns, rows)
+    pitch = 0.0 if scale is None or sensor.marker_pitch_mm is None else sensor.marker_pitch_mm / scale[0]
+    grey = levels.mean(axis=2)
+    dark = np.maximum(ndimage.gaussian_filter(grey, max(pitch, 1.0)) - grey, 0.0)
+    labels, count = ndimage.label(marker_pixels(levels, sensor))
+    numbers = np.arange(1, count + 1)
+    areas = ndimage.sum_labels(labels > 0, labels, numbers)
+    kept = numbers[(areas >= FEWEST_MARKER_PX) & (areas < (MOST_MARKER * max(pitch, 4.0)) ** 2 * np.pi)]
+    if kept.size == 0:
+        raise InputError(f"a frame of {sensor.name} must show markers every {sensor.marker_pitch_mm} mm; got none")
+    return np.asarray(ndimage.center_of_mass(dark, labels, kept))[:, ::-1]

@@ -47,6 +47,7 @@ __all__ = [
     "polynomial_features",
 ]
 USED, FLAT = 0.9, 2.2  # of the contact's radius: the ball's slope inside, an almost flat face outside
+UNTOUCHED = 3.0  # contact radii from the centre, beyond which a depth is an error
 DEEPEST = 0.97  # of the ball's radius
 FEWEST_SLOPE, FEWEST_GREY = 3, 1  # presses
 FORMAT, VERSION = "tsis-depth-calibration", 1
@@ -116,15 +117,16 @@ def calibrate_depth(
         )
     methods = ("polynomial", "table") if sensor.light == "rgb" else ("grey",)
     tried = {method: _left_out(presses, method, sensor, reference, ball_mm) for method in methods}
-    rms = {method: float(np.sqrt(np.mean(np.square(errors)))) for method, errors in tried.items()}
+    rms = {method: float(np.sqrt(np.mean(np.square(errors[:, 0])))) for method, errors in tried.items()}
     best = min(rms, key=lambda method: rms[method])
     others = [value for method, value in rms.items() if method != best]
     deepest = float(np.median([press.shape_mm.max() for press in presses]))
+    cap, zero = tried[best].T
     return replace(
         _fitted(presses, best, sensor, ball_mm),
-        sd_mm=max(rms[best], LEAST_SD_MM),
-        sd_relative=float(np.std(tried[best])) / max(deepest, 1e-6) if len(presses) > 1 else 0.1,
-        errors_mm=tried[best],
+        sd_mm=max(float(np.hypot(rms[best], np.sqrt(np.mean(np.square(zero))))), LEAST_SD_MM),
+        sd_relative=float(np.std(cap)) / max(deepest, 1e-6) if len(presses) > 1 else 0.1,
+        errors_mm=tuple(float(error) for error in cap),
         other_sd_mm=others[0] if others else None,
     )
 
@@ -194,17 +196,28 @@ def _fit_grey(presses: Sequence[_Press], sensor: GelSensor) -> NDArray[np.float6
 
 def _left_out(
     presses: Sequence[_Press], method: str, sensor: GelSensor, reference: Any, ball_mm: float
-) -> tuple[float, ...]:
-    """Distance from the cap of each press, calibrated without it where there are others enough; at most 8 in turn."""
+) -> NDArray[np.float64]:
+    """Errors of each press, calibrated without it where there are others enough, at most 8 in turn; shape (presses, 2).
+
+    The distance from the ball's cap, and the depth of the untouched face, which should be 0.
+    """
     parts = min(len(presses), 8)
-    errors = np.zeros(len(presses))
+    errors = np.zeros((len(presses), 2))
     for part in range(parts):
         rest = [press for number, press in enumerate(presses) if number % parts != part] or list(presses)
         mapper = DepthMapper(_fitted(rest, method, sensor, ball_mm), sensor, reference)
         for number in range(part, len(presses), parts):
             press = presses[number]
-            errors[number] = cap_error_mm(mapper.map(press.frame), press.contact, ball_mm / 2.0)
-    return tuple(float(error) for error in errors)
+            depth = mapper.map(press.frame)
+            errors[number] = cap_error_mm(depth, press.contact, ball_mm / 2.0), _zero_error_mm(depth, press.contact)
+    return errors
+
+
+def _zero_error_mm(depth: DepthMap, contact: GelContact) -> float:
+    """Root mean square depth where the face is untouched; 0 where nothing of it is in the frame."""
+    y, x = np.mgrid[: depth.depth_mm.shape[0], : depth.depth_mm.shape[1]]
+    far = np.hypot(x - contact.centre_px[0], y - contact.centre_px[1]) > UNTOUCHED * contact.radius_px
+    return float(np.sqrt(np.mean(np.square(depth.depth_mm[far])))) if far.any() else 0.0
 
 
 def depth_calibration_json(calibration: DepthCalibration) -> bytes:

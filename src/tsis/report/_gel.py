@@ -26,6 +26,7 @@ MOST_OVERLAYS = 24
 COLUMNS = (
     "name", "good", "quality", "reasons", "x_px", "y_px", "radius_px", "radius_sd_px", "x_mm", "y_mm", "radius_mm",
     "radius_sd_mm", "area_mm2", "area_sd_mm2", "long_axis_px", "short_axis_px", "angle_deg", "force_n", "force_sd_n",
+    "scale_sd",
 )  # fmt: skip
 
 
@@ -53,7 +54,7 @@ def contacts_csv(
         rows.append([
             contact.name, contact.good, f"{contact.quality:.4f}", "; ".join(contact.reasons), *contact.centre_px,
             contact.radius_px, contact.radius_sd_px, *in_mm, contact.radius_mm, contact.radius_sd_mm,
-            contact.area_mm2, contact.area_sd_mm2, *contact.semi_axes_px, contact.angle_deg, *force,
+            contact.area_mm2, contact.area_sd_mm2, *contact.semi_axes_px, contact.angle_deg, *force, contact.scale_sd,
         ])  # fmt: skip
     return table_bytes([COLUMNS, *(["" if value is None else value for value in row] for row in rows)])
 

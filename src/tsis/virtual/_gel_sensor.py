@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from tsis.model import PressField
 
 
-MESH = SphereResolution(order=3, cells=6, rings=2, face_cells=10)
+MESH = SphereResolution(order=3, cells=8, rings=3, face_cells=12)
 LARGEST_POISSON = 0.494  # of the solver
 STEEL_OVER_GEL, STEEL_POISSON = 300.0, 0.3  # modulus of a ball that counts as rigid, over the gel's
 MARGIN = 1.4  # contact radii between the centre of a contact and the border of the frame
@@ -114,8 +114,8 @@ class VirtualGelSensor:
         return tuple(self._rendered(fields[number % len(fields)], ball, None) for number in range(count))
 
     def _fields(self, ball: SoftSphere, forces_n: Sequence[float]) -> tuple[PressField, ...]:
-        half = min(self.sensor.width_mm, self.sensor.height_mm) / 2
-        # The rim is far from the contact: a wider face admits balls that are larger than the sensor.
+        # The gel goes on beyond the frame, and the bulge of its free rim must lie outside it.
+        half = float(np.hypot(self.sensor.width_mm, self.sensor.height_mm)) / 2
         probe = Probe(radius_mm=max(half, 1.01 * ball.radius_mm / WIDEST_CONTACT), layers=(self.gel,))
         return press_fields(probe, ball, forces_n=forces_n, resolution=self._resolution)
 

@@ -72,6 +72,7 @@ def test_small_loads_are_hertz_with_both_compliances() -> None:
     assert found.contact_radius_mm == pytest.approx((3 * force * radius / (4 * on_face)) ** (1 / 3), rel=0.03)
 
 
+@pytest.mark.slow
 def test_the_work_of_the_force_is_the_energy_that_is_stored() -> None:
     points, weights = np.polynomial.legendre.leggauss(10)
     low, high = 0.1, 0.15

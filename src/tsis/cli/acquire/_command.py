@@ -11,6 +11,7 @@ import typer
 
 import tsis
 from tsis.__about__ import LARGEST_SEED, LARGEST_TARGET
+from tsis.cli._contacts import GelReference, watch_gel
 from tsis.cli._force_gauge import GaugeBaud, GaugeLatency, GaugePort, GaugeSends, GaugeUnit, gauge_log
 from tsis.cli._options import AsJson, ForceN, PhantomName, ProbeName
 from tsis.cli._progress import waiting
@@ -128,6 +129,13 @@ def acquire(
     gauge_baud: GaugeBaud = None,
     gauge_sends: GaugeSends = False,
     gauge_latency_ms: GaugeLatency = 0.0,
+    sensor: Annotated[
+        str | None, typer.Option(help="With --watch: the contact on a gel sensor, a name or a file, in colour.")
+    ] = None,
+    reference: GelReference = None,
+    depth: Annotated[
+        Path | None, typer.Option(help="With --sensor: file of tsis depth calibrate; depth and force follow.")
+    ] = None,
     calibration: Annotated[Path | None, typer.Option(help="Calibration file of the frames.")] = None,
     probe: ProbeName = "tsis-2011",
     phantom: PhantomName = "hardness-100",
@@ -162,6 +170,11 @@ def acquire(
         tsis.model.require_number("--seconds", seconds, 0.01, LONGEST_S, hint="seconds")
     if save and (sequence or watch):
         raise InputError("--save works for snapshots; import a sequence into a store by tsis records import")
+    if sensor is not None:
+        if not watch:
+            raise InputError("--sensor needs --watch; record frames of a gel sensor with the program of its camera")
+        watch_gel(camera, sensor=sensor, reference=reference, depth=depth, seconds=seconds, as_json=as_json)
+        return
     tsis.model.require_one_of("role", role, ROLES)
     tsis.model.require_one_of("picture format", picture, tsis.instrument.FORMATS)
     tsis.model.require_one_of("colour map", map_name, tsis.imaging.COLOUR_MAPS)

@@ -44,6 +44,8 @@ def score(
     study: Annotated[Path, typer.Option(help="Folder of the unblinded study.")],
     device: Annotated[str | None, typer.Option(help="Whose readings.", show_default="the first device's")] = None,
     poisson: Annotated[float, typer.Option(help="Poisson's ratio of the tested materials.")] = 0.49,
+    diameter_sd: Annotated[float, typer.Option(help="Standard uncertainty of the sealed diameters, mm.")] = 0.0,
+    depth_sd: Annotated[float, typer.Option(help="Standard uncertainty of the sealed depths, mm.")] = 0.0,
     out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path("tsis-score"),
     as_json: AsJson = False,
 ) -> None:
@@ -57,7 +59,8 @@ def score(
     from tsis.study.analysis import bench_moduli, score_validation
 
     opened = open_study(study)
-    result = score_validation(opened, bench_moduli(folder / MODULI, poisson=poisson), device=device)
+    moduli = bench_moduli(folder / MODULI, poisson=poisson)
+    result = score_validation(opened, moduli, device=device, diameter_sd_mm=diameter_sd, depth_sd_mm=depth_sd)
     page = score_page(result)
     outcome = CommandOutcome(
         document=score_document(result),

@@ -15,6 +15,7 @@ import numpy as np
 import scipy
 import scipy.fft
 from numpy.typing import ArrayLike, NDArray
+from scipy.ndimage import map_coordinates
 
 from tsis.model import require_number, require_one_of
 
@@ -320,3 +321,61 @@ class GelGrid:
                 self.back(c.normal * p - 1j * c.coupling * along),
             ]
         )
+
+
+PIXELS = 3  # of the Green's function along a cell of traction
+
+
+def cell_response(
+    points: Floats, cells: Floats, pitch_mm: float, *, young_kpa: float, poisson: float, thickness_mm: float
+) -> Floats:
+    """Displacement (x of all points, then y) by 1 kPa of shear along x, then along y, on square cells of the face."""
+    pixel = pitch_mm / PIXELS
+    reach = int(np.ceil((np.abs(points).max() + np.abs(cells).max()) / pixel)) + 2
+    grid = GelGrid((2 * reach + 1,) * 2, (pixel, pixel), young_kpa, poisson, thickness_mm)
+    load = np.zeros((2, *grid.shape))
+    middle = slice(reach - PIXELS // 2, reach + PIXELS // 2 + 1)
+    load[0, middle, middle] = 1.0
+    along_x, along_y, _ = grid.displacement_mm(np.zeros(grid.shape), load)
+    offset = (points[:, None] - cells[None]) / pixel + reach
+    places = (offset[..., 1], offset[..., 0])
+    same, across = (map_coordinates(field, places, order=1) for field in (along_x, along_y))
+    other = map_coordinates(along_x.T, places, order=1)  # the layer is isotropic: x and y change their roles
+    return np.block([[same, across], [across, other]])
+
+
+CELLS = 5  # of traction, along a contact's radius
+SMOOTHNESS = 0.5  # of the contact's radius: correlation length of the traction
+TRACTIONS_KPA = np.geomspace(0.03, 300.0, 17)  # standard deviations of the traction to choose from
+WHOLE_SHIFT, MODEL_SHIFT = 0.05, 0.02  # of the largest movement: of all markers together, and of one against another
+
+
+def shear_of_markers(
+    relative: Floats, moved: Floats, radius: float, sd: float, *, young_kpa: float, poisson: float, thickness_mm: float
+) -> tuple[Floats, float, float]:
+    """Force in N, its standard deviation along one axis, and the fraction of the movement that is explained."""
+    pitch = radius / CELLS
+    side = (np.arange(2 * CELLS + 1) - CELLS) * pitch
+    cells = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
+    cells = cells[np.hypot(*cells.T) <= radius]
+    response = cell_response(relative, cells, pitch, young_kpa=young_kpa, poisson=poisson, thickness_mm=thickness_mm)
+    gap = np.hypot(*(cells[:, None] - cells[None]).transpose(2, 0, 1))
+    one = np.exp(-(gap**2) / (2.0 * (SMOOTHNESS * radius) ** 2)) + 1e-6 * np.eye(len(cells))
+    prior = np.kron(np.eye(2), one)
+    data, covariance = moved.T.ravel(), response @ prior @ response.T
+    largest = float(np.abs(moved).max())
+    noise = (sd**2 + (MODEL_SHIFT * largest) ** 2) * np.eye(data.size)
+    noise += (WHOLE_SHIFT * largest) ** 2 * np.kron(np.eye(2), np.ones((len(moved), len(moved))))
+    evidence = []
+    for size in TRACTIONS_KPA:
+        factor = np.linalg.cholesky(size**2 * covariance + noise)
+        evidence.append(-np.square(np.linalg.solve(factor, data)).sum() / 2 - np.log(np.diagonal(factor)).sum())
+    prior = prior * TRACTIONS_KPA[int(np.argmax(evidence))] ** 2
+    gain = np.linalg.solve(response @ prior @ response.T + noise, response @ prior).T
+    traction, area = gain @ data, pitch**2 / 1000.0  # kPa mm² are mN
+    total = np.repeat(np.eye(2), len(cells), axis=1) * area
+    left = total @ (prior - gain @ response @ prior) @ total.T
+    left_over = (data - response @ traction).reshape(2, -1)
+    left_over -= left_over.mean(axis=1, keepdims=True)
+    unexplained = float(np.square(left_over).sum() / max(np.square(data).sum(), 1e-30))
+    return total @ traction, float(np.sqrt(max(left[0, 0], 0.0))), 1.0 - unexplained

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
-from tsis.errors import InputError
+from tsis.errors import InputError, MechanicsError
 from tsis.mechanics.gel._contact import LARGEST_RATIO, GelGrid
-from tsis.mechanics.gel._pressure import pressure_from_depth
 from tsis.model import ContentValue, GelSensor, require_array, require_integer, require_number, require_type
 
 if TYPE_CHECKING:
@@ -19,6 +18,7 @@ if TYPE_CHECKING:
     from tsis.mechanics.gel._contact import Floats
 
 SMALLEST_DEPTH_MM = 0.03  # shallower pixels count as untouched
+CERTAIN = 3.0  # standard deviations of a depth that count as untouched
 SHALLOW = 0.05  # of the deepest point
 SMOOTHING_PX = 2.0
 LARGE_STRAIN = 2.6  # of the correction; benchmarks/gel_force.py measures it by finite strain
@@ -95,6 +95,7 @@ def gel_force(
     *,
     sensor: GelSensor,
     contact: NDArray[np.bool_] | None = None,
+    sd_mm: ArrayLike | None = None,
     errors: DepthErrors | None = None,
     scale: ForceScale | None = None,
     smoothing_px: float = SMOOTHING_PX,
@@ -110,7 +111,10 @@ def gel_force(
     sensor
         The sensor with its gel; the map has the size of its frames.
     contact
-        Pixels that may touch; by default those deeper than 0.03 mm and than a twentieth of the deepest.
+        Pixels that may touch; by default those deeper than 0.03 mm, than a twentieth of the deepest, and than three
+        times ``sd_mm``.
+    sd_mm
+        Standard deviation of each depth (`tsis.imaging.depth.DepthMap.sd_mm`): what lies within it is no contact.
     errors
         Errors of the depth map.
     scale
@@ -133,8 +137,8 @@ def gel_force(
     draws = require_integer("draws", draws, 20, 100_000)
     errors, rng = errors or DepthErrors(), rng or np.random.default_rng(0)
     depth, pixel = _checked(depth_mm, sensor, smoothing_px)
-    touching = _contact(depth, contact)
-    best = _Gel(sensor.young_kpa.best, min(sensor.poisson.best, LARGEST_RATIO), sensor.thickness_mm.best)
+    touching = _contact(depth, contact, None if sd_mm is None else require_array("sd_mm", sd_mm, ndim=2))
+    best = DrawnGel(sensor.young_kpa.best, min(sensor.poisson.best, LARGEST_RATIO), sensor.thickness_mm.best)
     pressure, force, correction = _press(depth, touching, pixel, best)
     factor = 1.0 if scale is None else scale.factor
     step = max(1, round(max(depth.shape) / DRAW_PX))
@@ -145,7 +149,7 @@ def gel_force(
     reference = _press(coarse, coarse_touching, coarse_pixel, best)[1]
     samples = np.empty(draws)
     for number in range(draws):
-        gel = best if scale is not None else _drawn(sensor, rng)
+        gel = best if scale is not None else drawn_gel(sensor, rng)
         if scale is None:
             size = float(np.exp(rng.normal(0.0, sensor.scale_uncertainty)))
             spread = float(np.exp(rng.normal(0.0, MODEL_SD)))
@@ -196,14 +200,14 @@ def gel_force_scale(forces: list[GelForce], known_n: list[float]) -> ForceScale:
 
 
 @dataclass(frozen=True)
-class _Gel:
+class DrawnGel:
     young_kpa: float
     poisson: float
     thickness_mm: float
 
 
 def _press(
-    depth: Floats, contact: NDArray[np.bool_], pixel: tuple[float, float], gel: _Gel
+    depth: Floats, contact: NDArray[np.bool_], pixel: tuple[float, float], gel: DrawnGel
 ) -> tuple[Floats, float, float]:
     """Pressure and force, corrected for large strain, and the correction."""
     grid = GelGrid(depth.shape, pixel, gel.young_kpa, gel.poisson, gel.thickness_mm)
@@ -223,17 +227,21 @@ def _checked(depth_mm: ArrayLike, sensor: GelSensor, smoothing_px: float) -> tup
     return (gaussian_filter(depth, smoothing_px) if smoothing_px else depth), pixel
 
 
-def _contact(depth: Floats, contact: NDArray[np.bool_] | None) -> NDArray[np.bool_]:
+def _contact(depth: Floats, contact: NDArray[np.bool_] | None, sd_mm: Floats | None) -> NDArray[np.bool_]:
     deepest = float(depth.max())
+    if sd_mm is not None and sd_mm.shape != depth.shape:
+        raise InputError(f"sd_mm must have the shape {depth.shape} of the depth map; got {sd_mm.shape}")
     if contact is None:
         contact = depth > max(SMALLEST_DEPTH_MM, SHALLOW * deepest)
+        if sd_mm is not None:
+            contact = contact & (depth > CERTAIN * sd_mm)
     elif contact.shape != depth.shape:
         raise InputError(f"contact must have the shape {depth.shape} of the depth map; got {contact.shape}")
     result = np.asarray(contact & (depth > 0))
     if not result.any():
         raise InputError(
-            f"no pixel is pressed in by more than {SMALLEST_DEPTH_MM:g} mm; the deepest is {deepest:.3g} mm: give the "
-            "depth in millimetres, positive into the gel"
+            f"no pixel is pressed in by more than {SMALLEST_DEPTH_MM:g} mm and its uncertainty; the deepest is "
+            f"{deepest:.3g} mm: give the depth in millimetres, positive into the gel"
         )
     return result
 
@@ -252,13 +260,13 @@ def _problems(sensor: GelSensor, pressed: NDArray[np.bool_], deepest: float, cor
     return tuple(problems)
 
 
-def _drawn(sensor: GelSensor, rng: np.random.Generator) -> _Gel:
+def drawn_gel(sensor: GelSensor, rng: np.random.Generator) -> DrawnGel:
     """Values of the gel between their limits: modulus and thickness even in their logarithm."""
     young, thickness = (
         float(np.exp(rng.uniform(*np.log(value.limits)))) for value in (sensor.young_kpa, sensor.thickness_mm)
     )
     low, high = sensor.poisson.limits
-    return _Gel(young, float(rng.uniform(low, min(high, LARGEST_RATIO))), thickness)
+    return DrawnGel(young, float(rng.uniform(low, min(high, LARGEST_RATIO))), thickness)
 
 
 def _binned(values: Floats, step: int) -> Floats:
@@ -266,3 +274,103 @@ def _binned(values: Floats, step: int) -> Floats:
     rows, columns = values.shape[0] // step, values.shape[1] // step
     cut = values[: rows * step, : columns * step]
     return np.asarray(cut.reshape(rows, step, columns, step).mean(axis=(1, 3)))
+
+
+TOLERANCE = 1e-3  # of the depth inside the contact, relative to the deepest point
+MOST_STEPS = 600
+MN_PER_N = 1000.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class GelPressure:
+    """Pressure over the pixels.
+
+    Attributes
+    ----------
+    pressure_kpa
+        Never negative, zero outside the contact.
+    force_n
+        Its sum over the pixels.
+    residual_mm
+        Largest difference of the depth inside the contact from the prescribed one.
+    steps
+        Steps of conjugate gradients.
+    """
+
+    pressure_kpa: Floats
+    force_n: float
+    residual_mm: float
+    steps: int
+
+
+def pressure_from_depth(
+    depth_mm: Floats, grid: GelGrid, *, contact: NDArray[np.bool_], tolerance: float = TOLERANCE
+) -> GelPressure:
+    """Pressure that pushes the gel's face to a depth inside a contact and touches nothing outside it.
+
+    Inside the contact the pressure is positive where the face lies at the prescribed depth, and zero where the gel lies
+    deeper than prescribed by the pressure around it. The result is that of a rigid frictionless body of this shape.
+
+    Parameters
+    ----------
+    depth_mm
+        Depth of the face below the untouched face, mm, over the pixels of the grid.
+    grid
+        The gel.
+    contact
+        Pixels that may touch the object; a few pixels too many do no harm.
+    tolerance
+        Largest difference of the depth in the contact, relative to the deepest point.
+
+    Raises
+    ------
+    InputError
+        When the shapes differ, or no pixel of the contact is deeper than the untouched face.
+    MechanicsError
+        When the iteration does not converge.
+
+    Notes
+    -----
+    Conjugate gradients with an active set after Polonsky and Keer, Wear 231 (1999) 206, for a given displacement;
+    directions are smoothed by the inverse of the Green's function.
+    """
+    depth_mm = require_array("depth_mm", depth_mm, ndim=2)  # finite numbers
+    if depth_mm.shape != grid.shape or contact.shape != grid.shape:
+        raise InputError(f"depth and contact must have the grid's shape {grid.shape}; got {depth_mm.shape}")
+    target = np.where(contact, depth_mm, 0.0)
+    deepest = float(target.max(initial=0.0))
+    if deepest <= 0:
+        raise InputError("no pixel of the contact is pressed in: give the depth as positive millimetres into the gel")
+    stiffness = 1.0 / grid.compliance.normal
+    pressure = np.maximum(np.where(contact, grid.back(stiffness * grid.spectrum(target)), 0.0), 0.0)
+    direction, former, restart = np.zeros_like(pressure), 1.0, True
+    for step in range(MOST_STEPS):
+        gap = np.where(contact, grid.depth_mm(pressure) - target, 0.0)  # negative: not yet deep enough
+        touching = contact & (pressure > 0)
+        active = touching | (contact & (gap < 0))
+        error = float(np.abs(gap, where=active, out=np.zeros_like(gap)).max())
+        if error <= tolerance * deepest:
+            return _result(pressure, grid, error, step)
+        gap *= active
+        smooth = np.where(active, grid.back(stiffness * grid.spectrum(gap)), 0.0)
+        now = float((gap * smooth).sum())
+        direction = smooth + (0.0 if restart else now / former) * direction
+        direction *= active
+        former = now
+        curvature = float((direction * grid.depth_mm(direction)).sum())
+        length = float((gap * direction).sum()) / curvature
+        moved = pressure - length * direction
+        restart = bool((moved < 0).any())
+        pressure = np.maximum(moved, 0.0)
+    raise MechanicsError(
+        f"the pressure did not converge in {MOST_STEPS} steps ({error:.2g} mm left): smooth the depth map, or give the "
+        "contact"
+    )
+
+
+def _result(pressure: Floats, grid: GelGrid, error: float, steps: int) -> GelPressure:
+    pixel_mm2 = grid.mm_per_pixel[0] * grid.mm_per_pixel[1]
+    pressure.setflags(write=False)
+    return GelPressure(
+        pressure_kpa=pressure, force_n=float(pressure.sum()) * pixel_mm2 / MN_PER_N, residual_mm=error, steps=steps
+    )

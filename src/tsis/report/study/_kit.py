@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from tsis.study.analysis import ValidationScore
 
 POINTS, CODES, SPECIMENS = 10, 10, 3
+SIZED = tuple(name for size in ("d / mm", "h / mm", "E / kPa") for name in (size, "low, high"))
 RECIPE = (
     "Mix tissue of about 5 kPa, inclusions A of about 90 kPa and B of about 55 kPa: platinum-cured silicone with "
     "silicone oil, which keeps for months, or gelatin (about 5 % by mass for tissue, 15 to 20 % for inclusions), which "
@@ -40,7 +41,8 @@ PROTOCOL = (
     "cylinder, phantom the phantoms of the batch between semicolons (1;2;3;4;5) or tissue. Stay below 10 % of "
     "shortening, and leave out points before contact.",
     "tsis study import, then tsis study analyse --by NAME: the seal opens once.",
-    "tsis study score KIT --study validation: the score, with the measured moduli in place of those of the recipe.",
+    "tsis study score KIT --study validation --diameter-sd MM --depth-sd MM: the score, with the measured moduli in "
+    "place of those of the recipe, and the standard uncertainties of the measured sizes.",
 )
 
 
@@ -83,8 +85,8 @@ def kit_page() -> Page:
             ),
             Table(
                 title="Data sheet of the readings. Operator, date, temperature: ____________",
-                headings=("code", "repeat", "score", "diameter / mm", "depth / mm", "modulus / kPa", "remark"),
-                rows=tuple(("", str(repeat + 1), *[""] * 5) for _ in range(CODES) for repeat in range(3)),
+                headings=("code", "repeat", "score", *SIZED),
+                rows=tuple(("", str(repeat + 1), "", *[""] * len(SIZED)) for _ in range(CODES) for repeat in range(3)),
             ),
         ),
         provenance={"columns of modulus.csv": ", ".join(MODULUS_COLUMNS)},
@@ -175,7 +177,8 @@ def score_notes(score: ValidationScore) -> tuple[str, ...]:
     ]
     return (
         *(text for holds, text in named if holds),
-        "The truth of the modulus is that of the bench test; widened intervals include its standard uncertainty. "
+        "The truth is that of calliper and bench test; widened intervals include its standard uncertainty, of sizes as "
+        "far as it was given. "
         "First readings of a phantom by each operator count; readings of one phantom are not independent. The bias is "
         "that of readings whose value is identified; intervals count in any case.",
     )

@@ -12,7 +12,7 @@ from tsis.detection import Interval
 from tsis.errors import FileInputError, InputError, RecordsError
 from tsis.files import as_path, printable_path, read_csv_rows
 from tsis.mechanics import compression_modulus, indentation_modulus
-from tsis.model import INTERVAL_LEVEL
+from tsis.model import INTERVAL_LEVEL, require_number
 from tsis.study._folder import read_seal
 from tsis.study._kit import KIT, MODULUS_COLUMNS
 from tsis.study._values import QUANTITIES
@@ -52,8 +52,8 @@ class QuantityScore:
     """A quantity: intervals that hold the truth, and the bias over phantoms with its 95 % interval (None for one).
 
     There is no bias where every value was withheld as not identified; the intervals count all the same.
-    ``hits`` counts the first readings of a phantom by an operator whose 90 % interval holds the true value, of
-    ``count``; ``hits_widened`` does so with intervals widened by the uncertainty of the measured modulus.
+    ``hits`` counts the first readings of a phantom by an operator whose 90 % interval holds the measured true value, of
+    ``count``; ``hits_widened`` does so with intervals widened by the uncertainty of that measurement.
     """
 
     quantity: str
@@ -148,16 +148,30 @@ def _combined(found: Sequence[tuple[str, MeasuredModulus]]) -> BenchModulus:
     return BenchModulus(young_kpa=float(values.mean()), sd_kpa=float(sd), specimens=len(values), by_kind=kinds)
 
 
-def score_validation(study: Study, moduli: Mapping[str, BenchModulus], *, device: str | None = None) -> ValidationScore:
+def score_validation(
+    study: Study,
+    moduli: Mapping[str, BenchModulus],
+    *,
+    device: str | None = None,
+    diameter_sd_mm: float = 0.0,
+    depth_sd_mm: float = 0.0,
+) -> ValidationScore:
     """Score a device, by default the first, with the measured ``moduli`` by label in place of the sealed ones.
+
+    ``diameter_sd_mm`` and ``depth_sd_mm`` are the standard uncertainties, in [0, 10] mm, of the sealed sizes.
 
     Raises
     ------
     InputError
-        When a label is not of a sealed inclusion, an inclusion has no measured modulus, or the device read nothing.
+        When an uncertainty lies outside its range, a label is not of a sealed inclusion, an inclusion has no measured
+        modulus, or the device read nothing.
     RecordsError
         When the study is blind.
     """
+    sizes_sd = {
+        "diameter_mm": require_number("diameter_sd_mm", diameter_sd_mm, 0.0, 10.0, hint="millimetres"),
+        "depth_mm": require_number("depth_sd_mm", depth_sd_mm, 0.0, 10.0, hint="millimetres"),
+    }
     if study.unblinded is None:
         raise RecordsError("a study must be unblinded before it is scored; this one is blind (tsis study analyse)")
     name = device or (study.devices[0] if study.devices else "")
@@ -175,7 +189,12 @@ def score_validation(study: Study, moduli: Mapping[str, BenchModulus], *, device
     truths = {code: _replaced(truth, moduli) for code, truth in sealed.items()}
     decisions = device_results(name, study.threshold_of(name), study.readings, truths, study.plan.codes)
     own = [item for item in study.readings if item.device == name and truths[item.code].has_inclusion]
-    scores = (_score(quantity, own, truths, moduli) for quantity in QUANTITIES)
+    known_sd = {
+        code: {**sizes_sd, "young_kpa": moduli[truth.label].sd_kpa}
+        for code, truth in truths.items()
+        if truth.has_inclusion
+    }
+    scores = (_score(quantity, own, truths, known_sd) for quantity in QUANTITIES)
     return ValidationScore(
         study=study,
         device=name,
@@ -208,14 +227,14 @@ def _score(
     quantity: str,
     readings: Sequence[DeviceReading],
     truths: Mapping[str, TargetTruth],
-    moduli: Mapping[str, BenchModulus],
+    known_sd: Mapping[str, Mapping[str, float]],
 ) -> QuantityScore | None:
     """The score of a quantity; None where neither a value nor an interval was read of it."""
     errors: dict[str, list[float]] = {}
     for reading in readings:
         if quantity in reading.values:
             errors.setdefault(reading.code, []).append(reading.values[quantity] - truths[reading.code].values[quantity])
-    held = list(_held(quantity, readings, truths, moduli))
+    held = list(_held(quantity, readings, truths, known_sd))
     if not errors and not held:
         return None
     means = np.array([np.mean(values) for values in errors.values()])
@@ -240,15 +259,14 @@ def _held(
     quantity: str,
     readings: Sequence[DeviceReading],
     truths: Mapping[str, TargetTruth],
-    moduli: Mapping[str, BenchModulus],
+    known_sd: Mapping[str, Mapping[str, float]],
 ) -> Iterator[tuple[bool, bool]]:
-    """Whether each first reading's interval holds the truth, as it is and widened by the modulus's uncertainty."""
+    """Whether each first reading's interval holds the truth, as it is and widened by the truth's uncertainty."""
     z = float(norm.ppf((1 + INTERVAL_LEVEL) / 2))
     for reading in readings:
         if reading.repeat == 1 and reading.score is not None and quantity in reading.interval_90:
-            truth = truths[reading.code]
-            true, (low, high) = truth.values[quantity], reading.interval_90[quantity]
-            more = z * moduli[truth.label].sd_kpa if quantity == "young_kpa" else 0.0
+            true, (low, high) = truths[reading.code].values[quantity], reading.interval_90[quantity]
+            more = z * known_sd[reading.code][quantity]
             middle = float(np.clip(reading.values.get(quantity, (low + high) / 2), low, high))
             ends = middle - np.hypot(middle - low, more), middle + np.hypot(high - middle, more)
             yield low <= true <= high, bool(ends[0] <= true <= ends[1])

@@ -1,0 +1,130 @@
+"""Shear force from markers of a bonded gel against finite elements in three dimensions.
+
+    python -m benchmarks.gel_shear --seed 2031 --gels 8
+
+The elements are bricks with 8 nodes on a grid (B-bar, so that a nearly incompressible gel does not lock), written here:
+they share nothing with the Green's function of `tsis.mechanics.gel.gel_shear`. A disc is dragged along: an even shear
+traction, or one that grows towards the edge, beside a normal pressure. Markers lie 0.9 mm apart and are read with an
+error of 5 µm. Linear elasticity; the gel's values are known to the estimate.
+"""
+
+from __future__ import annotations
+
+import argparse
+from itertools import product
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.linalg import splu
+
+from tsis.mechanics.gel import gel_shear
+from tsis.model import BoundedValue, GelSensor
+
+WIDE_MM, CELL_MM, LAYERS = 24.0, 0.6, 5
+MARKER_MM, READING_MM, GOAL = 0.9, 0.005, 0.15
+
+
+def brick(size: np.ndarray, young: float, poisson: float) -> np.ndarray:
+    """Stiffness of a brick, kPa mm, with the mean dilatation of its volume."""
+    shear, bulk = young / 2 / (1 + poisson), young / 3 / (1 - 2 * poisson)
+    corner = np.array(list(product((-1, 1), repeat=3)), dtype=float)
+    deviator = np.diag([2.0, 2, 2, 1, 1, 1]) * shear
+    deviator[:3, :3] -= 2 * shear / 3
+    total, dilatation = np.zeros((24, 24)), np.zeros(24)
+    volume = float(size.prod()) / 8
+    for point in product((-1 / np.sqrt(3), 1 / np.sqrt(3)), repeat=3):
+        terms = 1 + corner * point
+        slope = np.stack(
+            [corner[:, a] * np.delete(terms, a, axis=1).prod(axis=1) / 8 * 2 / size[a] for a in range(3)], 1
+        )
+        strain = np.zeros((6, 24))
+        for node in range(8):
+            x, y, z = slope[node]
+            strain[:, 3 * node : 3 * node + 3] = [[x, 0, 0], [0, y, 0], [0, 0, z], [y, x, 0], [0, z, y], [z, 0, x]]
+        total += strain.T @ deviator @ strain * volume
+        dilatation += strain[:3].sum(axis=0) * volume
+    return total + bulk * np.outer(dilatation, dilatation) / (8 * volume)
+
+
+class Layer:
+    """A square layer bonded below, with free sides."""
+
+    def __init__(self, thickness: float, young: float, poisson: float) -> None:
+        self.count = round(WIDE_MM / CELL_MM)
+        self.shape = (self.count + 1, self.count + 1, LAYERS + 1)
+        size = np.array([CELL_MM, CELL_MM, thickness / LAYERS])
+        node = np.arange(np.prod(self.shape)).reshape(self.shape)
+        cells = [node[i : i + self.count, j : j + self.count, k : k + LAYERS] for i, j, k in product((0, 1), repeat=3)]
+        freedom = 3 * np.stack([part.ravel() for part in cells], axis=1)[:, :, None] + np.arange(3)
+        freedom = freedom.reshape(len(freedom), 24)
+        stiffness = np.broadcast_to(brick(size, young, poisson), (len(freedom), 24, 24))
+        rows, columns = np.repeat(freedom, 24, axis=1).ravel(), np.tile(freedom, (1, 24)).ravel()
+        matrix = coo_matrix((stiffness.ravel(), (rows, columns)), shape=(3 * node.size,) * 2).tocsc()
+        self.free = np.setdiff1d(np.arange(3 * node.size), (3 * node[:, :, 0].ravel()[:, None] + np.arange(3)).ravel())
+        self.solve = splu(
+            matrix[self.free][:, self.free], permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}
+        ).solve
+        self.top, self.size = node[:, :, -1], 3 * node.size
+        self.side = (np.arange(self.count + 1) - self.count / 2) * CELL_MM
+
+    def displaced(self, traction: np.ndarray) -> np.ndarray:
+        """Displacement of the face's nodes (x, y, z) by tractions on them in kPa, shape (3, n, n)."""
+        load = np.zeros(self.size)
+        for axis in range(3):
+            load[3 * self.top.ravel() + axis] = traction[axis].ravel() * CELL_MM**2
+        result = np.zeros(self.size)
+        result[self.free] = self.solve(load[self.free])
+        return np.stack([result[3 * self.top + axis] for axis in range(3)])
+
+
+def main() -> None:
+    """Print one row a press."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seed", type=int, default=2031)
+    parser.add_argument("--gels", type=int, default=8)
+    arguments = parser.parse_args()
+    rng = np.random.default_rng(arguments.seed)
+    print("gel kPa  nu     t mm  contact mm  shear N  estimate N        error  in 90 %")
+    errors, held = [], []
+    for number in range(arguments.gels):
+        young, poisson = float(np.exp(rng.uniform(*np.log([60, 300])))), float(rng.uniform(0.45, 0.49))
+        thickness, radius = float(rng.uniform(2.5, 4.5)), float(rng.uniform(1.5, 3.0))
+        layer = Layer(thickness, young, poisson)
+        x, y = np.meshgrid(layer.side, layer.side, indexing="ij")
+        centre = rng.uniform(-1.5, 1.5, 2)
+        distance = np.hypot(x - centre[0], y - centre[1]) / radius
+        inside = distance <= 1.0
+        shape = np.where(inside, 1.0 if number % 2 == 0 else 0.4 + distance**2, 0.0)
+        angle, strength = rng.uniform(0, 2 * np.pi), float(rng.uniform(0.03, 0.1)) * young
+        pressure = np.where(inside, 0.3 * young * np.sqrt(np.maximum(1 - distance**2, 0.0)), 0.0)
+        traction = np.stack([shape * strength * np.cos(angle), shape * strength * np.sin(angle), -pressure])
+        truth = traction[:2].sum(axis=(1, 2)) * CELL_MM**2 / 1000
+        moved = layer.displaced(traction)
+        places = np.arange(-7.2, 7.3, MARKER_MM)
+        picked = np.stack(np.meshgrid(places, places), axis=-1).reshape(-1, 2)
+        index = np.rint((picked + WIDE_MM / 2) / CELL_MM).astype(int)
+        points = layer.side[index]
+        shift = moved[:2, index[:, 0], index[:, 1]].T + rng.normal(0, READING_MM, points.shape)
+        sensor = GelSensor(
+            name="drawn", width_mm=WIDE_MM, height_mm=WIDE_MM, thickness_mm=BoundedValue(value=thickness),
+            young_kpa=BoundedValue(value=young), poisson=BoundedValue(value=poisson), image_px=(300, 300),
+            mm_per_pixel=(0.06, 0.06), scale_uncertainty=0.0,
+        )  # fmt: skip
+        found = gel_shear(
+            points, shift, sensor=sensor, centre_mm=(centre[0], centre[1]), radius_mm=radius, sd_mm=READING_MM
+        )
+        size = float(np.hypot(*truth))
+        errors.append(float(np.hypot(*(np.array(found.force_n) - truth))) / size)
+        inside_90 = [low <= part <= high for part, (low, high) in zip(truth, found.interval_n(), strict=True)]
+        held += inside_90
+        text = f"{found.force_n[0]:+.3f}, {found.force_n[1]:+.3f}"
+        print(
+            f"{young:7.0f}  {poisson:.3f}  {thickness:.2f}  {radius:10.2f}  {size:7.3f}  {text}  {errors[-1]:10.3f}  "
+            f"{sum(inside_90)} of 2"
+        )
+    print(f"shear: largest error {max(errors):.3f}, median {np.median(errors):.3f}; goal {GOAL}")
+    print(f"interval (gel known): holds {sum(held)} of {len(held)} components")
+
+
+if __name__ == "__main__":
+    main()
