@@ -11,7 +11,7 @@ from __future__ import annotations
 import argparse
 
 import numpy as np
-from benchmarks.gel_shear import CELL_MM, WIDE_MM, Layer
+from benchmarks.gel_shear import WIDE_MM, Layer
 from scipy.interpolate import RegularGridInterpolator
 
 import tsis
@@ -22,6 +22,7 @@ from tsis.model import BoundedValue, GelSensor
 
 PIXEL_MM, COLUMNS, ROWS = 0.0632, 320, 240
 DEPTH_NOISE_MM = 0.005
+CELL_MM = 0.6  # of the bricks under punches
 
 
 def punches(rng: np.random.Generator, count: int) -> None:
@@ -31,7 +32,7 @@ def punches(rng: np.random.Generator, count: int) -> None:
     for number in range(count):
         young, poisson = float(np.exp(rng.uniform(*np.log([60, 300])))), float(rng.uniform(0.45, 0.48))
         thickness, half = float(rng.uniform(3, 5)), float(rng.uniform(1.2, 3.0))
-        layer = Layer(thickness, young, poisson)
+        layer = Layer(thickness, young, poisson, cell_mm=CELL_MM)
         x, y = np.meshgrid(layer.side, layer.side, indexing="ij")
         disc = number % 2 == 0
         inside = np.hypot(x, y) <= half if disc else (np.abs(x) <= half) & (np.abs(y) <= 4.0)

@@ -20,7 +20,7 @@ from scipy.sparse.linalg import splu
 from tsis.mechanics.gel import gel_shear
 from tsis.model import BoundedValue, GelSensor
 
-WIDE_MM, CELL_MM, LAYERS = 24.0, 0.6, 5
+WIDE_MM, CELL_MM, LAYERS = 24.0, 0.4, 5
 MARKER_MM, READING_MM, GOAL = 0.9, 0.005, 0.15
 
 
@@ -49,10 +49,11 @@ def brick(size: np.ndarray, young: float, poisson: float) -> np.ndarray:
 class Layer:
     """A square layer bonded below, with free sides."""
 
-    def __init__(self, thickness: float, young: float, poisson: float) -> None:
-        self.count = round(WIDE_MM / CELL_MM)
+    def __init__(self, thickness: float, young: float, poisson: float, *, cell_mm: float = CELL_MM) -> None:
+        self.cell_mm = cell_mm
+        self.count = round(WIDE_MM / cell_mm)
         self.shape = (self.count + 1, self.count + 1, LAYERS + 1)
-        size = np.array([CELL_MM, CELL_MM, thickness / LAYERS])
+        size = np.array([cell_mm, cell_mm, thickness / LAYERS])
         node = np.arange(np.prod(self.shape)).reshape(self.shape)
         cells = [node[i : i + self.count, j : j + self.count, k : k + LAYERS] for i, j, k in product((0, 1), repeat=3)]
         freedom = 3 * np.stack([part.ravel() for part in cells], axis=1)[:, :, None] + np.arange(3)
@@ -65,13 +66,13 @@ class Layer:
             matrix[self.free][:, self.free], permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}
         ).solve
         self.top, self.size = node[:, :, -1], 3 * node.size
-        self.side = (np.arange(self.count + 1) - self.count / 2) * CELL_MM
+        self.side = (np.arange(self.count + 1) - self.count / 2) * cell_mm
 
     def displaced(self, traction: np.ndarray) -> np.ndarray:
         """Displacement of the face's nodes (x, y, z) by tractions on them in kPa, shape (3, n, n)."""
         load = np.zeros(self.size)
         for axis in range(3):
-            load[3 * self.top.ravel() + axis] = traction[axis].ravel() * CELL_MM**2
+            load[3 * self.top.ravel() + axis] = traction[axis].ravel() * self.cell_mm**2
         result = np.zeros(self.size)
         result[self.free] = self.solve(load[self.free])
         return np.stack([result[3 * self.top + axis] for axis in range(3)])

@@ -59,6 +59,7 @@ def test_a_force_beyond_the_model_is_one_sentence(run_tsis: RunTsis) -> None:
     assert "Traceback" not in finished.err
 
 
+@pytest.mark.slow
 def test_a_virtual_gel_sensor_writes_frames_forces_and_its_truth_apart(run_tsis: RunTsis, tmp_path: Path) -> None:
     options = ("--ball-mm", "8", "--ball-kpa", "120", "--force-n", "0.4", "--presses", "1", "--seed", "5")
     finished = run_tsis("simulate", "--sensor", "gelsight-mini", *options, "--calibration-presses", "0", "--json")

@@ -102,6 +102,14 @@ def test_an_untouched_frame_has_no_contact() -> None:
     assert "no contact" in contact.reasons
 
 
+def test_a_contact_that_is_cut_by_the_border_is_refused() -> None:
+    x = round(MINI.centre_px[0])
+    frame, reference = (np.roll(part, -x, axis=1) for part in (MINI.frame, MINI.reference))
+    (cut,) = contacts([frame], sensor=MINI.sensor, reference=reference)
+    assert not cut.good
+
+
+@pytest.mark.slow
 def test_two_contacts_a_cut_one_and_a_moved_one_are_refused() -> None:
     made = press("gelsight-mini", 5)
     two = np.minimum(np.maximum(made.frame, 0), 255).copy()
