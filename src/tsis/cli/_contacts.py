@@ -15,7 +15,7 @@ import tsis
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.cli._groups import DefaultCommand, ended_by
 from tsis.cli._options import AsJson
-from tsis.cli._output import leave, print_json, print_notice, print_tables
+from tsis.cli._output import leave, print_json, print_notice, print_tables, print_watched
 from tsis.cli._progress import progress_bar
 from tsis.cli._sensor import SensorOption
 from tsis.errors import InputError, TsisError, import_extra
@@ -177,10 +177,8 @@ def watch_gel(
             counted.update(reasons)
             console.print(line, markup=False, soft_wrap=True)
     capture.release()
-    total = counted.pop("frames", 0)
     if as_json:
-        flagged = {name: counted[name] for name in sorted(counted)}
-        print_json(tsis.report.envelope("acquire", "watch", frames=total, flagged=flagged))
+        print_watched(counted)
     else:
         print_notice(console)
 

@@ -45,6 +45,12 @@ def print_json(document: Mapping[str, Any]) -> None:
     sys.stdout.flush()
 
 
+def print_watched(counts: Mapping[str, int]) -> None:
+    """Write the result of a watched camera: its frames, and how many of them had each flag."""
+    flagged = {name: counts[name] for name in sorted(counts) if name != "frames"}
+    print_json(tsis.report.envelope("acquire", "watch", frames=counts.get("frames", 0), flagged=flagged))
+
+
 def result_bytes(document: Mapping[str, Any]) -> bytes:
     """Content of a result's file; `KeyError` where the document names no schema."""
     return tsis.files.json_bytes({"schema": document["schema"], **document})

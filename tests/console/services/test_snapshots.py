@@ -108,7 +108,7 @@ def test_every_snapshot_goes_to_the_target_of_its_moment(instrument: Instrument)
     second, third = instrument.snapshot(by=ANN), instrument.snapshot(by=ANN)
     assert (first.target.number, second.target.number, third.target.number) == (1, 7, 7)
     assert sorted(presses(instrument, 7)) == sorted([second.press.id, third.press.id])
-    assert len(files(instrument)) == 9
+    assert len([name for name in files(instrument) if name.startswith("Target")]) == 9
     for wrong in (0, 100_000, 1.5, "2", float("nan")):
         with pytest.raises(InputError, match="target must"):
             instrument.set_target(wrong, by=ANN)  # type: ignore[arg-type]

@@ -14,7 +14,7 @@ from rich.markup import escape
 
 import tsis
 from tsis.cli._groups import ended_by
-from tsis.cli._output import print_json, print_notice
+from tsis.cli._output import print_notice, print_watched
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -67,12 +67,7 @@ def watch_presses(
                 frames.update(["frames", *(flag.name for flag in observed.flags)])
                 live.update(_line(acquisition, observed), refresh=console.is_terminal)
     if as_json:
-        total = frames.pop("frames", 0)
-        print_json(
-            tsis.report.envelope(
-                "acquire", "watch", frames=total, flagged={name: frames[name] for name in sorted(frames)}
-            )
-        )
+        print_watched(frames)
         return
     print_notice(console)
 
