@@ -54,7 +54,7 @@ def presses(instrument: Instrument, number: int = 1) -> list[str]:
 
 def files(instrument: Instrument) -> set[str]:
     position = instrument.terms.workspace
-    return {str(path.relative_to(position)) for path in position.rglob("*") if path.is_file()}
+    return {str(path.relative_to(position)) for path in position.glob("Target*/**/*") if path.is_file()}
 
 
 def test_the_press_is_the_frame_that_is_seen(instrument: Instrument, world: World) -> None:

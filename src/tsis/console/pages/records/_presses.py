@@ -215,7 +215,8 @@ async def compare_targets(instrument: Instrument, viewer: Viewer, pair: str) -> 
         view = await viewer.attempt(read_target, instrument.store, number, LARGEST_OFFSET)
         if view is None:
             continue
-        with place, ui.element("section").classes("panel stack").props(f'aria-label="Target {view.target.number}"'):
+        with place, ui.element("section").classes("panel stack") as part:
+            part.props["aria-label"] = f"Target {view.target.number}"
             name = f": {view.target.name}" if view.target.name else ""
             panel_title(f"Target {view.target.number}{name}").classes("target-title")
             ui.link("Open", f"/records/{view.target.number}").classes("link")
