@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 
-@pytest.fixture(scope="package", autouse=True)
+@pytest.fixture(scope="module", autouse=True)
 def _rough_pictures() -> Iterator[None]:
     """Spare the rendering of pictures: tests of reports look at those."""
     with rough_pictures():
