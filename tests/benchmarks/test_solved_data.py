@@ -19,10 +19,10 @@ PROBE = tsis.load_probe("tsis-domed")
 def test_an_estimate_that_is_called_while_data_are_made_is_refused(strain: str) -> None:
     virtual = VirtualProbe(PROBE, rng=np.random.default_rng(1), strain="small")
     frame = virtual.press(tsis.load_phantom("size-8"), force_n=1.0)
-    told: dict[str, Any] = {"probe": PROBE, "calibration": virtual.calibration, "strain": strain}
+    arguments: dict[str, Any] = {"probe": PROBE, "calibration": virtual.calibration, "strain": strain}
     with solved_data(), pytest.raises(TableReadError):
-        tsis.inclusion.estimate(frame, **told)
-    assert tsis.inclusion.estimate(frame, **told).names == tsis.inclusion.PARAMETERS  # the guard is gone again
+        tsis.inclusion.estimate(frame, **arguments)
+    assert tsis.inclusion.estimate(frame, **arguments).names == tsis.inclusion.PARAMETERS  # the guard is gone again
 
 
 def test_presses_of_a_benchmark_need_no_table() -> None:

@@ -6,6 +6,7 @@ import json
 import shutil
 import threading
 from datetime import UTC, datetime, timedelta
+from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -62,11 +63,7 @@ def frames(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def small_bench(monkeypatch: pytest.MonkeyPatch) -> None:
     """The virtual bench of the guide with a small camera, to be quick."""
-
-    def small(probe: Any, *, rng: np.random.Generator, pitch_mm: float) -> VirtualBench:
-        return VirtualBench(probe, rng=rng, sensor=SENSOR, pitch_mm=pitch_mm)
-
-    monkeypatch.setattr("tsis.virtual.VirtualBench", small)
+    monkeypatch.setattr("tsis.virtual.VirtualBench", partial(VirtualBench, sensor=SENSOR))
 
 
 def kept(folder: Path) -> dict[str, bytes]:

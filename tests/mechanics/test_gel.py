@@ -130,14 +130,14 @@ def test_depths_within_their_uncertainty_are_no_contact() -> None:
     y, x = (np.mgrid[:120, :160] - np.array([59.5, 79.5])[:, None, None]) * 0.126
     cap = np.maximum(0.25 - (x**2 + y**2) / 12.0, 0.0)
     error = 0.035 * np.sin(x / 3.0)  # slow, as that of integrated slopes; none under the ball
-    true, blind, told = (
+    true, blind, informed = (
         gel_force(depth, sensor=SENSOR, sd_mm=sd, draws=20)
         for depth, sd in ((cap, None), (cap + error, None), (cap + error, np.full(cap.shape, 0.025)))
     )
-    assert blind.force_n > 1.25 * told.force_n
-    assert told.force_n == pytest.approx(true.force_n, rel=0.25)
+    assert blind.force_n > 1.25 * informed.force_n
+    assert informed.force_n == pytest.approx(true.force_n, rel=0.25)
     assert blind.problems
-    assert not told.problems
+    assert not informed.problems
     with pytest.raises(InputError, match="sd_mm must have the shape"):
         gel_force(cap, sensor=SENSOR, sd_mm=np.ones((3, 3)))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -121,7 +122,10 @@ _WIDE = "The gel's modulus passes one to one into the force: presses with known 
 
 
 def _shear(frame: Path, reference: Path | None, sensor: GelSensor) -> GelShear:
-    """Shear force of a frame with markers; `InputError` where its contact is not good."""
+    """Shear force of a frame with markers; what speaks against its contact is a problem of the force.
+
+    Raises `InputError` where there is no reference, or the contact has no radius in mm.
+    """
     untouched = read_gel_reference(sensor, reference)
     if untouched is None:
         raise InputError("--markers needs a frame of the untouched sensor; give it as --reference")
@@ -130,9 +134,13 @@ def _shear(frame: Path, reference: Path | None, sensor: GelSensor) -> GelShear:
     if contact.centre_mm is None or contact.radius_mm is None:
         raise InputError(f"the contact in {frame.name} must be found in mm for a shear force; got {contact.reasons}")
     moved = tsis.imaging.marker_shift(levels, untouched, sensor)
-    return tsis.mechanics.gel.gel_shear(
+    shear = tsis.mechanics.gel.gel_shear(
         moved.points_mm, moved.shift_mm, sensor=sensor, centre_mm=contact.centre_mm, radius_mm=contact.radius_mm
     )
+    if contact.good:
+        return shear
+    doubt = f"the contact in {frame.name} is not good: {', '.join(contact.reasons)}"
+    return replace(shear, problems=(*shear.problems, doubt))
 
 
 def _read_depth(path: Path) -> NDArray[np.float64]:

@@ -381,7 +381,7 @@ def _marker_places(levels: NDArray[np.float64], sensor: GelSensor) -> NDArray[np
     labels, count = ndimage.label(marker_pixels(levels, sensor))
     numbers = np.arange(1, count + 1)
     areas = ndimage.sum_labels(labels > 0, labels, numbers)
-    kept = numbers[(areas >= FEWEST_MARKER_PX) & (areas < (MOST_MARKER * max(pitch, 4.0)) ** 2 * np.pi)]
-    if kept.size == 0:
+    sized = numbers[(areas >= FEWEST_MARKER_PX) & (areas < (MOST_MARKER * max(pitch, 4.0)) ** 2 * np.pi)]
+    if sized.size == 0:
         raise InputError(f"a frame of {sensor.name} must show markers every {sensor.marker_pitch_mm} mm; got none")
-    return np.asarray(ndimage.center_of_mass(dark, labels, kept))[:, ::-1]
+    return np.asarray(ndimage.center_of_mass(dark, labels, sized))[:, ::-1]
