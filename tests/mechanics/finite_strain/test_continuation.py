@@ -58,6 +58,21 @@ def test_on_its_own_lines_it_is_the_press_of_a_load_path() -> None:
     np.testing.assert_allclose(followed.pressure_kpa, with_it.pressure_kpa, atol=1e-5)
 
 
+@given(fraction=st.floats(0.0, 1.0))
+def test_slab_and_inclusion_change_together_on_the_way(fraction: float) -> None:
+    """The deep inclusion of the thick slab does not fit into the thin one, nor half-way into any but its own."""
+    thick = SlabPress.on_sphere(
+        diameter_mm=25.0, depth_mm=20.0, contrast=3.0, tissue_young_kpa=20.0, thickness_mm=50.0, force_n=2.0
+    )
+    between = START.towards(thick, fraction)
+    assert between.phantom.thickness_mm == pytest.approx(30.0 + 20.0 * fraction)
+    inclusion = between.phantom.inclusion
+    assert inclusion is not None
+    assert inclusion.diameter_mm == pytest.approx(8.0 + 17.0 * fraction)
+    assert inclusion.young_kpa == pytest.approx(5.0 * 12.0**fraction)
+    assert between.force_n == pytest.approx(0.3 * (2.0 / 0.3) ** fraction)
+
+
 @pytest.mark.slow
 def test_the_way_around_a_stalled_path_ends_in_the_same_states() -> None:
     stiff = START.with_contrast(16.0).phantom

@@ -86,18 +86,20 @@ class SlabPress:
         here, there = self.phantom, other.phantom
         inclusion = there.inclusion
         if here.inclusion is not None and there.inclusion is not None:
-            inclusion = _between(here.inclusion, there.inclusion, fraction, ("diameter_mm", "depth_mm", "poisson"))
-        slab = replace(_between(here, there, fraction, ("thickness_mm", "poisson")), inclusion=inclusion)
+            lengths = ("diameter_mm", "depth_mm", "poisson")
+            inclusion = replace(there.inclusion, **_between(here.inclusion, there.inclusion, fraction, lengths))
+        # Slab and inclusion change together: the target's inclusion need not fit into a slab on the way.
+        between = _between(here, there, fraction, ("thickness_mm", "poisson"))
+        slab = replace(there, **between, inclusion=inclusion)
         return SlabPress(phantom=slab, force_n=_geometric(self.force_n, other.force_n, fraction))
 
 
 Body = TypeVar("Body", Phantom, Inclusion)
 
 
-def _between(here: Body, there: Body, fraction: float, linear: Sequence[str]) -> Body:
+def _between(here: Body, there: Body, fraction: float, linear: Sequence[str]) -> dict[str, Any]:
     mixed = {name: (1 - fraction) * getattr(here, name) + fraction * getattr(there, name) for name in linear}
-    result: Body = replace(there, young_kpa=_geometric(here.young_kpa, there.young_kpa, fraction), **mixed)
-    return result
+    return {"young_kpa": _geometric(here.young_kpa, there.young_kpa, fraction), **mixed}
 
 
 def _geometric(here: float, there: float, fraction: float) -> float:
