@@ -55,6 +55,7 @@ WALK = (
     Step("acquire", r"12 frames in", ("press-1/frame-000011.png", "press-1/recording.json")),
     Step("track", r"path by noise", tuple(f"tsis-track/{name}" for name in REPORT)),
     Step("design", r"frames of each press: 16", ("design/result.json", "design/*.png")),
+    Step("protocol", r"Press at 0\.96 N and 1\.9 N"),
     Step("hardness", r"Shore", tuple(f"first-touch/{name}" for name in CALIBRATED)),
     Step("sensor new", r"File: my-gel.toml", ("my-gel.toml",)),
     Step("sensor check", r"0\.0634"),

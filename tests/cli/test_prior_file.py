@@ -196,8 +196,8 @@ def test_other_priors_move_an_answer_by_the_difference_of_the_means(monkeypatch:
         mean = 8.0 if prior.presence == 0.9 else 7.0
         return Estimate(samples={"diameter_mm": [mean - 1, mean, mean + 1]}, prior_sd={"diameter_mm": 4.0})
 
-    monkeypatch.setattr("tsis.inclusion._sensitivity.estimate", fake)
-    monkeypatch.setattr("tsis.inclusion._sensitivity.PARAMETERS", ("diameter_mm",))
+    monkeypatch.setattr("tsis.inclusion._budget.estimate", fake)
+    monkeypatch.setattr("tsis.inclusion._budget.PARAMETERS", ("diameter_mm",))
     own = fake([], prior=InclusionPrior())
     priors = {"sure": InclusionPrior(presence=0.9), "dim": InclusionPrior(presence=0.3)}
     shifts = prior_sensitivity(own, [], priors, prior=InclusionPrior())

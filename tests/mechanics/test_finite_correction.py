@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.linalg import block_diag
 
 import tsis
 from tsis.errors import InputError
@@ -24,7 +26,13 @@ from tsis.mechanics.surrogate import (
     signal_scale,
 )
 from tsis.mechanics.surrogate import _correction_build as build
-from tsis.mechanics.surrogate._finite_correction import CorrectionProcess, fit_lengths
+from tsis.mechanics.surrogate._finite_correction import (
+    CorrectionProcess,
+    design,
+    fit_lengths,
+    left_out,
+    wide_box,
+)
 from tsis.model import Inclusion, Phantom
 
 if TYPE_CHECKING:
@@ -72,7 +80,8 @@ def test_an_independent_solution_under_the_flat_probe() -> None:
     for force, expected in INDEPENDENT.items():
         state = np.array([[5.0, 30.0, force]])
         signal = signal_scale(10.0, 5.0, factor) * both.at_force(change, force)
-        signal += correction.change(np.array([10.0]), np.array([5.0]), np.array([20.0]), state)[0, 0]
+        sphere = (np.array([10.0]), np.array([5.0]), np.array([20.0]))
+        signal = signal + correction.change(*sphere, state, signal[None, None])[0, 0]
         found = np.interp(list(expected), correction.radius_mm, 1e3 * signal[121:])
         np.testing.assert_allclose(found, list(expected.values()), atol=0.03 * expected[0])
         plain = both.at_force(without, force) + correction.without_inclusion(state)[0]
@@ -87,13 +96,15 @@ def test_a_light_flat_press_has_a_correction_in_proportion_to_its_force(
     states = np.array([[tissue, thickness, load], [tissue, thickness, 2 * load]])
     plain = correction.without_inclusion(states)
     np.testing.assert_allclose(2 * plain[0], plain[1], rtol=1e-9)
-    change = correction.change(np.array([8.0]), np.array([6.0]), np.array([12.0]), states)
+    signal = states[:, 2][:, None, None] * np.linspace(1.0, -0.1, 242)
+    change = correction.change(np.array([8.0]), np.array([6.0]), np.array([12.0]), states, signal)
     np.testing.assert_allclose(2 * change[0], change[1], rtol=1e-9)
 
 
 def test_without_contrast_there_is_no_correction_of_the_signal(shipped: FiniteCorrection) -> None:
     state = np.array([[5.0, 30.0, 0.6]])
-    change = shipped.change(np.full(2, 8.0), np.full(2, 6.0), np.array([1.0, 12.0]), state)[0]
+    signal = np.array([0.0, 1.0])[None, :, None] * np.linspace(1.0, -0.1, 242)
+    change = shipped.change(np.full(2, 8.0), np.full(2, 6.0), np.array([1.0, 12.0]), state, signal)[0]
     assert np.all(change[0] == 0)
     assert np.abs(change[1]).max() > 0.01
 
@@ -110,11 +121,13 @@ def test_states_outside_the_box_are_taken_at_its_ends(shipped: FiniteCorrection)
 
 def test_its_matrices_map_the_outputs(shipped: FiniteCorrection) -> None:
     rng = np.random.default_rng(0)
-    one, other = rng.standard_normal((2, 5, 242))
+    one, other = (block_diag(*rng.standard_normal((2, 3, 121))) for _ in range(2))
+    signal = rng.standard_normal((2, 2, 242))
     mapped, state = shipped.mapped(one, other), np.array([[5.0, 30.0, 0.7], [4.5, 31.0, 0.6]])
     sphere = (np.array([8.0, 5.0]), np.array([6.0, 5.0]), np.array([12.0, 20.0]))
     np.testing.assert_allclose(mapped.without_inclusion(state), shipped.without_inclusion(state) @ one.T, atol=1e-9)
-    np.testing.assert_allclose(mapped.change(*sphere, state), shipped.change(*sphere, state) @ other.T, atol=1e-9)
+    changed = shipped.change(*sphere, state, signal) @ other.T
+    np.testing.assert_allclose(mapped.change(*sphere, state, signal @ other.T), changed, atol=1e-9)
 
 
 def test_the_default_prior_lies_inside_the_shipped_boxes(shipped: FiniteCorrection) -> None:
@@ -122,9 +135,61 @@ def test_the_default_prior_lies_inside_the_shipped_boxes(shipped: FiniteCorrecti
     assert not shipped.box.holds(Box(tissue_young_kpa=(10.0, 12.0), young_kpa=(80.0, 200.0)))
 
 
+@given(
+    tissue=st.floats(1.0, 50.0),
+    contrast=st.tuples(st.floats(1.6, 6.0), st.floats(7.0, 30.0)),
+    thick=st.floats(36.0, 60.0),
+)
+@pytest.mark.parametrize("name", NAMES)
+def test_one_table_holds_the_priors_of_all_tissues(
+    name: str, tissue: float, contrast: tuple[float, float], thick: float
+) -> None:
+    ends = (contrast[0] * tissue, contrast[1] * tissue)
+    prior = InclusionPrior(
+        depth_mm=(2.0, 20.0), young_kpa=ends, tissue_young_kpa=tissue, thickness_mm=thick, thickness_sd=0.05
+    )
+    found = correction_box(tsis.load_probe(name), prior.box())
+    assert found in (wide_box(tsis.load_probe(name)), correction_box(tsis.load_probe(name)))
+
+
+def test_the_largest_load_falls_from_soft_to_stiff_tissue() -> None:
+    box = wide_box(tsis.load_probe("tsis-domed"))
+    soft, stiff = box.tissue_young_kpa
+    middle = np.sqrt(soft * stiff)
+    np.testing.assert_allclose(box.largest_load(np.array([soft, middle, stiff])), [3.0, 2.7, 2.4])
+    assert correction_box(tsis.load_probe("tsis-domed")).largest_load(np.array([1.0, 50.0])).tolist() == [3.6, 3.6]
+
+
+def test_leaving_out_a_point_is_what_it_says() -> None:
+    """The closed form against processes through all points but one."""
+    rng = np.random.default_rng(2)
+    points = rng.uniform(size=(30, 6))
+    values = np.column_stack([np.exp(points[:, 0]), points[:, 1] * points[:, 4]])
+    lengths, nugget = np.full(6, 0.8), 1e-4
+    found = left_out(points, values, lengths, nugget)
+    for index in (0, 11, 29):
+        others = np.arange(30) != index
+        process = CorrectionProcess.through(points[others], values[others], lengths, nugget)
+        expected = process(points[index][None, :3], points[index][None, 3:])[0, 0]
+        np.testing.assert_allclose(values[index] - expected, found[index], atol=1e-8)
+
+
+def test_the_error_in_a_box_is_that_of_the_presses_in_and_near_it(shipped: FiniteCorrection) -> None:
+    points = shipped.processes[0].points
+    light = replace(shipped, left_out=np.where(points[:, 0] < 0.3, 0.01, 0.0))
+    small, large = (
+        Box(diameter_mm=ends, tissue_young_kpa=(4.0, 6.0), young_kpa=(50.0, 90.0))
+        for ends in ((1.0, 1.5), (13.0, 14.0))
+    )
+    assert 0.005 < light.error_in(small) <= 0.01
+    assert light.error_in(large) < 1e-3
+    everywhere = replace(shipped, left_out=np.full(len(points), 0.02))
+    assert everywhere.error_in(small) == pytest.approx(0.02)
+
+
 def test_the_design_stays_inside_the_slab_and_the_box() -> None:
     box = CorrectionBox()
-    states = build.design(box, 100, 5)
+    states = design(box, 100, 5)
     assert len(np.unique(states[:, 5])) == 100
     assert np.all(states[:, 0] + states[:, 1] <= 0.97 * states[:, 4] + 1e-9)
     for column, ends in ((0, box.diameter_mm), (1, box.depth_mm), (3, box.tissue_young_kpa), (4, box.thickness_mm)):
@@ -159,9 +224,9 @@ def test_options_out_of_range(options: dict[str, int], message: str) -> None:
 @pytest.mark.slow
 def test_an_interrupted_build_continues(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TSIS_CACHE_DIR", str(tmp_path))
-    monkeypatch.setattr(build, "LOADS", 3)
+    monkeypatch.setattr(build, "_Size", partial(build._Size, loads=3))
     # On the coarse mesh tissue wraps around the rim earlier.
-    monkeypatch.setattr("tsis.mechanics.surrogate._finite_correction.FLAT_LOADS", (0.1, 0.8))
+    monkeypatch.setattr("tsis.mechanics.surrogate._finite_correction.FLAT_LOADS", (0.1, 0.8, 0.8))
     built = partial(build_finite_correction, tsis.load_probe("tsis-2011"), pairs=24, checks=4, resolution=COARSE)
     steps: list[int] = []
 
@@ -188,8 +253,7 @@ def test_an_interrupted_build_continues(tmp_path: Path, monkeypatch: pytest.Monk
 def test_fresh_presses(name: str) -> None:
     """Presses that the table was not built from, with another sequence than that of its own error."""
     correction, one = build_finite_correction(tsis.load_probe(name)), solver(name)
-    pairs = build._pairs(one, build.design(correction.box, 16, 4711), None, lambda: None)
-    share, median, largest = build._measured(correction, pairs)
-    assert share < 2 * correction.error
+    pairs = build._pairs(one, design(correction.box, 16, 4711), None, lambda: None)
+    median, largest = build._measured(correction, pairs)
     assert median < 0.015
     assert largest < 0.06

@@ -74,6 +74,12 @@ COMMANDS = {
         "Predict how well a probe and its presses estimate inclusions, and compare other designs.",
         "tsis design --probe tsis-domed --compare forces --compare frames --out design",
     ),
+    "protocol": CommandEntry(
+        "tsis.cli._design",
+        "protocol",
+        "Choose the forces of an examination by the tissue: from one light press, or from a known modulus.",
+        "tsis protocol --tissue-kpa 10",
+    ),
     "hardness": CommandEntry(
         "tsis.cli._hardness",
         "hardness",
@@ -166,8 +172,8 @@ Open software for optical tactile imaging.
              Frames from a camera; inclusions and hardness with intervals; point matching.
   calibrate  calibrate, sensor
              The calibration of a probe: step by step, from saved frames, or sealed; files of gel sensors.
-  simulate   demo, simulate, design, optics, sweep, serve
-             The virtual probe, its mechanics and its light; the design of a probe; many presses.
+  simulate   demo, simulate, design, protocol, optics, sweep, serve
+             The virtual probe, its mechanics and its light; a probe's design, its forces; many presses.
   records    records, study
              Targets with their presses and estimates; blinded studies.
   console    console, login, doctor

@@ -120,6 +120,10 @@ def examine(
     ] = False,
     pdf: Annotated[bool, typer.Option("--pdf", help=f"Write the page of the estimate as {PDF} too.")] = False,
     prior: InclusionPriorChoice = None,
+    tissue_kpa: Annotated[
+        float | None,
+        typer.Option(help="Modulus of the tissue, as tsis protocol measured it; the prior's contrasts stay."),
+    ] = None,
     ask_other_priors: OtherPriors = False,
     show_prior: ShowPrior = False,
     out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path(
@@ -153,12 +157,10 @@ def examine(
         raise InputError("--force-n needs --calibration: without it a force is not used")
     if save and calibration is None:
         raise InputError("--save needs --calibration: without it there is no estimate to save")
-    if (budget or pdf) and calibration is None:
-        option = "--budget" if budget else "--pdf"
+    estimated = {"--budget": budget, "--pdf": pdf, "--prior": prior, "--tissue-kpa": tissue_kpa}
+    for option in (name for name, value in estimated.items() if value and calibration is None):
         raise InputError(f"{option} needs --calibration: without it no inclusion is estimated")
-    if prior is not None and calibration is None:
-        raise InputError("--prior needs --calibration: without it no inclusion is estimated")
-    assumed = chosen_prior(prior)
+    assumed = chosen_prior(prior) if tissue_kpa is None else chosen_prior(prior).on_tissue(tissue_kpa)
     usable = None if calibration is None else tsis.calibration.read_usable_calibration(calibration)
     scale = chosen_scale(usable, scale_mm)
     by_line = usable is not None and not force_n and usable.calibration.force_line is not None

@@ -29,6 +29,7 @@ _RESULTS = {
     "match": ("", "bench"),
     "network": ("apply", "train"),
     "optics": ("angles", "modes", "propagate", "trace"),
+    "protocol": ("",),
     "records": ("backup", "edit", "export", "import", "list", "recompute", "restore", "send", "show", "verify"),
     "sensor": ("check", "frames", "new", "show"),
     "simulate": ("", "gel", "list"),

@@ -4,12 +4,18 @@ from typing import TYPE_CHECKING
 
 import lazy_loader
 
-from tsis.inclusion._budget import UncertaintyBudget, uncertainty_budget
+from tsis.inclusion._budget import (
+    PriorShift,
+    UncertaintyBudget,
+    prior_sensitivity,
+    uncertainty_budget,
+    with_prior_sensitivity,
+)
 from tsis.inclusion._estimate import STRAINS, estimate, stated_strain
 from tsis.inclusion._frames import binary_image, depletion_per_n, ring_edges, ring_light
 from tsis.inclusion._prior import PARAMETERS, InclusionPrior
 from tsis.inclusion._reading import PressTables, press_tables, read_frames
-from tsis.inclusion._sensitivity import PriorShift, prior_sensitivity, with_prior_sensitivity
+from tsis.inclusion._tissue import TissueModulus, tissue_modulus
 from tsis.inclusion._verdict import INCLUSION_FLAGS, NEARLY_CERTAIN, UNTRUSTED_FLAGS, presence_caveats
 
 __all__ = [
@@ -21,6 +27,7 @@ __all__ = [
     "InclusionPrior",
     "PressTables",
     "PriorShift",
+    "TissueModulus",
     "UncertaintyBudget",
     "binary_image",
     "depletion_per_n",
@@ -32,6 +39,7 @@ __all__ = [
     "ring_edges",
     "ring_light",
     "stated_strain",
+    "tissue_modulus",
     "uncertainty_budget",
     "with_prior_sensitivity",
 ]

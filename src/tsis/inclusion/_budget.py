@@ -1,4 +1,4 @@
-"""Uncertainty budget of an inclusion estimate in the terms of the GUM.
+"""What an estimate depends on: its uncertainty budget in the terms of the GUM, and its shift under other priors.
 
 With the rings linear in the inclusion by J, R the sum of the covariances R_k of all sources, P the covariance of the
 prior, C = (J' R^-1 J + P^-1)^-1 and G = C J' R^-1, the covariance C of the estimate is the sum of the contributions
@@ -7,20 +7,20 @@ G R_k G' and C P^-1 C.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from threadpoolctl import threadpool_limits
 
-from tsis.errors import NotIdentifiedError, UntrustedError
-from tsis.inclusion._estimate import analyse
+from tsis.errors import InputError, NotIdentifiedError, UntrustedError
+from tsis.inclusion._estimate import analyse, estimate
 from tsis.inclusion._prior import PARAMETERS
 from tsis.inclusion._verdict import NAMES
 from tsis.inclusion.posterior import NUISANCES, SHARED
-from tsis.model import ContentValue, Estimate, QuantityBudget, UncertaintyComponent, require_one_of, unit_of
+from tsis.model import ContentValue, Estimate, QuantityBudget, UncertaintyComponent, label_of, require_one_of, unit_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -254,3 +254,68 @@ def propagate(sources: ErrorSources, prior_sd: Floats) -> dict[str, Floats]:
         source: np.outer(column, column) / sd**2
         for source, column, sd in zip(OF_PRIOR.values(), covariance, prior_sd, strict=True)
     }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PriorShift:
+    """The same presses under another prior.
+
+    Attributes
+    ----------
+    name
+        Of the other prior.
+    shift_sd
+        Difference of the means, other prior minus own, over the own standard deviation, by parameter; without the
+        parameters that one of the two does not identify, and empty where one of the two is not trusted.
+    reason
+        Why there is no shift; empty where there is one.
+    """
+
+    name: str
+    shift_sd: Mapping[str, float]
+    reason: str = ""
+
+    def __str__(self) -> str:
+        if not self.shift_sd:
+            return f"{self.name}: {self.reason}"
+        moved = ", ".join(f"{label_of(name)} {shift:+.1f} sd" for name, shift in self.shift_sd.items())
+        return f"{self.name}: {moved}"
+
+
+def prior_sensitivity(
+    own: Estimate, images: Sequence[TactileImage], priors: Mapping[str, InclusionPrior], **call: Any
+) -> tuple[PriorShift, ...]:
+    """Estimate the presses again under each of the ``priors``, by name.
+
+    ``call`` are the other arguments of `estimate`; the tables of another prior are built once. A press that another
+    prior does not allow is told in the shift's ``reason``.
+    """
+    shifts = []
+    for name, prior in priors.items():
+        try:
+            other = estimate(images, **{**call, "prior": prior})
+        except InputError as error:
+            shifts.append(PriorShift(name=name, shift_sd={}, reason=f"no estimate ({error})"))
+            continue
+        if not (own.trusted and other.trusted):
+            shifts.append(PriorShift(name=name, shift_sd={}, reason="not trusted" if own.trusted else "not compared"))
+            continue
+        known = [one for one in PARAMETERS if own.identified(one) and other.identified(one)]
+        moved = {one: (other.mean[one] - own.mean[one]) / own.sd[one] for one in known}
+        shifts.append(PriorShift(name=name, shift_sd=moved, reason="" if moved else "nothing identified"))
+    return tuple(shifts)
+
+
+def with_prior_sensitivity(own: Estimate, shifts: Sequence[PriorShift]) -> Estimate:
+    """The estimate with a sentence on its shifts in its notes, which every result prints.
+
+    The notes of an untrusted estimate belong to its flags one by one, and are withheld with them; so the sentence,
+    which holds no number then, ends the last note that is printed.
+    """
+    message = f"Under other priors: {'; '.join(map(str, shifts))}."
+    if own.trusted:
+        return replace(own, notes=(*own.notes, message))
+    if not own.printed_notes:
+        return own
+    place = len(own.notes) - 1 - own.notes[::-1].index(own.printed_notes[-1])
+    return replace(own, notes=(*own.notes[:place], f"{own.notes[place]} {message}", *own.notes[place + 1 :]))

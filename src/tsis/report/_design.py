@@ -17,6 +17,7 @@ from tsis.inclusion.design import (
     compare_designs,
     design_alternatives,
     optimise_design,
+    protocol_forces,
     protocol_of,
     rank_designs,
 )
@@ -35,7 +36,6 @@ if TYPE_CHECKING:
     from tsis.model import Calibration
 
 
-FLAT_N, DOMED_N = (1.0,), (0.5, 1.0)  # under a dome two forces load the tissue differently
 QUICK_DEGREES = ("forces", "frames", "reference")  # aspects that need one solution of the press
 PLANNED = "as planned"
 
@@ -94,7 +94,7 @@ class DesignQuestion:
     @property
     def planned(self) -> Protocol:
         """The probe with its presses."""
-        forces = self.forces_n or (FLAT_N if self.probe.face_curvature_mm is None else DOMED_N)
+        forces = self.forces_n or protocol_forces(self.probe, tissue_young_kpa=self.prior.tissue_young_kpa)
         once = protocol_of(self.probe, tuple(forces), with_reference=self.with_reference)
         return replace(once, frames_each=self.frames_per_press, name=PLANNED)
 

@@ -20,6 +20,7 @@ from tsis.inclusion.design._protocol import (
     PlannedPress,
     Protocol,
     default_protocols,
+    protocol_forces,
     protocol_of,
 )
 from tsis.inclusion.design._search import MOST_EVALUATIONS, DesignOptimum, optimise_design
@@ -41,6 +42,7 @@ __all__ = [
     "dissertation_inclusions",
     "even_inclusions",
     "optimise_design",
+    "protocol_forces",
     "protocol_information",
     "protocol_of",
     "rank_designs",

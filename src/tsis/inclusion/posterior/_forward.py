@@ -263,7 +263,11 @@ class ForwardModel:
         targets = np.flatnonzero(~self.is_reference)
         if inclusions is not None and len(targets):
             contrast = inclusions[:, 2] / tissue[targets[0]]
-            change = self.correction.change(inclusions[:, 0], inclusions[:, 1], contrast, states[targets])
+            young, thick, _ = states[targets[0]].tolist()
+            softer = inclusions / np.array([1.0, 1.0, stiffer])
+            signal = self.rings.on(young, thick, softer) - self.rings.on(young, thick, None)
+            signals = np.array([self.rings.under(force, signal) for force in states[targets, 2].tolist()])
+            change = self.correction.change(inclusions[:, 0], inclusions[:, 1], contrast, states[targets], signals)
             result = np.repeat(result, len(inclusions), axis=1)
             result[targets] += change
         result[..., : self.rings.count] *= stiffer

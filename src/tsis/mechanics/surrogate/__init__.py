@@ -3,7 +3,7 @@
 from tsis.mechanics._mesh import mechanical_content
 from tsis.mechanics.surrogate._build import build_surrogate, cached_arrays
 from tsis.mechanics.surrogate._correction_build import build_finite_correction
-from tsis.mechanics.surrogate._finite_correction import CorrectionBox, FiniteCorrection, correction_box
+from tsis.mechanics.surrogate._finite_correction import CorrectionBox, FiniteCorrection, correction_box, wide_box
 from tsis.mechanics.surrogate._full_contact import (
     FULL_CONTACT_DEGREES,
     FullContactParts,
@@ -41,4 +41,5 @@ __all__ = [
     "correction_box",
     "mechanical_content",
     "signal_scale",
+    "wide_box",
 ]

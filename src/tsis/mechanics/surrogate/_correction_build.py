@@ -6,11 +6,10 @@ A low-discrepancy design fills the box, in the order of a short tour.
 from __future__ import annotations
 
 import itertools
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import qmc
 from threadpoolctl import threadpool_limits
 
 from tsis.errors import MechanicsError
@@ -24,7 +23,10 @@ from tsis.mechanics.surrogate._finite_correction import (
     CorrectionProcess,
     FiniteCorrection,
     correction_box,
+    design,
     fit_lengths,
+    left_out,
+    wide_box,
 )
 from tsis.mechanics.surrogate._polynomial import (
     Box,
@@ -45,21 +47,33 @@ if TYPE_CHECKING:
     Progress = Callable[[int, int], None]
 
 
-FORMAT_VERSION = 2
+FORMAT_VERSION = 3
 KIND = "finite-strain"
-PAIRS, CHECKS = 300, 30  # presses with and without contrast: to learn from, and to measure the error
 SAVED_EVERY = 20  # presses
 PARTS = ("pairs", "checks")  # names of an unfinished build's presses
-TISSUES, THICKNESSES, LOADS = 4, 3, 8  # Chebyshev points of the correction without inclusion
 PRESSURE_MODES, DISPLACEMENT_MODES = 10, 6
 LEADING_MODES = 4  # of the pressure and of the displacement: slow functions of the state
-BOTTOM = 0.97  # of the thickness: the deepest point of a sphere
+# First columns of what one process learns: multiples, logarithms of norms, leading modes, the other modes
+GROUPS = [0, 2, 4, 4 + 2 * LEADING_MODES]
+OF_PRESSURE = [0, *range(4, 4 + LEADING_MODES), *range(GROUPS[3], GROUPS[3] + PRESSURE_MODES - LEADING_MODES)]
 MODES_FRACTION = 0.85  # of the face's radius, over which profiles are decomposed
 RINGS = 20  # of the inner face, over which an estimate and the error take means
-TOUR_WEIGHTS = np.array([0.6, 0.6, 0.2, 1.0, 1.0, 1.5])  # of the coordinates, for the length of a step
-TOUR_ROUNDS = 30
-EASY_SPHERE = (8.0, 6.0)  # diameter and depth of the sphere in the mesh of presses without inclusion, mm
+EASY_SPHERE = (0.3, 0.2)  # diameter and depth of the sphere in the mesh of presses without inclusion, of the thickness
 OUTPUTS = 2 * FACE_POINTS  # pressures and displacements
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Size:
+    """Numbers of presses with and without contrast, to learn from and to measure the error, and of Chebyshev points."""
+
+    pairs: int = 300
+    checks: int = 30
+    tissues: int = 4
+    thicknesses: int = 3
+    loads: int = 8
+
+
+WIDE_SIZE = _Size(pairs=600, checks=60, tissues=7, thicknesses=4)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -122,56 +136,13 @@ class _Solver:
         return self.continuation.first(target) if start is None else self.continuation.follow(start, target)
 
 
-def design(box: CorrectionBox, count: int, seed: int) -> Floats:
-    """States of a box in the order of a short tour: diameter, depth, contrast factor, tissue, thickness, load; (n, 6).
-
-    Diameters whose sphere would reach below 0.97 of the thickness are shortened to it.
-    """
-    unit = qmc.Sobol(6, seed=seed).random_base2(int(np.ceil(np.log2(count))))[:count]
-    low, high = box.coordinates
-    states = low + unit * (high - low)
-    states[:, 3:5] = np.exp(states[:, 3:5])
-    # Even in diameter and depth: the largest signals are those of large spheres.
-    for axis, (first, last) in enumerate((box.diameter_mm, box.depth_mm)):
-        states[:, axis] = first + unit[:, axis] * (last - first)
-    deepest = BOTTOM * states[:, 4]
-    states[:, 1] = np.minimum(states[:, 1], deepest - box.diameter_mm[0])
-    states[:, 0] = np.minimum(states[:, 0], deepest - states[:, 1])
-    ordered: Floats = states[_tour(unit * TOUR_WEIGHTS)]
-    return ordered
-
-
-def _tour(places: Floats) -> list[int]:
-    """A short open tour: the nearest next, then reversals of parts that shorten it."""
-    distance = np.linalg.norm(places[:, None] - places, axis=2)
-    left, tour = set(range(1, len(places))), [0]
-    while left:
-        tour.append(min(left, key=lambda other: float(distance[tour[-1], other])))
-        left.remove(tour[-1])
-    order = np.array(tour)
-    for _ in range(TOUR_ROUNDS):
-        shorter = False
-        for first in range(1, len(order) - 2):
-            ends, afters = order[first:-1], order[first + 1 :]
-            before = order[first - 1]
-            gain = distance[before, order[first]] + distance[ends, afters]
-            gain = gain - distance[before, ends] - distance[order[first], afters]
-            best = int(gain.argmax())
-            if gain[best] > 1e-9:
-                order[first : first + best + 1] = order[first : first + best + 1][::-1].copy()
-                shorter = True
-        if not shorter:
-            break
-    return [int(index) for index in order]
-
-
 def build_finite_correction(
     probe: Probe,
     box: Box | None = None,
     *,
     seed: int = 1,
-    pairs: int = PAIRS,
-    checks: int = CHECKS,
+    pairs: int | None = None,
+    checks: int | None = None,
     resolution: FiniteResolution | None = None,
     progress: Progress | None = None,
     cached: bool = True,
@@ -188,7 +159,8 @@ def build_finite_correction(
     seed
         Seed of the design, in [0, 2**31).
     pairs, checks
-        Number of presses with and without contrast to learn from, at least 20, and to measure the error.
+        Number of presses with and without contrast to learn from, at least 20, and to measure the error; by default
+        300 and 30, for tables of all tissues 600 and 60.
     resolution
         Mesh density of the finite-strain presses.
     progress
@@ -205,15 +177,19 @@ def build_finite_correction(
     """
     require_type("probe", probe, Probe)
     seed = require_integer("seed", seed, 0, 2**31 - 1)
-    pairs = require_integer("pairs", pairs, 20, 4096)
-    checks = require_integer("checks", checks, 1, 1024)
     ranges, poisson = correction_box(probe, box), 0.49 if box is None else box.poisson
+    usual = WIDE_SIZE if ranges == wide_box(probe) else _Size()
+    size = replace(
+        usual,
+        pairs=require_integer("pairs", usual.pairs if pairs is None else pairs, 20, 4096),
+        checks=require_integer("checks", usual.checks if checks is None else checks, 1, 1024),
+    )
     mesh = resolution or FiniteResolution()
-    counts = {"seed": seed, "pairs": pairs, "checks": checks}
-    others = counts | {
+    others = {
+        "seed": seed,
+        "size": asdict(size),
         "correction": asdict(ranges),
         "poisson": poisson,
-        "points": [TISSUES, THICKNESSES, LOADS],
         "modes": [PRESSURE_MODES, DISPLACEMENT_MODES],
         "small": asdict(Resolution()),
     }
@@ -226,7 +202,7 @@ def build_finite_correction(
         continuation = PressContinuation(probe, like, mesh)
         solver = _Solver(probe=probe, box=ranges, poisson=poisson, continuation=continuation)
         with threadpool_limits(limits=1, user_api="blas"):
-            arrays = _solve(solver, seed, pairs, checks, key if cached else None, progress)
+            arrays = _solve(solver, seed, size, key if cached else None, progress)
         if cached:
             write_cached_arrays(KIND, key, arrays)
             for part in PARTS:
@@ -237,7 +213,8 @@ def build_finite_correction(
 def _loaded(probe: Probe, box: CorrectionBox, arrays: dict[str, Floats], key: str) -> FiniteCorrection:
     """A correction from the arrays on disk."""
     values = {name: np.asarray(array, dtype=float) for name, array in arrays.items()}
-    ends = np.cumsum([0, 2 * LEADING_MODES, values["coefficients"].shape[1] - 2 * LEADING_MODES])
+    modes = values["modes"]
+    ends = np.append(GROUPS, values["coefficients"].shape[1])
     processes = tuple(
         CorrectionProcess.through(values["points"], values["coefficients"][:, start:end], row[:-1], float(row[-1]))
         for (start, end), row in zip(itertools.pairwise(ends.tolist()), values["lengths"], strict=True)
@@ -248,18 +225,17 @@ def _loaded(probe: Probe, box: CorrectionBox, arrays: dict[str, Floats], key: st
         is_domed=probe.face_curvature_mm is not None,
         unit_force_n=values["unit_force_n"],
         baseline=values["baseline"],
-        modes=values["modes"],
+        modes=modes,
+        of_displacement=(np.any(modes[:, FACE_POINTS:], axis=1), np.arange(OUTPUTS) >= FACE_POINTS),
         processes=processes,
-        error=float(values["error"][0]),
-        signal_error=(float(values["error"][1]), float(values["error"][2])),
+        left_out=values["left_out"],
+        signal_error=(float(values["error"][0]), float(values["error"][1])),
         key=key,
     )
 
 
-def _solve(
-    solver: _Solver, seed: int, pairs: int, checks: int, key: str | None, progress: Progress | None
-) -> dict[str, Floats]:
-    total = pairs + checks + TISSUES * THICKNESSES * LOADS
+def _solve(solver: _Solver, seed: int, size: _Size, key: str | None, progress: Progress | None) -> dict[str, Floats]:
+    total = size.pairs + size.checks + size.tissues * size.thicknesses * size.loads
     solved = 0
 
     def advance() -> None:
@@ -268,12 +244,12 @@ def _solve(
         if progress is not None:
             progress(solved, total)
 
-    unit_force, baseline = _without_inclusion(solver, advance)
+    unit_force, baseline = _without_inclusion(solver, size, advance)
     name = None if key is None else f"{key}-{PARTS[0]}"
-    learnt = _pairs(solver, design(solver.box, pairs, seed), name, advance)
+    learnt = _pairs(solver, design(solver.box, size.pairs, seed), name, advance)
     modes, coefficients, points = _decomposed(solver.box, learnt)
     scaled = coefficients / coefficients.std(axis=0)
-    fits = [fit_lengths(points, part) for part in np.split(scaled, [2 * LEADING_MODES], axis=1)]
+    fits = [fit_lengths(points, part) for part in np.split(scaled, GROUPS[1:], axis=1)]
     arrays: dict[str, Floats] = {
         "unit_force_n": unit_force,
         "baseline": baseline.astype("f4"),
@@ -281,32 +257,35 @@ def _solve(
         "points": points.astype("f4"),
         "coefficients": coefficients.astype("f4"),
         "lengths": np.array([np.append(*fit) for fit in fits]),
-        "error": np.zeros(3),
+        "left_out": _left_out(points, coefficients, fits).astype("f4"),
+        "error": np.zeros(2),
     }
     correction = _loaded(solver.probe, solver.box, arrays, "")
     name = None if key is None else f"{key}-{PARTS[1]}"
-    fresh = _pairs(solver, design(solver.box, checks, seed + 1), name, advance)
+    fresh = _pairs(solver, design(solver.box, size.checks, seed + 1), name, advance)
     return arrays | {"error": _measured(correction, fresh)}
 
 
-def _without_inclusion(solver: _Solver, advance: Callable[[], None]) -> tuple[Floats, Floats]:
+def _without_inclusion(solver: _Solver, size: _Size, advance: Callable[[], None]) -> tuple[Floats, Floats]:
     """Log force of a unit load (tissue, thickness), and the correction (tissue, thickness, load, outputs)."""
     low, high = solver.box.coordinates
     tissues, thicknesses = (
         np.exp(chebyshev_points((float(low[i]), float(high[i])), count)).tolist()
-        for i, count in ((3, TISSUES), (4, THICKNESSES))
+        for i, count in ((3, size.tissues), (4, size.thicknesses))
     )
-    loads = chebyshev_points(solver.box.load, LOADS)
-    unit, result = np.zeros((TISSUES, THICKNESSES)), np.zeros((TISSUES, THICKNESSES, LOADS, OUTPUTS))
+    grid = (size.tissues, size.thicknesses)
+    unit, result = np.zeros(grid), np.zeros((*grid, size.loads, OUTPUTS))
     here: SolvedPress | None = None
-    order = list(range(LOADS))
+    order = list(range(size.loads))
     for j, thickness in enumerate(thicknesses):
-        for i in range(TISSUES)[:: 1 if j % 2 == 0 else -1]:
+        sphere = (EASY_SPHERE[0] * thickness, EASY_SPHERE[1] * thickness)
+        for i in range(size.tissues)[:: 1 if j % 2 == 0 else -1]:
+            loads = chebyshev_points((solver.box.load[0], float(solver.box.largest_load(tissues[i]))), size.loads)
             without, _ = solver.small(tissues[i], thickness, None)
             force = solver.unit_force_n(tissues[i], without)
             unit[i, j] = np.log(force)
             for k in order:
-                here = solver.press(here, tissues[i], thickness, float(loads[k]) * force, EASY_SPHERE)
+                here = solver.press(here, tissues[i], thickness, float(loads[k]) * force, sphere)
                 finite = row_of_field(here.result.field)[:OUTPUTS]
                 result[i, j, k] = finite - solver.at_force(without, float(loads[k]) * force)
                 advance()
@@ -329,6 +308,7 @@ def _pairs(solver: _Solver, states: Floats, name: str | None, advance: Callable[
                 contrast = float(contrast_from_factor(factor))
                 there = solver.continuation.follow(here, here.press.with_contrast(contrast))
             except MechanicsError as error:
+                here = None  # what did not converge from here may lie near the end of the model: start anew
                 failed.append(index)
                 if len(failed) > max(2, len(states) // 10):
                     raise MechanicsError(
@@ -337,39 +317,49 @@ def _pairs(solver: _Solver, states: Floats, name: str | None, advance: Callable[
             else:
                 signal = row_of_field(there.result.field) - row_of_field(here.result.field)
                 scale = float(signal_scale(diameter, depth, factor))
-                small, reference = solver.at_force(change, force), solver.at_force(without, force)
-                found[index] = np.array([signal[:OUTPUTS] / scale, small, reference])
+                found[index] = np.array([signal[:OUTPUTS] / scale, solver.at_force(change, force)])
             if name is not None and (index % SAVED_EVERY == 0 or index == len(states) - 1):
                 saved = {"index": list(found), "rows": list(found.values()), "failed": failed}
                 write_cached_arrays(KIND, name, {key: np.array(values) for key, values in saved.items()})
         advance()
     rows = np.array([found[index] for index in sorted(found)])
-    return {"states": states[sorted(found)], "finite": rows[:, 0], "small": rows[:, 1], "reference": rows[:, 2]}
+    return {"states": states[sorted(found)], "finite": rows[:, 0], "small": rows[:, 1]}
 
 
 def _decomposed(box: CorrectionBox, pairs: dict[str, Floats]) -> tuple[Floats, Floats, Floats]:
-    """Modes (k, outputs) of the correction of the signal, coefficients (n, k), and unit coordinates (n, 6)."""
-    low, high = box.coordinates
-    states = pairs["states"].copy()
-    states[:, [0, 1, 3, 4]] = np.log(states[:, [0, 1, 3, 4]])
-    difference = pairs["finite"] - pairs["small"]
+    """Modes (k, outputs), what the processes of a `FiniteCorrection` learn (n, 4 + k), and unit coordinates (n, 6)."""
     near = _ring_means(MODES_FRACTION)
     root = np.sqrt(np.arange(1, RINGS + 1))
     parts = []
     for first, count in ((0, PRESSURE_MODES), (FACE_POINTS, DISPLACEMENT_MODES)):
-        profiles = difference[:, first : first + FACE_POINTS]
-        rings = (profiles @ near.T) * root
-        _, _, directions = np.linalg.svd(rings, full_matrices=False)
-        coefficients = rings @ directions[:count].T
+        small, finite = (pairs[strain][:, first : first + FACE_POINTS] for strain in ("small", "finite"))
+        signal, change = ((profiles @ near.T) * root for profiles in (small, finite - small))
+        norm = np.linalg.norm(signal, axis=1, keepdims=True)
+        multiple = (signal * change).sum(axis=1, keepdims=True) / norm**2
+        rest = (change - multiple * signal) / norm
+        _, _, directions = np.linalg.svd(rest, full_matrices=False)
+        coefficients = rest @ directions[:count].T
         # Profiles of the whole face that go with the coefficients.
-        whole, *_ = np.linalg.lstsq(coefficients, profiles, rcond=None)
-        parts.append((coefficients, np.pad(whole, ((0, 0), (first, OUTPUTS - FACE_POINTS - first)))))
+        whole, *_ = np.linalg.lstsq(coefficients, (finite - small - multiple * small) / norm, rcond=None)
+        padded = np.pad(whole, ((0, 0), (first, OUTPUTS - FACE_POINTS - first)))
+        parts.append((multiple, np.log(norm), coefficients, padded))
+    multiples, norms, values, modes = zip(*parts, strict=True)
     order = [slice(0, LEADING_MODES), slice(LEADING_MODES, None)]
     return (
-        np.concatenate([profiles[rows] for rows in order for _, profiles in parts]),
-        np.concatenate([values[:, rows] for rows in order for values, _ in parts], axis=1),
-        (states - low) / (high - low),
+        np.concatenate([profiles[rows] for rows in order for profiles in modes]),
+        np.concatenate([*multiples, *norms, *(each[:, rows] for rows in order for each in values)], axis=1),
+        box.unit(pairs["states"]),
     )
+
+
+def _left_out(points: Floats, coefficients: Floats, fits: list[tuple[Floats, float]]) -> Floats:
+    """See `FiniteCorrection`; the modes are orthonormal over the rings, and what they leave out is neglected."""
+    errors = np.zeros(len(points))
+    for columns, (lengths, nugget) in zip(np.split(np.arange(coefficients.shape[1]), GROUPS[1:]), fits, strict=True):
+        pressure = [column for column in columns.tolist() if column in OF_PRESSURE]
+        values = coefficients[:, pressure]
+        errors += (left_out(points, values, lengths, nugget) ** 2).sum(axis=1)
+    return np.sqrt(errors)
 
 
 def _ring_means(fraction: float) -> Floats:
@@ -384,16 +374,17 @@ def _ring_means(fraction: float) -> Floats:
 def _measured(correction: FiniteCorrection, pairs: dict[str, Floats]) -> Floats:
     """Errors of fresh presses; see `FiniteCorrection`."""
     near = _ring_means(CHECKED_FRACTION)
-    shares, peaks = [], []
-    for (diameter, depth, factor, tissue, thickness, load), finite, small, reference in zip(
-        pairs["states"].tolist(), pairs["finite"], pairs["small"], pairs["reference"], strict=True
+    peaks = []
+    for (diameter, depth, factor, tissue, thickness, load), finite, small in zip(
+        pairs["states"].tolist(), pairs["finite"], pairs["small"], strict=True
     ):
-        force = load / correction.box.load[1] * correction.forces_n(tissue, thickness)[1]
+        most = float(correction.box.largest_load(np.array(tissue)))
+        force = load / most * correction.forces_n(tissue, thickness)[1]
         contrast = np.array([float(contrast_from_factor(factor))])
         state = np.array([[tissue, thickness, force]])
-        (expected,) = correction.change(np.array([diameter]), np.array([depth]), contrast, state)[0]
         scale = float(signal_scale(diameter, depth, factor))
+        sphere = (np.array([diameter]), np.array([depth]), contrast)
+        (expected,) = correction.change(*sphere, state, scale * small[None, None])[0]
         error = near @ (expected - scale * (finite - small))[:FACE_POINTS]
-        shares.append(np.mean(error**2) / (near @ reference[:FACE_POINTS]).mean() ** 2)
         peaks.append(np.abs(error).max() / (scale * np.abs(near @ small[:FACE_POINTS]).max()))
-    return np.array([np.sqrt(np.mean(shares)), np.median(peaks), np.max(peaks)])
+    return np.array([np.median(peaks), np.max(peaks)])

@@ -1,11 +1,11 @@
 """What finite strain adds to small-strain presses that cover the face, over a box of states of one probe.
 
 The correction without inclusion is a Chebyshev tensor in tissue modulus, thickness and load. The correction of the
-signal, over `signal_scale`, is a sum of a few profiles (singular vectors) whose coefficients are Gaussian processes of
-six coordinates: diameter, depth, contrast, tissue modulus, thickness and load. The load is a force in units that
-follow the tissue: the covering force of a dome, tissue modulus times radius squared for a flat face. A signal is the
-difference of presses with and without contrast on one mesh. Finite-strain meshes have a rounded rim; the correction
-contains its effect.
+signal is a multiple of the signal at small strain and a sum of a few profiles (singular vectors) over the signal's
+norm. The multiple, the norm and the coefficients are Gaussian processes of six coordinates: diameter, depth, contrast,
+tissue modulus, thickness and load. The load is a force in units that follow the tissue: the covering force of a dome,
+tissue modulus times radius squared for a flat face. A signal is the difference of presses with and without contrast on
+one mesh. Finite-strain meshes have a rounded rim; the correction contains its effect.
 """
 
 from __future__ import annotations
@@ -16,17 +16,25 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
 from scipy.optimize import minimize
+from scipy.stats import qmc
 
 from tsis.errors import InputError
 from tsis.mechanics._face import hats
 from tsis.mechanics.surrogate._polynomial import Box, chebyshev_weights_at, contrast_factor, signal_scale
 
 if TYPE_CHECKING:
-    from tsis.mechanics._element import Floats
+    from tsis.mechanics._element import Booleans, Floats
     from tsis.model import Probe
 
 
-DOMED_LOADS, FLAT_LOADS = (1.0, 3.6), (0.1, 1.8)  # at the end the tissue starts to wrap around the rim
+# At the end the tissue starts to wrap around the rim, on stiff tissue earlier.
+DOMED_LOADS, FLAT_LOADS = (1.0, 3.6, 3.6), (0.1, 1.8, 1.8)
+WIDE_DOMED_LOADS, WIDE_FLAT_LOADS = (1.0, 3.0, 2.4), (0.1, 1.3, 0.9)
+BOTTOM = 0.97  # of the thickness: the deepest point of a sphere
+TOUR_WEIGHTS = np.array([0.6, 0.6, 0.2, 1.0, 1.0, 1.5])  # of the coordinates, for the length of a step
+TOUR_ROUNDS = 30
+NEAR = 0.15  # of the box: how far from another box a press tells the error in it
+WEAK = 1.2  # a contrast below which the correction follows the signal
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,7 +49,7 @@ class CorrectionBox:
         The slab around it.
     load
         Force over the force that covers a dome's face without inclusion at small strain; for a flat face force over
-        tissue modulus times radius squared.
+        tissue modulus times radius squared. The least, the largest on the softest and that on the stiffest tissue.
     """
 
     diameter_mm: tuple[float, float] = (1.0, 15.0)
@@ -49,11 +57,11 @@ class CorrectionBox:
     contrast: tuple[float, float] = (6.0, 34.0)
     tissue_young_kpa: tuple[float, float] = (3.4, 7.4)
     thickness_mm: tuple[float, float] = (26.5, 37.0)
-    load: tuple[float, float] = DOMED_LOADS
+    load: tuple[float, float, float] = DOMED_LOADS
 
     def __post_init__(self) -> None:
         for name, ends in asdict(self).items():
-            if not 0 < ends[0] < ends[1] < np.inf:
+            if not 0 < ends[0] < min(ends[1:]) <= max(ends) < np.inf:
                 raise InputError(f"{name} must be a range (low, high) with 0 < low < high; got {ends}")
 
     @property
@@ -65,38 +73,119 @@ class CorrectionBox:
             contrast_factor(np.array(self.contrast)),
             np.log(self.tissue_young_kpa),
             np.log(self.thickness_mm),
-            self.load,
+            (0.0, 1.0),  # of the way from the least to the largest load
         ]
         return np.array(ends, dtype=float).T
 
+    def largest_load(self, tissue_young_kpa: Floats) -> Floats:
+        """Largest load on tissues of a modulus in kPa; it changes with the modulus's logarithm."""
+        low, high = self.coordinates[:, 3]
+        place = np.clip((np.log(tissue_young_kpa) - low) / (high - low), 0.0, 1.0)
+        return np.asarray(self.load[1] + place * (self.load[2] - self.load[1]))
+
+    def unit(self, states: Floats) -> Floats:
+        """States of a `design` in unit coordinates, shape (n, 6); outside [0, 1] beyond the box."""
+        low, high = self.coordinates
+        ranges = states.copy()
+        ranges[:, [0, 1, 3, 4]] = np.log(states[:, [0, 1, 3, 4]])
+        ranges[:, 5] = (states[:, 5] - self.load[0]) / (self.largest_load(states[:, 3]) - self.load[0])
+        return np.asarray((ranges - low) / (high - low))
+
     def holds(self, box: Box) -> bool:
-        """Whether it covers the inclusions and slabs of another box."""
-        soft, stiff = box.tissue_young_kpa
+        """Whether it covers the inclusions and slabs of another box.
+
+        A weaker contrast than its least is covered too: the correction is nearly in proportion to the signal.
+        """
         pairs = (
             (self.diameter_mm, box.diameter_mm),
             (self.depth_mm, box.depth_mm),
             (self.tissue_young_kpa, box.tissue_young_kpa),
             (self.thickness_mm, box.thickness_mm),
-            (self.contrast, (box.young_kpa[0] / stiff, box.young_kpa[1] / soft)),
         )
-        return all(own[0] <= other[0] and other[1] <= own[1] for own, other in pairs)
+        strongest = box.young_kpa[1] / box.tissue_young_kpa[0]
+        weakest = box.young_kpa[0] / box.tissue_young_kpa[1]
+        least = self.contrast[0] if self.contrast[0] > WEAK else 1.0
+        within = all(own[0] <= other[0] and other[1] <= own[1] for own, other in pairs)
+        return within and least <= weakest and strongest <= self.contrast[1]
 
 
 def correction_box(probe: Probe, box: Box | None = None) -> CorrectionBox:
-    """Ranges of a correction that covers another box, by default that of the catalog's prior with a margin."""
-    load = FLAT_LOADS if probe.face_curvature_mm is None else DOMED_LOADS
-    standard = CorrectionBox(load=load)
+    """Ranges of a correction that covers another box.
+
+    They are those of the catalog's prior with a margin, else those of `wide_box`, else those of the box itself.
+    """
+    flat = probe.face_curvature_mm is None
+    standard = CorrectionBox(load=FLAT_LOADS if flat else DOMED_LOADS)
     if box is None or standard.holds(box):
         return standard
+    wide = wide_box(probe)
+    if wide.holds(box):
+        return wide
     soft, stiff = box.tissue_young_kpa
+    loads = wide.largest_load(np.array([0.9 * soft, 1.1 * stiff])).tolist()
     return CorrectionBox(
         diameter_mm=box.diameter_mm,
         depth_mm=box.depth_mm,
         contrast=(max(0.95 * box.young_kpa[0] / stiff, 1.02), 1.05 * box.young_kpa[1] / soft),
         tissue_young_kpa=(0.9 * soft, 1.1 * stiff),
         thickness_mm=(0.97 * box.thickness_mm[0], 1.03 * box.thickness_mm[1]),
-        load=load,
+        load=(wide.load[0], *loads),
     )
+
+
+def wide_box(probe: Probe) -> CorrectionBox:
+    """All that a laboratory presses: tissue of 1 to 50 kPa and slabs of 15 to 60 mm, each known to 10 %."""
+    return CorrectionBox(
+        diameter_mm=(1.0, 25.0),
+        depth_mm=(2.0, 20.0),
+        contrast=(1.15, 40.0),
+        tissue_young_kpa=(0.75, 65.0),
+        thickness_mm=(12.5, 72.0),
+        load=WIDE_FLAT_LOADS if probe.face_curvature_mm is None else WIDE_DOMED_LOADS,
+    )
+
+
+def design(box: CorrectionBox, count: int, seed: int) -> Floats:
+    """States of a box in the order of a short tour: diameter, depth, contrast factor, tissue, thickness, load; (n, 6).
+
+    Spheres that would reach below 0.97 of the thickness are left out.
+    """
+    unit = qmc.Sobol(6, seed=seed).random_base2(int(np.ceil(np.log2(count))) + 2)
+    low, high = box.coordinates
+    states = low + unit * (high - low)
+    states[:, 3:5] = np.exp(states[:, 3:5])
+    # Even in the roots of diameter and depth: the largest signals are those of large spheres.
+    for axis, ends in enumerate((box.diameter_mm, box.depth_mm)):
+        first, last = np.sqrt(ends)
+        states[:, axis] = (first + unit[:, axis] * (last - first)) ** 2
+    states[:, 5] = box.load[0] + unit[:, 5] * (box.largest_load(states[:, 3]) - box.load[0])
+    fitting = np.flatnonzero(states[:, 0] + states[:, 1] <= BOTTOM * states[:, 4])[:count]
+    ordered: Floats = states[fitting[_tour(unit[fitting] * TOUR_WEIGHTS)]]
+    return ordered
+
+
+def _tour(places: Floats) -> list[int]:
+    """A short open tour: the nearest next, then reversals of parts that shorten it."""
+    distance = np.linalg.norm(places[:, None] - places, axis=2)
+    left, tour = set(range(1, len(places))), [0]
+    while left:
+        tour.append(min(left, key=lambda other: float(distance[tour[-1], other])))
+        left.remove(tour[-1])
+    order = np.array(tour)
+    for _ in range(TOUR_ROUNDS):
+        shorter = False
+        for first in range(1, len(order) - 2):
+            ends, afters = order[first:-1], order[first + 1 :]
+            before = order[first - 1]
+            gain = distance[before, order[first]] + distance[ends, afters]
+            gain = gain - distance[before, ends] - distance[order[first], afters]
+            best = int(gain.argmax())
+            if gain[best] > 1e-9:
+                order[first : first + best + 1] = order[first : first + best + 1][::-1].copy()
+                shorter = True
+        if not shorter:
+            break
+    return [int(index) for index in order]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -140,6 +229,14 @@ class CorrectionProcess:
         varied = (near @ weights).reshape(len(inclusions), count, modes).swapaxes(0, 1)
         mean = self.slopes[0] + (inclusions @ self.slopes[1:4])[None] + (states @ self.slopes[4:])[:, None]
         return np.asarray(varied + mean)
+
+
+def left_out(points: Floats, values: Floats, lengths: Floats, nugget: float) -> Floats:
+    """Errors (n, k) of the process through all points but one, at that one."""
+    basis = _linear(points)
+    inverse = np.linalg.inv(_kernel(points, points, lengths) + nugget * np.eye(len(points)))
+    projected = inverse - inverse @ basis @ np.linalg.solve(basis.T @ inverse @ basis, basis.T @ inverse)
+    return np.asarray(projected @ values / np.diag(projected)[:, None])
 
 
 def _kernel(some: Floats, others: Floats, lengths: Floats) -> Floats:
@@ -188,13 +285,15 @@ class FiniteCorrection:
         Correction without inclusion at Chebyshev points, shape (tissue, thickness, load, outputs). The outputs are
         pressures in kPa, then displacements in mm.
     modes
-        Profiles of the correction of the signal over its scale, shape (k, outputs).
+        Profiles of the correction of the signal over its norm beside a multiple of the signal, shape (k, outputs).
+    of_displacement
+        Whether each mode, and each output, is of the displacement, not of the pressure; shapes (k,) and (outputs,).
     processes
-        The coefficients of the modes, in their order: those of the leading modes, then those of the others, which vary
-        faster.
-    error
-        Root mean square of the pressure's error over fresh presses and the inner 0.8 of the face, as a fraction of the
-        mean pressure.
+        Multiples of the signal's pressure and displacement, logarithms of their norms over the scale of the signal, and
+        the coefficients of the modes, in this order.
+    left_out
+        Error of the pressure's signal over the signal, as norms over rings, where each press that the table learnt from
+        is left out, shape (n,).
     signal_error
         Median and largest error of the pressure's ring means over fresh presses, as fractions of the signal's peak.
     is_domed
@@ -209,8 +308,9 @@ class FiniteCorrection:
     unit_force_n: Floats
     baseline: Floats
     modes: Floats
+    of_displacement: tuple[Booleans, Booleans]
     processes: tuple[CorrectionProcess, ...]
-    error: float
+    left_out: Floats
     signal_error: tuple[float, float]
     key: str
 
@@ -218,14 +318,35 @@ class FiniteCorrection:
         """Matrix from profiles to values at ``radius_mm``, linear between its radii; (len(radius_mm), n)."""
         return hats(self.radius_mm, radius_mm)
 
+    def error_in(self, box: Box) -> float:
+        """Root mean square error of the pressure's signal over the signal, in and near another box."""
+        low, high = self.box.coordinates
+        others = np.log([box.diameter_mm, box.depth_mm, box.tissue_young_kpa, box.thickness_mm]).T
+        which = [0, 1, 3, 4]
+        first, last = (others - low[which]) / (high - low)[which]
+        places = self.processes[0].points[:, which]
+        beyond = np.maximum(np.maximum(first - places, places - last), 0.0)
+        weights = np.exp(-0.5 * ((beyond / NEAR) ** 2).sum(axis=1))
+        return float(np.sqrt((weights * self.left_out**2).sum() / weights.sum()))
+
     def mapped(self, without_inclusion: Floats, change: Floats) -> FiniteCorrection:
-        """Linearly mapped outputs: one matrix (new, old) for tissue without inclusion, one for the change."""
-        return replace(self, baseline=self.baseline @ without_inclusion.T, modes=self.modes @ change.T)
+        """Linearly mapped outputs: one matrix (new, old) for tissue without inclusion, one for the change.
+
+        Neither may mix pressures and displacements.
+        """
+        of_modes, of_outputs = self.of_displacement
+        return replace(
+            self,
+            baseline=self.baseline @ without_inclusion.T,
+            modes=self.modes @ change.T,
+            of_displacement=(of_modes, np.abs(change) @ of_outputs > 0),
+        )
 
     def forces_n(self, tissue_young_kpa: float, thickness_mm: float) -> tuple[float, float]:
         """Least and largest force in newtons on tissue of a modulus in kPa and a thickness in mm."""
         unit = self._unit(tissue_young_kpa, thickness_mm)
-        return (self.box.load[0] if self.is_domed else 0.0) * unit, self.box.load[1] * unit
+        most = float(self.box.largest_load(np.array(tissue_young_kpa)))
+        return (self.box.load[0] if self.is_domed else 0.0) * unit, most * unit
 
     def without_inclusion(self, states: Floats) -> Floats:
         """Correction without inclusion; ``states`` (m, 3): modulus in kPa, thickness in mm, force in N."""
@@ -239,16 +360,22 @@ class FiniteCorrection:
             rows.append(mix)
         return np.asarray(share[:, None] * np.array(rows))
 
-    def change(self, diameter_mm: Floats, depth_mm: Floats, contrast: Floats, states: Floats) -> Floats:
-        """Correction of the signal of n inclusions in m states (see `without_inclusion`), shape (m, n, outputs)."""
+    def change(self, diameter_mm: Floats, depth_mm: Floats, contrast: Floats, states: Floats, signal: Floats) -> Floats:
+        """Correction of the signal of n inclusions in m states (see `without_inclusion`), shape (m, n, outputs).
+
+        ``signal`` (m, n, outputs) is that at small strain.
+        """
         factor = contrast_factor(contrast)
         low, high = self.box.coordinates
         ranges = np.column_stack([np.log(diameter_mm), np.log(depth_mm), factor])
         inclusions = np.clip((ranges - low[:3]) / (high - low)[:3], 0.0, 1.0)
         positions, share = self._states(states)
-        coefficients = np.concatenate([process(inclusions, positions) for process in self.processes], axis=-1)
-        coefficients *= share[:, None, None]
-        return np.asarray(signal_scale(diameter_mm, depth_mm, factor)[:, None] * (coefficients @ self.modes))
+        found = np.concatenate([process(inclusions, positions) for process in self.processes], axis=-1)
+        of_modes, of_outputs = (which.astype(int) for which in self.of_displacement)
+        multiples, norms, coefficients = found[..., :2], np.exp(found[..., 2:4]), found[..., 4:]
+        norms = norms * signal_scale(diameter_mm, depth_mm, factor)[:, None] * share[:, None, None]
+        rest = (norms[..., of_modes] * coefficients) @ self.modes
+        return np.asarray(multiples[..., of_outputs] * signal + rest)
 
     def _unit(self, tissue_young_kpa: float, thickness_mm: float) -> float:
         low, high = self.box.coordinates[:, 3:5]
@@ -268,6 +395,8 @@ class FiniteCorrection:
         """
         low, high = self.box.coordinates[:, 3:]
         load = np.array([force / self._unit(tissue, thickness) for tissue, thickness, force in states.tolist()])
-        ranges = np.column_stack([np.log(states[:, 0]), np.log(states[:, 1]), load])
-        share = np.ones(len(states)) if self.is_domed else np.minimum(load / low[2], 1.0)
+        least = self.box.load[0]
+        place = (load - least) / (self.box.largest_load(states[:, 0]) - least)
+        ranges = np.column_stack([np.log(states[:, 0]), np.log(states[:, 1]), place])
+        share = np.ones(len(states)) if self.is_domed else np.minimum(load / least, 1.0)
         return np.asarray(np.clip((ranges - low) / (high - low), 0.0, 1.0)), share

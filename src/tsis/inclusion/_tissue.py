@@ -1,0 +1,177 @@
+"""The modulus of tissue without inclusion from one light press.
+
+On a dome the size of the contact tells the modulus, on a flat face the share of the rim; the level of the light tells
+nothing, for its sum is the force. Small strain: the press is light.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.stats import chi2
+from threadpoolctl import threadpool_limits
+
+from tsis.errors import InputError
+from tsis.imaging import rough_contact
+from tsis.inclusion._frames import ring_edges, ring_light, ring_profiles
+from tsis.inclusion.posterior import ring_correlation, ring_means
+from tsis.mechanics import hats
+from tsis.mechanics.small_strain import PressKernel
+from tsis.model import (
+    IMPROBABLE,
+    MN_PER_N,
+    require_frames_of_probe,
+    require_image_series,
+    require_number,
+    require_same_probe,
+)
+
+if TYPE_CHECKING:
+    from tsis.inclusion._prior import Floats
+    from tsis.model import Calibration, Probe, TactileImage
+
+MODULI_KPA = np.geomspace(0.3, 150.0, 80)
+MODEL_SD = 0.02  # of the largest grey level: small strain, one thickness, even tissue
+FINE = 20_000  # points over the range, of the posterior
+STEP = 0.02  # of force and thickness, for derivatives
+GENERIC_GAIN_SD = 0.5  # where the light on a dent was not measured
+POISSON = 0.49
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TissueModulus:
+    """Young's modulus of tissue without inclusion, kPa.
+
+    Attributes
+    ----------
+    young_kpa
+        Median.
+    sd
+        Relative standard deviation.
+    interval_kpa
+        Ends of the 90 % interval.
+    chance
+        Probability of a misfit as large as that of the best modulus.
+    """
+
+    young_kpa: float
+    sd: float
+    interval_kpa: tuple[float, float]
+    chance: float
+
+    @property
+    def trusted(self) -> bool:
+        """Whether the press looks like one on even tissue of some modulus inside the range."""
+        return (
+            self.chance >= IMPROBABLE and MODULI_KPA[1] < self.interval_kpa[0] < self.interval_kpa[1] < MODULI_KPA[-2]
+        )
+
+
+def tissue_modulus(
+    image: TactileImage,
+    *,
+    probe: Probe,
+    calibration: Calibration,
+    thickness_mm: float = 30.0,
+    thickness_sd: float = 0.1,
+) -> TissueModulus:
+    """Modulus of tissue from one press without an inclusion nearby, all moduli of 0.3 to 150 kPa equally likely.
+
+    Parameters
+    ----------
+    image
+        A raw press with ``force_n`` and ``mm_per_pixel``; light, so that a dome touches in part or just wholly.
+    probe, calibration
+        The probe that pressed, and its calibration.
+    thickness_mm, thickness_sd
+        Thickness of the tissue, and its relative standard deviation.
+
+    Raises
+    ------
+    InputError
+        When the image has no force or scale, or a value lies outside its range.
+    NotCalibratedError
+        When the calibration is missing or of another probe.
+    """
+    require_same_probe(probe, calibration)
+    thickness_mm = require_number("thickness_mm", thickness_mm, 2.0, 500.0, hint="millimetres")
+    thickness_sd = require_number("thickness_sd", thickness_sd, 0.0, 0.2, hint="a fraction")
+    require_image_series([image])
+    require_frames_of_probe([image], probe)
+    if image.force_n is None:
+        raise InputError("image must have a force_n, that of the light press; got none")
+    edges = ring_edges(probe)
+    light = ring_light(image, calibration, edges)
+    data = ring_profiles([image], calibration, edges, light=light.level, model_error=0.0)
+    used, grey = data.usable[0], data.grey[0]
+
+    def expected(force_n: float, thickness: float) -> Floats:
+        """Grey levels, shape (moduli, rings)."""
+        pressure, displacement, slope = _rings(probe, force_n, thickness, tuple(edges.tolist()))
+        shade = light.shading.factor(displacement, slope, np.zeros(3))
+        return rough_contact(pressure, calibration) * shade
+
+    with threadpool_limits(limits=1, user_api="blas"):
+        model = expected(image.force_n, thickness_mm)
+        by_force = (expected(image.force_n * (1 + STEP), thickness_mm) - model) / STEP
+        by_thickness = (expected(image.force_n, thickness_mm * (1 + STEP)) - model) / STEP
+    gain_sd = calibration.gain_sd if calibration.light is not None else GENERIC_GAIN_SD
+    offset = np.broadcast_to(1 / light.level, model.shape) * grey[used].mean()
+    linear = [
+        (model, gain_sd),
+        (by_force, calibration.force_sd),
+        (by_thickness, thickness_sd),
+        (offset, calibration.offset_sd),
+    ]
+    pattern = ring_correlation(edges, calibration.grain_mm) * (
+        calibration.pattern_sd**2 + calibration.repeatability_sd**2
+    )
+    misfits, volumes = [], []
+    for index, row in enumerate(model):
+        columns = np.stack([part[index] * sd for part, sd in linear], axis=1)
+        covariance = np.diag(data.variance[0] + (MODEL_SD * row.max()) ** 2) + pattern * np.outer(row, row)
+        covariance = (covariance + columns @ columns.T)[np.ix_(used, used)]
+        rest = (grey - row)[used]
+        misfits.append(rest @ np.linalg.solve(covariance, rest))
+        volumes.append(np.linalg.slogdet(covariance)[1])
+    logs = -0.5 * (np.array(misfits) + np.array(volumes))
+    return _summary(logs, float(min(misfits)), int(used.sum()))
+
+
+def _summary(logs: Floats, misfit: float, count: int) -> TissueModulus:
+    """Median, interval and spread of a posterior whose logarithm is known at `MODULI_KPA`."""
+    fine = np.linspace(np.log(MODULI_KPA[0]), np.log(MODULI_KPA[-1]), FINE)
+    density = CubicSpline(np.log(MODULI_KPA), logs)(fine)
+    density = np.exp(density - density.max())
+    density /= density.sum()
+    low, middle, high = np.exp(np.interp([0.05, 0.5, 0.95], np.cumsum(density), fine)).tolist()
+    sd = float(np.sqrt(density @ (fine - density @ fine) ** 2))
+    return TissueModulus(young_kpa=middle, sd=sd, interval_kpa=(low, high), chance=float(chi2.sf(misfit, count - 1)))
+
+
+@lru_cache(maxsize=8)
+def _rings(
+    probe: Probe, force_n: float, thickness_mm: float, edges_mm: tuple[float, ...]
+) -> tuple[Floats, Floats, Floats]:
+    """Pressure in kPa, displacement in mm and slope of each ring on tissues of `MODULI_KPA`, shape (moduli, rings)."""
+    kernel = PressKernel(probe, thickness_mm=thickness_mm, poisson=POISSON)
+    presses = [kernel.press(young, force_n * MN_PER_N) for young in MODULI_KPA.tolist()]
+    means = ring_means(_Face(kernel.radius_mm), np.array(edges_mm))
+    slopes = means @ np.gradient(np.eye(len(kernel.radius_mm)), kernel.radius_mm, axis=0)
+    pressure = np.array([press.pressure_kpa for press in presses])
+    displacement = np.array([press.face_displacement_mm for press in presses])
+    return pressure @ means.T, displacement @ means.T, displacement @ slopes.T
+
+
+@dataclass(frozen=True, slots=True)
+class _Face:
+    """Radii of profiles over the face."""
+
+    radius_mm: Floats
+
+    def interpolation(self, radius_mm: Floats) -> Floats:
+        return hats(self.radius_mm, radius_mm)
