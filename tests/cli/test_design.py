@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from typing import TYPE_CHECKING
 
@@ -75,3 +76,50 @@ def test_wrong_options_end_with_one_sentence(
 
 def test_help_ends_with_an_example(run_tsis: RunTsis) -> None:
     assert "Example: tsis design --probe tsis-domed" in " ".join(run_tsis("design", "--help").out.split())
+
+
+LIGHT = ("protocol", "--calibration", "demo/calibration.json", "--scale-mm", "0.0336,0.0392")
+
+
+def test_a_known_tissue_has_its_forces(run_tsis: RunTsis) -> None:
+    """At twice the modulus twice the force, less what the probe gives."""
+    forces = [
+        json.loads(run_tsis("protocol", "--tissue-kpa", kpa, "--json").out)["forces_n"] for kpa in ("5", "10", "20")
+    ]
+    assert forces[0] == [0.5, 1.0]
+    for softer, stiffer in itertools.pairwise(forces):
+        assert all(1.7 < more / less < 2.0 for less, more in zip(softer, stiffer, strict=True))
+
+
+def test_a_press_on_tissue_tells_its_modulus(run: RunTsis) -> None:
+    finished = run(*LIGHT, "demo/reference-0.5N.png", "--force-n", "0.5", "--json")
+    assert finished.code == 0, finished.err
+    document = json.loads(finished.out)
+    low, high = document["tissue"]["interval_kpa"]
+    assert low < 5.0 < high
+    assert document["forces_n"][0] == pytest.approx(0.5, rel=0.2)
+    assert "--tissue-kpa" in document["notes"][-1]
+
+
+def test_an_untouched_probe_gives_no_forces(run: RunTsis) -> None:
+    """There is no light, though a force is stated: no even tissue does that."""
+    finished = run(*LIGHT, "demo/untouched.png", "--force-n", "1", "--json")
+    assert finished.code == 3, finished.err
+    document = json.loads(finished.out)
+    assert (document["tissue"], document["forces_n"], document["trusted"]) == (None, [], False)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        ([], "needs either the frame of a light press or --tissue-kpa"),
+        (["light.png"], "a light press needs --calibration"),
+        (["light.png", "--tissue-kpa", "5"], "needs either the frame of a light press or --tissue-kpa"),
+        (["--tissue-kpa", "5000"], "tissue_young_kpa must lie in [0.75, 65]; got 5000 (kilopascals)"),
+        (["--tissue-kpa", "5", "--thickness-mm", "0.03"], "thickness_mm must lie in [12.5, 72]; got 0.03"),
+    ],
+)
+def test_a_protocol_refuses_wrong_options(run_tsis: RunTsis, arguments: list[str], sentence: str) -> None:
+    finished = run_tsis("protocol", *arguments)
+    assert finished.code == 2
+    assert sentence in finished.err

@@ -33,7 +33,7 @@ from tsis.errors import InputError
 
 if TYPE_CHECKING:
     from tsis.inclusion import InclusionPrior
-    from tsis.model import Phantom, TactileImage
+    from tsis.model import Phantom, Probe, TactileImage
     from tsis.virtual import VirtualProbe
 
 ONE_EXAMINATION = ("phantom", "diameter_mm", "depth_mm", "young_kpa", "out", "save", "store", "number")
@@ -44,7 +44,11 @@ def demo(
     *,
     phantom: PhantomName = "hardness-100",
     probe: ProbeOption = "tsis-domed",
-    force_n: ForcesN,
+    force_n: ForcesN = None,
+    tissue_kpa: Annotated[
+        float | None,
+        typer.Option(help="Modulus of the tissue instead of 5 kPa; the inclusion's contrast and the prior's stay."),
+    ] = None,
     diameter_mm: DiameterMm = None,
     depth_mm: DepthMm = None,
     young_kpa: YoungKpa = None,
@@ -75,24 +79,27 @@ def demo(
     """
     import numpy as np
 
+    chosen = chosen_probe(probe)
+    assumed = chosen_prior(prior) if tissue_kpa is None else chosen_prior(prior).on_tissue(tissue_kpa)
     if seeds is not None:
         _require_only_seeds(context)
         repeat_demo(
             seeds,
             first_seed=seed,
-            probe=chosen_probe(probe),
-            prior=chosen_prior(prior),
-            forces_n=force_n,
+            probe=chosen,
+            prior=assumed,
+            forces_n=force_n or _usual_forces(chosen, assumed.tissue_young_kpa),
             strain=strain,
             as_json=as_json,
         )
         return
     target = tsis.catalog.phantom_variant(phantom, diameter_mm, depth_mm, young_kpa)
+    if tissue_kpa is not None:
+        target = target.on_tissue(tissue_kpa) if young_kpa is None else replace(target, young_kpa=tissue_kpa)
+    force_n = force_n or _usual_forces(chosen, target.young_kpa)
     truth, forces = _truth(target), _named(force_n)
     if save:
         require_no_file("--save", probe)
-    chosen = chosen_probe(probe)
-    assumed = chosen_prior(prior)
     destination = chosen_destination(save, store, number=number)
     with progress_bar("tracing the light of the lamps") as advance:
         light = tsis.optics.irradiance.irradiance(chosen, progress=advance)
@@ -163,6 +170,10 @@ def _require_only_seeds(context: typer.Context) -> None:
     if typed:
         said = " and ".join(f"--{'target' if name == 'number' else name.replace('_', '-')}" for name in typed)
         raise InputError(f"--seeds draws every inclusion from the prior and writes nothing: leave out {said}")
+
+
+def _usual_forces(probe: Probe, tissue_kpa: float) -> list[float]:
+    return list(tsis.inclusion.design.protocol_forces(probe, tissue_young_kpa=tissue_kpa))
 
 
 def _named(force_n: list[float]) -> dict[str, float]:

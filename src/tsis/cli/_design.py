@@ -205,11 +205,8 @@ def protocol(
         trusted=young_kpa is not None,
         forces_n=list(forces),
     )
-    show_result(
-        CommandResult(document=document, tables=(), notes=_protocol_notes(young_kpa, tissue, forces)),
-        out,
-        as_json=as_json,
-    )
+    result = CommandResult(document=document, tables=(), notes=_protocol_notes(young_kpa, tissue, forces))
+    show_result(result, out, as_json=as_json, trusted=young_kpa is not None)
 
 
 DOMED = "tsis-domed"

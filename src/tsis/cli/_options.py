@@ -27,12 +27,11 @@ ProbeOption = Annotated[
 ProbeName = Annotated[str, typer.Option("--probe", help="Name in the catalog; tsis simulate --list shows all.")]
 ForceN = Annotated[float, typer.Option("--force-n", help="Force of the press in newtons.")]
 ForcesN = Annotated[
-    list[float],
+    list[float] | None,
     typer.Option(
         "--force-n",
         help="Force of a press in newtons; repeat it for several presses.",
-        default_factory=lambda: [0.5, 1.0],
-        show_default="0.5 and 1",
+        show_default="those of tsis protocol: 0.5 and 1 on 5 kPa",
     ),
 ]
 DiameterMm = Annotated[float | None, typer.Option("--diameter-mm", help="Diameter of the inclusion instead.")]

@@ -161,6 +161,20 @@ class Phantom:
         """The same slab without inclusions: the baseline of a press."""
         return replace(self, inclusion=None, more_inclusions=())
 
+    def on_tissue(self, young_kpa: float) -> Phantom:
+        """The same slab of tissue with another modulus in kPa; inclusions keep their contrast.
+
+        Examples
+        --------
+        >>> lump = Inclusion(diameter_mm=8, depth_mm=5, young_kpa=100)
+        >>> Phantom(young_kpa=5, thickness_mm=30, inclusion=lump).on_tissue(10).inclusion.young_kpa
+        200.0
+        """
+        stiffer = young_kpa / self.young_kpa
+        changed = [replace(item, young_kpa=stiffer * item.young_kpa) for item in self.inclusions]
+        inclusion = changed[0] if changed else None
+        return replace(self, young_kpa=young_kpa, inclusion=inclusion, more_inclusions=tuple(changed[1:]))
+
 
 def _refuse_meeting(item: Inclusion, other: Inclusion) -> None:
     # An ellipsoid counts as its circumscribed sphere.
