@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import tsis
-from tsis.calibration.dents import PadPresses, fit_dent_light, ring_edges_mm
+from tsis.calibration.dents import STEEPNESS, PadPresses, _response, fit_dent_light, ring_edges_mm
 from tsis.calibration.file import ProbeCalibration, calibration_bytes, calibration_sha256, parse_calibration
 from tsis.errors import CalibrationError, InputError
 from tsis.imaging import rough_contact
@@ -60,6 +60,17 @@ def test_gain_and_light_are_found_together_where_the_tips_are_wrong_by_a_factor(
     growths = light.undented(middle, [0.0])[3][0]
     assert np.all(np.abs(growths - growth) < 4 * sd)
     assert found.misfit < 1.5
+
+
+def test_terms_of_nothing_leave_gain_and_saturation() -> None:
+    count = LIGHT_TERMS
+    made = _response(np.zeros(count), np.zeros((count, count)), PROBE, RESPONSE)
+    assert made.saturation_kpa == pytest.approx(RESPONSE.saturation_kpa)
+    assert made.gain_grey_per_kpa == RESPONSE.gain_grey_per_kpa
+    # Contact that bends as 1 - s p^2 with a larger s saturates earlier, by the law of rough contact.
+    bent = np.zeros(count)
+    bent[-2] = 3 * STEEPNESS / RESPONSE.saturation_kpa**2
+    assert _response(bent, np.zeros((count, count)), PROBE, RESPONSE).saturation_kpa == pytest.approx(50.0)
 
 
 def test_the_product_is_known_better_than_its_factors() -> None:
