@@ -13,6 +13,7 @@ from tsis.calibration.force._frame import patch_mask
 from tsis.calibration.guard import FrameShape, GuardReference
 from tsis.calibration.guard._reading import prepare_reference
 from tsis.calibration.reference import CameraReference, make_reference
+from tsis.calibration.reference._make import MOST_BAD, _bad
 from tsis.errors import CalibrationError, ImageMismatchError, InputError
 from tsis.imaging import Sensor
 from tsis.model import TactileImage
@@ -219,3 +220,15 @@ def test_threshold_and_canny_find_the_same_light(
     read = read_loading_frame(frame, reference, force_n=1.5, touched=True)
     assert read.total_grey == pytest.approx(cut, rel=1e-12)
     assert cut == pytest.approx(read.field_grey, rel=0.005)
+
+
+def test_as_many_hot_pixels_as_the_limit_are_left_out() -> None:
+    dark = np.zeros((2, 100, 100))
+    hot = np.zeros((100, 100), bool)
+    hot[5::10, 3::5] = True  # 200 of 10,000, apart from each other
+    dark[:, hot] = 50.0
+    assert hot.mean() == MOST_BAD
+    np.testing.assert_array_equal(_bad(dark, []), hot)
+    dark[:, 50, 50] = 50.0
+    with pytest.raises(CalibrationError, match="at most 2% of pixels may be hot or dead"):
+        _bad(dark, [])
