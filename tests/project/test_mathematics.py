@@ -1,4 +1,4 @@
-"""Formulas become pictures in the colour of the text, with the same bytes each time and nothing loaded from elsewhere."""
+"""Formulas become pictures in the colour of the text, with the same bytes each time, and nothing is loaded."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-
 from release.mathematics import svg
 
 ROOT = Path(__file__).parents[2]
