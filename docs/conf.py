@@ -19,7 +19,7 @@ author = "the TSIS founders"
 copyright = "2026, the TSIS founders"
 release = __version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.mathjax"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "release.mathematics"]
 exclude_patterns = ["_build"]
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 2
@@ -31,6 +31,9 @@ napoleon_use_rtype = False
 napoleon_use_ivar = True
 
 html_theme = "furo"
+html_math_renderer = "mathtext"
+html_static_path = ["_static"]
+html_css_files = ["tables.css"]
 html_title = f"tsis {release}"
 
 
