@@ -23,7 +23,7 @@ from statsmodels.stats.anova import anova_lm
 
 import tsis
 from tsis.cli import progress_bar
-from tsis.study import StudyInstrument, new_study, open_study, press_study, random_targets, unblind
+from tsis.study import new_study, open_study, press_by_operators, random_targets
 from tsis.study.analysis import OPERATORS, analyse_precision
 from tsis.virtual import VirtualProbe
 
@@ -54,17 +54,8 @@ def read_study(folder: Path, *, phantoms: int, repeats: int, seed: int, probe: s
     if study.unblinded is not None:
         return study
     virtual = VirtualProbe(tsis.load_probe(probe), rng=np.random.default_rng([seed, 2]), strain=strain)
-    for name in NAMES:
-        with progress_bar(f"operator {name} reads") as progress:
-            study = press_study(
-                study,
-                operator=name,
-                seed=seed,
-                strain=strain,
-                instrument=StudyInstrument(virtual=virtual),
-                progress=progress,
-            ).study
-    return unblind(study, by=NAMES[0])
+    with progress_bar("operators read") as progress:
+        return press_by_operators(study, virtual=virtual, operators=NAMES, seed=seed, strain=strain, progress=progress)
 
 
 def by_statsmodels(study: Study, found: Precision) -> tuple[float, float]:

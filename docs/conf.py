@@ -8,7 +8,7 @@ from tsis.__about__ import __version__
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
 
-from release import traceability  # noqa: E402
+from release import reference_pages, traceability  # noqa: E402
 from studies import gallery_page  # noqa: E402
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ author = "the TSIS founders"
 copyright = "2026, the TSIS founders"
 release = __version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.mathjax"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "release.mathematics"]
 exclude_patterns = ["_build"]
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 2
@@ -31,6 +31,9 @@ napoleon_use_rtype = False
 napoleon_use_ivar = True
 
 html_theme = "furo"
+html_math_renderer = "mathtext"
+html_static_path = ["_static"]
+html_css_files = ["tables.css"]
 html_title = f"tsis {release}"
 
 
@@ -47,6 +50,14 @@ def add_figures(app: "Sphinx", docname: str, source: list[str]) -> None:
         source[0] += "\n" + gallery_page.page(ROOT)
 
 
+def add_reference(app: "Sphinx", docname: str, source: list[str]) -> None:
+    """The commands and the programming interface, as the code has them now."""
+    if docname == "reference/cli":
+        source[0] = source[0].replace("(all commands)", reference_pages.commands())
+    elif docname == "reference/api":
+        source[0] += "\n" + reference_pages.interface()
+
+
 def join_names(app: "Sphinx", what: str, name: str, described: object, options: object, lines: list[str]) -> None:
     """Attributes that share a line stay together: after a space the first would be taken for the type of the second."""
     lines[:] = [re.sub("^:ivar [^:]+:", lambda names: names[0].replace(", ", ","), line) for line in lines]
@@ -56,3 +67,4 @@ def setup(app: "Sphinx") -> None:
     app.connect("autodoc-process-docstring", join_names, priority=900)  # after the fields were made
     app.connect("source-read", add_requirements)
     app.connect("source-read", add_figures)
+    app.connect("source-read", add_reference)

@@ -12,10 +12,11 @@ from tsis.catalog import load_probe
 from tsis.errors import InputError
 from tsis.files import cache_folder
 from tsis.model import FOUR_LEDS, Led, LightMap
+from tsis.optics._asperities import real_contact
 from tsis.optics.irradiance import Irradiance, irradiance, leaving_light
 from tsis.optics.irradiance import _trace as room
 from tsis.optics.irradiance._fit import powers, slope_terms, smooth, symmetries, watched_slopes
-from tsis.optics.rays import evenly_raised_face, hertz_dent, trace_rays
+from tsis.optics.rays import evenly_pressed_face, evenly_raised_face, hertz_dent, trace_rays
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -72,6 +73,14 @@ def test_a_raised_face_is_the_traced_one(light: Irradiance) -> None:
     model = light.mean_per_mm2 * 0.01 * light.at(side, side, displacement_mm=0.4) / np.exp(light.lift_per_mm * 0.4)
     middle = model.reshape(6, 40, 6, 40).sum(axis=(1, 3))[2:4, 2:4]
     np.testing.assert_allclose(middle, traced.arriving[2:4, 2:4], rtol=0.03)
+
+
+def test_contact_takes_light_from_the_whole_face(light: Irradiance) -> None:
+    """The factor of an evenly touched face, by the model and by rays of another seed."""
+    touched = evenly_pressed_face(12.0, 20.0)  # the saturation pressure, as in the fit
+    bare, covered = (trace_rays(PROBE, face, rays=2e5, seed=8).arriving.sum() for face in (None, touched))
+    fraction = float(real_contact(np.array(20.0), 20.0))
+    assert 1 / (1 + light.depletion * fraction) == pytest.approx(covered / bare, rel=0.02)
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from tsis.optics import guided_modes
 from tsis.optics.propagation import Dent, ThinGuide, propagate, thin_guide
 from tsis.optics.propagation._grid import Axis, axis, permittivity
 from tsis.optics.propagation._power import outward
-from tsis.optics.propagation._propagate import solve_launched
+from tsis.optics.propagation._propagate import CELLS_A_WAVE, COARSEST, solve_launched
 from tsis.optics.propagation._section_modes import SectionModes, section_modes
 
 if TYPE_CHECKING:
@@ -40,6 +40,26 @@ def test_no_power_is_lost_but_near_cut_off() -> None:
     assert result.powers.balance_error[result.clear].max() < 1e-6
     assert result.powers.balance_error[~result.clear].max() < 1e-4
     assert np.count_nonzero(result.clear) == 16
+
+
+def test_what_leaves_along_the_guide_adds_up_to_what_leaves_it() -> None:
+    """What the dent turns out leaves on both sides, a part of it beyond the ends of the grid."""
+    result = propagate(
+        SMALL, Dent(depth_um=1.0, tip_radius_um=2.0), method="fdfd", modes=2, step_um=0.08, length_um=16.0
+    )
+    step = float(result.z_um[1] - result.z_um[0])
+    for along, whole in (
+        (result.top_per_um, result.powers.top),
+        (result.bottom_per_um, result.powers.bottom),
+    ):
+        assert whole.min() > 0.01
+        here = along.sum(axis=0) * step
+        assert (0.3 * whole < here).all()
+        assert (here < whole).all()
+
+
+def test_the_march_takes_steps_that_a_user_may_ask_for() -> None:
+    assert min(CELLS_A_WAVE.values()) >= COARSEST
 
 
 @settings(max_examples=15)

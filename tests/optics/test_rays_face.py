@@ -29,19 +29,20 @@ def test_a_tips_pressure_carries_its_force() -> None:
     assert field.approach_mm == 1.0
 
 
-def test_a_dent_carries_its_force_about_the_axis_and_has_hertzs_shape() -> None:
-    dent = hertz_dent(12.0, tip_radius_mm=8.0, depth_mm=0.5, peak_pressure_kpa=25.0)
-    contact, step = 2.0, float(dent.x_mm[1] - dent.x_mm[0])  # root of 8 times 0.5
+@pytest.mark.parametrize(("tip", "contact"), [(8.0, 2.0), (4.5, 1.5)])
+def test_a_dent_carries_its_force_about_the_axis_and_has_hertzs_shape(tip: float, contact: float) -> None:
+    dent = hertz_dent(12.0, tip_radius_mm=tip, depth_mm=0.5, peak_pressure_kpa=25.0)  # contact^2 is tip times depth
+    step = float(dent.x_mm[1] - dent.x_mm[0])
     assert dent.force_n == pytest.approx(2 / 3 * 25e3 * np.pi * (contact / 1000) ** 2)
     assert dent.pressure_kpa.sum() * step**2 == pytest.approx(1000 * dent.force_n, rel=0.02)
     np.testing.assert_allclose(dent.face_displacement_mm, dent.face_displacement_mm[::-1, ::-1], atol=1e-12)
     np.testing.assert_allclose(dent.face_displacement_mm, dent.face_displacement_mm.T, atol=1e-12)
     radius = np.hypot(dent.x_mm, dent.y_mm[:, None])
     inside = radius < contact
-    np.testing.assert_allclose(dent.face_displacement_mm[inside], 0.5 - radius[inside] ** 2 / 16, atol=1e-12)
+    np.testing.assert_allclose(dent.face_displacement_mm[inside], 0.5 - radius[inside] ** 2 / (2 * tip), atol=1e-12)
     # Far away it is the displacement of a point force: 4 a^3 / (3 pi R r), to (a / r)^2.
     far = radius > 5 * contact
-    point = 4 * contact**3 / (3 * np.pi * 8.0 * radius[far])
+    point = 4 * contact**3 / (3 * np.pi * tip * radius[far])
     np.testing.assert_allclose(dent.face_displacement_mm[far], point, rtol=0.01)
     edge = np.abs(radius - contact) < step
     assert np.abs(dent.face_displacement_mm[edge] - 0.25).max() < 0.25 * step + 0.02

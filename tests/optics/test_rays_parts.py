@@ -28,6 +28,7 @@ from tsis.optics.rays._kernel import (
     _arrive,
     _bin,
     _enter,
+    _record_reflected,
 )
 from tsis.optics.rays._surface import contact_fraction, height_and_slopes, heights, way_to_surface
 
@@ -70,6 +71,12 @@ def test_the_face_is_the_quadratic_spline_with_its_own_slopes() -> None:
         assert height == pytest.approx(spline(x, y), abs=1e-12)
         assert along == pytest.approx((spline(x + step, y) - spline(x - step, y)) / (2 * step), abs=1e-6)
         assert across == pytest.approx((spline(x, y + step) - spline(x, y - step)) / (2 * step), abs=1e-6)
+
+
+def test_no_slope_of_the_face_exceeds_its_steepest() -> None:
+    slopes = np.array([height_and_slopes(FACE_OF_GRID, x, y)[1:] for x in SIDE[2:-2:2] for y in SIDE[2:-2:2]])
+    largest = np.hypot(*np.abs(slopes).max(axis=0))  # the steepest along x and along y, wherever they are
+    assert largest <= FACE_OF_GRID.steepest < 1.2 * largest
 
 
 def test_contact_is_linear_between_grid_points() -> None:
@@ -139,3 +146,27 @@ def test_an_arrival_is_counted_in_its_bin_by_its_direction() -> None:
         assert record.maps[part].sum() == pytest.approx(value)
     np.testing.assert_allclose(record.tilted[:, row, column], [weight * (1 + 0.2 * flux), weight, 0.0])
     assert [record.totals[CONTACT], record.totals[FACE]] == pytest.approx([expected[COUPLED], expected[LOST]])
+
+
+def test_reflected_light_counts_on_steeper_faces_by_the_light_that_fell_on_this_one() -> None:
+    """The flux through a face is the direction times its normal ``(slope_x, slope_y, -1)``."""
+    view = scene(PROBE, evenly_pressed_face(12.0, 10.0))
+    steeper = np.array([[1.0, 0.0], [0.2, 1.5], [-3.0, 0.0]])
+    record = Record(
+        totals=np.zeros(TALLIES),
+        maps=np.zeros((5, 8, 8)),
+        slopes=steeper,
+        tilted=np.zeros((3, 8, 8)),
+        path=np.zeros((0, 4)),
+    )
+    along, across = slope = (0.3, -0.5)
+    normal = np.array([*slope, -1.0])
+    came = np.array([0.9, 0.1, -0.2]) / np.linalg.norm([0.9, 0.1, -0.2])
+    cosine = float(came @ normal) / float(np.linalg.norm(normal))
+    went = came - 2 * (came @ normal) / (normal @ normal) * normal
+    x, y, z = went.tolist()
+    _record_reflected(view, record, (1.0, 1.0, 0.0), along, across, (x, y, z), 0.4, cosine)
+    tilted = np.column_stack([slope + steeper, np.full(3, -1.0)])
+    expected = 0.4 * np.maximum(tilted @ went, 0.0) / (came @ normal)
+    assert (expected > 0).tolist() == [True, True, False]
+    np.testing.assert_allclose(record.tilted.sum(axis=(1, 2)), expected, rtol=1e-12)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import astuple, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -53,6 +53,7 @@ def z_scores(case: str, photons: int) -> dict[str, float]:
     """Differences of both tracers over their standard errors."""
     probe, pressed, given = CASES[case]
     slow = trace_photons(probe, pressed, photons=photons, rng=np.random.default_rng(7), **given)
+    assert sum(astuple(slow)) == pytest.approx(1.0), "each photon has one end"
     fast = trace_rays(probe, pressed, rays=200_000, **given)
     scores = {}
     for name in WAYS_OUT:

@@ -67,6 +67,12 @@ def test_no_light_is_lost_or_made(probe: Probe, depth: float, absorption: float,
     assert (found.arriving - found.coupled - found.lost).min() >= -1e-15
 
 
+def test_rays_that_end_by_chance_are_paid_for_by_those_that_go_on() -> None:
+    found = trace_rays(PROBE, rays=20_000)
+    assert 0 < found.standard_error.cut_off < 1e-3
+    assert abs(found.tally.cut_off) < 4 * found.standard_error.cut_off
+
+
 def test_a_flat_probe_of_silicone_keeps_its_light_from_the_face() -> None:
     found = trace_rays(PROBE, rays=20_000)
     assert found.tally.face < 1e-6, "only light more than 83 degrees from the horizontal would get out"

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from tsis.errors import InputError
 from tsis.optics import guided_modes
+from tsis.optics.slab._field import _decay_length_um
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -49,6 +50,18 @@ def power(modes: GuidedModes) -> NDArray[np.float64]:
     e = np.array([modes.profile(mode, x) for mode in range(len(modes))])
     h = np.array([modes.magnetic(mode, x) for mode in range(len(modes))])
     return np.asarray((e * w) @ h.T)
+
+
+@pytest.mark.parametrize(("phase", "polarization"), [(0.4, "TE"), (1.2, "TM"), (9.0, "TM")])
+def test_a_slope_changes_a_field_by_no_more_than_its_length(phase: float, polarization: Polarization) -> None:
+    """``u = v p sin(k x) / k`` for a unit ``v``, at most over the layer: at its end, or where the sine is one."""
+    layers = guided_modes([1.5, 1.4], [1.0, 2.0], wavelength_um=0.55, polarization=polarization).layers
+    scaled = float(layers.thickness_um[1] * layers.per_um)
+    k = phase / scaled
+    largest = (layers.weight[1] * np.sin(k * np.linspace(0.0, scaled, 20_001)) / k).max()
+    found = _decay_length_um(layers, np.full(4, k**2), 1)
+    assert largest <= found * (1 + 1e-9)
+    assert found < 1.12 * largest
 
 
 @BOTH

@@ -32,7 +32,7 @@ from tsis.study._log import LOG_FILE
 from tsis.study._making import new_study, printed_targets, random_targets
 from tsis.study._plan import ANALYSED_READING, TARGETS
 from tsis.study._pressing import RunResult, StudyInstrument, press_study
-from tsis.study._reference_run import REFERENCES, reference_targets, rehearse_reference_run
+from tsis.study._reference_run import REFERENCES, press_by_operators, reference_targets, rehearse_reference_run
 from tsis.study._tables import (
     READING_COLUMNS,
     UNCERTAINTY_COLUMNS,
@@ -84,6 +84,7 @@ __all__ = [
     "kit_moulds",
     "new_study",
     "open_study",
+    "press_by_operators",
     "press_study",
     "printed_targets",
     "random_targets",

@@ -94,12 +94,44 @@ def rehearse_reference_run(
     names = [require_short_name("operator", name) for name in operators]
     virtual = VirtualProbe(load_probe(probe), rng=np.random.default_rng(seed), strain=strain)
     study = new_study(folder, reference_targets(), seed=seed, probe=probe, repeats=repeats)
-    each = len(study.plan.codes) * repeats
-    for number, name in enumerate(names):
+    return press_by_operators(
+        study, virtual=virtual, operators=names, seed=seed, strain=strain, preparing=preparing, progress=progress
+    )
 
-        def advance(done: int, _: int, start: int = number * each) -> None:
+
+def press_by_operators(
+    study: Study,
+    *,
+    virtual: VirtualProbe,
+    operators: Sequence[str],
+    seed: int,
+    strain: str = "finite",
+    preparing: Callable[[int, int], None] | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Study:
+    """Let operators read all targets of a study in turn with one virtual probe, and unblind.
+
+    Parameters
+    ----------
+    study
+        One that is not unblinded; readings that it holds already are not taken again.
+    virtual
+        The probe.
+    operators
+        Their names.
+    seed
+        Of all errors of readings.
+    strain
+        Mechanics of the estimates, ``"finite"`` or ``"small"``.
+    preparing, progress
+        Called with (done, total).
+    """
+    readings = len(study.plan.codes) * study.plan.repeats
+    for number, name in enumerate(operators):
+
+        def advance(done: int, _: int, start: int = number * readings) -> None:
             if progress is not None:
-                progress(start + done, len(names) * each)
+                progress(start + done, len(operators) * readings)
 
         study = press_study(
             study,
@@ -110,4 +142,4 @@ def rehearse_reference_run(
             preparing=preparing if number == 0 else None,
             progress=advance,
         ).study
-    return unblind(study, by=names[0])
+    return unblind(study, by=operators[0])

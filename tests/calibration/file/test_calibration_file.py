@@ -6,6 +6,7 @@ import json
 import math
 import zlib
 from dataclasses import replace
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,6 +27,7 @@ from tsis.calibration.file import (
     calibration_sha256,
     parse_calibration,
     read_calibration,
+    read_handwritten_calibration,
     write_calibration,
 )
 from tsis.errors import CalibrationError, FileInputError, InputError, TsisError
@@ -260,6 +262,20 @@ def test_what_could_not_be_read_back_is_not_written(path: Path, monkeypatch: pyt
         calibration_bytes(known)
     with pytest.raises(FileInputError, match=r"a file: .* at most 15599 bytes"):
         parse_calibration(path.read_bytes(), "a file")
+
+
+def test_values_written_by_hand_are_valid_for_the_days_that_are_given(path: Path) -> None:
+    path.write_text(
+        json.dumps(
+            {"name": "hand", "probe": "tsis-2011", "response": {"gain_grey_per_kpa": 50.0, "saturation_kpa": 20.0}}
+        )
+    )
+    before = datetime.now(UTC).replace(microsecond=0)
+    found = read_handwritten_calibration(path, 2.5)
+    assert found.made is not None
+    assert found.expires is not None
+    assert before <= found.made <= datetime.now(UTC)
+    assert (found.expires - found.made).total_seconds() == 2.5 * 86_400
 
 
 def test_nothing_is_written_over(path: Path) -> None:

@@ -11,6 +11,8 @@ from scipy.stats import linregress
 
 from tsis.calibration import MeasuredValue
 from tsis.calibration.force import ForceLine, Loading, fit_force_line, fit_run, loading_forces
+from tsis.calibration.force._curves import LoadingRun
+from tsis.calibration.force._fit import _residuals
 from tsis.calibration.reference import CameraReference
 from tsis.errors import CalibrationError, InputError
 
@@ -96,6 +98,19 @@ def test_the_line_of_one_run_is_that_of_linear_regression() -> None:
     other = linregress(FORCES[good], sums[good])
     assert run.slope == pytest.approx(other.slope, rel=1e-9)
     assert run.intercept == pytest.approx(other.intercept, rel=1e-9)
+
+
+def test_scatter_of_presses_has_a_constant_part_and_one_that_grows_with_the_light() -> None:
+    """Residuals whose squares are exactly ``a^2 + (b light)^2``, a run of which has lost two freedoms to its line."""
+    force = np.linspace(0.1, 2.0, 40)
+    light = 5e4 * force
+    scatter = np.sqrt((300.0**2 + (0.01 * light) ** 2) * 38 / 40) * (-1.0) ** np.arange(40)
+    run = LoadingRun(
+        tip_mm=10.0, force_n=force, total_grey=900 + light + scatter, rising=np.ones(40, bool), intercept=900, slope=5e4
+    )
+    constant, relative = _residuals([run, run], 5e4)
+    assert (constant.value, relative.value) == pytest.approx((300.0, 0.01), rel=1e-6)
+    assert constant.degrees_of_freedom == relative.degrees_of_freedom == 76.0
 
 
 def test_the_zero_of_the_gauge_is_taken_away() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 from tests.calibration.file.bench import bench_line, measured
 
@@ -35,6 +36,19 @@ def test_the_budget_of_a_force_is_its_uncertainty() -> None:
     assert budget.expanded == pytest.approx((high - low) / 2)
     assert [part.evaluation for part in budget.components] == ["A", "A", "A", "B", "B", "B"]
     assert budget.components[-1].sensitivity == pytest.approx(force)
+
+
+def test_a_force_on_soft_tissue_spreads_as_its_line_and_ratio_drawn_at_random() -> None:
+    ratio = MeasuredValue(value=0.8, sd=0.02, degrees_of_freedom=9.0)
+    line = bench_line(soft_ratio=ratio)
+    total = 900.0 + 1e5 * 0.6
+    tips, soft = line.force_n(total), line.soft_force_n(total)
+    rng = np.random.default_rng(24)
+    drawn = rng.normal(tips.value, tips.sd, 200_000) / rng.normal(ratio.value, ratio.sd, 200_000)
+    assert soft.value == pytest.approx(0.6 / 0.8)
+    assert soft.sd == pytest.approx(drawn.std(), rel=0.02)
+    assert min(tips.degrees_of_freedom, 9.0) <= soft.degrees_of_freedom <= tips.degrees_of_freedom + 9.0
+    assert bench_line().soft_force_n(total) == tips
 
 
 def test_a_stated_force_has_the_uncertainty_of_the_response() -> None:

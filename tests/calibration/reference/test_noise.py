@@ -108,6 +108,13 @@ def test_clipped_frames_are_refused() -> None:
         photon_transfer(dark, [frames(rng, 100.0)], usable=EVERY, full_scale=255.0)
 
 
+def test_levels_at_the_full_scale_count_as_clipped() -> None:
+    rng = np.random.default_rng(4)
+    bright = np.minimum(frames(rng, 100.0), 108.0)
+    with pytest.raises(CalibrationError, match="clip"):
+        photon_transfer(frames(rng, 0.0), [bright], usable=EVERY, full_scale=108.0)
+
+
 def test_dark_levels_alone_are_refused() -> None:
     rng = np.random.default_rng(5)
     with pytest.raises(CalibrationError, match="flat-field"):

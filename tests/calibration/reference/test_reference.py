@@ -1,11 +1,13 @@
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.calibration.file.bench import bench_reference
 
 import tsis
 from tsis.calibration.force import read_loading_frame, total_grey
@@ -13,6 +15,7 @@ from tsis.calibration.force._frame import patch_mask
 from tsis.calibration.guard import FrameShape, GuardReference
 from tsis.calibration.guard._reading import prepare_reference
 from tsis.calibration.reference import CameraReference, make_reference
+from tsis.calibration.reference._make import MOST_BAD, _bad
 from tsis.errors import CalibrationError, ImageMismatchError, InputError
 from tsis.imaging import Sensor
 from tsis.model import TactileImage
@@ -219,3 +222,25 @@ def test_threshold_and_canny_find_the_same_light(
     read = read_loading_frame(frame, reference, force_n=1.5, touched=True)
     assert read.total_grey == pytest.approx(cut, rel=1e-12)
     assert cut == pytest.approx(read.field_grey, rel=0.005)
+
+
+def test_as_many_hot_pixels_as_the_limit_are_left_out() -> None:
+    dark = np.zeros((2, 100, 100))
+    hot = np.zeros((100, 100), bool)
+    hot[5::10, 3::5] = True  # 200 of 10,000, apart from each other
+    dark[:, hot] = 50.0
+    assert hot.mean() == MOST_BAD
+    np.testing.assert_array_equal(_bad(dark, []), hot)
+    dark[:, 50, 50] = 50.0
+    with pytest.raises(CalibrationError, match="at most 2% of pixels may be hot or dead"):
+        _bad(dark, [])
+
+
+def test_an_untouched_probe_that_is_nearly_dark_is_told_from_another_by_a_share_of_the_full_scale() -> None:
+    """No light at the calibration: blocks of 5 x 5 pixels may differ by 0.4 % of 255 grey levels and not by more."""
+    dark = bench_reference()
+    known = replace(dark, untouched_grey=np.zeros_like(dark.dark_grey), patch_px=None)
+    for level, alike in ((0.9, True), (1.2, False)):
+        frame = TactileImage(grey=dark.dark_grey + level, mm_per_pixel=known.mm_per_pixel)
+        with nullcontext() if alike else pytest.raises(ImageMismatchError, match=r"within 1\.02 grey levels"):
+            known.require_untouched(frame)

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import tsis
-from tsis.calibration.dents import PadPresses, fit_dent_light, ring_edges_mm
+from tsis.calibration.dents import STEEPNESS, PadPresses, _response, _rows_of_tips, fit_dent_light, ring_edges_mm
 from tsis.calibration.file import ProbeCalibration, calibration_bytes, calibration_sha256, parse_calibration
+from tsis.calibration.force import Loading
 from tsis.errors import CalibrationError, InputError
 from tsis.imaging import rough_contact
 from tsis.mechanics import press
@@ -60,6 +61,38 @@ def test_gain_and_light_are_found_together_where_the_tips_are_wrong_by_a_factor(
     growths = light.undented(middle, [0.0])[3][0]
     assert np.all(np.abs(growths - growth) < 4 * sd)
     assert found.misfit < 1.5
+
+
+def test_each_press_of_a_tip_that_is_seen_states_the_gain() -> None:
+    """Light is 7 grey/kPa; one press is dark, one clips, one is deeper than second order describes."""
+    force = np.array([0.0, 0.2, 0.4, 0.6, 0.8, 1.0])
+    square = np.array([0.0, 4.0, 4.0, 4.0, 4.0, 9.0])  # of the contact's radius, mm^2
+    light = np.array([0.0, 0.0, 1.0, 1.0, 1.0, 1.0])
+    loading = Loading(
+        tip_radius_mm=10.0,
+        force_n=force,
+        total_grey=7e6 * force * light,  # pixels of 0.001 mm^2, forces in mN
+        touched=force > 0,
+        field_grey=force,
+        peak_grey=force,
+        mean_square_mm2=square / 2.5,
+        clipped=np.array([0.0, 0.0, 0.0, 0.1, 0.0, 0.0]),
+    )
+    rows = _rows_of_tips([loading], PROBE, RESPONSE, 1e-3, LIGHT_TERMS + 1)
+    assert len(rows) == 2
+    for row in rows:
+        assert row.residual == pytest.approx(np.log(7.0 / RESPONSE.gain_grey_per_kpa))
+
+
+def test_terms_of_nothing_leave_gain_and_saturation() -> None:
+    count = LIGHT_TERMS
+    made = _response(np.zeros(count), np.zeros((count, count)), PROBE, RESPONSE)
+    assert made.saturation_kpa == pytest.approx(RESPONSE.saturation_kpa)
+    assert made.gain_grey_per_kpa == RESPONSE.gain_grey_per_kpa
+    # Contact that bends as 1 - s p^2 with a larger s saturates earlier, by the law of rough contact.
+    bent = np.zeros(count)
+    bent[-2] = 3 * STEEPNESS / RESPONSE.saturation_kpa**2
+    assert _response(bent, np.zeros((count, count)), PROBE, RESPONSE).saturation_kpa == pytest.approx(50.0)
 
 
 def test_the_product_is_known_better_than_its_factors() -> None:

@@ -11,6 +11,7 @@ from tsis.calibration import MeasuredValue
 from tsis.calibration.force import MIDDLE, Loading, read_loading_frame
 from tsis.calibration.reference import CameraReference
 from tsis.calibration.response import (
+    LEAST_FRACTION,
     PressureResponse,
     Saturation,
     fit_response,
@@ -103,6 +104,8 @@ def test_gain_and_saturation_of_rendered_contacts_are_found(saturation_kpa: floa
     found = fit_response([loading(tip, saturation_kpa) for tip in (2.0, 10.0, 14.0)], reference=reference())
     assert found.saturation.value_kpa == pytest.approx(saturation_kpa, rel=0.05)
     assert found.gain_grey_per_kpa.value == pytest.approx(GAIN, rel=0.005)
+    presses = 3 * sum(force >= LEAST_FRACTION * max(FORCES) for force in FORCES)
+    assert found.saturation.bend_per_kpa2.degrees_of_freedom == presses - 2  # its bend and its blur are fitted
 
 
 def test_uncorrected_sums_would_give_too_small_a_gain() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from tsis.calibration.scale._spots import STEP, _noise_gain, find_spots
+from tsis.calibration.scale._spots import BORDER, STEP, _noise_gain, _peaks, _sub_pixel, find_spots
 
 
 @pytest.mark.parametrize("blur", [1.7, 2.6, 4.0])
@@ -37,3 +37,23 @@ def test_spots_that_are_symmetric_about_a_pixel_lie_on_it(sigma: float) -> None:
     grey = 50 * np.exp(-((x - 80) ** 2 + (y - 70) ** 2) / (2 * sigma**2))
     found = find_spots(grey, least=1)
     np.testing.assert_allclose(found.positions_px, [[80.0, 70.0]], atol=1e-6)
+
+
+def test_a_top_further_than_a_pixel_away_is_left_where_it_was_seen() -> None:
+    y, x = np.mgrid[:21, :21]
+    for top, expected in ((10.6, 10.6), (12.3, 10.0)):
+        paraboloid = -((x - top) ** 2) - 0.5 * (y - 10.0) ** 2
+        found = _sub_pixel(paraboloid, np.array([10]), np.array([10]), 2)
+        np.testing.assert_allclose(found, [[expected, 10.0]], atol=1e-9)
+
+
+@pytest.mark.parametrize("blur", [1.5, 2.0])
+def test_maxima_at_the_border_are_left_out(blur: float) -> None:
+    """Where a spot has less than its border and a pixel on any side, its blur lacks a part."""
+    first = int(np.ceil(BORDER * blur)) + 1
+    size = 6 * first
+    for at, count in ((first - 1, 0), (first, 1), (size - 1 - first, 1), (size - first, 0)):
+        response = np.zeros((size, size))
+        response[3 * first, at] = 1.0
+        assert len(_peaks(response, blur, 0.5)[0]) == count
+        assert len(_peaks(response.T, blur, 0.5)[0]) == count

@@ -26,6 +26,8 @@ ENDS: dict[str, str | tuple[float, float]] = {
     "odd": (3.5, 200.25),
     "auto": "auto",
 }
+LIVE = "getElement(document.querySelector('figure.live'))"  # in scripts of the page
+SURFACE = "getElement(document.querySelector('figure.surface'))"
 
 
 def page(instrument: Instrument, viewer: Viewer) -> None:

@@ -1,0 +1,86 @@
+"""Pages of the reference that follow from the code: every command with its summary, every public package."""
+
+from __future__ import annotations
+
+import pkgutil
+from typing import TYPE_CHECKING, Any
+
+import typer.main
+
+import tsis
+from tsis.cli._app import app
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+# in the order of the layers, from the values up
+PACKAGES = (
+    "model",
+    "catalog",
+    "errors",
+    "files",
+    "imaging",
+    "optics",
+    "mechanics",
+    "instrument",
+    "matching",
+    "calibration",
+    "hardness",
+    "inclusion",
+    "detection",
+    "virtual",
+    "sweep",
+    "records",
+    "plots",
+    "study",
+    "report",
+)
+PRIVATE = ("tsis.records.migrations",)
+
+
+def commands() -> str:
+    """A table of all commands in Markdown."""
+    rows = [
+        f"| `tsis {' '.join(words)}` | {summary} |" for words, summary in _commands([], typer.main.get_command(app))
+    ]
+    return "\n".join(["| command | what it does |", "| --- | --- |", *rows]) + "\n"
+
+
+def _commands(words: list[str], command: Any) -> Iterator[tuple[list[str], str]]:
+    parts = {name: part for name, part in getattr(command, "commands", {}).items() if not part.hidden}
+    if words and not parts:
+        example, _, text = (command.help or "").partition("\n\n")
+        summary = (command.short_help or text or example).split("\n\n")[0]
+        yield words, " ".join(summary.split()).replace("|", "\\|")
+    for name, part in parts.items():
+        yield from _commands([*words, name], part)
+
+
+def packages() -> list[str]:
+    """Dotted names of the packages that offer something to programs, each after the one that holds it."""
+    found = []
+    for name in PACKAGES:
+        found.append(f"tsis.{name}")
+        found += _below(f"tsis.{name}")
+    return found
+
+
+def _below(name: str) -> list[str]:
+    package = __import__(name, fromlist=["__path__"])
+    inside = sorted(part.name for part in pkgutil.iter_modules(getattr(package, "__path__", ())) if part.name[0] != "_")
+    found: list[str] = []
+    for part in inside:
+        if f"{name}.{part}" not in PRIVATE:
+            found += [f"{name}.{part}", *_below(f"{name}.{part}")]
+    return found
+
+
+def interface() -> str:
+    """The headings and directives of the programming interface in Markdown."""
+    return "\n".join(_section(name) for name in packages())
+
+
+def _section(name: str) -> str:
+    options = ":show-inheritance:" if name == f"{tsis.__name__}.errors" else ":imported-members:"
+    directive = f"```{{eval-rst}}\n.. automodule:: {name}\n   :members:\n   {options}\n```\n"
+    return f"{'#' * (name.count('.') + 1)} {name}\n\n{directive}"
