@@ -103,7 +103,10 @@ def demo(
     destination = chosen_destination(save, store, number=number)
     with progress_bar("tracing the light of the lamps") as advance:
         light = tsis.optics.irradiance.irradiance(chosen, progress=advance)
-    virtual = tsis.virtual.VirtualProbe(chosen, rng=np.random.default_rng(seed), light=light, strain=strain)
+    exposure = tsis.virtual.exposure_for(max(force_n))
+    virtual = tsis.virtual.VirtualProbe(
+        chosen, rng=np.random.default_rng(seed), light=light, strain=strain, exposure=exposure
+    )
     untouched = replace(virtual.no_contact(), name="untouched.png")
     references = _presses(virtual, target.without_inclusion(), forces, "reference")
     images = _presses(virtual, target, forces, "target")

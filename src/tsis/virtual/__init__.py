@@ -18,7 +18,7 @@ from tsis.virtual._gel_sensor import VirtualGelSensor
 from tsis.virtual._gige import GigEServer
 from tsis.virtual._loading_camera import MachineErrors
 from tsis.virtual._loading_machine import FLAT_LEVELS, PROBE_PAD_SD, VirtualLoadingMachine, tissue_calibration
-from tsis.virtual._probe import FINE_RESOLUTION, VirtualProbe, nominal_calibration
+from tsis.virtual._probe import FINE_RESOLUTION, VirtualProbe, exposure_for, nominal_calibration
 from tsis.virtual._repeated import (
     DEEPEST_FRACTION,
     LARGEST_DRAWN_POISSON,
@@ -62,6 +62,7 @@ __all__ = [
     "direct_contact_calibration",
     "dot_board_frame",
     "draw_phantom",
+    "exposure_for",
     "gel_depth_mm",
     "nominal_calibration",
     "random_gel_light",

@@ -58,6 +58,8 @@ class VirtualProbe:
     calibration
         Nominal response of grey level to pressure, with the sizes of the errors; by default `nominal_calibration`.
         Noise and background are properties of the sensor and must be equal in both.
+    exposure
+        Exposure of the camera over the usual one, in [0.01, 1], where no calibration is given; see `exposure_for`.
     contact_model
         Contact model: ``"rough"``, ``"smooth"``, ``"curvature"`` or a value of `tsis.imaging._contact_models`. The
         estimates assume rough contact.
@@ -93,6 +95,7 @@ class VirtualProbe:
         sensor: Sensor | None = None,
         light: Irradiance | LightMap | None = None,
         calibration: Calibration | None = None,
+        exposure: float = 1.0,
         contact_model: ContactModel | str = "rough",
         strain: str = "finite",
         resolution: Resolution | FiniteResolution | None = None,
@@ -107,7 +110,8 @@ class VirtualProbe:
         self._sensor = _agreed_sensor(sensor, calibration)
         self._light = irradiance(probe) if light is None else _checked_light(light, probe)
         if calibration is None:
-            calibration = replace(nominal_calibration(self._sensor, self._light), probe=probe.name)
+            nominal = nominal_calibration(self._sensor, self._light, exposure=exposure)
+            calibration = replace(nominal, probe=probe.name)
         self._calibration = calibration
         self._contact_model = as_contact_model(contact_model)
         self._rng = rng
@@ -285,17 +289,31 @@ def _checked_light(light: Irradiance | LightMap, probe: Probe) -> Irradiance | L
     return light
 
 
-def nominal_calibration(sensor: Sensor, light: Irradiance | LightMap | None = None) -> Calibration:
+def exposure_for(force_n: float) -> float:
+    """Exposure at which a press with ``force_n`` does not clip: the usual one up to 1 N."""
+    return min(1.0, 1.0 / force_n)
+
+
+def nominal_calibration(
+    sensor: Sensor, light: Irradiance | LightMap | None = None, *, exposure: float = 1.0
+) -> Calibration:
     """The default response of grey level to pressure: 1 N on soft tissue fills half of the scale at its brightest.
+
+    ``exposure`` is that of the camera over the usual one, in [0.01, 1].
 
     It includes the light, but traced light only to first order in the slope of the face. None is even light that no
     dent changes.
     """
+    exposure = require_number("exposure", exposure, 0.01, 1.0)
     light_map = light.near_undented() if isinstance(light, Irradiance) else light or LightMap.uniform()
     brightest = float(light_map.relative.max())
     return Calibration(
         name="virtual probe, nominal",
-        gain_grey_per_kpa=60.0 / brightest * sensor.full_scale / 255.0,
+        gain_grey_per_kpa=require_number("exposure", exposure, 0.01, 1.0)
+        * 60.0
+        / brightest
+        * sensor.full_scale
+        / 255.0,
         saturation_kpa=20.0,
         background_grey=sensor.background_grey,
         light=light_map,

@@ -16,7 +16,7 @@ import numpy as np
 from tsis.errors import TsisError
 from tsis.inclusion import PARAMETERS, estimate
 from tsis.model import Inclusion, Phantom, require_integer, require_one_of
-from tsis.virtual._probe import RESOLUTIONS, VirtualProbe
+from tsis.virtual._probe import RESOLUTIONS, VirtualProbe, exposure_for
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -88,7 +88,7 @@ class RepeatedExamination:
         """One examination: whether each interval holds the truth, or why the press or the estimate was refused."""
         rng = np.random.default_rng(require_integer("seed", seed, 0, 2**63 - 1))
         phantom = draw_phantom(self.prior, rng)
-        virtual = VirtualProbe(self.probe, rng=rng, strain=self.strain)
+        virtual = VirtualProbe(self.probe, rng=rng, strain=self.strain, exposure=exposure_for(max(self.forces_n)))
         site = reference_site(virtual, phantom, rng)
         try:
             images, references = self._pressed(virtual, phantom), self._pressed(virtual, site)
