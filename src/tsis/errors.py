@@ -154,10 +154,10 @@ def require_extra(*names: str, feature: str, extra: str) -> None:
     """Refuse, as `import_extra` does, to go on without the modules ``names``; they are not imported."""
     for name in names:
         try:
-            found = importlib.util.find_spec(name) is not None
+            installed = importlib.util.find_spec(name) is not None
         except ImportError:
-            found = False
-        if not found:
+            installed = False
+        if not installed:
             raise _missing(name, feature, extra)
 
 

@@ -196,13 +196,13 @@ def fit_dent_light(
     mean, sd = _usual()
     nuisance_sd = np.tile([float(np.hypot(pad_sd, PROBE_SD)), PAD_LIGHT_SD], len(pads))
     start, spread = np.concatenate([mean, np.zeros(2 * len(pads))]), np.concatenate([sd, nuisance_sd])
-    found, covariance, misfit = _solved(rows, start, spread)
+    solution, covariance, misfit = _solved(rows, start, spread)
     joint = strongest[:, :LIGHT_TERMS] @ covariance[:LIGHT_TERMS, :LIGHT_TERMS] @ strongest[:, :LIGHT_TERMS].T
     return DentLight(
-        response=_response(found[:LIGHT_TERMS], covariance[:LIGHT_TERMS, :LIGHT_TERMS], probe, response),
+        response=_response(solution[:LIGHT_TERMS], covariance[:LIGHT_TERMS, :LIGHT_TERMS], probe, response),
         misfit=misfit,
         displacement_mm=deepest,
-        gain_ratio=float(np.exp(found[LIGHT_TERMS - 1])),
+        gain_ratio=float(np.exp(solution[LIGHT_TERMS - 1])),
         gain_sd=float(np.sqrt(covariance[LIGHT_TERMS - 1, LIGHT_TERMS - 1])),
         product_sd=float(np.sqrt(np.mean(np.diag(joint)))),
         presses=len(presses),
@@ -310,8 +310,8 @@ def _solved(rows: list[_Rows], start: Floats, sd: Floats) -> tuple[Floats, Float
             information += row.terms.T @ weighted
             pull += weighted.T @ (row.residual - row.terms @ start)
         covariance = np.linalg.inv(information)
-        found = start + covariance @ pull
-        left = [row.residual - row.terms @ found for row in rows]
+        solution = start + covariance @ pull
+        left = [row.residual - row.terms @ solution for row in rows]
         square = sum(float(part @ np.linalg.solve(row.covariance, part)) for part, row in zip(left, rows, strict=True))
         prior = float((covariance / np.outer(sd, sd)).trace())
         freedom = max(sum(map(len, left)) - (len(sd) - prior), 1.0)
@@ -319,7 +319,7 @@ def _solved(rows: list[_Rows], start: Floats, sd: Floats) -> tuple[Floats, Float
         if widened > 1 or misfit <= 1:
             break
         widened = misfit
-    return found, (covariance + covariance.T) / 2, misfit
+    return solution, (covariance + covariance.T) / 2, misfit
 
 
 def _response(mean: Floats, covariance: Floats, probe: Probe, response: Calibration) -> Calibration:

@@ -194,10 +194,10 @@ def _width(distance: NDArray[np.float64], grey: NDArray[np.float64], step: float
     start = float(np.percentile(grey, 5)), step, 0.0, 0.05
     scale = step, step, 0.05, 0.05
     # The loss lets pixels off the step, which the correction left out, weigh little.
-    found = least_squares(misfit, start, x_scale=scale, loss="soft_l1", f_scale=step / 10, max_nfev=4000)
-    if not found.success:
+    fit = least_squares(misfit, start, x_scale=scale, loss="soft_l1", f_scale=step / 10, max_nfev=4000)
+    if not fit.success:
         raise CalibrationError("the edge must rise like a blurred step; it does not (clean the edge)")
-    return TEN_TO_NINETY * abs(float(found.x[3]))
+    return TEN_TO_NINETY * abs(float(fit.x[3]))
 
 
 FEWEST = 3

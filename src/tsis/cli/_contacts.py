@@ -67,7 +67,7 @@ def contacts(
     paths = gel_frame_paths(frames)
     levels = [read_gel_frame(path) for path in paths]
     with progress_bar("finding contacts") as advance:
-        found = tsis.imaging.contacts(
+        gel_contacts = tsis.imaging.contacts(
             levels,
             sensor=chosen,
             reference=read_gel_reference(chosen, reference),
@@ -78,9 +78,9 @@ def contacts(
     provenance = {"notice": RESEARCH_USE_ONLY, "tsis": __version__, "sensor": chosen.name, "frames": len(paths)}
     written: list[str] = []
     outputs: tuple[tuple[Path | None, Callable[[], bytes]], ...] = (
-        (csv, lambda: tsis.report.contacts_csv(found, [_sidecar_force(path) for path in paths])),
-        (page, lambda: tsis.report.gel_contacts_report(levels, found, provenance=provenance)),
-        (figure, lambda: _picture(levels, found)),
+        (csv, lambda: tsis.report.contacts_csv(gel_contacts, [_sidecar_force(path) for path in paths])),
+        (page, lambda: tsis.report.gel_contacts_report(levels, gel_contacts, provenance=provenance)),
+        (figure, lambda: _picture(levels, gel_contacts)),
     )
     for path, content in outputs:
         if path is not None:
@@ -89,16 +89,16 @@ def contacts(
     if as_json:
         print_json(
             tsis.report.envelope(
-                "contacts", sensor=chosen.name, contacts=tsis.report.contact_documents(found), files=written
+                "contacts", sensor=chosen.name, contacts=tsis.report.contact_documents(gel_contacts), files=written
             )
         )
     else:
         table = Table(*tsis.report.CONTACT_HEADINGS, title="Contacts")
-        for row in tsis.report.gel_contact_rows(found):
+        for row in tsis.report.gel_contact_rows(gel_contacts):
             table.add_row(*row)
-        notes = (*tsis.report.contact_notes(found), *missing_frames_note(frames))
+        notes = (*tsis.report.contact_notes(gel_contacts), *missing_frames_note(frames))
         print_tables([table], notes, where=", ".join(written))
-    leave(trusted=any(contact.good for contact in found))
+    leave(trusted=any(contact.good for contact in gel_contacts))
 
 
 def chosen_sensor(sensor: str) -> GelSensor:
@@ -225,11 +225,11 @@ def read_gel_reference(sensor: GelSensor, reference: Path | None) -> NDArray[Any
     return None if reference is None else read_gel_frame(reference)
 
 
-def _picture(levels: Sequence[NDArray[Any]], found: Sequence[Any]) -> bytes:
+def _picture(levels: Sequence[NDArray[Any]], gel_contacts: Sequence[Any]) -> bytes:
     from matplotlib.figure import Figure
 
-    drawn = Figure(figsize=tsis.report.overlay_inches(len(found)), layout="constrained")
-    tsis.report.draw_contacts(drawn, levels, found)
+    drawn = Figure(figsize=tsis.report.overlay_inches(len(gel_contacts)), layout="constrained")
+    tsis.report.draw_contacts(drawn, levels, gel_contacts)
     buffer = io.BytesIO()
     drawn.savefig(buffer, format="png", dpi=130)
     return buffer.getvalue()

@@ -161,8 +161,8 @@ def _require_only_seeds(context: typer.Context) -> None:
     sources = {name: context.get_parameter_source(name) for name in ONE_EXAMINATION}
     typed = [name for name, source in sources.items() if source is not None and source.name == "COMMANDLINE"]
     if typed:
-        said = " and ".join(f"--{'target' if name == 'number' else name.replace('_', '-')}" for name in typed)
-        raise InputError(f"--seeds draws every inclusion from the prior and writes nothing: leave out {said}")
+        option_names = " and ".join(f"--{'target' if name == 'number' else name.replace('_', '-')}" for name in typed)
+        raise InputError(f"--seeds draws every inclusion from the prior and writes nothing: leave out {option_names}")
 
 
 def _named(force_n: list[float]) -> dict[str, float]:

@@ -76,20 +76,22 @@ def _table(counts: Mapping[str, Any], title: str) -> Table:
     for name in tsis.inclusion.PARAMETERS:
         table.add_column(f"{name} held", justify="right")
     for kind, total in (("held", counts["answered"]), ("held_trusted", counts["trusted"])):
-        for level, held in counts[kind].items():
+        for level, hits in counts[kind].items():
             which = "all" if kind == "held" else "trusted"
-            table.add_row(f"{float(level):.0%}, {which} {total}", *(_share(count, total) for count in held.values()))
+            table.add_row(
+                f"{float(level):.0%}, {which} {total}", *(_percentage(count, total) for count in hits.values())
+            )
     return table
 
 
-def _share(held: int, total: int) -> str:
+def _percentage(hits: int, total: int) -> str:
     """A share in per cent with its interval of 95 %, as Clopper and Pearson give it."""
     from scipy.stats import binomtest  # a start of the program loads no numerical library
 
     if total == 0:
         return ""
-    among = binomtest(held, total).proportion_ci(CONFIDENCE)
-    return f"{100 * held / total:.0f} % ({100 * among.low:.0f} to {100 * among.high:.0f})"
+    among = binomtest(hits, total).proportion_ci(CONFIDENCE)
+    return f"{100 * hits / total:.0f} % ({100 * among.low:.0f} to {100 * among.high:.0f})"
 
 
 def coverage_notes(counts: Mapping[str, Any]) -> list[str]:
@@ -106,8 +108,8 @@ def stored_note() -> str:
     """One sentence on the stored run of 100 examinations: how often the intervals of 90 % held."""
     stored = tsis.virtual.stored_coverage()
     counts = stored["counts"]
-    held = ", ".join(f"{name} {count}" for name, count in counts["held"]["0.9"].items())
+    hits = ", ".join(f"{name} {count}" for name, count in counts["held"]["0.9"].items())
     return (
-        f"With everything drawn anew, the 90 % interval held in so many of {counts['answered']} examinations: {held} "
+        f"With everything drawn anew, the 90 % interval held in so many of {counts['answered']} examinations: {hits} "
         f"({stored['protocol']['command']}, tsis {stored['tsis']})."
     )

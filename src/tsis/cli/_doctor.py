@@ -166,10 +166,10 @@ def _store() -> Finding:
 
 
 def _cameras() -> Iterator[Finding]:
-    found = tsis.instrument.find_cameras()
-    names = ", ".join(item.spec for item in found.cameras) or "none"
+    search = tsis.instrument.find_cameras()
+    names = ", ".join(item.spec for item in search.cameras) or "none"
     yield Finding(what="cameras", state=OK, detail=f"{names}; virtual always")
-    for source, message in found.missing.items():
+    for source, message in search.missing.items():
         yield Finding(what=f"camera source {source}", state=ABSENT, detail="cannot be searched", cure=message)
 
 

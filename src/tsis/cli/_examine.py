@@ -218,8 +218,8 @@ def examine(
             "strain": strain,
         }
         with surrogate_progress() as progress:
-            found = tsis.inclusion.uncertainty_budget(pressed, **given, progress=progress) if budget else None
-            result = tsis.inclusion.estimate(pressed, **given, progress=progress) if found is None else found.estimate
+            parts = tsis.inclusion.uncertainty_budget(pressed, **given, progress=progress) if budget else None
+            result = tsis.inclusion.estimate(pressed, **given, progress=progress) if parts is None else parts.estimate
         shown = result
         if ask_other_priors:
             shifts = tsis.inclusion.prior_sensitivity(result, pressed, other_priors(assumed), **given)
@@ -236,7 +236,7 @@ def examine(
             bare = None if untouched is None else usable.pressed([replace(untouched, force_n=0.0)])[0][0]
             comparison = _compared(pressed, bare, on_reference, response, relative=relative, shape=shape)
         outcome = _inclusion(
-            shown, pressed, on_reference, by, assumed, provenance, comparison, budget=found, forces=of_forces, pdf=pdf
+            shown, pressed, on_reference, by, assumed, provenance, comparison, budget=parts, forces=of_forces, pdf=pdf
         )
         savable = partial(
             savable_result,

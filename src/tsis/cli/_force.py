@@ -139,8 +139,8 @@ def _shear(frame: Path, reference: Path | None, sensor: GelSensor) -> GelShear:
     )
     if contact.good:
         return shear
-    doubt = f"the contact in {frame.name} is not good: {', '.join(contact.reasons)}"
-    return replace(shear, problems=(*shear.problems, doubt))
+    problem = f"the contact in {frame.name} is not good: {', '.join(contact.reasons)}"
+    return replace(shear, problems=(*shear.problems, problem))
 
 
 def _read_depth(path: Path) -> NDArray[np.float64]:

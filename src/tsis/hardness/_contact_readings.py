@@ -101,11 +101,11 @@ def as_touch_readings(
     if not rows:
         raise InputError("contacts must hold at least one contact; got none")
     forces = forces_of_contacts(force, len(rows))
-    good = [(row, each) for row, each in zip(rows, forces, strict=True) if is_good(row)]
+    good = [(row, item) for row, item in zip(rows, forces, strict=True) if is_good(row)]
     refused = tuple(_name(row, index) for index, row in enumerate(rows) if not is_good(row))
     if not good:
         raise InputError(f"contacts must hold a good contact; all {len(rows)} are marked as not good: press again")
-    readings = tuple(_reading(row, _name(row, index), each) for index, (row, each) in enumerate(good))
+    readings = tuple(_reading(row, _name(row, index), item) for index, (row, item) in enumerate(good))
     radii = {float(radius) for row, _ in good if (radius := contact_value(row, "object_radius_mm")) is not None}
     if len(radii) > 1:
         raise InputError(f"object_radius_mm must be one number for all contacts; got {sorted(radii)}")

@@ -71,7 +71,7 @@ def forces_of_contacts(force: float | Sequence[float] | None, count: int) -> Seq
     """The force of each contact; None where it is not given."""
     if force is None:
         return [None] * count
-    forces = [float(force)] * count if isinstance(force, (int, float)) else [float(each) for each in force]
+    forces = [float(force)] * count if isinstance(force, (int, float)) else [float(item) for item in force]
     if len(forces) != count:
         raise InputError(f"force must be one number, or one for each of the {count} contacts; got {len(forces)}")
     return forces

@@ -61,9 +61,9 @@ def curves_at_depth(
     """``log_force`` of a contact of which the dent was measured, and its slope with the logarithm of the dent."""
     radii = np.geomspace(0.01 * radius_mm, min(0.95 * radius_mm, 9.0 * thickness_mm), DEPTH_RADII)[:, None]
     log_force, log_dent = _logarithms(radii, body, radius_mm, thickness_mm, poisson)
-    asked = np.log(depth_mm) + np.array([-STEP, 0.0, STEP])
-    found = np.array([np.interp(asked, log_dent[:, k], log_force[:, k]) for k in range(len(SOFTNESS))]).T
-    return found[1], (found[2] - found[0]) / (2 * STEP)
+    log_depth = np.log(depth_mm) + np.array([-STEP, 0.0, STEP])
+    interpolated = np.array([np.interp(log_depth, log_dent[:, k], log_force[:, k]) for k in range(len(SOFTNESS))]).T
+    return interpolated[1], (interpolated[2] - interpolated[0]) / (2 * STEP)
 
 
 def _logarithms(

@@ -134,11 +134,11 @@ def estimate_from_contacts(
     ]
     causes = UNTRUSTED_FLAGS.intersection(flag for flag, _ in flagged)
     low, high = np.quantile(samples, [0.05, 0.95])
-    told = f"The modulus lies between {low:.3g} and {high:.3g} kPa with a probability of 90 %."
+    message = f"The modulus lies between {low:.3g} and {high:.3g} kPa with a probability of 90 %."
     return Estimate(
         samples={"young_kpa": samples},
         prior_sd={"young_kpa": prior.young_sd_kpa},
-        identifiability=NOT_TRUSTED if causes else reasons[0][1] if reasons else told,
+        identifiability=NOT_TRUSTED if causes else reasons[0][1] if reasons else message,
         prior=str(prior),
         trusted=not causes,
         flags=tuple(flag for flag, _ in flagged),

@@ -127,9 +127,10 @@ def require_pattern(
 ) -> None:
     """Refuse a reference whose uneven light is not that of the frame: one of another sensor, as bright as it may be."""
     blur = (blur_px, blur_px, 0.0)
-    seen, pattern = gaussian_filter(levels, blur), gaussian_filter(reference, blur)
+    smooth, pattern = gaussian_filter(levels, blur), gaussian_filter(reference, blur)
     left, own = (
-        float(np.median(np.abs(part - np.median(part, axis=(0, 1))).max(axis=2))) for part in (seen - pattern, pattern)
+        float(np.median(np.abs(part - np.median(part, axis=(0, 1))).max(axis=2)))
+        for part in (smooth - pattern, pattern)
     )
     if left > max(FOREIGN_LEVELS, FOREIGN_PATTERN * own):
         raise ImageMismatchError(

@@ -133,16 +133,16 @@ def contacts(
         raise InputError("frames must hold at least one frame; got none")
     labels = [f"frame {number}" for number in range(1, len(frames) + 1)] if names is None else list(names)
     untouched = gel_reference(frames, sensor, reference)
-    found: list[GelContact] = []
+    result: list[GelContact] = []
     for number, (frame, name) in enumerate(zip(frames, labels, strict=True)):
         change = gel_change(frame, untouched, sensor, what=name)
         contact = find_gel_contact(change, sensor, name=name)
-        if sequence and found and _moved(found[-1], contact):
+        if sequence and result and _moved(result[-1], contact):
             contact = replace(contact, good=False, reasons=(*contact.reasons, "moving"))
-        found.append(contact)
+        result.append(contact)
         if progress is not None:
             progress(number + 1, len(frames))
-    return tuple(found)
+    return tuple(result)
 
 
 def _moved(before: GelContact, now: GelContact) -> bool:
@@ -263,7 +263,7 @@ def _reasons(change: GelChange, fit: ContactFit, *, others: list[tuple[float, fl
     rows, columns = change.usable.shape
     angle = np.linspace(0.0, 2.0 * np.pi, 72, endpoint=False)
     edge = np.array([fit.centre[0] + fit.radius * np.cos(angle), fit.centre[1] + fit.radius * np.sin(angle)])
-    seen = (edge[0] >= 0) & (edge[0] <= columns - 1) & (edge[1] >= 0) & (edge[1] <= rows - 1)
+    on_image = (edge[0] >= 0) & (edge[0] <= columns - 1) & (edge[1] >= 0) & (edge[1] <= rows - 1)
     y, x = np.mgrid[:rows, :columns]
     distance = np.hypot(x - fit.centre[0], y - fit.centre[1])
     inside = distance <= 1.15 * fit.radius
@@ -273,7 +273,7 @@ def _reasons(change: GelChange, fit: ContactFit, *, others: list[tuple[float, fl
         reasons.append("poor fit")
     if fit.amplitude < max(3.0 * change.noise / np.sqrt(total / 10.0), 2.0):
         reasons.append("no contact")
-    if seen.mean() < 0.9:
+    if on_image.mean() < 0.9:
         reasons.append("cut by the border")
     if np.count_nonzero(inside & change.marker) > 0.5 * total:
         reasons.append("marker pattern")
@@ -294,7 +294,7 @@ def _contact(
     radius_sd = float(np.hypot(fit.radius_sd, RADIUS_MODEL_SD[sensor.light] * radius))
     good_fit = float(np.clip((fit.explained - 0.5) / 0.4, 0.0, 1.0))
     quality = good_fit * float(np.clip(1.5 - radius_sd / radius / 0.1, 0.0, 1.0))
-    doubt = "poor fit" if good_fit < LEAST_QUALITY else "uncertain"
+    reason = "poor fit" if good_fit < LEAST_QUALITY else "uncertain"
     in_mm: dict[str, Any] = dict.fromkeys(
         ("centre_mm", "centre_sd_mm", "radius_mm", "radius_sd_mm", "area_mm2", "area_sd_mm2", "scale_sd")
     )
@@ -323,7 +323,7 @@ def _contact(
         explained=fit.explained,
         quality=quality if not reasons else min(quality, 0.45),
         good=not reasons and quality >= LEAST_QUALITY,
-        reasons=tuple(reasons) if reasons or quality >= LEAST_QUALITY else (doubt,),
+        reasons=tuple(reasons) if reasons or quality >= LEAST_QUALITY else (reason,),
         **in_mm,
     )
 

@@ -114,7 +114,7 @@ def uncertainty_budget(
     UncertaintyBudget
         With the estimate. Parameters whose numbers are withheld have no budget.
     """
-    found = analyse(
+    analysis = analyse(
         images,
         probe=probe,
         calibration=calibration,
@@ -123,12 +123,12 @@ def uncertainty_budget(
         progress=progress,
         strain=strain,
     )
-    estimate = found.estimate
+    estimate = analysis.estimate
     shown = [name for name in PARAMETERS if not estimate.withheld_reason(name)]
     if not shown:
         return UncertaintyBudget(estimate=estimate, quantities={})
     with threadpool_limits(limits=1, user_api="blas"):  # threads slow down matrices this small
-        parts = _components(found)
+        parts = _components(analysis)
     return UncertaintyBudget(
         estimate=estimate,
         quantities={
@@ -166,19 +166,19 @@ class _Part:
         )
 
 
-def _components(found: InclusionAnalysis) -> list[_Part]:
-    likelihood, fit = found.likelihood, found.posterior.fit
+def _components(analysis: InclusionAnalysis) -> list[_Part]:
+    likelihood, fit = analysis.likelihood, analysis.posterior.fit
     sources = likelihood.sources(
-        found.posterior.middle, likelihood.within(fit.nuisance[0]), model_error=found.model_error
+        analysis.posterior.middle, likelihood.within(fit.nuisance[0]), model_error=analysis.model_error
     )
-    prior_sd = np.array([found.prior.sd[name] for name in PARAMETERS])
+    prior_sd = np.array([analysis.prior.sd[name] for name in PARAMETERS])
     spread = propagate(sources, prior_sd)
     calibration = likelihood.model.calibration
     sd_of = {
         "pattern": calibration.pattern_sd,
         "repeatability": calibration.repeatability_sd,
         "pixels": float(np.sqrt(np.diag(sources.covariance["pixels"]).mean())),
-        "model": found.model_error,
+        "model": analysis.model_error,
         "heterogeneity": sources.tissue_sd,
     }
     parts = [
@@ -209,7 +209,7 @@ def _components(found: InclusionAnalysis) -> list[_Part]:
             source=source,
             evaluation="B",
             distribution="rectangular",
-            sd=found.prior.sd[name],
+            sd=analysis.prior.sd[name],
             unit=unit_of(name),
             contribution=np.sqrt(np.diag(spread[source])),
         )

@@ -232,7 +232,7 @@ def stated_strain(settings: Iterable[Mapping[str, Any]]) -> str:
 
     Frames of virtual cameras of earlier releases do not state it; they were pressed at small strain.
     """
-    stated = {each.get("strain", "small" if each.get("source") == "virtual" else "finite") for each in settings}
+    stated = {item.get("strain", "small" if item.get("source") == "virtual" else "finite") for item in settings}
     return "small" if stated == {"small"} else "finite"
 
 

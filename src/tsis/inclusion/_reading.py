@@ -108,10 +108,10 @@ def _position(
     if uneven is None:
         return inclusion_position(target, reference, calibration, radius_mm=probe.radius_mm)
     causes = uneven.of_sites(1, [target, reference])
-    found = inclusion_position(target, reference, calibration, radius_mm=probe.radius_mm, uneven=causes)
-    if found.distance_mm > OFF_AXIS_MM and uneven.shift_chance(target, reference) > LIKELY:
-        return replace(found, noise_mm=np.inf, sd_mm=np.inf)  # uneven tissue alone explains it
-    return found
+    located = inclusion_position(target, reference, calibration, radius_mm=probe.radius_mm, uneven=causes)
+    if located.distance_mm > OFF_AXIS_MM and uneven.shift_chance(target, reference) > LIKELY:
+        return replace(located, noise_mm=np.inf, sd_mm=np.inf)  # uneven tissue alone explains it
+    return located
 
 
 def read_frames(

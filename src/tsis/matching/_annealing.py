@@ -258,7 +258,7 @@ def balanced_pairs(moved: Floats, target: Floats, sigma: float, rounds: int) -> 
     n, dimension = moved.shape
     m = len(target)
     near = np.empty((n, m))
-    alone = np.exp(-0.5 * NO_PARTNER**2)
+    unpaired = np.exp(-0.5 * NO_PARTNER**2)
     rows, columns = np.ones(n), np.ones(m)
     scale = -0.5 / sigma**2
     for i in range(n):
@@ -268,9 +268,9 @@ def balanced_pairs(moved: Floats, target: Floats, sigma: float, rounds: int) -> 
                 away += (moved[i, axis] - target[j, axis]) ** 2
             near[i, j] = np.exp(scale * away) if scale * away > -12.0 else 0.0
     for _ in range(rounds):
-        totals = np.full(m, alone)
+        totals = np.full(m, unpaired)
         for i in range(n):
-            total = alone
+            total = unpaired
             for j in range(m):
                 total += near[i, j] * columns[j]
             rows[i] = 1 / total

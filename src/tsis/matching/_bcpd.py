@@ -53,7 +53,7 @@ class DriftFit:
 def fit(source: Floats, target: Floats, /, *, rng: np.random.Generator) -> MatchFit:
     """Match normalised points, shapes (n, d) and (m, d), by Bayesian coherent point drift, which is deterministic."""
     del rng
-    drift = max((fit_drift(source, target, outliers=each) for each in FRACTIONS), key=lambda each: each.bound)
+    drift = max((fit_drift(source, target, outliers=item) for item in FRACTIONS), key=lambda item: item.bound)
     tolerance = max(TOLERANCE_SD * np.sqrt(drift.variance), spacing(target) / 2)
     matches, trust = nearest_pairs(drift.move(source), target, tolerance=tolerance)
     return MatchFit(move=drift.move, matches=matches, trust=trust)

@@ -95,15 +95,15 @@ def curve_order(points: Floats) -> tuple[Integers, bool]:
 
 def chains(following: Integers) -> list[tuple[Integers, bool]]:
     """Indices along each curve, and whether it is closed, from each point's next one."""
-    seen = np.zeros(len(following), dtype=bool)
+    visited = np.zeros(len(following), dtype=bool)
     starts = np.setdiff1d(np.arange(len(following)), following)
     result = []
     for first in [*starts.tolist(), *range(len(following))]:
-        if seen[first]:
+        if visited[first]:
             continue
         order, at = [], first
-        while at != UNMATCHED and not seen[at]:
-            seen[at] = True
+        while at != UNMATCHED and not visited[at]:
+            visited[at] = True
             order.append(at)
             at = int(following[at])
         result.append((np.array(order), at == first))
@@ -147,8 +147,8 @@ def successors(points: Floats) -> Integers:
     [1, 2, 3, -1]
     """
     count = len(points)
-    found = KDTree(points).query(points, k=min(NEIGHBOURS, count))
-    length, index = np.asarray(found[0]), np.asarray(found[1])
+    nearest = KDTree(points).query(points, k=min(NEIGHBOURS, count))
+    length, index = np.asarray(nearest[0]), np.asarray(nearest[1])
     start = np.repeat(np.arange(count), length.shape[1] - 1)
     length, end = length[:, 1:].ravel(), index[:, 1:].ravel()
     short = (length < LONGEST * np.median(length[:: index.shape[1] - 1])) & (start != end)
@@ -174,13 +174,13 @@ def successors(points: Floats) -> Integers:
 
 def _directed(joined: list[list[int]]) -> Integers:
     following = np.full(len(joined), UNMATCHED, dtype=np.int64)
-    seen = np.zeros(len(joined), dtype=bool)
+    visited = np.zeros(len(joined), dtype=bool)
     ends = sorted(range(len(joined)), key=lambda number: len(joined[number]))
     for start in ends:
         at = start
-        while not seen[at]:
-            seen[at] = True
-            ahead = [number for number in joined[at] if not seen[number]]
+        while not visited[at]:
+            visited[at] = True
+            ahead = [number for number in joined[at] if not visited[number]]
             if ahead:
                 following[at] = ahead[0]
                 at = ahead[0]

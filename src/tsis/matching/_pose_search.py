@@ -89,29 +89,29 @@ def search_poses(search: PoseSearch, *, rng: np.random.Generator) -> list[PoseEv
         better = [_mended(search, item) for item in distinct(aligned, DIFFERENT)[:MENDED]]
         return sorted([*better, *aligned], key=lambda item: -item.log)
     maps = [item for moved in _annealed_maps(search) if (item := settled(search, moved)) is not None]
-    found = _improved(search, _refined(search, maps, aligned))
-    if found and complete(search, found[0]):
-        return found
+    evidence = _improved(search, _refined(search, maps, aligned))
+    if evidence and complete(search, evidence[0]):
+        return evidence
     proposed = [item for moved in _proposed_maps(search, rng) if (item := settled(search, moved)) is not None]
-    more = _refined(search, proposed, found)
-    return more if found and more[0] is found[0] else _improved(search, more)
+    more = _refined(search, proposed, evidence)
+    return more if evidence and more[0] is evidence[0] else _improved(search, more)
 
 
-def _improved(search: PoseSearch, found: list[PoseEvidence]) -> list[PoseEvidence]:
+def _improved(search: PoseSearch, evidence: list[PoseEvidence]) -> list[PoseEvidence]:
     """All maps, and those that growth, order along curves and shifts make of the likeliest."""
-    if not found:
-        return found
-    result = list(found)
+    if not evidence:
+        return evidence
+    result = list(evidence)
     ranking = refinement.Ranking.of(search.field, search.target)
-    done = [_followed(search, item) for item in distinct(found, IMPROVED_DISTANCE)[:IMPROVED]]
+    done = [_followed(search, item) for item in distinct(evidence, IMPROVED_DISTANCE)[:IMPROVED]]
     top = max(done, key=lambda item: item.log)
     for matches in refinement.shifted(search.outline, ranking, top):
         item = hard_evidence(search.field, search.target, matches, width=top.width)
         if item is not None:
             done += [item, _followed(search, item)]
     top = max(done, key=lambda item: item.log)
-    turned = distinct(refinement.turned(search.field, search.target, search.step, top), IMPROVED_DISTANCE)[:TURNED]
-    done += [*turned, *(_followed(search, item) for item in turned)]
+    rotated = distinct(refinement.rotated(search.field, search.target, search.step, top), IMPROVED_DISTANCE)[:ROTATED]
+    done += [*rotated, *(_followed(search, item) for item in rotated)]
     top = max(done, key=lambda item: item.log)
     for _ in range(MOST_SEGMENTS):
         items = [
@@ -142,13 +142,13 @@ def _mended(search: PoseSearch, item: PoseEvidence) -> PoseEvidence:
     return refinement.repatched(search.field, search.target, search.step, item)
 
 
-def _target_slid_maps(search: PoseSearch, found: PoseEvidence) -> Iterator[PoseEvidence]:
+def _target_slid_maps(search: PoseSearch, evidence: PoseEvidence) -> Iterator[PoseEvidence]:
     """Maps whose pairs slid along the curves of the denser target."""
     ahead = successors(search.target)
     back = np.full(len(ahead), UNMATCHED)
     linked = np.flatnonzero(ahead != UNMATCHED)
     back[ahead[linked]] = linked
-    top = found
+    top = evidence
     for direction in (ahead, back):
         for _ in range(MOST_TARGET_SLIDES):
             matches = np.where(top.matches == UNMATCHED, UNMATCHED, direction[top.matches])
@@ -177,7 +177,7 @@ def _followed(search: PoseSearch, item: PoseEvidence) -> PoseEvidence:
 
 
 COOLING, COLDEST, COOLED = 0.85, 0.35, 3
-TURNED = 4  # maps of the rotated source that are followed
+ROTATED = 4  # maps of the rotated source that are followed
 MENDED, CLEAN = 8, 1.1  # alignments that are mended, and noise in SIGMAS[0] of a map that needs no mending
 MOST_SEGMENTS, MOST_TARGET_SLIDES = 8, 4
 DENSER = 1.2  # ratio of the sets' sizes beyond which pairs also slide along the target's curves
@@ -187,7 +187,9 @@ IMPROVED, IMPROVED_DISTANCE = 3, 0.1
 def _aligned_maps(search: PoseSearch) -> list[PoseEvidence]:
     """Maps of the alignments of two outlines."""
     alignments = outline_alignments(search.field, search.target)
-    return [item for each in alignments if (item := hard_evidence(search.field, search.target, each)) is not None]
+    return [
+        item for alignment in alignments if (item := hard_evidence(search.field, search.target, alignment)) is not None
+    ]
 
 
 def settled(search: PoseSearch, moved: Floats) -> PoseEvidence | None:
@@ -207,17 +209,17 @@ def settled(search: PoseSearch, moved: Floats) -> PoseEvidence | None:
     return result
 
 
-def complete(search: PoseSearch, found: PoseEvidence) -> bool:
+def complete(search: PoseSearch, evidence: PoseEvidence) -> bool:
     """Whether nearly all points of the smaller set have a partner at the measurement's standard deviation."""
     fewest = min(len(search.source), len(search.target))
-    return found.paired >= 0.97 * fewest and found.sigma <= 1.5 * SIGMAS[1]
+    return evidence.paired >= 0.97 * fewest and evidence.sigma <= 1.5 * SIGMAS[1]
 
 
 def _refined(
-    search: PoseSearch, maps: Iterable[PoseEvidence], found: Iterable[PoseEvidence] = ()
+    search: PoseSearch, maps: Iterable[PoseEvidence], evidence: Iterable[PoseEvidence] = ()
 ) -> list[PoseEvidence]:
     """All maps with their tightened and slid successors, by falling evidence."""
-    result = list(found)
+    result = list(evidence)
     for item in sorted(distinct(maps, 0.3 * search.step), key=lambda item: -item.log)[:FOLLOWED]:
         best = max((other.log for other in result), default=item.log)
         result.append(item)
@@ -254,9 +256,9 @@ def _least_square(moved: Floats, others: Floats) -> float:
     return least
 
 
-def _tightened(search: PoseSearch, found: PoseEvidence) -> PoseEvidence:
+def _tightened(search: PoseSearch, evidence: PoseEvidence) -> PoseEvidence:
     """The best map while pairs are assigned one to one within a shrinking distance."""
-    moved, best, last = found.moved, found, None
+    moved, best, last = evidence.moved, evidence, None
     for gate in GATES:
         matches = refinement.one_to_one(moved, search.target, gate * search.step)
         rows = np.flatnonzero(matches != UNMATCHED)
@@ -266,7 +268,7 @@ def _tightened(search: PoseSearch, found: PoseEvidence) -> PoseEvidence:
         if last is not None and np.array_equal(matches, last):
             continue
         last = matches
-        item = hard_evidence(search.field, search.target, matches, width=found.width)
+        item = hard_evidence(search.field, search.target, matches, width=evidence.width)
         if item is None:
             break
         moved = item.moved
@@ -274,9 +276,9 @@ def _tightened(search: PoseSearch, found: PoseEvidence) -> PoseEvidence:
     return best
 
 
-def _slid_maps(search: PoseSearch, found: PoseEvidence) -> Iterator[PoseEvidence]:
+def _slid_maps(search: PoseSearch, evidence: PoseEvidence) -> Iterator[PoseEvidence]:
     """Maps whose pairs slid along the outline, from the best found so far on."""
-    top = found
+    top = evidence
     for _ in range(MOST_SLIDES):
         matches = refinement.one_to_one(top.moved, search.target, max(3 * top.sigma, 0.6 * search.step))
         better = top
@@ -371,13 +373,13 @@ def _coarse_starts(search: PoseSearch) -> list[Floats]:
     there = np.ascontiguousarray(target[spread_indices(target, COARSE[1])])
     design = np.column_stack([np.ones(len(here)), here])
     ridge = np.concatenate([[1e-6], np.full(dimension, AFFINE_SD**-2)])
-    found = [
+    evidence = [
         annealed_map(design, ridge, there, np.vstack([np.zeros(dimension), matrix]), COARSE_SIGMAS)
         for matrix in _start_matrices(source, target)
     ]
-    found.sort(key=lambda item: -item.score)
+    evidence.sort(key=lambda item: -item.score)
     chosen: list[Floats] = []
-    for item in found:
+    for item in evidence:
         moved = [design @ (item.coordinates - other) for other in chosen]
         if all((away**2).sum(axis=1).mean() > DIFFERENT**2 for away in moved):
             chosen.append(item.coordinates)

@@ -74,10 +74,13 @@ class PosePosterior:
         """The most probable map; None where no map has enough partners."""
         return self.maps[0] if self.maps else None
 
-    def move(self, found: PoseEvidence) -> FieldMap:
+    def move(self, evidence: PoseEvidence) -> FieldMap:
         """The map of normalised points."""
         return FieldMap(
-            affine=found.affine, control=self.search.field.control, weights=found.kernel_weights, width=found.width
+            affine=evidence.affine,
+            control=self.search.field.control,
+            weights=evidence.kernel_weights,
+            width=evidence.width,
         )
 
     def log_odds(self, moved: Floats) -> float:
@@ -238,7 +241,7 @@ MOST_NOISE, LEAST_NOISE = 0.5, -3.0  # log of the standard deviation in spacings
 COLLAPSED = -0.05  # unpaired fraction below which points of one set share partners
 # Where fractions h of the source and s of the target lack partners, a search misses more poses and log odds count less.
 HIDDEN, STRAY = 40.0, 3.0  # the divisor is 1 + HIDDEN h + STRAY s
-ALIKE = 0.2  # log odds count up to this fraction of the loss of a wrong alignment of the outline with itself
+SELF_RESEMBLANCE = 0.2  # log odds count up to this fraction of the loss of a wrong alignment of the outline with itself
 MOST_ODDS = 20.0  # log odds beyond which they count by their logarithm: a missed pose is likelier than a rival
 CONTRADICTED = 3.0  # log odds against an answer beyond which its distance from the best map counts
 MOST_UNSUPPORTED = 0.99
@@ -263,7 +266,7 @@ def trust_measures(posterior: PosePosterior, moved: Floats) -> Floats:
 def trust_features(measures: Floats) -> Floats:
     """Columns of the regression, shape (..., 6), from `trust_measures`, shape (..., 6)."""
     odds, resemblance, hidden, stray, noise, far = np.moveaxis(np.asarray(measures), -1, 0)
-    support = np.maximum(np.minimum(odds, ALIKE * resemblance), 0.0)
+    support = np.maximum(np.minimum(odds, SELF_RESEMBLANCE * resemblance), 0.0)
     support = support / (1 + HIDDEN * np.maximum(hidden, 0.0) + STRAY * np.maximum(stray, 0.0))
     columns = [
         np.ones_like(odds),

@@ -43,11 +43,11 @@ MANY_PAIRS = 60_000
 MOST_RUNS, SEGMENT_SHIFTS, FOLLOWED_SEGMENTS = 30, (-2, -1, 1, 2), 3
 
 
-def predicted(field: SmoothField, found: PoseEvidence) -> Floats:
+def predicted(field: SmoothField, pose: PoseEvidence) -> Floats:
     """Standard deviation of the source's moved points given the map's pairs, shape (n,)."""
-    design, factor = _system(field, found.matches, found.width, found.amplitude, found.sigma)
+    design, factor = _system(field, pose.matches, pose.width, pose.amplitude, pose.sigma)
     whitened = solve_triangular(factor, design.T, lower=True, check_finite=False)
-    return np.asarray(found.sigma * np.sqrt((whitened**2).sum(axis=0)))
+    return np.asarray(pose.sigma * np.sqrt((whitened**2).sum(axis=0)))
 
 
 def _stiff_map(field: SmoothField, target: Floats, matches: Integers, sigma: float) -> Floats:
@@ -72,19 +72,19 @@ def _system(
     return design, np.linalg.cholesky(normal)
 
 
-def _paired_again(target: Floats, moved: Floats, reach: Floats, farthest: float) -> Integers:
+def _paired_again(target: Floats, moved: Floats, radius: Floats, farthest: float) -> Integers:
     squared = cdist(moved, target, "sqeuclidean")
-    cost = squared / reach[:, None] ** 2
+    cost = squared / radius[:, None] ** 2
     cost[squared > farthest**2] = np.inf
     return assign(np.minimum(cost, 1e6), dummy=ACCEPTED**2)
 
 
-def grown(field: SmoothField, target: Floats, step: float, found: PoseEvidence) -> PoseEvidence:
+def grown(field: SmoothField, target: Floats, step: float, pose: PoseEvidence) -> PoseEvidence:
     """The map after pairs are added and dropped within their predictive standard deviations."""
-    best = found
+    best = pose
     for _ in range(GROWTHS):
-        reach = np.hypot(predicted(field, best), best.sigma)
-        matches = _paired_again(target, best.moved, reach, FARTHEST * step)
+        radius = np.hypot(predicted(field, best), best.sigma)
+        matches = _paired_again(target, best.moved, radius, FARTHEST * step)
         if np.array_equal(matches, best.matches):
             break
         item = hard_evidence(field, target, matches, width=best.width)
@@ -94,9 +94,9 @@ def grown(field: SmoothField, target: Floats, step: float, found: PoseEvidence) 
     return best
 
 
-def repatched(field: SmoothField, target: Floats, step: float, found: PoseEvidence) -> PoseEvidence:
+def repatched(field: SmoothField, target: Floats, step: float, pose: PoseEvidence) -> PoseEvidence:
     """The map after the pairs of each patch are predicted from all others."""
-    best, points = found, field.points
+    best, points = pose, field.points
     count = max(int(PATCH * len(points)), 4)
     tree = KDTree(points)
     for centre in spread_indices(points, PATCHES):
@@ -106,8 +106,8 @@ def repatched(field: SmoothField, target: Floats, step: float, found: PoseEviden
         left = hard_evidence(field, target, matches, width=best.width)
         if left is None:
             continue
-        reach = np.hypot(predicted(field, left), left.sigma)
-        matches = _paired_again(target, left.moved, reach, FARTHEST * step)
+        radius = np.hypot(predicted(field, left), left.sigma)
+        matches = _paired_again(target, left.moved, radius, FARTHEST * step)
         if np.array_equal(matches, best.matches):
             continue
         item = hard_evidence(field, target, matches, width=best.width)
@@ -117,11 +117,11 @@ def repatched(field: SmoothField, target: Floats, step: float, found: PoseEviden
 
 
 def chained(
-    field: SmoothField, target: Floats, step: float, curves: list[tuple[Integers, bool]], found: PoseEvidence
+    field: SmoothField, target: Floats, step: float, curves: list[tuple[Integers, bool]], pose: PoseEvidence
 ) -> PoseEvidence:
     """The map after pairs along the source's curves follow the predicted edges rather than the predicted positions."""
     tree = KDTree(target)
-    best, current = found, found
+    best, current = pose, pose
     for strain, stiffness in zip(STRAINS, STIFFNESSES, strict=True):
         moved = current.moved
         if stiffness:
@@ -209,13 +209,13 @@ def _run_matches(
     return matches
 
 
-def shifted(curve: tuple[Integers, bool], ranking: Ranking, found: PoseEvidence) -> Iterator[Integers]:
+def shifted(curve: tuple[Integers, bool], ranking: Ranking, pose: PoseEvidence) -> Iterator[Integers]:
     """Matches that slid along a closed curve of the source by any number of points, the likeliest first."""
     order, closed = curve
     if not closed or not 0 < len(order) <= MOST_SHIFTS:
         return
     count = len(order)
-    along = found.matches[order]
+    along = pose.matches[order]
     chosen = np.flatnonzero(along != UNMATCHED)
     places = (chosen[None, :] + np.arange(count)[:, None]) % count
     stacked = ranking.design[order][places]  # shape (shifts, pairs, k)
@@ -225,18 +225,18 @@ def shifted(curve: tuple[Integers, bool], ranking: Ranking, found: PoseEvidence)
     lowest = (loss <= np.roll(loss, 1)) & (loss <= np.roll(loss, -1))
     lowest[0] = False
     for number in np.lexsort((loss, ~lowest))[:FOLLOWED_SHIFTS]:
-        matches = np.full(len(found.matches), UNMATCHED, dtype=np.int64)
+        matches = np.full(len(pose.matches), UNMATCHED, dtype=np.int64)
         matches[order[places[number]]] = along[chosen]
         yield matches
 
 
-def segment_shifts(order: Integers, closed: bool, ranking: Ranking, found: PoseEvidence) -> Iterator[Integers]:
+def segment_shifts(order: Integers, closed: bool, ranking: Ranking, pose: PoseEvidence) -> Iterator[Integers]:
     """Matches of which a segment between two unpaired points slid into one of the gaps, the likeliest first."""
-    along = found.matches[order]
+    along = pose.matches[order]
     paired = along != UNMATCHED
     if closed and not paired.all():
         order = np.roll(order, -int(np.flatnonzero(~paired)[0]))
-        along = found.matches[order]
+        along = pose.matches[order]
         paired = along != UNMATCHED
     count = len(order)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], paired, [False]]).astype(int)))
@@ -272,7 +272,7 @@ def segment_shifts(order: Integers, closed: bool, ranking: Ranking, found: PoseE
         slid_along = along.copy()
         slid_along[a:b] = UNMATCHED
         slid_along[a + shift : b + shift] = np.where(paired[a:b], along[a:b], slid_along[a + shift : b + shift])
-        matches = found.matches.copy()
+        matches = pose.matches.copy()
         matches[order] = slid_along
         yield matches
 
@@ -308,7 +308,7 @@ def one_to_one(moved: Floats, target: Floats, gate: float) -> Integers:
     return np.where(mutual, nearest, UNMATCHED).astype(np.int64)
 
 
-def turned(field: SmoothField, target: Floats, step: float, found: PoseEvidence) -> Iterator[PoseEvidence]:
+def rotated(field: SmoothField, target: Floats, step: float, pose: PoseEvidence) -> Iterator[PoseEvidence]:
     """Maps of the rotated source by the map found: other poses of a shape that nearly has a symmetry."""
     if field.points.shape[1] != 2:
         return
@@ -316,9 +316,9 @@ def turned(field: SmoothField, target: Floats, step: float, found: PoseEvidence)
     back = np.linalg.inv(white)
     for turn in plane_rotations()[1:]:
         points = field.points @ (white @ turn @ back)
-        bent = gaussian_kernel(points, field.control, found.width) @ found.kernel_weights
-        moved = found.affine[0] + points @ found.affine[1:] + bent
-        item = hard_evidence(field, target, one_to_one(moved, target, FARTHEST * step), width=found.width)
+        bent = gaussian_kernel(points, field.control, pose.width) @ pose.kernel_weights
+        moved = pose.affine[0] + points @ pose.affine[1:] + bent
+        item = hard_evidence(field, target, one_to_one(moved, target, FARTHEST * step), width=pose.width)
         if item is not None:
             yield item
 

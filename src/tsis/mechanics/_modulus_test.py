@@ -130,10 +130,10 @@ def bonded_factor(diameter_mm: float, height_mm: float, poisson: float) -> float
     row, column = (np.broadcast_to(part, matrix.shape).ravel() for part in (place[:, :, None], place[:, None, :]))
     whole = coo_array((matrix.ravel(), (row, column)), shape=(unknown.size, unknown.size)).tocsr()
     moved = np.zeros(unknown.size)
-    held = np.zeros(unknown.size, dtype=bool)
-    held[unknown[0, :, 0]] = held[unknown[:, 0]] = held[unknown[:, -1, 1]] = True  # axis, plate, middle plane
+    fixed = np.zeros(unknown.size, dtype=bool)
+    fixed[unknown[0, :, 0]] = fixed[unknown[:, 0]] = fixed[unknown[:, -1, 1]] = True  # axis, plate, middle plane
     moved[unknown[:, 0, 1]] = 1.0
-    free = ~held
+    free = ~fixed
     moved[free] = spsolve(whole[free][:, free], -(whole[free] @ moved))
     force = float((whole @ moved)[unknown[:, 0, 1]].sum())
     return abs(force) * half / (np.pi * radius**2)
@@ -164,13 +164,11 @@ def _fitted(
 
     start = length.min() - 0.05 * span
     first = float(force.max() / max(float(np.max(model(length - start))), 1e-300))
-    found = least_squares(residuals, [np.log(first), start], x_scale=[0.1, 0.1 * span])
-    if not found.success or not np.isfinite(found.x).all():
+    fit = least_squares(residuals, [np.log(first), start], x_scale=[0.1, 0.1 * span])
+    if not fit.success or not np.isfinite(fit.x).all():
         raise InputError("no modulus fits these points; check that forces rise with the travel, and the units")
-    variance = 2 * found.cost / (len(length) - 2)
-    jacobian = np.asarray(found.jac)
+    variance = 2 * fit.cost / (len(length) - 2)
+    jacobian = np.asarray(fit.jac)
     covariance = np.linalg.pinv(jacobian.T @ jacobian) * variance
-    young = float(np.exp(found.x[0]))
-    return MeasuredModulus(
-        young_kpa=young, sd_kpa=young * float(np.sqrt(covariance[0, 0])), contact_mm=float(found.x[1])
-    )
+    young = float(np.exp(fit.x[0]))
+    return MeasuredModulus(young_kpa=young, sd_kpa=young * float(np.sqrt(covariance[0, 0])), contact_mm=float(fit.x[1]))

@@ -129,7 +129,7 @@ class GelSensor(ContentValue):
             require_type(name, bounded, BoundedValue)
             for part in bounded.limits:
                 require_number(name, part, low, high)
-        self._check_words()
+        self._check_choices()
         self._check_shape()
         self._check_camera()
         for name, kind in (("limits", str), ("layers", Layer), ("lamp_azimuth_deg", (int, float))):
@@ -144,15 +144,15 @@ class GelSensor(ContentValue):
             require_type(f"source of {name}", text, str)
         freeze_mappings(self, "sources")
 
-    def _check_words(self) -> None:
-        for name, words in (
+    def _check_choices(self) -> None:
+        for name, choices in (
             ("shape", GEL_SHAPES),
             ("outline", GEL_OUTLINES),
             ("light", GEL_LIGHTS),
             ("pressed", PRESS_SIGNS),
             ("backing", ("rigid",)),
         ):
-            require_one_of(f"{name} of a sensor", getattr(self, name), words)
+            require_one_of(f"{name} of a sensor", getattr(self, name), choices)
 
     def _check_shape(self) -> None:
         if self.outline == "round" and self.width_mm != self.height_mm:
@@ -217,11 +217,11 @@ class GelSensor(ContentValue):
         if scale is None:
             raise InputError(f"mm_per_pixel of {self.name} is not known; put it into the sensor's file")
         points = np.atleast_2d(np.asarray(points_px, dtype=float)) - ((columns - 1) / 2, (rows - 1) / 2)
-        seen = points / np.hypot(columns, rows) * 2.0
-        straight, (k1, k2) = seen.copy(), self.distortion
+        distorted = points / np.hypot(columns, rows) * 2.0
+        straight, (k1, k2) = distorted.copy(), self.distortion
         for _ in range(20 if k1 or k2 else 0):  # a contraction at the lenses' distortions
             squared = np.square(straight).sum(axis=1, keepdims=True)
-            straight = seen / (1.0 + k1 * squared + k2 * squared**2)
+            straight = distorted / (1.0 + k1 * squared + k2 * squared**2)
         return np.asarray(straight * np.hypot(columns, rows) / 2.0 * scale)
 
     def _repr_html_(self) -> str:

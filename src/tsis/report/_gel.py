@@ -30,9 +30,9 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def contact_documents(found: Sequence[GelContact]) -> list[dict[str, Any]]:
+def contact_documents(contacts: Sequence[GelContact]) -> list[dict[str, Any]]:
     """Each contact as a part of a JSON result; NaN becomes null."""
-    return [{key: _plain(value) for key, value in asdict(contact).items()} for contact in found]
+    return [{key: _plain(value) for key, value in asdict(contact).items()} for contact in contacts]
 
 
 def _plain(value: Any) -> Any:
@@ -45,11 +45,11 @@ NO_FORCE: tuple[float | None, float | None] = (None, None)
 
 
 def contacts_csv(
-    found: Sequence[GelContact], forces: Sequence[tuple[float | None, float | None]] | None = None
+    contacts: Sequence[GelContact], forces: Sequence[tuple[float | None, float | None]] | None = None
 ) -> bytes:
     """The contacts as CSV, one row a frame, with the units in the names; ``forces`` are newtons with their sd."""
     rows = []
-    for contact, force in zip(found, forces or [NO_FORCE] * len(found), strict=True):
+    for contact, force in zip(contacts, forces or [NO_FORCE] * len(contacts), strict=True):
         in_mm = contact.centre_mm or ("", "")
         rows.append([
             contact.name, contact.good, f"{contact.quality:.4f}", "; ".join(contact.reasons), *contact.centre_px,
@@ -59,7 +59,7 @@ def contacts_csv(
     return table_bytes([COLUMNS, *(["" if value is None else value for value in row] for row in rows)])
 
 
-def gel_contact_rows(found: Sequence[GelContact]) -> list[tuple[str, ...]]:
+def gel_contact_rows(contacts: Sequence[GelContact]) -> list[tuple[str, ...]]:
     """Cells for people: frame, centre, radius, quality and reasons."""
     return [
         (
@@ -70,7 +70,7 @@ def gel_contact_rows(found: Sequence[GelContact]) -> list[tuple[str, ...]]:
             f"{contact.quality:.2f}",
             "good" if contact.good else ", ".join(contact.reasons),
         )
-        for contact in found
+        for contact in contacts
     ]
 
 
@@ -81,20 +81,20 @@ def _with_sd(value: float | None, sd: float | None) -> str:
     return "-" if value is None or sd is None or not np.isfinite(value) else f"{value:.3g} ± {sd:.2g}"
 
 
-def contact_notes(found: Sequence[GelContact]) -> tuple[str, ...]:
+def contact_notes(contacts: Sequence[GelContact]) -> tuple[str, ...]:
     """One sentence for each reason that occurs, with its cure."""
-    present = {reason for contact in found for reason in contact.reasons}
+    present = {reason for contact in contacts for reason in contact.reasons}
     return tuple(f"{name}: {text}." for name, text in REASONS.items() if name in present)
 
 
-def draw_contacts(figure: FigureBase, frames: Sequence[NDArray[Any]], found: Sequence[GelContact]) -> None:
+def draw_contacts(figure: FigureBase, frames: Sequence[NDArray[Any]], contacts: Sequence[GelContact]) -> None:
     """Draw frames with their contacts into a figure, at most 24."""
-    count = min(len(found), MOST_OVERLAYS)
+    count = min(len(contacts), MOST_OVERLAYS)
     across = min(count, ACROSS)
     axes = figure.subplots(-(-count // across), across, squeeze=False).ravel()
     for ax in axes:
         ax.set_axis_off()
-    for frame, contact, ax in zip(frames[:count], found[:count], axes, strict=False):
+    for frame, contact, ax in zip(frames[:count], contacts[:count], axes, strict=False):
         gel_contact(frame, contact, ax)
 
 
@@ -105,27 +105,27 @@ def overlay_inches(count: int) -> tuple[float, float]:
 
 
 def gel_contacts_report(
-    frames: Sequence[NDArray[Any]], found: Sequence[GelContact], *, provenance: Mapping[str, Any]
+    frames: Sequence[NDArray[Any]], contacts: Sequence[GelContact], *, provenance: Mapping[str, Any]
 ) -> bytes:
     """The contacts as HTML: how many are good, overlays, table, and what to do about the others."""
-    good = sum(contact.good for contact in found)
+    good = sum(contact.good for contact in contacts)
     return html(
         Page(
             title="Contacts",
-            subtitle=f"{len(found)} frames",
-            cards=(Card(title="Good contacts", value=f"{good} of {len(found)}", doubtful=good == 0),),
-            notes=contact_notes(found),
+            subtitle=f"{len(contacts)} frames",
+            cards=(Card(title="Good contacts", value=f"{good} of {len(contacts)}", doubtful=good == 0),),
+            notes=contact_notes(contacts),
             pictures=(
                 Picture(
                     title="Frames with their contacts",
-                    draw=lambda figure: draw_contacts(figure, frames, found),
-                    size=overlay_inches(len(found)),
+                    draw=lambda figure: draw_contacts(figure, frames, contacts),
+                    size=overlay_inches(len(contacts)),
                     alt="Frames of the gel sensor, each with the outline of its contact",
                     caption="A full line is a good contact, a broken one is refused for the reasons above it.",
                     wide=True,
                 ),
             ),
-            tables=(Table(title="Contacts", headings=CONTACT_HEADINGS, rows=tuple(gel_contact_rows(found))),),
+            tables=(Table(title="Contacts", headings=CONTACT_HEADINGS, rows=tuple(gel_contact_rows(contacts))),),
             provenance=provenance,
         )
     )

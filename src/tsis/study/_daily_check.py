@@ -92,13 +92,13 @@ def daily_check(
 ) -> DailyCheck:
     """A check from raw frames of the press and of the untouched face; `InputError` when the press shows no contact."""
     require_number("force_n", force_n, 1e-4, 50.0, hint="newtons")
-    found = features(press, untouched)
-    if not found.contact:
+    of_press = features(press, untouched)
+    if not of_press.contact:
         raise InputError("press must show a contact; it shows none above the noise: press the check phantom again")
     values = {
         "light": float((press.grey - untouched.grey).mean()) / force_n,
-        "peak": found.peak / force_n,
-        "diameter": found.equivalent_diameter_mm or found.equivalent_diameter_px,
+        "peak": of_press.peak / force_n,
+        "diameter": of_press.equivalent_diameter_mm or of_press.equivalent_diameter_px,
         "untouched": float(untouched.grey.mean()),
     }
     return DailyCheck(at=at, operator=operator or user(), values=values, temperature_c=temperature_c)
@@ -136,5 +136,5 @@ def _parsed(folder: Path, chain: LogChain) -> CheckLog:
     if chain.breaks or not chain.entries or chain.entries[0].action != BEGUN:
         raise RecordsError(f"{folder / LOG_FILE} must be a whole log of daily checks; it was changed, or is another's")
     plan = from_json_value(CheckPlan, chain.entries[0].content, "plan of the checks")
-    items = [from_json_value(DailyCheck, each.content, "check") for each in chain.entries[1:]]
+    items = [from_json_value(DailyCheck, entry.content, "check") for entry in chain.entries[1:]]
     return CheckLog(folder=folder, plan=plan, checks=tuple(items), chain=chain)

@@ -205,8 +205,8 @@ def _interval(row: CsvRow, quantity: str) -> tuple[float, float] | None:
     if low is None and high is None:
         return None
     if low is None or high is None or not 0 <= low <= high:
-        found = f"{row.text(f'{quantity}_low')} and {row.text(f'{quantity}_high')}"
-        raise row.refused(f"{quantity}_low and {quantity}_high", "given together, from 0 upwards", found)
+        limits = f"{row.text(f'{quantity}_low')} and {row.text(f'{quantity}_high')}"
+        raise row.refused(f"{quantity}_low and {quantity}_high", "given together, from 0 upwards", limits)
     return low, high
 
 

@@ -375,8 +375,8 @@ def tissue_calibration(measured: ProbeCalibration, sensor: Sensor) -> ProbeCalib
     exposure = measured.settings["exposure_ms"] / USUAL_MS
     uneven = 0.0
     if measured.reference is not None:
-        seen = measured.reference.usable & (sensor.radius_mm() < sensor.axes_mm()[1].max())
-        stray = 1 / measured.reference.relative_light[seen]
+        visible = measured.reference.usable & (sensor.radius_mm() < sensor.axes_mm()[1].max())
+        stray = 1 / measured.reference.relative_light[visible]
         uneven = float(stray.std() / stray.mean())
 
     def exposed(response: Calibration | None) -> Calibration | None:

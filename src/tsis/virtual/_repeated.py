@@ -98,8 +98,8 @@ class RepeatedExamination:
         except TsisError as error:
             return {"seed": seed, "refused": f"{type(error).__name__}: {error}"}
         truth = {name: float(getattr(phantom.inclusion, name)) for name in PARAMETERS}
-        held = {f"{level:g}": _held(result.untrusted.interval(level), truth) for level in LEVELS}
-        return {"seed": seed, "truth": truth, "held": held, "trusted": result.trusted}
+        inside = {f"{level:g}": _inside(result.untrusted.interval(level), truth) for level in LEVELS}
+        return {"seed": seed, "truth": truth, "held": inside, "trusted": result.trusted}
 
     def _pressed(self, virtual: VirtualProbe, phantom: Phantom) -> list[TactileImage]:
         return [virtual.press(phantom, force_n=force) for force in self.forces_n]
@@ -114,18 +114,18 @@ class RepeatedExamination:
     ) -> list[dict[str, Any]]:
         """Answers of `once` for ``count`` seeds from ``first_seed`` on, in order; solved by all cores."""
         seeds = range(first_seed, first_seed + require_integer("count", count, 1, 100_000))
-        found = {seeds[0]: self.once(seeds[0])}  # fills the caches of light and tables before the workers share them
+        results = {seeds[0]: self.once(seeds[0])}  # fills the caches of light and tables before the workers share them
         if progress is not None:
             progress(1, count)
         with ProcessPoolExecutor(workers or os.cpu_count(), get_context("spawn")) as pool:
             for future in as_completed([pool.submit(self.once, seed) for seed in seeds[1:]]):
-                found[future.result()["seed"]] = future.result()
+                results[future.result()["seed"]] = future.result()
                 if progress is not None:
-                    progress(len(found), count)
-        return [found[seed] for seed in seeds]
+                    progress(len(results), count)
+        return [results[seed] for seed in seeds]
 
 
-def _held(intervals: Mapping[str, tuple[float, float]], truth: Mapping[str, float]) -> dict[str, bool]:
+def _inside(intervals: Mapping[str, tuple[float, float]], truth: Mapping[str, float]) -> dict[str, bool]:
     return {name: bool(low <= truth[name] <= high) for name, (low, high) in intervals.items()}
 
 
@@ -137,7 +137,7 @@ def coverage_counts(cases: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     answered = [case for case in cases if "refused" not in case]
     trusted = [case for case in answered if case["trusted"]]
 
-    def held(among: list[Mapping[str, Any]]) -> dict[str, dict[str, int]]:
+    def inside(among: list[Mapping[str, Any]]) -> dict[str, dict[str, int]]:
         return {
             f"{level:g}": {name: sum(case["held"][f"{level:g}"][name] for case in among) for name in PARAMETERS}
             for level in LEVELS
@@ -149,8 +149,8 @@ def coverage_counts(cases: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         "answered": len(answered),
         "trusted": len(trusted),
         "refused": dict(sorted(reasons.items())),
-        "held": held(answered),
-        "held_trusted": held(trusted),
+        "held": inside(answered),
+        "held_trusted": inside(trusted),
     }
 
 

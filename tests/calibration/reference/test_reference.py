@@ -1,11 +1,13 @@
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.calibration.file.bench import bench_reference
 
 import tsis
 from tsis.calibration.force import read_loading_frame, total_grey
@@ -232,3 +234,13 @@ def test_as_many_hot_pixels_as_the_limit_are_left_out() -> None:
     dark[:, 50, 50] = 50.0
     with pytest.raises(CalibrationError, match="at most 2% of pixels may be hot or dead"):
         _bad(dark, [])
+
+
+def test_an_untouched_probe_that_is_nearly_dark_is_told_from_another_by_a_share_of_the_full_scale() -> None:
+    """No light at the calibration: blocks of 5 x 5 pixels may differ by 0.4 % of 255 grey levels and not by more."""
+    dark = bench_reference()
+    known = replace(dark, untouched_grey=np.zeros_like(dark.dark_grey), patch_px=None)
+    for level, alike in ((0.9, True), (1.2, False)):
+        frame = TactileImage(grey=dark.dark_grey + level, mm_per_pixel=known.mm_per_pixel)
+        with nullcontext() if alike else pytest.raises(ImageMismatchError, match=r"within 1\.02 grey levels"):
+            known.require_untouched(frame)

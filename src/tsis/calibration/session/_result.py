@@ -249,7 +249,7 @@ def _dents(
     pixel = reference.mm_per_pixel[0] * reference.mm_per_pixel[1]
     simulated = terms.began is None
     with _named(pads[0].name):
-        found = fit_dent_light(
+        dent_light = fit_dent_light(
             presses,
             loadings,
             probe=probe,
@@ -259,9 +259,9 @@ def _dents(
             strain="small" if simulated else "finite",  # the virtual bench presses its pads at small strain
         )
     if len(ratios) < FEWEST_SEEN:
-        return found, None
+        return dent_light, None
     mean, sd = float(np.mean(ratios)), float(np.std(ratios, ddof=1))
-    return found, MeasuredValue(value=mean, sd=sd, degrees_of_freedom=len(ratios) - 1.0)
+    return dent_light, MeasuredValue(value=mean, sd=sd, degrees_of_freedom=len(ratios) - 1.0)
 
 
 def _line_over_gauge(shots: Sequence[CalibrationFrame], line: ForceLine, reference: CameraReference) -> list[float]:

@@ -42,7 +42,7 @@ def recompute(
         raise InputError("give the number of a target, or --all for every one")
     with opened(store, kind, database) as records:
         requested = _requested(records) if number is None else [records.target(number)]
-        result, failed = _recomputed(records, requested, dry_run=dry_run, alone=not every)
+        result, failed = _recomputed(records, requested, dry_run=dry_run, single=not every)
     if as_json:
         documents = [tsis.report.recomputation_document(target, item) for target, item in result]
         failures = [{"target": number, "reason": reason} for number, reason in failed]
@@ -65,22 +65,22 @@ def _requested(records: Store) -> list[Target]:
 
 
 def _recomputed(
-    records: Store, targets: list[Target], *, dry_run: bool, alone: bool
+    records: Store, targets: list[Target], *, dry_run: bool, single: bool
 ) -> tuple[list[tuple[Target, Recomputation]], list[tuple[int, str]]]:
     """Recomputations, and the targets that failed; a single target raises its error."""
     from tsis.records import recompute as again
 
     result: list[tuple[Target, Recomputation]] = []
     failed: list[tuple[int, str]] = []
-    what = "solving the press for this probe (cached for next time)" if alone else "estimating again"
+    what = "solving the press for this probe (cached for next time)" if single else "estimating again"
     with progress_bar(what) as advance:
         for done, target in enumerate(targets):
-            if not alone:
+            if not single:
                 advance(done, len(targets))
             try:
-                created = again(records, target, dry_run=dry_run, progress=advance if alone else None)
+                created = again(records, target, dry_run=dry_run, progress=advance if single else None)
             except TsisError as error:
-                if alone:
+                if single:
                     raise
                 failed.append((target.number, str(error)))
             else:

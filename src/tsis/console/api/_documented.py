@@ -109,7 +109,7 @@ OF_CALLS: Responses = {  # 400, 401, 403, 413 and 421 also by the authentication
     503: _problem("the camera is stopped or away, or a stored file is damaged or cannot be read or written"),
 }
 OF_BODIES: Responses = {415: _problem("not sent as JSON")}
-OF_ACTS: Responses = {
+OF_COMMANDS: Responses = {
     409: _problem("somebody else owns the camera, or it cannot be done at this moment"),
     428: _problem("the header TSIS-Control is missing"),
     501: _problem("a library is not installed that this camera needs"),

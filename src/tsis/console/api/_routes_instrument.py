@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from fastapi import APIRouter, Body, Query, Response
 
-from tsis.console.api._documented import OF_ACTS, OF_BODIES, OF_CONTROL, OF_JOBS, picture
+from tsis.console.api._documented import OF_BODIES, OF_COMMANDS, OF_CONTROL, OF_JOBS, picture
 from tsis.console.api._models import ControlRequest, ControlResponse, OwnerItem
 from tsis.console.api._models_camera import (
     CameraChoiceRequest,
@@ -84,21 +84,21 @@ def state_response(instrument: Instrument, caller: str | None) -> StateResponse:
 camera_router = APIRouter(prefix="/camera", tags=["camera"])
 
 
-@camera_router.put("", operation_id="choose_camera", responses={**OF_ACTS, **OF_BODIES})
+@camera_router.put("", operation_id="choose_camera", responses={**OF_COMMANDS, **OF_BODIES})
 def choose_camera(instrument: TheInstrument, body: CameraChoiceRequest, by: Acting) -> StateResponse:
     """Choose another camera, not yet started."""
     instrument.choose(CameraChoice(**body.model_dump()), by=by)
     return state_response(instrument, by)
 
 
-@camera_router.post("/start", operation_id="start_camera", responses=OF_ACTS)
+@camera_router.post("/start", operation_id="start_camera", responses=OF_COMMANDS)
 def start_camera(instrument: TheInstrument, by: Acting) -> StateResponse:
     """Connect and begin to stream; when it runs already, nothing happens."""
     instrument.start(by=by)
     return state_response(instrument, by)
 
 
-@camera_router.post("/stop", operation_id="stop_camera", responses=OF_ACTS)
+@camera_router.post("/stop", operation_id="stop_camera", responses=OF_COMMANDS)
 def stop_camera(instrument: TheInstrument, by: Acting) -> StateResponse:
     """End the stream; settings are remembered for the next start."""
     instrument.stop(by=by)
@@ -111,7 +111,7 @@ def get_settings(instrument: TheInstrument) -> SettingsResponse:
     return _settings(instrument)
 
 
-@camera_router.patch("/settings", operation_id="change_settings", responses={**OF_ACTS, **OF_BODIES})
+@camera_router.patch("/settings", operation_id="change_settings", responses={**OF_COMMANDS, **OF_BODIES})
 def change_settings(instrument: TheInstrument, body: SettingsRequest, by: Acting) -> SettingsResponse:
     """Change settings; none when one of them is unknown or outside its range."""
     present = {setting.name: setting for setting in instrument.camera_controller.settings()}
@@ -124,7 +124,7 @@ def change_settings(instrument: TheInstrument, body: SettingsRequest, by: Acting
     return _settings(instrument)
 
 
-@camera_router.post("/preset", operation_id="apply_preset", responses={**OF_ACTS, **OF_BODIES})
+@camera_router.post("/preset", operation_id="apply_preset", responses={**OF_COMMANDS, **OF_BODIES})
 def apply_preset(instrument: TheInstrument, body: PresetRequest, by: Acting) -> SettingsResponse:
     """Apply all settings of a preset."""
     instrument.preset(body.name, by=by)
@@ -181,14 +181,14 @@ async def release_control(instrument: TheInstrument, caller: Caller = None) -> R
 press_router = APIRouter(tags=["press"])
 
 
-@press_router.put("/target", operation_id="choose_target", responses={**OF_ACTS, **OF_BODIES})
+@press_router.put("/target", operation_id="choose_target", responses={**OF_COMMANDS, **OF_BODIES})
 def choose_target(instrument: TheInstrument, body: TargetChoiceRequest, by: Acting) -> StateResponse:
     """Choose the target that snapshots go to; it is entered with its first press."""
     instrument.set_target(body.number, by=by)
     return state_response(instrument, by)
 
 
-@press_router.put("/press", operation_id="hold_press", responses={**OF_ACTS, **OF_BODIES})
+@press_router.put("/press", operation_id="hold_press", responses={**OF_COMMANDS, **OF_BODIES})
 def set_press(instrument: TheInstrument, body: PressRequest, by: Acting) -> StateResponse:
     """Set what is pressed and how hard; the virtual probe moves there."""
     if not body.model_fields_set:
@@ -198,7 +198,7 @@ def set_press(instrument: TheInstrument, body: PressRequest, by: Acting) -> Stat
     return state_response(instrument, by)
 
 
-@press_router.post("/snapshot", operation_id="take_snapshot", responses={**OF_ACTS, **OF_BODIES}, status_code=201)
+@press_router.post("/snapshot", operation_id="take_snapshot", responses={**OF_COMMANDS, **OF_BODIES}, status_code=201)
 def take_snapshot(
     instrument: TheInstrument, by: Acting, body: Annotated[SnapshotRequest | None, Body()] = None
 ) -> SavedPressResponse:
@@ -214,14 +214,14 @@ def take_snapshot(
     )
 
 
-@press_router.post("/sequence", operation_id="begin_sequence", responses={**OF_ACTS, **OF_BODIES}, status_code=202)
+@press_router.post("/sequence", operation_id="begin_sequence", responses={**OF_COMMANDS, **OF_BODIES}, status_code=202)
 def begin_sequence(instrument: TheInstrument, body: SequenceOfSeconds | SequenceOfFrames, by: Acting) -> JobResponse:
     """Record every frame until so many have come or so much time has passed."""
     job = instrument.begin_sequence(**body.model_dump(), by=by)
     return JobResponse(job=job.state())
 
 
-@press_router.delete("/sequence", operation_id="end_sequence", responses=OF_ACTS)
+@press_router.delete("/sequence", operation_id="end_sequence", responses=OF_COMMANDS)
 def end_sequence(instrument: TheInstrument, by: Acting) -> StateResponse:
     """End the running sequence; recorded frames stay. Without one nothing happens."""
     instrument.end_sequence(by=by)

@@ -17,8 +17,8 @@ from tsis.console._statuses import AbsentError, NoControlError, absent_if_unknow
 from tsis.console.api._documented import (
     CALIBRATION_BODY,
     CALIBRATION_FILE,
-    OF_ACTS,
     OF_BODIES,
+    OF_COMMANDS,
     OF_EDITS,
     OF_JOBS,
     OF_RECORDS,
@@ -215,7 +215,7 @@ def get_calibration_file(instrument: TheInstrument) -> Response:
 
 
 @calibration_router.put(
-    "", operation_id="use_calibration", responses={**OF_ACTS, **OF_BODIES}, openapi_extra=CALIBRATION_BODY
+    "", operation_id="use_calibration", responses={**OF_COMMANDS, **OF_BODIES}, openapi_extra=CALIBRATION_BODY
 )
 async def use_calibration(request: Request, instrument: TheInstrument, by: Acting) -> CalibrationResponse:
     """Activate a calibration: the body is a calibration file of at most 32 MiB.
@@ -227,7 +227,7 @@ async def use_calibration(request: Request, instrument: TheInstrument, by: Actin
     return _active(instrument)
 
 
-@calibration_router.delete("", operation_id="forget_calibration", responses=OF_ACTS)
+@calibration_router.delete("", operation_id="forget_calibration", responses=OF_COMMANDS)
 def forget_calibration(instrument: TheInstrument, by: Acting) -> CalibrationResponse:
     """Go back to the virtual probe's own calibration, or to none."""
     instrument.use_calibration(None, by=by)
@@ -282,7 +282,7 @@ def get_job(instrument: TheInstrument, identity: JobIdentity) -> JobResponse:
     return _job_response(instrument, _job(instrument, identity))
 
 
-@jobs_router.delete("/{identity}", operation_id="end_job", responses={**OF_RECORDS, **OF_ACTS})
+@jobs_router.delete("/{identity}", operation_id="end_job", responses={**OF_RECORDS, **OF_COMMANDS})
 def end_job(instrument: TheInstrument, identity: JobIdentity, caller: Caller = None) -> JobResponse:
     """Cancel a job, which ends at its next step; a job of the camera only for its owner."""
     job = _job(instrument, identity)

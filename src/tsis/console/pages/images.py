@@ -146,20 +146,20 @@ class OwnImagesPage:
     async def measure(self) -> None:
         """Measure the contact in each frame, and show the features and their limits."""
         with loading(self._measure):
-            found = await self._viewer.attempt(
+            findings = await self._viewer.attempt(
                 lambda: measure_images(
                     [row.frame() for row in self.rows], mm_per_pixel=self.scale(), invert=bool(self._invert.value)
                 )
             )
-        if found is None:
+        if findings is None:
             return
         self._results.clear()
         with self._results, ui.element("div").classes("panel stack"):
-            for finding in found[0]:
+            for finding in findings[0]:
                 name = finding.image.name
                 table(Table(title=f"Contact in {name}", headings=("quantity", "value"), rows=finding_rows(finding)))
                 message_list(finding_notes(finding))
-            for message in found[1]:
+            for message in findings[1]:
                 ui.label(message).classes("flag")
 
     async def save(self) -> None:

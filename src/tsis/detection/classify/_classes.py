@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 
-NONE, OTHER, WANTED = 0, 1, 2
+NONE, OTHER, TARGET = 0, 1, 2
 CLASSES = 3
 SIDES = {  # unit, name of the requested side, and of the other
     "young_kpa": ("kPa", "stiffer than", "softer than"),
@@ -81,7 +81,7 @@ class ClassSplit:
             for name, limit in self.limits.items()
             for value in (getattr(inclusion, name),)
         )
-        return WANTED if all(above) else OTHER
+        return TARGET if all(above) else OTHER
 
     def labels(self, truth: Sequence[Inclusion | None]) -> list[int]:
         """The class of each target."""

@@ -176,7 +176,7 @@ def tilt_findings(
 ) -> list[tuple[str, str]]:
     """Flag ``tilted`` for the reference press of the largest tilt; ``allowed`` as for `tilt_evidence`."""
     tests = zip(references, allowed or [()] * len(references), strict=True)
-    _, worst = _least_likely([tilt_evidence(each, calibration, allowed=causes) for each, causes in tests])
+    _, worst = _least_likely([tilt_evidence(harmonics, calibration, allowed=causes) for harmonics, causes in tests])
     if worst is None:
         return []
     return [

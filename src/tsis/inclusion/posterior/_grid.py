@@ -156,19 +156,19 @@ def refine(
         def support(points: Floats) -> Booleans:
             return np.asarray(((points >= low) & (points <= high)).all(axis=1))
 
-    def look(box: SlantedBox, count: int) -> _CoarseLook:
+    def evaluate(box: SlantedBox, count: int) -> _CoarseDensity:
         cells = cells_of(*box, count, support)
-        return _CoarseLook(box=box, per_axis=count, cells=cells, log_density=log_density(cells.points))
+        return _CoarseDensity(box=box, per_axis=count, cells=cells, log_density=log_density(cells.points))
 
-    start = None if near is None else look(near, finder)
+    start = None if near is None else evaluate(near, finder)
     if start is None or not start.holds:
-        start = look((low, np.diag(high - low)), max(finder, FEWEST))
-    response = look(*_find(look, start, (low, high), (per_axis, finest * per_axis)))
+        start = evaluate((low, np.diag(high - low)), max(finder, FEWEST))
+    response = evaluate(*_find(evaluate, start, (low, high), (per_axis, finest * per_axis)))
     return Grid(cells=response.cells, log_density=response.log_density, support=support)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _CoarseLook:
+class _CoarseDensity:
     """A density in the cells of a box."""
 
     box: SlantedBox
@@ -201,8 +201,8 @@ def box_around(points: Floats, log_density: Floats, edges: Floats) -> SlantedBox
 
 
 def _find(
-    view: Callable[[SlantedBox, int], _CoarseLook],
-    result: _CoarseLook,
+    view: Callable[[SlantedBox, int], _CoarseDensity],
+    result: _CoarseDensity,
     ends: tuple[Floats, Floats],
     counts: tuple[int, int],
 ) -> tuple[SlantedBox, int]:

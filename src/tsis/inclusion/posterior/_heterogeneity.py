@@ -202,8 +202,8 @@ class Heterogeneity:
 
     def selected(self, log_weight: Floats) -> Heterogeneity:
         """The hypotheses that ``log_weight`` (hypotheses,) does not make improbable, with their weights as before."""
-        keep = log_weight > log_weight.max() + np.log(IMPROBABLE_HYPOTHESIS)
-        return replace(self, sd=self.sd[keep], length=self.length[keep], log_weight=self.log_weight[keep])
+        probable = log_weight > log_weight.max() + np.log(IMPROBABLE_HYPOTHESIS)
+        return replace(self, sd=self.sd[probable], length=self.length[probable], log_weight=self.log_weight[probable])
 
 
 def heterogeneity(

@@ -296,11 +296,11 @@ def _mixed(hypotheses: NoiseHypotheses, residual: Floats, rotated: Floats, sd: F
     """Integrate the nuisances out of residuals (n, m), linear in them by ``rotated`` (n, m, nuisances)."""
     evidence, results = _evidence(hypotheses, residual, rotated, sd)
     best = evidence.argmax(axis=0)
-    each = np.arange(len(residual))
+    index = np.arange(len(residual))
     return LikelihoodFit(
         log_evidence=np.asarray(np.logaddexp.reduce(evidence, axis=0)),
-        nuisance=np.array([nuisance for _, nuisance, _ in results])[best, each],
-        misfit=np.array([misfit for _, _, misfit in results])[best, each],
+        nuisance=np.array([nuisance for _, nuisance, _ in results])[best, index],
+        misfit=np.array([misfit for _, _, misfit in results])[best, index],
         hypothesis=best,
     )
 

@@ -222,11 +222,11 @@ def solved_once(continuation: PressContinuation, presses: Sequence[SlabPress]) -
             for name, values in zip(PARTS, (here.state.unknowns, *here.state.pressures), strict=True):
                 arrays[f"{name}-{index}"] = values.astype("f4")
         write_cached_arrays(KIND, key, arrays)
-    found = []
+    states = []
     for index, press in enumerate(presses):
         unknowns, *pressures = (np.asarray(arrays[f"{name}-{index}"], dtype=float) for name in PARTS)
-        found.append(continuation.resumed(press, unknowns, tuple(pressures)))
-    return tuple(found)
+        states.append(continuation.resumed(press, unknowns, tuple(pressures)))
+    return tuple(states)
 
 
 def path_around(

@@ -183,12 +183,12 @@ def _slab_press(thickness_mm: float, young_kpa: float, poisson: float, force_n: 
 def _nearest(anchors: Sequence[SolvedPress], target: SlabPress) -> SolvedPress:
     """The anchor whose tissue deforms most like that of a press."""
 
-    def apart(solved: SolvedPress) -> float:
+    def distance(solved: SolvedPress) -> float:
         press = solved.press
         ratio = press.force_n * target.phantom.young_kpa / press.phantom.young_kpa / target.force_n
         return float(abs(np.log(ratio)))
 
-    return min(anchors, key=apart)
+    return min(anchors, key=distance)
 
 
 def _plus(field: PressField, with_it: PressField, without: PressField) -> PressField:

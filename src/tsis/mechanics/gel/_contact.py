@@ -331,13 +331,13 @@ def cell_response(
 ) -> Floats:
     """Displacement (x of all points, then y) by 1 kPa of shear along x, then along y, on square cells of the face."""
     pixel = pitch_mm / PIXELS
-    reach = int(np.ceil((np.abs(points).max() + np.abs(cells).max()) / pixel)) + 2
-    grid = GelGrid((2 * reach + 1,) * 2, (pixel, pixel), young_kpa, poisson, thickness_mm)
+    half_width = int(np.ceil((np.abs(points).max() + np.abs(cells).max()) / pixel)) + 2
+    grid = GelGrid((2 * half_width + 1,) * 2, (pixel, pixel), young_kpa, poisson, thickness_mm)
     load = np.zeros((2, *grid.shape))
-    middle = slice(reach - PIXELS // 2, reach + PIXELS // 2 + 1)
+    middle = slice(half_width - PIXELS // 2, half_width + PIXELS // 2 + 1)
     load[0, middle, middle] = 1.0
     along_x, along_y, _ = grid.displacement_mm(np.zeros(grid.shape), load)
-    offset = (points[:, None] - cells[None]) / pixel + reach
+    offset = (points[:, None] - cells[None]) / pixel + half_width
     places = (offset[..., 1], offset[..., 0])
     same, across = (map_coordinates(field, places, order=1) for field in (along_x, along_y))
     other = map_coordinates(along_x.T, places, order=1)  # the layer is isotropic: x and y change their roles

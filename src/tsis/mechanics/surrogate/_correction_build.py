@@ -317,11 +317,11 @@ def _without_inclusion(solver: _Solver, advance: Callable[[], None]) -> tuple[Fl
 def _pairs(solver: _Solver, states: Floats, name: str | None, advance: Callable[[], None]) -> dict[str, Floats]:
     """Signals of both models over their scale at the states that converge; an earlier build's are taken first."""
     arrays = None if name is None else read_cached_arrays(KIND, name)
-    found = {} if arrays is None else dict(zip(arrays["index"].tolist(), arrays["rows"], strict=True))
+    finished = {} if arrays is None else dict(zip(arrays["index"].tolist(), arrays["rows"], strict=True))
     failed = [] if arrays is None else arrays["failed"].tolist()
     here: SolvedPress | None = None
     for index, (diameter, depth, factor, tissue, thickness, load) in enumerate(states.tolist()):
-        if index not in found and index not in failed:
+        if index not in finished and index not in failed:
             without, change = solver.small(tissue, thickness, (diameter, depth, factor))
             force = load * solver.unit_force_n(tissue, without)
             try:
@@ -338,13 +338,13 @@ def _pairs(solver: _Solver, states: Floats, name: str | None, advance: Callable[
                 signal = row_of_field(there.result.field) - row_of_field(here.result.field)
                 scale = float(signal_scale(diameter, depth, factor))
                 small, reference = solver.at_force(change, force), solver.at_force(without, force)
-                found[index] = np.array([signal[:OUTPUTS] / scale, small, reference])
+                finished[index] = np.array([signal[:OUTPUTS] / scale, small, reference])
             if name is not None and (index % SAVED_EVERY == 0 or index == len(states) - 1):
-                saved = {"index": list(found), "rows": list(found.values()), "failed": failed}
+                saved = {"index": list(finished), "rows": list(finished.values()), "failed": failed}
                 write_cached_arrays(KIND, name, {key: np.array(values) for key, values in saved.items()})
         advance()
-    rows = np.array([found[index] for index in sorted(found)])
-    return {"states": states[sorted(found)], "finite": rows[:, 0], "small": rows[:, 1], "reference": rows[:, 2]}
+    rows = np.array([finished[index] for index in sorted(finished)])
+    return {"states": states[sorted(finished)], "finite": rows[:, 0], "small": rows[:, 1], "reference": rows[:, 2]}
 
 
 def _decomposed(box: CorrectionBox, pairs: dict[str, Floats]) -> tuple[Floats, Floats, Floats]:

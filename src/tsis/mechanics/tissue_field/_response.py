@@ -111,8 +111,8 @@ class TissueFieldResponse:
         moved = np.einsum("gsn,gsp->png", tissue.strain, round_stress, optimize=True)
         inverse = np.linalg.inv(tissue.compliance + probe_compliance)
         if harmonic == 0:  # at fixed force
-            held = inverse.sum(axis=1)
-            inverse = inverse - np.outer(held, held) / held.sum()
+            row_sums = inverse.sum(axis=1)
+            inverse = inverse - np.outer(row_sums, row_sums) / row_sums.sum()
         pressure, displacement = self._outputs(harmonic, probe_compliance)
         return FieldResponse(
             pressure_kpa=pressure @ inverse @ moved,

@@ -36,10 +36,10 @@ VERSIONS = ("numpy", "scipy")
 def card_page(card: PerformanceCard, *, now: datetime) -> Page:
     """Two sheets: numbers, checks, lines over the true values, dates and versions."""
     counts, failed = card.decisions.counts(), [check for check in card.checks if check.passed is False]
-    found = "-" if counts is None else f"{counts.true_positives} of {counts.present}"
+    detected = "-" if counts is None else f"{counts.true_positives} of {counts.present}"
     alarms = "-" if counts is None else f"{counts.false_positives} of {counts.absent}"
     numbers = tuple(_row(card, item) for item in card.results)
-    checks = tuple((_named(each.name), each.found, each.required, RESULTS[each.passed]) for each in card.checks)
+    checks = tuple((_named(entry.name), entry.found, entry.required, RESULTS[entry.passed]) for entry in card.checks)
     return Page(
         title=f"Performance card: {card.device}",
         subtitle=f"study {card.study.plan.name}, {card.study.plan.made:%Y-%m-%d}; card of {now:%Y-%m-%d}",
@@ -50,7 +50,7 @@ def card_page(card: PerformanceCard, *, now: datetime) -> Page:
                 detail=f"{sum(check.passed is not None for check in card.checks)} checked",
                 doubtful=not card.passed,
             ),
-            Card(title="inclusions found", value=found, detail=f"false alarms: {alarms}"),
+            Card(title="inclusions found", value=detected, detail=f"false alarms: {alarms}"),
             *(_card(item) for item in card.results[:2]),
         ),
         notes=(

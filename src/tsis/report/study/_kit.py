@@ -110,7 +110,7 @@ def kit_document(files: Mapping[str, bytes]) -> dict[str, Any]:
 def score_page(score: ValidationScore) -> Page:
     """How often intervals held the truth, bias, detection, and the moduli of the bench."""
     counts = score.counts
-    found = "-" if counts is None else f"{counts.true_positives} of {counts.present}"
+    hits = "-" if counts is None else f"{counts.true_positives} of {counts.present}"
     alarms = "-" if counts is None else f"{counts.false_positives} of {counts.absent}"
     numbers = tuple(
         (
@@ -137,7 +137,7 @@ def score_page(score: ValidationScore) -> Page:
         title=f"Validation: {score.device}",
         subtitle=f"study {score.study.plan.name}, {score.study.plan.made:%Y-%m-%d}",
         cards=(
-            Card(title="inclusions found", value=found, detail=f"false alarms: {alarms}"),
+            Card(title="inclusions found", value=hits, detail=f"false alarms: {alarms}"),
             *(
                 Card(
                     title=f"{NAMES[item.quantity][0]}: 90 % intervals that hold the truth",

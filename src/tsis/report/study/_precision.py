@@ -134,8 +134,8 @@ def _rows(item: Precision) -> Iterator[tuple[str, str, str, str]]:
     yield ("repeatability coefficient", f"{within.coefficient:.3g}", ends(interval), method_of(interval))
     if between is not None:
         wide = _between_interval(item)
-        each = {f"sd of {item.over}": between.operator_sd, "sd of their interaction": between.interaction_sd}
-        for name, value in each.items():
+        spreads = {f"sd of {item.over}": between.operator_sd, "sd of their interaction": between.interaction_sd}
+        for name, value in spreads.items():
             yield (name, f"{value:.3g}", "-", "")
         yield ("reproducibility sd", f"{between.sd:.3g}", "-", "")
         yield ("reproducibility coefficient", f"{between.coefficient:.3g}", ends(wide), method_of(wide))

@@ -111,12 +111,12 @@ def bench_moduli(path: str | os.PathLike[str], *, poisson: float = 0.49) -> dict
     measured: dict[str, list[tuple[str, MeasuredModulus]]] = {}
     for (phantoms, specimen, kind), rows in points.items():
         try:
-            found = _fitted(kind, np.array(rows), poisson)
+            fits = _fitted(kind, np.array(rows), poisson)
         except InputError as error:
             raise InputError(f"{error} ({phantoms}, specimen {specimen}, {kind})") from error
         for label in filter(None, (part.strip() for part in phantoms.split(";"))):
-            measured.setdefault(label, []).append((kind, found))
-    return {label: _combined(found) for label, found in measured.items()}
+            measured.setdefault(label, []).append((kind, fits))
+    return {label: _combined(fits) for label, fits in measured.items()}
 
 
 def _text(row: CsvRow, name: str) -> str:
@@ -139,11 +139,11 @@ def _fitted(kind: str, rows: np.ndarray, poisson: float) -> MeasuredModulus:
     return compression_modulus(travel, force, diameter_mm=size, height_mm=thickness, poisson=poisson)
 
 
-def _combined(found: Sequence[tuple[str, MeasuredModulus]]) -> BenchModulus:
-    values = np.array([item.young_kpa for _, item in found])
+def _combined(fits: Sequence[tuple[str, MeasuredModulus]]) -> BenchModulus:
+    values = np.array([item.young_kpa for _, item in fits])
     scatter = float(np.std(values, ddof=1)) if len(values) > 1 else 0.0
-    points = float(np.sqrt(np.mean([item.sd_kpa**2 for _, item in found])))
-    kinds = {kind: float(np.mean([item.young_kpa for of, item in found if of == kind])) for kind, _ in found}
+    points = float(np.sqrt(np.mean([item.sd_kpa**2 for _, item in fits])))
+    kinds = {kind: float(np.mean([item.young_kpa for of, item in fits if of == kind])) for kind, _ in fits}
     sd = max(scatter, points) / np.sqrt(len(values))
     return BenchModulus(young_kpa=float(values.mean()), sd_kpa=float(sd), specimens=len(values), by_kind=kinds)
 
@@ -234,8 +234,8 @@ def _score(
     for reading in readings:
         if quantity in reading.values:
             errors.setdefault(reading.code, []).append(reading.values[quantity] - truths[reading.code].values[quantity])
-    held = list(_held(quantity, readings, truths, known_sd))
-    if not errors and not held:
+    inside = list(_inside(quantity, readings, truths, known_sd))
+    if not errors and not inside:
         return None
     means = np.array([np.mean(values) for values in errors.values()])
     relative = [np.mean(values) / truths[code].values[quantity] for code, values in errors.items()]
@@ -245,9 +245,9 @@ def _score(
         interval = Interval(low=float(means.mean()) - half, high=float(means.mean()) + half, level=0.95, method="t")
     return QuantityScore(
         quantity=quantity,
-        hits=sum(plain for plain, _ in held),
-        hits_widened=sum(widened for _, widened in held),
-        count=len(held),
+        hits=sum(plain for plain, _ in inside),
+        hits_widened=sum(widened for _, widened in inside),
+        count=len(inside),
         phantoms=len(means),
         bias=float(means.mean()) if errors else None,
         relative_bias=float(np.mean(relative)) if errors else None,
@@ -255,7 +255,7 @@ def _score(
     )
 
 
-def _held(
+def _inside(
     quantity: str,
     readings: Sequence[DeviceReading],
     truths: Mapping[str, TargetTruth],

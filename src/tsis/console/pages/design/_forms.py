@@ -87,9 +87,9 @@ class QuestionForm:
                 draft, "with_reference"
             )
 
-    def _fault(self, alone: QuestionDraft) -> str:
+    def _fault(self, candidate: QuestionDraft) -> str:
         """Error of one field, with defaults for the others."""
-        return draft_message(lambda: alone.question(self._editor.probe.start))
+        return draft_message(lambda: candidate.question(self._editor.probe.start))
 
     def _compare(self, aspect: str, event: ValueChangeEventArguments[bool]) -> None:
         if event.value:

@@ -64,9 +64,9 @@ class CodeTable:
         self._draw()
 
     def _requested(self, event: GenericEventArguments) -> None:
-        asked = event.args.get("pagination") if isinstance(event.args, dict) else None
-        if isinstance(asked, dict):
-            page, size = asked.get("page"), asked.get("rowsPerPage")
+        sent = event.args.get("pagination") if isinstance(event.args, dict) else None
+        if isinstance(sent, dict):
+            page, size = sent.get("page"), sent.get("rowsPerPage")
             self._sheet = page if isinstance(page, int) and page > 0 else 1
             self._size = next((sheet for sheet in SHEETS if sheet == size), SHEETS[0])
         self._draw()
