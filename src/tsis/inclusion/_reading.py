@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import qmc
 
 from tsis.inclusion._frames import (
     depletion_per_n,
@@ -29,11 +28,9 @@ from tsis.inclusion.posterior import (
     heterogeneity,
     ring_correction,
     ring_correlation,
-    ring_means,
     ring_responses,
 )
 from tsis.mechanics.surrogate import build_finite_correction, build_full_contact_surrogate
-from tsis.model import MN_PER_N
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -49,7 +46,6 @@ if TYPE_CHECKING:
 
 
 LIKELY = 0.01  # chance of a shift by uneven tissue above which it is none of an inclusion
-TYPICAL = 128  # inclusions of the prior, of which the signal is taken
 LIKE_FORCE = 0.1  # largest relative difference of the forces of target and reference that locate the inclusion
 
 
@@ -77,21 +73,13 @@ def press_tables(
     box = prior.box()
     surrogate = build_full_contact_surrogate(probe, box, progress=progress)
     correction = build_finite_correction(probe, box, progress=progress) if strain == "finite" else None
-    of_correction = 0.0 if correction is None else correction.error_in(box) * _typical_signal(surrogate, probe, prior)
+    of_correction = 0.0 if correction is None else correction.error_in(box)
     return PressTables(
         surrogate=surrogate,
         correction=correction,
         field=build_field_table(probe, prior, progress=progress) if prior.heterogeneity_sd else None,
         error=float(np.hypot(surrogate.error, of_correction)),
     )
-
-
-def _typical_signal(surrogate: FullContactSurrogate, probe: Probe, prior: InclusionPrior) -> float:
-    """Root mean square of the pressure's change by an inclusion of the prior over the mean pressure."""
-    inclusions = prior.low + qmc.Halton(3, scramble=False).random(TYPICAL) * (prior.high - prior.low)
-    pressure = surrogate.unit.pressure_kpa.at_tissue(prior.tissue_young_kpa, prior.thickness_mm)
-    signal = (pressure(*inclusions.T) - pressure.baseline) @ ring_means(surrogate, ring_edges(probe)).T
-    return float(np.sqrt(np.mean(signal**2)) * np.pi * probe.radius_mm**2 / MN_PER_N)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

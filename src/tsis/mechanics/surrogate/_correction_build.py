@@ -55,6 +55,7 @@ PRESSURE_MODES, DISPLACEMENT_MODES = 10, 6
 LEADING_MODES = 4  # of the pressure and of the displacement: slow functions of the state
 # First columns of what one process learns: multiples, logarithms of norms, leading modes, the other modes
 GROUPS = [0, 2, 4, 4 + 2 * LEADING_MODES]
+NORM = 2  # column of the pressure's logarithm of the norm
 OF_PRESSURE = [0, *range(4, 4 + LEADING_MODES), *range(GROUPS[3], GROUPS[3] + PRESSURE_MODES - LEADING_MODES)]
 MODES_FRACTION = 0.85  # of the face's radius, over which profiles are decomposed
 RINGS = 20  # of the inner face, over which an estimate and the error take means
@@ -257,10 +258,11 @@ def _solve(solver: _Solver, seed: int, size: _Size, key: str | None, progress: P
         "points": points.astype("f4"),
         "coefficients": coefficients.astype("f4"),
         "lengths": np.array([np.append(*fit) for fit in fits]),
-        "left_out": _left_out(points, coefficients, fits).astype("f4"),
+        "left_out": np.zeros(len(points), dtype="f4"),
         "error": np.zeros(2),
     }
     correction = _loaded(solver.probe, solver.box, arrays, "")
+    arrays["left_out"] = _left_out(correction, learnt["states"], coefficients, fits).astype("f4")
     name = None if key is None else f"{key}-{PARTS[1]}"
     fresh = _pairs(solver, design(solver.box, size.checks, seed + 1), name, advance)
     return arrays | {"error": _measured(correction, fresh)}
@@ -308,7 +310,7 @@ def _pairs(solver: _Solver, states: Floats, name: str | None, advance: Callable[
                 contrast = float(contrast_from_factor(factor))
                 there = solver.continuation.follow(here, here.press.with_contrast(contrast))
             except MechanicsError as error:
-                here = None  # what did not converge from here may lie near the end of the model: start anew
+                here = None  # it may lie near the end of the model: start anew
                 failed.append(index)
                 if len(failed) > max(2, len(states) // 10):
                     raise MechanicsError(
@@ -352,14 +354,24 @@ def _decomposed(box: CorrectionBox, pairs: dict[str, Floats]) -> tuple[Floats, F
     )
 
 
-def _left_out(points: Floats, coefficients: Floats, fits: list[tuple[Floats, float]]) -> Floats:
+def _left_out(
+    correction: FiniteCorrection, states: Floats, coefficients: Floats, fits: list[tuple[Floats, float]]
+) -> Floats:
     """See `FiniteCorrection`; the modes are orthonormal over the rings, and what they leave out is neglected."""
-    errors = np.zeros(len(points))
-    for columns, (lengths, nugget) in zip(np.split(np.arange(coefficients.shape[1]), GROUPS[1:]), fits, strict=True):
-        pressure = [column for column in columns.tolist() if column in OF_PRESSURE]
-        values = coefficients[:, pressure]
-        errors += (left_out(points, values, lengths, nugget) ** 2).sum(axis=1)
-    return np.sqrt(errors)
+    points = correction.box.unit(states)
+    columns = np.split(coefficients, GROUPS[1:], axis=1)
+    errors = np.hstack([left_out(points, part, *fit) for part, fit in zip(columns, fits, strict=True)])
+    errors[:, NORM] *= np.linalg.norm(coefficients[:, OF_PRESSURE[1:]], axis=1)
+    of_signal = np.linalg.norm(errors[:, [NORM, *OF_PRESSURE]], axis=1)
+    rings = np.exp(coefficients[:, NORM]) / np.sqrt(np.arange(1, RINGS + 1).sum())
+    signal = signal_scale(*states[:, :3].T) * rings
+    forces_mn = MN_PER_N * np.array([_force_n(correction, *state) for state in states[:, 3:].tolist()])
+    return np.asarray(of_signal * signal * np.pi * correction.radius_mm[-1] ** 2 / forces_mn)
+
+
+def _force_n(correction: FiniteCorrection, tissue: float, thickness: float, load: float) -> float:
+    most = float(correction.box.largest_load(np.array(tissue)))
+    return load / most * correction.forces_n(tissue, thickness)[1]
 
 
 def _ring_means(fraction: float) -> Floats:
@@ -378,10 +390,8 @@ def _measured(correction: FiniteCorrection, pairs: dict[str, Floats]) -> Floats:
     for (diameter, depth, factor, tissue, thickness, load), finite, small in zip(
         pairs["states"].tolist(), pairs["finite"], pairs["small"], strict=True
     ):
-        most = float(correction.box.largest_load(np.array(tissue)))
-        force = load / most * correction.forces_n(tissue, thickness)[1]
         contrast = np.array([float(contrast_from_factor(factor))])
-        state = np.array([[tissue, thickness, force]])
+        state = np.array([[tissue, thickness, _force_n(correction, tissue, thickness, load)]])
         scale = float(signal_scale(diameter, depth, factor))
         sphere = (np.array([diameter]), np.array([depth]), contrast)
         (expected,) = correction.change(*sphere, state, scale * small[None, None])[0]

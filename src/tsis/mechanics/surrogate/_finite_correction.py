@@ -292,8 +292,7 @@ class FiniteCorrection:
         Multiples of the signal's pressure and displacement, logarithms of their norms over the scale of the signal, and
         the coefficients of the modes, in this order.
     left_out
-        Error of the pressure's signal over the signal, as norms over rings, where each press that the table learnt from
-        is left out, shape (n,).
+        Root mean square error of the pressure over the mean pressure, where each press learnt from is left out, (n,).
     signal_error
         Median and largest error of the pressure's ring means over fresh presses, as fractions of the signal's peak.
     is_domed
@@ -319,11 +318,10 @@ class FiniteCorrection:
         return hats(self.radius_mm, radius_mm)
 
     def error_in(self, box: Box) -> float:
-        """Root mean square error of the pressure's signal over the signal, in and near another box."""
+        """Root mean square error of the pressure over the mean pressure, in and near another box."""
         low, high = self.box.coordinates
-        others = np.log([box.diameter_mm, box.depth_mm, box.tissue_young_kpa, box.thickness_mm]).T
-        which = [0, 1, 3, 4]
-        first, last = (others - low[which]) / (high - low)[which]
+        which, others = [0, 1, 3, 4], (box.diameter_mm, box.depth_mm, box.tissue_young_kpa, box.thickness_mm)
+        first, last = (np.log(others).T - low[which]) / (high - low)[which]
         places = self.processes[0].points[:, which]
         beyond = np.maximum(np.maximum(first - places, places - last), 0.0)
         weights = np.exp(-0.5 * ((beyond / NEAR) ** 2).sum(axis=1))
