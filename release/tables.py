@@ -17,7 +17,7 @@ import tsis
 from tsis.catalog import list_probes
 from tsis.files import shipped_tables
 from tsis.hardness import build_contact_table
-from tsis.inclusion import InclusionPrior
+from tsis.inclusion import InclusionPrior, prior_on_tissue
 from tsis.inclusion.posterior import build_field_table
 from tsis.mechanics.finite_strain import PressSeries
 from tsis.mechanics.surrogate import build_finite_correction
@@ -41,7 +41,7 @@ def compute_tables() -> None:
     for name in list_probes():
         build_contact_table(tsis.load_probe(name))
     for name in TISSUE_PROBES:
-        for prior in (InclusionPrior(), InclusionPrior().on_tissue(OTHER_KPA)):
+        for prior in (InclusionPrior(), prior_on_tissue(InclusionPrior(), OTHER_KPA)):
             build_finite_correction(tsis.load_probe(name), prior.box())
         build_field_table(tsis.load_probe(name), InclusionPrior())
         PressSeries(tsis.load_probe(name)).press(tsis.load_phantom("size-8"), force_n=FORCES_N[0])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,8 +12,7 @@ from hypothesis import strategies as st
 
 import tsis
 from tsis.errors import InputError, TsisError
-from tsis.inclusion import InclusionPrior, tissue_modulus
-from tsis.inclusion.design import protocol_forces
+from tsis.inclusion import InclusionPrior, prior_on_tissue, protocol_forces, tissue_modulus
 from tsis.mechanics import press
 from tsis.model import Calibration, LightMap, Phantom, TactileImage
 from tsis.virtual import VirtualProbe
@@ -72,11 +72,11 @@ def test_a_press_beside_an_edge_is_no_tissue() -> None:
         ({}, {"calibration": calibration("tsis-2011")}, "tsis-2011"),
     ],
 )
-def test_wrong_input_is_refused(change: dict[str, None], options: dict[str, object], message: str) -> None:
+def test_wrong_input_is_refused(change: dict[str, Any], options: dict[str, Any], message: str) -> None:
     image = replace(light_press(5.0, seed=7), **change)
-    call = {"probe": DOMED, "calibration": calibration("tsis-domed")} | options
+    call: dict[str, Any] = {"probe": DOMED, "calibration": calibration("tsis-domed")} | options
     with pytest.raises(TsisError, match=message):
-        tissue_modulus(image, **call)  # type: ignore[arg-type]
+        tissue_modulus(image, **call)
 
 
 def test_the_usual_forces_are_those_of_the_usual_tissue() -> None:
@@ -104,9 +104,9 @@ def test_tissue_out_of_range_has_no_forces(tissue: float) -> None:
 
 @given(tissue=st.floats(0.5, 80.0))
 def test_a_prior_on_another_tissue_has_its_contrasts(tissue: float) -> None:
-    prior, moved = InclusionPrior(), InclusionPrior().on_tissue(tissue)
+    prior, moved = InclusionPrior(), prior_on_tissue(InclusionPrior(), tissue)
     np.testing.assert_allclose(np.array(moved.young_kpa) / tissue, np.array(prior.young_kpa) / prior.tissue_young_kpa)
-    assert moved.on_tissue(5.0).young_kpa == pytest.approx(prior.young_kpa)
+    assert prior_on_tissue(moved, 5.0).young_kpa == pytest.approx(prior.young_kpa)
 
 
 @pytest.mark.slow

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from tsis.cli._exit_codes import INTERRUPTED
-from tsis.cli._progress import progress_bar
+from tsis.cli._progress import INTERRUPTED, progress_bar
 
 
 def main() -> None:

@@ -15,9 +15,8 @@ import typer
 
 import tsis
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.cli._exit_codes import BAD_INPUT, FAILED, INTERRUPTED, exit_code_of
 from tsis.cli._lazy import CommandEntry, LazyCommands
-from tsis.cli._progress import verbosity
+from tsis.cli._progress import BAD_INPUT, FAILED, INTERRUPTED, exit_code_of, verbosity
 from tsis.errors import TsisError, TsisWarning
 
 _show_python_warning = warnings.showwarning
@@ -75,7 +74,7 @@ COMMANDS = {
         "tsis design --probe tsis-domed --compare forces --compare frames --out design",
     ),
     "protocol": CommandEntry(
-        "tsis.cli._design",
+        "tsis.cli._protocol",
         "protocol",
         "Choose the forces of an examination by the tissue: from one light press, or from a known modulus.",
         "tsis protocol --tissue-kpa 10",

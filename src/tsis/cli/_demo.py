@@ -80,7 +80,7 @@ def demo(
     import numpy as np
 
     chosen = chosen_probe(probe)
-    assumed = chosen_prior(prior) if tissue_kpa is None else chosen_prior(prior).on_tissue(tissue_kpa)
+    assumed = chosen_prior(prior, tissue_kpa)
     if seeds is not None:
         _require_only_seeds(context)
         repeat_demo(
@@ -176,7 +176,7 @@ def _require_only_seeds(context: typer.Context) -> None:
 
 
 def _usual_forces(probe: Probe, tissue_kpa: float) -> list[float]:
-    return list(tsis.inclusion.design.protocol_forces(probe, tissue_young_kpa=tissue_kpa))
+    return list(tsis.inclusion.protocol_forces(probe, tissue_young_kpa=tissue_kpa))
 
 
 def _named(force_n: list[float]) -> dict[str, float]:

@@ -18,10 +18,9 @@ from rich.table import Table
 
 import tsis
 from tsis.__about__ import __version__
-from tsis.cli._exit_codes import FAILED
 from tsis.cli._options import AsJson
 from tsis.cli._output import people, print_json, print_notice
-from tsis.cli._progress import waiting
+from tsis.cli._progress import FAILED, waiting
 from tsis.errors import PluginError, RecordsError
 
 if TYPE_CHECKING:

@@ -160,7 +160,7 @@ def examine(
     estimated = {"--budget": budget, "--pdf": pdf, "--prior": prior, "--tissue-kpa": tissue_kpa}
     for option in (name for name, value in estimated.items() if value and calibration is None):
         raise InputError(f"{option} needs --calibration: without it no inclusion is estimated")
-    assumed = chosen_prior(prior) if tissue_kpa is None else chosen_prior(prior).on_tissue(tissue_kpa)
+    assumed = chosen_prior(prior, tissue_kpa)
     usable = None if calibration is None else tsis.calibration.read_usable_calibration(calibration)
     scale = chosen_scale(usable, scale_mm)
     by_line = usable is not None and not force_n and usable.calibration.force_line is not None

@@ -94,8 +94,10 @@ def other_priors(prior: tsis.inclusion.InclusionPrior) -> dict[str, tsis.inclusi
     return {name: other for name, other in named.items() if replace(other, name="") != replace(prior, name="")}
 
 
-def chosen_prior(given: str | None) -> tsis.inclusion.InclusionPrior:
-    """The prior of a name or of a file; the default one without."""
+def chosen_prior(given: str | None, tissue_kpa: float | None = None) -> tsis.inclusion.InclusionPrior:
+    """The prior of a name or of a file, the default one without; for tissue of another modulus where that is given."""
+    if tissue_kpa is not None:
+        return tsis.inclusion.prior_on_tissue(chosen_prior(given), tissue_kpa)
     if given is None:
         return tsis.inclusion.InclusionPrior()
     if given in tsis.catalog.list_inclusion_priors():

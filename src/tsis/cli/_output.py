@@ -16,8 +16,7 @@ from rich.table import Table
 
 import tsis
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.cli._exit_codes import WITHHELD
-from tsis.cli._progress import progress_bar
+from tsis.cli._progress import WITHHELD, progress_bar
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence

@@ -1,4 +1,4 @@
-"""What is written on standard error while a command runs."""
+"""What is written on standard error while a command runs, and how the program ends."""
 
 from __future__ import annotations
 
@@ -7,10 +7,25 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NoReturn
 
-from tsis.cli._exit_codes import INTERRUPTED
+from tsis.errors import (
+    CalibrationError,
+    InputError,
+    MechanicsError,
+    MissingExtraError,
+    NotCalibratedError,
+    NotIdentifiedError,
+    TsisError,
+    UntrustedError,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
+
+FAILED = 1  # a camera, a store or a check failed; one message says why
+BAD_INPUT = 2  # one message says what was wrong
+WITHHELD = 3  # the result must not be trusted, or the calculation was refused
+INTERRUPTED = 130  # Ctrl-C, as shells have it
+REFUSALS = (NotCalibratedError, UntrustedError, NotIdentifiedError, CalibrationError, MechanicsError)
 
 
 @dataclass(slots=True)
@@ -22,6 +37,13 @@ class Verbosity:
 
 
 verbosity = Verbosity()
+
+
+def exit_code_of(error: TsisError) -> int:
+    """The exit code of a command that ends with this error."""
+    if isinstance(error, (InputError, MissingExtraError)):
+        return BAD_INPUT
+    return WITHHELD if isinstance(error, REFUSALS) else FAILED
 
 
 def stop_interrupted(message: str) -> NoReturn:

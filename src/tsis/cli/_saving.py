@@ -11,8 +11,8 @@ import typer
 
 import tsis
 from tsis.__about__ import LARGEST_TARGET
-from tsis.cli._exit_codes import FAILED
 from tsis.cli._output import RESULT, leave, print_outcome, publish, result_bytes, write_outcome
+from tsis.cli._progress import FAILED
 from tsis.cli._store import DATABASE, PHANTOM, opened
 from tsis.errors import InputError, TsisError
 

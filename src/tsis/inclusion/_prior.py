@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,25 +120,6 @@ class InclusionPrior:
             f"Poisson's ratio {self.poisson:g} ± {self.poisson_sd:g}, "
             f"{_unevenness(self.heterogeneity_sd)}; {self.offset_sd_mm:g} mm from the axis where "
             f"frames do not measure it; an inclusion with probability {self.presence:g}"
-        )
-
-    def on_tissue(self, young_kpa: float, sd: float | None = None) -> InclusionPrior:
-        """The prior for tissue of another modulus in kPa, with the same range of contrast.
-
-        ``sd`` is the relative standard deviation of the modulus; by default that of this prior.
-
-        Examples
-        --------
-        >>> InclusionPrior().on_tissue(10.0).young_kpa
-        (80.0, 240.0)
-        """
-        young_kpa = require_number("tissue_young_kpa", young_kpa, 0.05, 2000.0, hint="kilopascals")
-        stiffer = young_kpa / self.tissue_young_kpa
-        return replace(
-            self,
-            tissue_young_kpa=young_kpa,
-            tissue_young_sd=self.tissue_young_sd if sd is None else sd,
-            young_kpa=(stiffer * self.young_kpa[0], stiffer * self.young_kpa[1]),
         )
 
     def box(self) -> Box:

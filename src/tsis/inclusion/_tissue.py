@@ -1,4 +1,4 @@
-"""The modulus of tissue without inclusion from one light press.
+"""The modulus of tissue without inclusion from one light press, and the forces that follow from it.
 
 On a dome the size of the contact tells the modulus, on a flat face the share of the rim; the level of the light tells
 nothing, for its sum is the force. Small strain: the press is light.
@@ -6,7 +6,7 @@ nothing, for its sum is the force. Small strain: the press is light.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -21,18 +21,21 @@ from tsis.inclusion._frames import ring_edges, ring_light, ring_profiles
 from tsis.inclusion.posterior import ring_correlation, ring_means
 from tsis.mechanics import hats
 from tsis.mechanics.small_strain import PressKernel
+from tsis.mechanics.surrogate import correction_box, wide_box
 from tsis.model import (
     IMPROBABLE,
     MN_PER_N,
+    Probe,
     require_frames_of_probe,
     require_image_series,
     require_number,
     require_same_probe,
+    require_type,
 )
 
 if TYPE_CHECKING:
-    from tsis.inclusion._prior import Floats
-    from tsis.model import Calibration, Probe, TactileImage
+    from tsis.inclusion._prior import Floats, InclusionPrior
+    from tsis.model import Calibration, TactileImage
 
 MODULI_KPA = np.geomspace(0.3, 150.0, 80)
 MODEL_SD = 0.02  # of the largest grey level: small strain, one thickness, even tissue
@@ -40,6 +43,10 @@ FINE = 20_000  # points over the range, of the posterior
 STEP = 0.02  # of force and thickness, for derivatives
 GENERIC_GAIN_SD = 0.5  # where the light on a dent was not measured
 POISSON = 0.49
+DOMED_LOADS = (1.28, 2.55)  # over the covering force; 0.5 and 1 N on 5 kPa
+FLAT_LOAD = 1.39  # over the tissue's modulus times radius squared; 1 N on 5 kPa
+SPREAD = 1.3  # of the tissue's modulus about its mean, which a table of finite strain holds
+MARGIN = 0.97  # of the largest load that the estimate's tables hold
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -175,3 +182,64 @@ class _Face:
 
     def interpolation(self, radius_mm: Floats) -> Floats:
         return hats(self.radius_mm, radius_mm)
+
+
+def protocol_forces(probe: Probe, *, tissue_young_kpa: float, thickness_mm: float = 30.0) -> tuple[float, ...]:
+    """Forces in newtons that use a probe well on its tissue: two under a dome, one under a flat face.
+
+    A dome loads the tissue differently at two forces: at the lower one it just touches with its whole face, at the
+    higher one it presses twice as hard. Forces grow with the modulus of the tissue; they have two digits.
+
+    Parameters
+    ----------
+    probe
+        The probe.
+    tissue_young_kpa
+        Modulus of the tissue, in [0.75, 65]; `tsis.inclusion.tissue_modulus` measures it.
+    thickness_mm
+        Thickness of the tissue, in [12, 72].
+
+    Raises
+    ------
+    InputError
+        When a value lies outside its range.
+
+    Examples
+    --------
+    >>> import tsis
+    >>> protocol_forces(tsis.load_probe("tsis-domed"), tissue_young_kpa=5.0)
+    (0.5, 1.0)
+    >>> protocol_forces(tsis.load_probe("tsis-domed"), tissue_young_kpa=10.0)
+    (0.96, 1.9)
+    """
+    require_type("probe", probe, Probe)
+    box, usual = wide_box(probe), correction_box(probe)
+    young = require_number("tissue_young_kpa", tissue_young_kpa, *box.tissue_young_kpa, hint="kilopascals")
+    thickness = require_number("thickness_mm", thickness_mm, *box.thickness_mm, hint="millimetres")
+    soft, stiff = usual.tissue_young_kpa
+    if SPREAD * soft <= young <= stiff / SPREAD and usual.thickness_mm[0] <= thickness <= usual.thickness_mm[1]:
+        box = usual
+    most = MARGIN * float(box.largest_load(np.array(young)))
+    is_flat = probe.face_curvature_mm is None
+    unit_n = young * probe.radius_mm**2 / MN_PER_N if is_flat else _kernel(probe, thickness).covering(young).force_n
+    loads = (FLAT_LOAD,) if is_flat else DOMED_LOADS
+    return tuple(float(f"{min(load, most) * unit_n:.2g}") for load in loads)
+
+
+@lru_cache(maxsize=8)
+def _kernel(probe: Probe, thickness_mm: float) -> PressKernel:
+    return PressKernel(probe, thickness_mm=thickness_mm, poisson=POISSON)
+
+
+def prior_on_tissue(prior: InclusionPrior, young_kpa: float) -> InclusionPrior:
+    """The prior for tissue of another modulus in kPa, with the same range of contrast.
+
+    Examples
+    --------
+    >>> from tsis.inclusion import InclusionPrior
+    >>> prior_on_tissue(InclusionPrior(), 10.0).young_kpa
+    (80.0, 240.0)
+    """
+    young_kpa = require_number("tissue_young_kpa", young_kpa, 0.05, 2000.0, hint="kilopascals")
+    low, high = (young_kpa / prior.tissue_young_kpa * end for end in prior.young_kpa)
+    return replace(prior, tissue_young_kpa=young_kpa, young_kpa=(low, high))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.imaging import Sensor
-from tsis.inclusion import InclusionPrior
+from tsis.inclusion import InclusionPrior, protocol_forces
 from tsis.inclusion.design import (
     ASPECTS,
     CRITERIA,
@@ -17,7 +17,6 @@ from tsis.inclusion.design import (
     compare_designs,
     design_alternatives,
     optimise_design,
-    protocol_forces,
     protocol_of,
     rank_designs,
 )

@@ -74,8 +74,7 @@ class VirtualGelSensor:
         self.sensor, self._scale, self._rng, self._resolution = sensor, scale, rng, resolution
         self.gel = _drawn_gel(sensor, rng) if gel is None else gel
         self._light = random_gel_light((rows, columns), rng, size_px=0.08 * columns)
-        untouched = np.zeros((rows, columns))
-        self.reference: NDArray[np.uint8] = render_gel(untouched, sensor, self._light, rng, drift=False)
+        self.reference: NDArray[np.uint8] = render_gel(np.zeros((rows, columns)), sensor, self._light, rng, drift=False)
 
     def press(self, ball: SoftSphere, *, force_n: float, centre_px: tuple[float, float] | None = None) -> RenderedPress:
         """The frame of a ball at one force; `presses` of several."""
@@ -103,8 +102,7 @@ class VirtualGelSensor:
     def calibration_presses(self, count: int, *, ball_radius_mm: float, depths: int = 3) -> tuple[RenderedPress, ...]:
         """Presses of a rigid ball at ``count`` places and ``depths`` depths, as a depth calibration wants them."""
         radius = require_number("ball_radius_mm", ball_radius_mm, 0.5, 20.0, hint="millimetres")
-        columns, rows = self.sensor.image_px
-        widest = min(0.28 * min(columns * self._scale[0], rows * self._scale[1]), DEEP * radius)
+        widest = min(0.28 * float(np.multiply(self.sensor.image_px, self._scale).min()), DEEP * radius)
         widest = min(widest, float(np.sqrt(DEEPEST * self.gel.thickness_mm * radius)))
         modulus = self.gel.young_kpa / (1.0 - self.gel.poisson**2)
         contact = np.linspace(min(SHALLOW * radius, 0.7 * widest), widest, min(depths, count))
@@ -120,7 +118,6 @@ class VirtualGelSensor:
         return press_fields(probe, ball, forces_n=forces_n, resolution=self._resolution)
 
     def _rendered(self, field: PressField, ball: SoftSphere, centre_px: tuple[float, float] | None) -> RenderedPress:
-        columns, rows = self.sensor.image_px
         contact = hertzian_radius_mm(field)
         press = GelBallPress(
             contact_radius_mm=contact, depth_mm=float(field.face_displacement_mm[0]),
@@ -128,7 +125,7 @@ class VirtualGelSensor:
         )  # fmt: skip
         radius_px = contact / float(np.sqrt(np.prod(self._scale)))
         centre = self._place(radius_px) if centre_px is None else centre_px
-        depth = gel_depth_mm(press, self.sensor, columns, rows, centre)
+        depth = gel_depth_mm(press, self.sensor, *self.sensor.image_px, centre)
         return RenderedPress(
             sensor=self.sensor,
             reference=self.reference,
@@ -141,11 +138,10 @@ class VirtualGelSensor:
         )
 
     def _place(self, radius_px: float) -> tuple[float, float]:
-        places = []
-        for size in self.sensor.image_px:
-            margin = min(MARGIN * radius_px, 0.5 * (size - 1))
-            places.append(float(self._rng.uniform(margin, size - 1 - margin)))
-        return places[0], places[1]
+        ends = [size - 1 for size in self.sensor.image_px]
+        margins = [min(MARGIN * radius_px, 0.5 * end) for end in ends]
+        x, y = (float(self._rng.uniform(margin, end - margin)) for margin, end in zip(margins, ends, strict=True))
+        return x, y
 
 
 def _drawn_gel(sensor: GelSensor, rng: np.random.Generator) -> Layer:

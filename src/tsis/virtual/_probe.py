@@ -291,7 +291,7 @@ def _checked_light(light: Irradiance | LightMap, probe: Probe) -> Irradiance | L
 
 def exposure_for(force_n: float) -> float:
     """Exposure at which a press with ``force_n`` does not clip: the usual one up to 1 N."""
-    return min(1.0, 1.0 / force_n)
+    return min(1.0, 1.0 / require_number("force_n", force_n, 1e-4, LARGEST_FORCE_N, hint="newtons"))
 
 
 def nominal_calibration(

@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 import tsis
-from tsis.cli._exit_codes import FAILED
 from tsis.cli._force_gauge import force_then
 from tsis.cli._groups import ended_by
 from tsis.cli._output import people, print_json, print_notice
-from tsis.cli._progress import progress_bar
+from tsis.cli._progress import FAILED, progress_bar
 from tsis.errors import CameraError, FileInputError, GaugeError
 
 if TYPE_CHECKING:

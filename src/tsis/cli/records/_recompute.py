@@ -9,10 +9,9 @@ from rich.markup import escape
 from rich.table import Table
 
 import tsis
-from tsis.cli._exit_codes import FAILED
 from tsis.cli._options import AsJson
 from tsis.cli._output import people, print_json, print_notice
-from tsis.cli._progress import progress_bar
+from tsis.cli._progress import FAILED, progress_bar
 from tsis.cli._store import PHANTOM, StoreDatabase, StoreFolder, StoreKind, opened
 from tsis.errors import InputError, TsisError
 

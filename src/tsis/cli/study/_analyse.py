@@ -11,10 +11,9 @@ from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
-from tsis.cli._exit_codes import FAILED
 from tsis.cli._options import AsJson
 from tsis.cli._output import people, print_json, print_notice
-from tsis.cli._progress import progress_bar, stop_interrupted
+from tsis.cli._progress import FAILED, progress_bar, stop_interrupted
 from tsis.cli.study._new import StudyFolder
 from tsis.errors import InputError
 

@@ -10,9 +10,9 @@ from rich.markup import escape
 from rich.table import Table
 
 import tsis
-from tsis.cli._exit_codes import FAILED
 from tsis.cli._options import AsJson
 from tsis.cli._output import people, print_json, print_notice
+from tsis.cli._progress import FAILED
 from tsis.cli.study._new import StudyFolder
 
 if TYPE_CHECKING:

@@ -20,7 +20,6 @@ from tsis.inclusion.design._protocol import (
     PlannedPress,
     Protocol,
     default_protocols,
-    protocol_forces,
     protocol_of,
 )
 from tsis.inclusion.design._search import MOST_EVALUATIONS, DesignOptimum, optimise_design
@@ -42,7 +41,6 @@ __all__ = [
     "dissertation_inclusions",
     "even_inclusions",
     "optimise_design",
-    "protocol_forces",
     "protocol_information",
     "protocol_of",
     "rank_designs",

@@ -3,23 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
-
-import numpy as np
 
 from tsis.catalog import load_probe
 from tsis.errors import InputError
-from tsis.mechanics.small_strain import PressKernel
-from tsis.mechanics.surrogate import correction_box, wide_box
-from tsis.model import MN_PER_N, Probe, require_integer, require_number, require_type
+from tsis.inclusion._tissue import protocol_forces
+from tsis.model import Probe, require_integer, require_number, require_type
 
 LEAST_FORCE_N, LARGEST_FORCE_N = 1e-3, 50.0
 MOST_FRAMES_PER_PRESS = 1000
-DOMED_LOADS = (1.28, 2.55)  # over the covering force; 0.5 and 1 N on 5 kPa
-FLAT_LOAD = 1.39  # over the tissue's modulus times radius squared; 1 N on 5 kPa
-SPREAD = 1.3  # of the tissue's modulus about its mean, which a table of finite strain holds
-MARGIN = 0.97  # of the largest load that the estimate's tables hold
-POISSON = 0.49
 USUAL_KPA = 5.0  # tissue of the catalog's phantoms
 
 
@@ -118,52 +109,6 @@ def protocol_of(probe: Probe, forces_n: tuple[float, ...], *, with_reference: bo
     """Protocol with one press at each of the forces, all with a reference or none."""
     presses = tuple(PlannedPress(force_n=force, with_reference=with_reference) for force in forces_n)
     return Protocol(probe=probe, presses=presses, name=name)
-
-
-def protocol_forces(probe: Probe, *, tissue_young_kpa: float, thickness_mm: float = 30.0) -> tuple[float, ...]:
-    """Forces in newtons that use a probe well on its tissue: two under a dome, one under a flat face.
-
-    A dome loads the tissue differently at two forces: at the lower one it just touches with its whole face, at the
-    higher one it presses twice as hard. Forces grow with the modulus of the tissue; they have two digits.
-
-    Parameters
-    ----------
-    probe
-        The probe.
-    tissue_young_kpa
-        Modulus of the tissue, in [0.75, 65]; `tsis.inclusion.tissue_modulus` measures it.
-    thickness_mm
-        Thickness of the tissue, in [12, 72].
-
-    Raises
-    ------
-    InputError
-        When a value lies outside its range.
-
-    Examples
-    --------
-    >>> protocol_forces(load_probe("tsis-domed"), tissue_young_kpa=5.0)
-    (0.5, 1.0)
-    >>> protocol_forces(load_probe("tsis-domed"), tissue_young_kpa=10.0)
-    (0.96, 1.9)
-    """
-    require_type("probe", probe, Probe)
-    box, usual = wide_box(probe), correction_box(probe)
-    young = require_number("tissue_young_kpa", tissue_young_kpa, *box.tissue_young_kpa, hint="kilopascals")
-    thickness = require_number("thickness_mm", thickness_mm, *box.thickness_mm, hint="millimetres")
-    soft, stiff = usual.tissue_young_kpa
-    if SPREAD * soft <= young <= stiff / SPREAD and usual.thickness_mm[0] <= thickness <= usual.thickness_mm[1]:
-        box = usual
-    most = MARGIN * float(box.largest_load(np.array(young)))
-    is_flat = probe.face_curvature_mm is None
-    unit_n = young * probe.radius_mm**2 / MN_PER_N if is_flat else _kernel(probe, thickness).covering(young).force_n
-    loads = (FLAT_LOAD,) if is_flat else DOMED_LOADS
-    return tuple(float(f"{min(load, most) * unit_n:.2g}") for load in loads)
-
-
-@lru_cache(maxsize=8)
-def _kernel(probe: Probe, thickness_mm: float) -> PressKernel:
-    return PressKernel(probe, thickness_mm=thickness_mm, poisson=POISSON)
 
 
 def default_protocols() -> tuple[Protocol, ...]:
