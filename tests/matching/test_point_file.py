@@ -194,6 +194,17 @@ def test_missing_empty_and_huge_files_and_folders(tmp_path: Path) -> None:
         file.truncate(10**12)  # sparse: it takes no room on the disk
     with pytest.raises(FileInputError, match="at most 160 MiB"):
         read_points(tmp_path / "huge.csv")
+
+
+def test_more_points_than_the_limit_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(point_file, "MOST_POINTS", 2000)
+    (tmp_path / "many.csv").write_text("1,2\n" * 2001)
+    with pytest.raises(FileInputError, match="got 2001"):
+        read_points(tmp_path / "many.csv")
+
+
+@pytest.mark.slow
+def test_more_than_two_million_points_are_refused(tmp_path: Path) -> None:
     (tmp_path / "many.csv").write_text("1,2\n" * (MOST_POINTS + 1))
     with pytest.raises(FileInputError, match="got 2000001"):
         read_points(tmp_path / "many.csv")
