@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,6 +23,7 @@ from tsis.inclusion.design import (
     PlannedPress,
     Protocol,
     ProtocolInformation,
+    _alternatives,
     compare_designs,
     default_protocols,
     design_alternatives,
@@ -41,6 +43,7 @@ from tsis.inclusion.posterior import explore_inclusion
 from tsis.mechanics import press
 from tsis.mechanics.small_strain import STRAIN_LIMIT, nominal_strain
 from tsis.mechanics.surrogate import FULL_CONTACT_DEGREES
+from tsis.model import LightMap
 from tsis.plots import design_errors
 from tsis.virtual import nominal_calibration
 
@@ -276,6 +279,18 @@ def test_a_stiffer_skin_saturates_later() -> None:
 
 
 @pytest.mark.usefixtures("domed")
+@pytest.mark.parametrize("before", [None, 0.5])
+def test_traced_light_keeps_the_grey_level_of_the_brightest_place(
+    monkeypatch: pytest.MonkeyPatch, before: float | None
+) -> None:
+    traced = replace(LightMap.uniform(), relative=np.full((2, 2), 4.0))
+    monkeypatch.setattr(_alternatives, "irradiance", lambda _: SimpleNamespace(near_undented=lambda: traced))
+    known = None if before is None else replace(LightMap.uniform(), relative=np.full((2, 2), before))
+    found = calibration_for(FLAT, of=FLAT, calibration=replace(ANSWER, light=known), traced=True)
+    assert found.light is traced
+    assert found.gain_grey_per_kpa * 4.0 == pytest.approx(ANSWER.gain_grey_per_kpa * (before or 1.0))
+
+
 def test_the_best_come_first_and_broken_ones_last() -> None:
     calls: list[tuple[int, int]] = []
     planned = [TWO_FORCES, *design_alternatives(TWO_FORCES, "forces"), *design_alternatives(TWO_FORCES, "frames")]

@@ -59,6 +59,12 @@ def test_path_and_excursion_are_those_of_the_positions(spots: list[tuple[float, 
     assert (back.path_mm, back.excursion_mm) == pytest.approx((moved.path_mm, moved.excursion_mm))
 
 
+@pytest.mark.parametrize("forces", [(0.5, 0.5), (1.0, 1.04), (2.0, None), (20.0, 19.1)])
+def test_forces_within_five_per_cent_are_one_force(forces: tuple[float, float | None]) -> None:
+    first, second = forces
+    assert mobility([hill(force_n=first), hill(1.0, force_n=second)], FLAT, against=UNTOUCHED).flags == ()
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_an_object_at_rest_walks_as_far_as_noise_drives_it(seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import statistics
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -269,6 +270,7 @@ def test_repeats_have_the_mean_and_deviation_of_their_values(values: list[float]
 
 
 def test_repeats_without_a_value() -> None:
+    assert math.isnan(Repeats(label="once", readings=(reading(3.0), reading(None))).sd)
     unseen = Repeats(label="unseen", readings=(reading(None), reading(None)))
     assert unseen.observed == 0
     assert np.isnan([unseen.mean, unseen.sd, *ratios([unseen])]).all()

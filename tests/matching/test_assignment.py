@@ -12,7 +12,7 @@ from tsis.matching._fit import UNMATCHED, NormalFrame, spacing
 from tsis.matching._outline import chains
 from tsis.matching._pose_evidence import AMPLITUDES, SIGMAS, SmoothField, gaussian_kernel, hard_evidence
 from tsis.matching._pose_search import PoseSearch, _followed, settled
-from tsis.matching._refinement import Ranking, chained, grown, predicted, repatched, segment_shifts, shifted
+from tsis.matching._refinement import RANK_SIGMA, Ranking, chained, grown, predicted, repatched, segment_shifts, shifted
 
 if TYPE_CHECKING:
     from tests.matching.conftest import Warped
@@ -111,6 +111,16 @@ def test_order_along_a_curve_mends_a_gap_in_the_wrong_place() -> None:
     np.testing.assert_array_equal(found.matches, truth)
 
 
+def _ranked_loss(ranking: Ranking, matches: np.ndarray) -> float:
+    """Squared residuals of the pairs and bending, by least squares with a row for each penalty."""
+    paired = matches != UNMATCHED
+    weights = np.full(ranking.design.shape[1], RANK_SIGMA)
+    weights[:3] = np.sqrt(1e-9)
+    goal = np.vstack([ranking.target[matches[paired]], np.zeros((len(weights), 2))])
+    rows = np.vstack([ranking.design[paired], np.diag(weights)])
+    return float(((goal - rows @ np.linalg.lstsq(rows, goal)[0]) ** 2).sum())
+
+
 @pytest.mark.parametrize("segment", [slice(20, 40), slice(5, 42)])
 def test_a_slid_segment_slides_back(segment: slice) -> None:
     source, target = _curve()
@@ -126,6 +136,8 @@ def test_a_slid_segment_slides_back(segment: slice) -> None:
     ((order, closed),) = chains(search.following)
     assert closed
     proposals = list(segment_shifts(order, closed, ranking, before))
+    losses = [_ranked_loss(ranking, matches) for matches in proposals]
+    assert losses == pytest.approx(sorted(losses), rel=1e-6), "the likeliest first"
     best = max((hard_evidence(search.field, target, each) for each in proposals), key=lambda item: item.log)  # type: ignore[union-attr]
     assert best is not None
     assert best.log > before.log
@@ -141,6 +153,15 @@ def test_a_curve_that_slid_by_any_number_of_points_slides_back(shift: int) -> No
     assert before is not None
     proposals = list(shifted(chains(search.following)[0], Ranking.of(search.field, target), before))
     assert any(np.array_equal(each, np.arange(80)) for each in proposals)
+
+
+def test_a_curve_in_its_place_is_not_proposed_first() -> None:
+    source, target = _curve()
+    search = PoseSearch.of(source, target)
+    truth = hard_evidence(search.field, target, np.arange(80))
+    assert truth is not None
+    first = next(iter(shifted(chains(search.following)[0], Ranking.of(search.field, target), truth)))
+    assert not np.array_equal(first, np.arange(80))
 
 
 def test_partners_one_to_one_mend_what_soft_pairs_leave(warped: Warped) -> None:

@@ -109,6 +109,14 @@ def test_certain_soft_pairs_are_hard_ones(warped: Warped) -> None:
     np.testing.assert_array_equal(soft.matches, hard.matches)
 
 
+def test_one_pair_more_than_an_affine_map_takes_is_enough(warped: Warped) -> None:
+    dimension = warped.source.shape[1]
+    for count, enough in ((dimension + 1, False), (dimension + 2, True)):
+        pairs = np.zeros((len(warped.source), len(warped.target)))
+        pairs[np.arange(count), np.arange(count)] = 1.0
+        assert (soft_evidence(SmoothField.of(warped.source), warped.target, pairs) is not None) == enough
+
+
 def test_too_few_pairs_are_none(warped: Warped) -> None:
     nothing = np.full(len(warped.source), UNMATCHED)
     assert hard_evidence(SmoothField.of(warped.source), warped.target, nothing) is None

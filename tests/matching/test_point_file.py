@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from PIL import Image
 
 from tsis.errors import FileInputError
 from tsis.matching import _point_files as point_file
@@ -193,6 +194,17 @@ def test_missing_empty_and_huge_files_and_folders(tmp_path: Path) -> None:
         file.truncate(10**12)  # sparse: it takes no room on the disk
     with pytest.raises(FileInputError, match="at most 160 MiB"):
         read_points(tmp_path / "huge.csv")
+
+
+def test_more_points_than_the_limit_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(point_file, "MOST_POINTS", 2000)
+    (tmp_path / "many.csv").write_text("1,2\n" * 2001)
+    with pytest.raises(FileInputError, match="got 2001"):
+        read_points(tmp_path / "many.csv")
+
+
+@pytest.mark.slow
+def test_more_than_two_million_points_are_refused(tmp_path: Path) -> None:
     (tmp_path / "many.csv").write_text("1,2\n" * (MOST_POINTS + 1))
     with pytest.raises(FileInputError, match="got 2000001"):
         read_points(tmp_path / "many.csv")
@@ -207,3 +219,20 @@ def test_no_bytes_make_it_fail_in_another_way(noise: bytes, start: bytes) -> Non
     except FileInputError:
         return
     assert np.isfinite(points).all()
+
+
+@pytest.mark.parametrize(("least", "discs"), [(1.0, 1), (0.25, 2)])
+def test_points_of_an_image_lie_on_the_contours_that_are_long_enough(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, least: float, discs: int
+) -> None:
+    monkeypatch.setattr(point_file, "LEAST_CONTOUR", least)
+    y, x = np.mgrid[:120, :200]
+    known = np.array([(60.0, 50.0, 30.0), (150.0, 80.0, 12.0)])  # x, rows from above, radius
+    grey = np.zeros(x.shape)
+    for across, down, radius in known:
+        grey += 200 * np.clip(radius - np.hypot(x - across, y - down) + 0.5, 0.0, 1.0)
+    Image.fromarray(grey.astype(np.uint8)).save(tmp_path / "discs.png")
+    points = read_points(tmp_path / "discs.png")
+    away = np.abs(np.hypot(points[:, :1] - known[:, 0], 119 - points[:, 1:] - known[:, 1]) - known[:, 2])
+    assert away.min(axis=1).max() < 0.5
+    assert len(set(away.argmin(axis=1).tolist())) == discs

@@ -26,7 +26,7 @@ PROBE = replace(load_probe("tsis-2011"), leds=FOUR_LEDS)  # level lamps at half 
 
 @pytest.fixture(scope="module")
 def light() -> Irradiance:
-    return irradiance(PROBE, rays=2e6, cached=False)
+    return irradiance(PROBE, rays=1e6, cached=False)
 
 
 @pytest.mark.slow

@@ -233,11 +233,14 @@ def _dark(side: tuple[int, int], lit: float) -> ProbeCalibration:
     return bench(reference=reference, scale=replace(bench_scale(), shape=side))
 
 
-@pytest.mark.parametrize("lit", [0.0, 1e-3, 1e-2])
-def test_maps_that_are_almost_all_zero_come_back(path: Path, lit: float) -> None:
-    known = _dark((2048, 2448), lit)
+@pytest.mark.parametrize(
+    ("rows", "columns", "lit"),
+    [(512, 612, 0.0), (512, 612, 1e-3), pytest.param(2048, 2448, 1e-2, marks=pytest.mark.slow)],
+)
+def test_maps_that_are_almost_all_zero_come_back(path: Path, rows: int, columns: int, lit: float) -> None:
+    known = _dark((rows, columns), lit)
     written = write_calibration(known, path)
-    assert path.stat().st_size < 2048 * 2448 * (3 * 4 + 1) / 100  # of what the maps take
+    assert path.stat().st_size < rows * columns * (3 * 4 + 1) / 100  # of what the maps take
     back = read_calibration(path)
     assert calibration_sha256(back) == written
     assert back.reference is not None
