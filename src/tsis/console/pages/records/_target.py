@@ -12,8 +12,15 @@ from tsis.console.pages.components import (
 )
 from tsis.console.pages.records._context import TargetView, export_button, follow_store, read_target
 from tsis.console.pages.records._edit import about_target, state_banner
-from tsis.console.pages.records._estimates import estimate_button, estimates, history, recompute_button
-from tsis.console.pages.records._presses import Presses, ask_to_compare, compare
+from tsis.console.pages.records._presses import (
+    Presses,
+    ask_to_compare,
+    compare,
+    estimate_button,
+    estimates,
+    history,
+    recompute_button,
+)
 from tsis.errors import TsisError
 
 if TYPE_CHECKING:
