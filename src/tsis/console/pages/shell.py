@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import logging
 from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING, Final
-from urllib.parse import urlsplit
 
 from nicegui import ui
 from nicegui.element import Element
@@ -15,13 +15,29 @@ from nicegui.translations import translations
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.console.auth import LOGOUT
 from tsis.console.pages import PAGES, UNLISTED
-from tsis.console.pages.components import Redrawn, StatePoller, Tabs, Viewer, panel_title
+from tsis.console.pages.components import (
+    ENGLISH,
+    FactList,
+    Redrawn,
+    StatePoller,
+    Tabs,
+    Viewer,
+    address_of,
+    chosen_language,
+    explained_fields,
+    help_texts,
+    language_choice,
+    open_dialog,
+    panel_title,
+    tr,
+)
+from tsis.console.pages.examine import SHORTCUTS
 from tsis.console.pages.jobs import JobList
 from tsis.errors import ControlError
 
 if TYPE_CHECKING:
     from nicegui.elements.label import Label
-    from nicegui.events import GenericEventArguments
+    from nicegui.events import GenericEventArguments, KeyEventArguments
 
     from tsis.console.services import Instrument, InstrumentState, Owner
 
@@ -49,17 +65,17 @@ class Subpages(ui.sub_pages):
     """Pages by address; an address without a page, or a page that fails, gives a message and a link."""
 
     def _render_404(self) -> None:
-        _instead("There is no page at this address. The links above lead to all there are.")
+        _instead(tr("There is no page at this address. The links above lead to all there are."))
 
     def _render_error(self, _: Exception) -> None:
         _log.exception("a page could not be built")
-        _instead("This page could not be built. Saved data are safe; the other pages work. Load it again.")
+        _instead(tr("This page could not be built. Saved data are safe; the other pages work. Load it again."))
 
 
 def _instead(message: str) -> None:
     with ui.element("section").classes("panel"):
         ui.label(message)
-        ui.link("To the live image", "/")
+        ui.link(tr("To the live image"), "/")
 
 
 LANGUAGE: Final = "en-GB"
@@ -86,9 +102,9 @@ class Navigation:
     def __init__(self) -> None:
         router = ui.context.client.sub_pages_router
         self._heading: Label | None = None
-        with ui.element("nav").props('aria-label="Pages"').classes("tabs"):
+        with ui.element("nav").props(f'aria-label="{tr("Pages")}"').classes("tabs"):
             self._links = {
-                address: ui.link(title, address).classes("tab")
+                address: ui.link(tr(title), address).classes("tab")
                 for address, (title, _) in PAGES.items()
                 if "{" not in address and address not in UNLISTED
             }
@@ -98,13 +114,13 @@ class Navigation:
 
     def heading(self) -> None:
         """The page's first heading: readers of the screen begin with it, the eye has the marked link."""
-        self._heading = ui.label(title_of(self._path)).props('role="heading" aria-level="1"').classes("unseen")
+        self._heading = ui.label(tr(title_of(self._path))).props('role="heading" aria-level="1"').classes("unseen")
 
     def _navigated(self, path: str) -> None:
         self._path = path
         self._mark()
         if self._heading is not None:
-            self._heading.text = title_of(path)
+            self._heading.text = tr(title_of(path))
 
     def _mark(self) -> None:
         here = address_of(self._path)
@@ -113,12 +129,7 @@ class Navigation:
                 link.classes(add="here").props('aria-current="page"')
             else:
                 link.classes(remove="here").props(remove="aria-current")
-        ui.page_title(f"{title_of(self._path)} · tsis console")
-
-
-def address_of(path: str) -> str:
-    """The address in the navigation that a path belongs to: of ``/records/7?x=1`` it is ``/records``."""
-    return "/" + urlsplit(path).path.strip("/").partition("/")[0]
+        ui.page_title(f"{tr(title_of(self._path))} · tsis console")
 
 
 def title_of(path: str) -> str:
@@ -143,7 +154,7 @@ class Notices:
         other = now.owner is not None and now.owner.identity != self._viewer.identity
         if self._calm.changes_to(now.owner if other else None) and now.owner is not None and other:
             with self._calm.element:
-                ui.label(f"{now.owner.name} holds the camera; you watch.").classes("calm")
+                ui.label(tr("{name} holds the camera; you watch.", name=now.owner.name)).classes("calm")
 
 
 class PageVisibility(Element, component="presence.js"):
@@ -172,18 +183,18 @@ class ControlButtons:
     def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
         self._instrument, self._viewer = instrument, viewer
         self._released = self._in_control = False
-        self._take = ui.button(TAKE, on_click=self._take_control).props("flat dense no-caps")
-        self._release = ui.button(RELEASE, on_click=self._release_control).props("flat dense no-caps")
+        self._take = ui.button(tr(TAKE), on_click=self._take_control).props("flat dense no-caps")
+        self._release = ui.button(tr(RELEASE), on_click=self._release_control).props("flat dense no-caps")
         self._release.set_visibility(False)
         with (
             ui.dialog().props('role="alertdialog" aria-label="Take the camera over?"') as self._dialog,
             ui.element("div").classes("panel question"),
         ):
-            panel_title("Take the camera over?")
+            panel_title(tr("Take the camera over?"))
             self._question = ui.label()
             with ui.element("div").classes("row"):
-                ui.button("Take it over", on_click=self._take_over).props("dense no-caps")
-                ui.button("Leave it", on_click=self._dialog.close).props("dense no-caps outline")
+                ui.button(tr("Take it over"), on_click=self._take_over).props("dense no-caps")
+                ui.button(tr("Leave it"), on_click=self._dialog.close).props("dense no-caps outline")
 
     def show(self, now: InstrumentState) -> None:
         """Show the applicable button; notify when somebody else has taken the camera."""
@@ -192,10 +203,10 @@ class ControlButtons:
         self._release.set_visibility(mine)
         if self._in_control and now.owner is not None and not mine:
             ui.notify(
-                f"{now.owner.name} took the camera over; you watch now.",
+                tr("{name} took the camera over; you watch now.", name=now.owner.name),
                 type="warning",
                 timeout=UNTIL_CLOSED_MS,
-                close_button="Close",
+                close_button=tr("Close"),
             )
         self._in_control = mine
 
@@ -232,10 +243,51 @@ class ControlButtons:
 
 
 def _question(owner: Owner) -> str:
-    return (
-        f"{owner.name} holds the camera and may be in the middle of something. They are told that you took it, and "
-        "watch from then on."
+    return tr(
+        "{name} holds the camera and may be in the middle of something. They are told that you took it, and watch from "
+        "then on.",
+        name=owner.name,
     )
+
+
+KEYS_OF_ALL = (("?", "this help"), ("Tab, Enter", "use every control without a mouse"))
+
+
+class Help:
+    """The help of the open page: what it is for, its keys, fields and terms. A button opens it, and the key ``?``."""
+
+    def __init__(self) -> None:
+        self._client = ui.context.client
+        self._open: ui.dialog | None = None
+        button = ui.button(icon="help_outline", on_click=self.open).props("flat dense round")
+        button.props["aria-label"] = tr("Help")
+        ui.keyboard(self._pressed, repeating=False, ignore=["input", "select", "textarea"])
+
+    def _pressed(self, event: KeyEventArguments) -> None:
+        if event.action.keydown and event.key == "?":
+            self.open()
+
+    def open(self) -> None:
+        """Open the help of the page that is open; once."""
+        if self._open is not None and self._open.value:
+            return
+        address = address_of(self._client.sub_pages_router.current_path)
+        page, meanings = help_texts().get(address, {"text": (), "terms": ()}), help_texts()["terms"]
+        fields = explained_fields(self._client)
+        title = tr("Help: {page}", page=tr(title_of(address)))
+        with open_dialog(self._client.layout, title, style="dialog-card help") as self._open:
+            for text in page["text"]:
+                ui.label(tr(text))
+            keys = [(item.cap, item.does) for item in SHORTCUTS] if address == "/" else []
+            for heading, facts in (
+                (tr("Keys"), [(key, tr(does)) for key, does in (*keys, *KEYS_OF_ALL)]),
+                (tr("Fields"), fields),
+                (tr("Terms"), [(tr(term), tr(meanings[term])) for term in page["terms"]]),
+            ):
+                if facts:
+                    panel_title(heading, level=3)
+                    FactList().show(facts)
+            ui.button(tr("Close"), on_click=self._open.close).props("no-caps outline")
 
 
 OPEN_EVERY_S = 2.0  # between two reports that a page is still open
@@ -254,26 +306,30 @@ class Shell:
         if viewer.logged_in:
             viewer.operator = viewer.name
         with ui.header(elevated=False).classes("bar"):
-            ui.link("Skip to the page", f"#{MAIN}").classes("skip")
+            ui.link(tr("Skip to the page"), f"#{MAIN}").classes("skip")
             ui.label("tsis").classes("brand")
             navigation = Navigation()
             ui.element("div").classes("spring")
             camera = ui.label().classes("chip").mark("camera state")
             jobs = JobList(self._instrument, viewer)
             control = ControlButtons(self._instrument, viewer)
+            Help()
             ThemeChoice()
         notices = Notices(viewer)
         with ui.element("div").classes("content").props(f'id="{MAIN}" tabindex="-1"'):
             navigation.heading()
             Subpages({address: partial(build, self._instrument, viewer) for address, (_, build) in PAGES.items()})
         with ui.footer(elevated=False).classes("foot"):
-            ui.label(RESEARCH_USE_ONLY)
+            ui.label(tr(RESEARCH_USE_ONLY))
+            language_choice()
             if viewer.logged_in:
                 with ui.element("form").props(f'method="post" action="{LOGOUT}"').classes("logout"):
-                    ui.label(f"You are in as {viewer.name}.")
+                    ui.label(tr("You are in as {name}.", name=viewer.name))
                     with ui.element("button").props('type="submit"'):
-                        ui.label("Log out")
+                        ui.label(tr("Log out"))
         PageVisibility(viewer)
+        if (language := chosen_language()) != ENGLISH:
+            ui.run_javascript(f"document.documentElement.lang = {json.dumps(language)}")
 
         def show(now: InstrumentState) -> None:
             camera.text = _camera_text(now)
@@ -291,7 +347,7 @@ def _camera_text(state: InstrumentState) -> str:
     if state.busy:
         return f"{state.busy} …"
     if not camera.running:
-        return "camera stopped"
+        return tr("camera stopped")
     if camera.lost:
-        return "camera away"
-    return f"{camera.frames_per_s:.0f} frames/s, {camera.missed} dropped"
+        return tr("camera away")
+    return tr("{rate} frames/s, {missed} dropped", rate=f"{camera.frames_per_s:.0f}", missed=camera.missed)

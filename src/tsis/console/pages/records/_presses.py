@@ -21,6 +21,7 @@ from tsis.console.pages.components import (
     open_dialog,
     panel_title,
     press_label,
+    select_field,
     table,
     time_label,
     unit_field,
@@ -290,7 +291,7 @@ def _ask(page: TargetContext, view: TargetView) -> None:
     chosen, number, last = tuple(page.presses.chosen), view.target.number, view.record.estimate
     ways = {"newest": NEWEST, **({"chosen": f"the {count_of(len(chosen), 'press')} chosen below"} if chosen else {})}
     with open_dialog(page.dialogs, f"Estimate target {number}") as dialog:
-        kind = ui.select(list(ESTIMATES), value=ESTIMATES[0] if last is None else last.kind, label="What")
+        kind = select_field(list(ESTIMATES), value=ESTIMATES[0] if last is None else last.kind, label="What")
         kind.props("outlined dense")
         way = ui.radio(ways, value="chosen" if chosen else "newest").props("dense")
         ui.label("All presses must be of one probe under one calibration.").classes("muted")
