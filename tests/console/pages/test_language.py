@@ -51,7 +51,8 @@ def constants(node: ast.AST) -> set[str]:
 def translated_texts() -> set[str]:
     """Texts that the code gives to `tr` as they are."""
     calls = [node for tree in trees().values() for node in ast.walk(tree) if called(node) == "tr"]
-    return {node.args[0].value for node in calls if isinstance(node.args[0], ast.Constant)}  # type: ignore[attr-defined]
+    firsts = [node.args[0] for node in calls if isinstance(node, ast.Call)]
+    return {item.value for item in firsts if isinstance(item, ast.Constant) and isinstance(item.value, str)}
 
 
 def fields(text: str) -> set[str]:
@@ -120,7 +121,7 @@ def test_every_field_is_explained_with_its_label() -> None:
                 continue
             named = [item.value for item in node.keywords if item.arg == "label"]
             texts = named or node.args[1 if called(node) == "NumberField" else 0 : 2][:1]
-            labels = [item.value for item in texts if isinstance(item, ast.Constant) and item.value]
+            labels = [str(item.value) for item in texts if isinstance(item, ast.Constant) and item.value]
             missing += [f"{file}: {label}" for label in labels if label not in HELP["fields"]]
     assert missing == []
 

@@ -16,81 +16,65 @@ from tsis.console.pages.components import (
     rows_under,
     select_field,
     text_area,
+    tr,
     unit_field,
 )
 from tsis.console.pages.jobs import JobRows
 from tsis.console.services import sweep_title
-from tsis.errors import TsisError
 from tsis.sweep import EXAMPLE
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from typing import Any
 
-    import numpy as np
-    from numpy.typing import NDArray
-
     from tsis.console.pages.components import Viewer
-    from tsis.console.services import Instrument, InstrumentState, Job, SweepState
+    from tsis.console.services import Instrument, SweepState
 
-__all__ = ["sweeps_page"]
-
-EVERY_S = 2.0  # between two readings of the folder
-SAYS = (
-    "A plan names the probe, the ranges of tissue and inclusion, and the outputs. A process of its own computes the "
-    "presses; a sweep that was ended, or cut off, resumes with its finished files."
-)
-FIRST_X, FIRST_Y = "young_kpa", "approach_mm"
+SAYS = "A process of its own computes the presses of the plan. A sweep that was ended resumes with its finished files."
+SWEEP = sweep_title("")
 GREY = "#7a8794"  # read on light and on dark ground
-
-
-def sweeps_page(instrument: Instrument, viewer: Viewer) -> None:
-    """Build the page."""
-    SweepsPage(instrument, viewer)
 
 
 class SweepsPage:
     """The sweeps of the workspace with their progress, the form of a new one, and a plot of one."""
 
     def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
-        self._instrument, self._viewer = instrument, viewer
+        self._sweeps, self._viewer = instrument.sweeps, viewer
         self._shown = ""  # name of the sweep in the plot
-        self._rows: Mapping[str, NDArray[np.float64]] = {}
+        self._rows: Mapping[str, Any] = {}
         with ui.element("div").classes("sweeps"):
             with ui.element("section").classes("panel stack"):
-                panel_title("Sweeps")
+                panel_title(tr("Sweeps"))
                 self._list = Redrawn(ui.element("div").classes("scroll"))
-                running = JobRows(instrument, viewer, ui.element("ul").classes("job-list wide"), "None is under way.")
-                self._plot = ui.element("div").classes("stack")
-                with self._plot:
+                running = JobRows(
+                    instrument, viewer, ui.element("ul").classes("job-list wide"), tr("None is under way.")
+                )
+                with ui.element("div").classes("stack") as self._plot:
                     self._title = panel_title("", level=3)
                     with ui.element("div").classes("row"):
-                        self._x = select_field([], label="Horizontal axis", on_change=self._draw)
-                        self._y = select_field([], label="Vertical axis", on_change=self._draw)
-                        for field in (self._x, self._y):
-                            field.props("dense outlined").classes("sweep-axis")
-                    self._chart = ui.echart(plot((), "", "")).classes("sweep-chart")
-                    self._chart.props["role"] = "img"
+                        self._x, self._y = (
+                            select_field([], label=label, on_change=self._draw).props("dense outlined")
+                            for label in ("Horizontal axis", "Vertical axis")
+                        )
+                    self._chart = ui.echart(plot((), "", "")).classes("sweep-chart").props("role=img")
                 self._plot.set_visibility(False)
             with ui.element("section").classes("panel stack"):
-                panel_title("New sweep")
-                ui.label(SAYS).classes("muted")
+                panel_title(tr("New sweep"))
+                ui.label(tr(SAYS)).classes("muted")
                 self._name = unit_field("Name", "first", keys="text")
                 self._text = text_area("Plan", value=EXAMPLE).props("outlined input-class=sweep-plan")
                 with ui.element("div").classes("row"):
-                    self._cost = ui.button("How long?", icon="timer", on_click=self._ask_cost).props("no-caps outline")
-                    self._start = ui.button("Start the sweep", icon="play_arrow", on_click=self._begin)
+                    self._cost = ui.button(tr("How long?"), icon="timer", on_click=self._ask_cost)
+                    self._cost.props("no-caps outline")
+                    self._start = ui.button(tr("Start the sweep"), icon="play_arrow", on_click=self._begin)
                     self._start.props("no-caps unelevated")
                 self._answer = ui.label().classes("muted").props("role=status")
 
-        def show(now: InstrumentState) -> None:
-            running.show([job for job in now.jobs if job.running and job.title.startswith(sweep_title(""))])
-
-        viewer.follow(show)
-        viewer.every(EVERY_S, self._refresh)
+        viewer.follow(lambda now: running.show([job for job in now.jobs if job.running and SWEEP in job.title]))
+        viewer.every(2.0, self._refresh)
 
     async def _refresh(self) -> None:
-        found = await run.io_bound(self._instrument.sweeps.listed)
+        found = await run.io_bound(self._sweeps.listed)
         if found is not None and self._list.changes_to(found):
             with self._list.element:
                 self._list_sweeps(found)
@@ -98,71 +82,55 @@ class SweepsPage:
                 await self._open(self._shown)
 
     def _list_sweeps(self, found: Sequence[SweepState]) -> None:
-        if not found:
-            ui.label("No sweeps yet.").classes("muted")
-            return
-        with rows_under(("Sweep", "Presses", "Files", ""), label="Sweeps of the workspace"):
+        with rows_under((tr("Sweep"), tr("Presses"), tr("Files"), ""), label=tr("Sweeps of the workspace")):
             for item in found:
                 with ui.element("tr"):
                     cell(item.name)
-                    if item.trouble:
-                        with ui.element("td").props("colspan=3"):
-                            ui.label(item.trouble).classes("doubtful wordy")
-                        continue
-                    cell(f"{item.presses:,}")
+                    cell(item.trouble or f"{item.presses:,}")
                     cell(f"{item.finished} of {item.shards}")
+                    resume = partial(self._viewer.attempt, self._sweeps.resume, item.name)
                     with ui.element("td"), ui.element("div").classes("row"):
-                        buttons = [("Plot", self._open)] if item.finished else []
-                        if not item.complete:
-                            buttons.append(("Resume", self._resume))
-                        for text, act in buttons:
-                            button = ui.button(text, on_click=partial(act, item.name)).props("no-caps dense outline")
-                            button.props["aria-label"] = f"{text} {item.name}"
+                        for text, act, useful in (
+                            ("Plot", partial(self._open, item.name), item.finished > 0),
+                            ("Resume", resume, not item.complete and not item.trouble),
+                        ):
+                            if useful:
+                                button = ui.button(text, on_click=act).props("no-caps dense outline")
+                                button.props["aria-label"] = f"{text} {item.name}"
 
     async def _ask_cost(self) -> None:
         with loading(self._cost):
-            found = await self._viewer.attempt(self._instrument.sweeps.cost, self._text.value or "")
+            found = await self._viewer.attempt(self._sweeps.cost, self._text.value or "")
         if found is not None:
-            plan, seconds = found
-            self._answer.text = (
-                f"{plan.presses:,} presses in {plan.shards} files, about {timedelta(seconds=round(seconds))} (h:min:s)."
-            )
+            plan, lasts = found[0], timedelta(seconds=round(found[1]))
+            self._answer.text = f"{plan.presses:,} presses in {plan.shards} files, about {lasts} (h:min:s)."
 
     async def _begin(self) -> None:
         name = (self._name.value or "").strip()
         with loading(self._start):
-            job: Job | None = await self._viewer.attempt(self._instrument.sweeps.begin, name, self._text.value or "")
+            job = await self._viewer.attempt(self._sweeps.begin, name, self._text.value or "")
         if job is not None:
-            self._viewer.notify(f"The sweep {name} is under way.")
+            self._viewer.notify(tr("The sweep {name} is under way.", name=name))
             await self._refresh()
-
-    async def _resume(self, name: str) -> None:
-        await self._viewer.attempt(self._instrument.sweeps.resume, name)
 
     async def _open(self, name: str) -> None:
         """Read the finished rows of a sweep, and plot them."""
-        try:
-            rows = await run.io_bound(self._instrument.sweeps.rows, name)
-        except TsisError as error:
-            self._viewer.complain(str(error))
-            return
-        if not rows:
+        if not (rows := await self._viewer.attempt(self._sweeps.rows, name)):
             return
         self._rows, self._shown = rows, name
-        for field, first in ((self._x, FIRST_X), (self._y, FIRST_Y)):
-            present = field.value if field.value in rows else first if first in rows else next(iter(rows))
-            field.set_options(list(rows), value=present)
+        varied = [column for column, values in rows.items() if min(values) < max(values)]
+        for field, firsts in ((self._x, varied), (self._y, ["approach_mm", *varied])):
+            field.set_options(list(rows), value=next(name for name in (field.value, *firsts, *rows) if name in rows))
         self._plot.set_visibility(True)
         self._draw()
 
     def _draw(self) -> None:
         x, y = self._x.value, self._y.value
-        if x not in self._rows or y not in self._rows:
+        if not {x, y} <= set(self._rows):
             return
         points = tuple(zip(self._rows[x].tolist(), self._rows[y].tolist(), strict=True))
-        self._title.text = f"{self._shown}: {y} over {x}"
+        self._title.text = self._chart.props["aria-label"] = f"{self._shown}: {y} over {x}, {len(points)} presses"
         self._chart.options.update(plot(points, x, y))
-        self._chart.props["aria-label"] = f"{len(points)} presses of {self._shown}: {y} over {x}"
         self._chart.update()
 
 
@@ -170,13 +138,13 @@ def plot(points: Sequence[tuple[float, float]], x: str, y: str) -> dict[str, Any
     """A scatter plot; refused presses, which are no numbers, are left out."""
     shown = [point for point in points if point[0] == point[0] and point[1] == point[1]]
     axis = {"type": "value", "scale": True, "nameLocation": "middle", "axisLabel": {"color": GREY}}
-    name = {"color": GREY, "fontSize": 13}
+    axis |= {"nameTextStyle": {"color": GREY}, "splitLine": {"lineStyle": {"color": GREY, "opacity": 0.3}}}
     return {
         "animation": False,
         "grid": {"left": 70, "right": 24, "top": 24, "bottom": 56},
         "tooltip": {"trigger": "item"},
         "dataZoom": [{"type": "inside", "xAxisIndex": 0}, {"type": "inside", "yAxisIndex": 0}],
-        "xAxis": {**axis, "name": x, "nameGap": 32, "nameTextStyle": name},
-        "yAxis": {**axis, "name": y, "nameGap": 52, "nameTextStyle": name},
+        "xAxis": {**axis, "name": x, "nameGap": 32},
+        "yAxis": {**axis, "name": y, "nameGap": 52},
         "series": [{"type": "scatter", "symbolSize": 5, "data": shown}],
     }
