@@ -12,6 +12,7 @@ from tsis.console.files import files_router
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+    from pathlib import Path
 
     from tsis.records.store import Store
 
@@ -19,9 +20,9 @@ if TYPE_CHECKING:
 class FilesOf:
     """Asks for files of a store."""
 
-    def __init__(self, store: Store) -> None:
+    def __init__(self, store: Store, *, workspace: Path | None = None) -> None:
         application = FastAPI()
-        application.include_router(files_router(store))
+        application.include_router(files_router(store, workspace=workspace))
         self._transport = httpx.ASGITransport(application)
 
     def get(self, address: str, headers: Mapping[str, str] | None = None) -> httpx.Response:

@@ -53,6 +53,30 @@ def test_a_page_keeps_nobody_out(where: str, title: str, request: pytest.Fixture
     assert pale == []
 
 
+@pytest.mark.parametrize("title", TITLES)
+@pytest.mark.parametrize("where", ["desktop", "tablet"])
+def test_the_help_of_a_page_explains_each_of_its_fields(where: str, title: str, request: pytest.FixtureRequest) -> None:
+    page: Page = request.getfixturevalue(where)
+    _open(page, title)
+    page.get_by_role("heading", level=1, name=title, exact=True).wait_for()
+    page.locator("main .panel").first.wait_for()
+    page.wait_for_function(f"() => {{ const left = ({UNEXPLAINED})(); return left.length === 0; }}", timeout=20_000)
+    page.get_by_role("button", name="Help").click()
+    dialog = page.get_by_role("dialog")
+    dialog.get_by_text(f"Help: {title}").wait_for()
+    page.wait_for_function("document.getAnimations().every((each) => each.playState !== 'running')")
+    picture(page, f"help-{title.lower()}-{where}")
+    assert faults(page) == []
+    assert [item for item in texts(page) if item.contrast < item.least] == []
+    dialog.get_by_role("button", name="Close").click()
+    dialog.wait_for(state="hidden")
+
+
+UNEXPLAINED = """() => [...document.querySelectorAll('main .q-field')]
+  .filter((each) => each.checkVisibility() && !each.querySelector('[aria-description]'))
+  .map((each) => each.innerText)"""
+
+
 def _open(page: Page, title: str) -> None:
     """Follow the link of the navigation, or that of the header's list."""
     if any(PAGES[address][0] == title for address in UNLISTED):

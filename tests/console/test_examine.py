@@ -114,7 +114,7 @@ def _covered(page: Page, name: str) -> bool:
 @pytest.mark.slow
 def test_the_keys_are_listed(console: RunningConsole, browser: Browser) -> None:
     with operating(browser, console) as page:
-        page.get_by_role("button", name="Keys").click()
+        page.keyboard.press("?")
         for word in ("save a snapshot", "target before", "target after", "live image alone, and back"):
             page.get_by_text(word).wait_for()
 

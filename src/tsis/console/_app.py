@@ -116,7 +116,8 @@ def console_app(instrument: Instrument, *, access: Access, hosts: Collection[str
     async def live(socket: WebSocket) -> None:
         await live_view(socket, instrument=instrument, hub=hub)
 
-    application.include_router(files_router(instrument.store, reports, StudyRepository(instrument.terms.workspace)))
+    workspace = instrument.terms.workspace
+    application.include_router(files_router(instrument.store, reports, StudyRepository(workspace), workspace=workspace))
     application.mount(PLACE, api_app(instrument, reports))
     for sheet in sorted(STATIC.glob("*.css")):  # console.css, then one for each page that needs more
         ui.add_css(sheet, shared=True)

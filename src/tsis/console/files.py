@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import tempfile
 from functools import wraps
@@ -17,7 +18,7 @@ from tsis.console._statuses import AbsentError, absent_if_unknown, status_of
 from tsis.console._worker import WorkerProcess
 from tsis.console.studies import FORMS, report_bytes
 from tsis.errors import FileInputError, InputError, TsisError
-from tsis.files import encode_picture
+from tsis.files import encode_picture, target_folder
 from tsis.imaging import COLOUR_MAPS, block_means, colour_map
 from tsis.model import TactileImage, require_integer, require_one_of
 from tsis.records.export import export_file
@@ -90,16 +91,42 @@ def thumbnail_png(levels: NDArray[Any], *, full_scale: float, size: int, name: s
     return encode_picture(colour_map(TactileImage(grey=grey, full_scale=full_scale), name=name))
 
 
+SEQUENCE = re.compile(r"sequence(-[0-9]{1,6})?")  # names of the folders of recorded sequences
 FRAME_CACHE = "private, no-cache"  # a frame never changes, but who has logged out may not see it: the browser asks
 NO_CACHE = "private, no-store"
 Arguments = ParamSpec("Arguments")
 
 
-def files_router(store: Store, reports: Reports | None = None, studies: StudyRepository | None = None) -> APIRouter:
-    """Pictures of presses, reports and exports of targets of a store, reports of studies.
+def sequence_folders(workspace: Path, target: int) -> dict[str, int]:
+    """Names of the recorded sequences of a target, in their order, with the number of files in each."""
+    folders = [item for item in (workspace / target_folder(target)).glob("sequence*") if SEQUENCE.fullmatch(item.name)]
+    return {item.name: sum(1 for _ in item.iterdir()) for item in sorted(folders) if item.is_dir()}
+
+
+def sequence_archive(workspace: Path, target: int, name: str) -> Path:
+    """A zip file of a recorded sequence in a new folder; `AbsentError` when there is none of that name."""
+    with absent_if_unknown():
+        require_one_of("sequence", name, sequence_folders(workspace, target))
+    folder = Path(tempfile.mkdtemp(prefix="tsis-export-"))
+    try:
+        parent = workspace / target_folder(target)
+        return Path(shutil.make_archive(str(folder / f"target-{target}-{name}"), "zip", parent, name))
+    except OSError as error:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise FileInputError(f"a zip file of {name} must be writable; got: {error.strerror or error}") from error
+
+
+def files_router(
+    store: Store,
+    reports: Reports | None = None,
+    studies: StudyRepository | None = None,
+    *,
+    workspace: Path | None = None,
+) -> APIRouter:
+    """Pictures of presses, reports and exports of targets of a store, reports of studies, recorded sequences.
 
     Each responds with the file, or with a message as plain text. Without ``reports`` they are built here; without
-    ``studies`` there are none of those.
+    ``studies`` there are none of those, and without ``workspace`` no sequences.
     """
     router = APIRouter(prefix="/files", include_in_schema=False)
 
@@ -132,6 +159,14 @@ def files_router(store: Store, reports: Reports | None = None, studies: StudyRep
         given = form_of("form of export", form, ENDINGS)
         result = target_of(store, target)
         return _Sent(write_export(store, result, given, identified=identified, reports=reports), shown=False)
+
+    @router.get("/sequence/{target}/{name}.zip")
+    @_errors_as_text
+    def sequence(target: str, name: str) -> Response:
+        number = target_of(store, target).number
+        if workspace is None:
+            raise AbsentError("sequences lie in a workspace; there is none")
+        return _Sent(sequence_archive(workspace, number, name), shown=False)
 
     if studies is None:
         return router

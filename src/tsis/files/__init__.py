@@ -43,7 +43,7 @@ from tsis.files._hash_chain import (
 )
 from tsis.files._image_checks import LARGEST_PIXELS, image_fault, png_fault, rows_missing, size_fault, without_metadata
 from tsis.files._json import SHA256, canonical, content_sha256, digest, digest_or_none, json_bytes, parse_canonical
-from tsis.files._names import snapshot_stems, target_folder
+from tsis.files._names import require_file_stem, snapshot_stems, target_folder
 from tsis.files._packed import require_bounded_arrays, without_packed_arrays
 from tsis.files._pictures import QUICK_PNG, decode_grey_png, encode_picture
 from tsis.files._reading import (
@@ -131,6 +131,7 @@ __all__ = [
     "remove_cached",
     "remove_unfinished",
     "require_bounded_arrays",
+    "require_file_stem",
     "require_known_schema",
     "rows_missing",
     "shipped_tables",

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import io
 import os
 import shutil
+import zipfile
 from contextlib import closing
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
+from tests.console.files_client import FilesOf
 from tests.records.sample import sample_dossier
 from tests.report.rough_pictures import rough_pictures
 
@@ -55,3 +58,23 @@ def test_another_store_in_its_place_is_not_taken_for_it(tmp_path: Path) -> None:
         report_of_stored_target(replace(position, identity="0" * 32), NUMBER, "html")
     with pytest.raises(RecordsError, match="there is none"):
         report_of_stored_target(replace(position, folder=tmp_path / "elsewhere"), NUMBER, "html")
+
+
+def test_a_recorded_sequence_is_downloaded_and_nothing_else_of_its_folder(tmp_path: Path) -> None:
+    workspace = tmp_path / "workspace"
+    folder = workspace / f"Target{NUMBER}" / "sequence-2"
+    folder.mkdir(parents=True)
+    (folder / "frame-000001.raw").write_bytes(b"frame")
+    (folder.parent / "other").mkdir()
+    with open_store(tmp_path / "records") as store:
+        store.import_target(sample_dossier())
+        files = FilesOf(store, workspace=workspace)
+        sent = files.get(f"/files/sequence/{NUMBER}/sequence-2.zip")
+        assert sent.status_code == 200
+        assert sent.headers["content-disposition"] == f'attachment; filename="target-{NUMBER}-sequence-2.zip"'
+        with zipfile.ZipFile(io.BytesIO(sent.content)) as archive:
+            assert archive.read("sequence-2/frame-000001.raw") == b"frame"
+        for name in ("other", "sequence-3", "..", "%2e%2e", "sequence-2%2f..%2fother"):
+            assert files.get(f"/files/sequence/{NUMBER}/{name}.zip").status_code == 404
+        assert files.get("/files/sequence/99/sequence-2.zip").status_code == 404
+        assert FilesOf(store).get(f"/files/sequence/{NUMBER}/sequence-2.zip").status_code == 404

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from tsis.console.pages import about, calibrate, camera, design, examine, hardness, images, jobs, records, study
+from tsis.console.pages import about, calibrate, camera, design, examine, hardness, images, jobs, records, study, sweeps
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -25,6 +25,7 @@ PAGES: dict[str, tuple[str, Callable[..., object]]] = {
     "/records/compare/{pair}": ("Records", records.compare_targets),
     "/records/{number}": ("Records", records.show_target),
     "/design": ("Design", design.design_tab),
+    "/sweeps": ("Sweeps", sweeps.SweepsPage),
     "/jobs": ("Jobs", jobs.jobs_page),
     "/about": ("About", about.about_page),
 }

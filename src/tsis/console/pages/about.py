@@ -10,7 +10,6 @@ from nicegui import ui
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.console.pages.components import FactList, panel_title, time_label
-from tsis.console.pages.examine import KEYS
 from tsis.records import environment
 
 if TYPE_CHECKING:
@@ -97,7 +96,6 @@ def place_facts(instrument: Instrument) -> Facts:
 
 
 DESCRIPTION = "/api/openapi.json"
-MOUSELESS = ("Tab, Enter", "use every control without a mouse")
 FINDINGS = (
     "Numbers and pictures here describe objects that were pressed, and how well they are known. They are no findings "
     "about anybody's health, and no advice."
@@ -118,8 +116,6 @@ async def about_page(instrument: Instrument, viewer: Viewer) -> None:
             positions = FactList()
         with _panel("Versions"):
             versions = FactList()
-        with _panel("Keys on the page Examine"):
-            FactList().show((*KEYS.items(), MOUSELESS))
         with _panel("For scripts"):
             ui.label("What pages do, scripts can do by HTTP and JSON, with the same rights and behind the same key.")
             ui.link("The calls and their values", DESCRIPTION, new_tab=True)

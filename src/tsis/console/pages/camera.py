@@ -26,6 +26,7 @@ from tsis.console.pages.components import (
     one_file,
     panel_title,
     rows_under,
+    select_field,
     time_label,
     typed_integer,
     typed_number,
@@ -117,8 +118,8 @@ class GaugePanel:
             panel_title("Force gauge")
             self._in_use = ui.label().props("role=status")
             with ui.element("div").classes("row"):
-                self._port = ui.select([], label="Serial port", with_input=True, new_value_mode="add-unique")
-                self._unit = ui.select(list(UNITS), value=ITS_OWN, label="Unit")
+                self._port = select_field([], label="Serial port", with_input=True, new_value_mode="add-unique")
+                self._unit = select_field(list(UNITS), value=ITS_OWN, label="Unit")
                 self._baud = unit_field("Bits per second", str(BAUD), keys="numeric")
             self._sends = ui.switch("It sends on its own and is not to be asked")
             with ui.element("div").classes("row"):
@@ -174,8 +175,8 @@ class VirtualPanel:
             panel_title("Virtual probe")
             ui.label("No hardware: mechanics, light and camera are calculated.").classes("muted")
             with ui.element("div").classes("row"):
-                self._probe = ui.select(list(list_probes()), value=choice.probe, label="Probe")
-                self._phantom = ui.select(subjects(), value=choice.phantom, label="Pressed object")
+                self._probe = select_field(list(list_probes()), value=choice.probe, label="Probe")
+                self._phantom = select_field(subjects(), value=choice.phantom, label="Pressed object")
                 self._phantom.on_value_change(self._show_changes)
                 self._seed = unit_field("Seed", str(choice.seed), keys="numeric").classes("seed")
             self._changes = ui.element("div").classes("row")
@@ -241,7 +242,7 @@ class ChosenPanel:
                 self._name = ui.label()
                 self._how = ui.label().classes("muted")
             ui.element("div").classes("spring")
-            select = ui.select({}, label="Mode").props("dense outlined").classes("mode")
+            select = select_field({}, label="Mode").props("dense outlined").classes("mode")
             self._mode = ChoiceField(viewer, select, self._in_mode)
             self._run = RunButton(instrument, viewer)
             ui.link("Examine", "/")

@@ -15,6 +15,7 @@ from tsis.console.pages.components import (
     LARGEST_MIB,
     FileField,
     cell,
+    explain,
     list_message,
     loading,
     message_list,
@@ -85,6 +86,7 @@ class OwnImagesPage:
             ).props("flat bordered")
             field.props["accept"] = ",".join(OPENABLE)
             name_parts(field, "Choose images")
+            explain(field, "Choose images")
             with ui.element("div").classes("row"):
                 self.path_field = unit_field("File or folder on the console's machine", "")
                 ui.button("Open", icon="folder_open", on_click=self.open_path).props("no-caps outline")
@@ -198,9 +200,11 @@ class FrameRow:
             with ui.element("td"):
                 self.role = ui.select({role: ROLE_NAMES[role] for role in IMAGE_ROLES}, value=image.role)
                 self.role.props("dense outlined").props["aria-label"] = f"Pressed on, {image.name}"
+                explain(self.role, "Pressed on")
             with ui.element("td"):
                 self.force = unit_field("", unit="N")
                 self.force.props["aria-label"] = f"Force in newtons, {image.name}"
+                explain(self.force, "Force in newtons")
             with ui.element("td"):
                 button = ui.button(icon="close", on_click=lambda: remove(self)).props("flat dense round")
                 button.props["aria-label"] = f"Remove {image.name}"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from tsis.console.pages.components import ProgressBar, panel_title
+from tsis.console.pages.components import ProgressBar, panel_title, tr
 from tsis.console.services import DONE, ENDED, FAILED
 from tsis.errors import InputError
 
@@ -187,9 +187,9 @@ def job_address(title: str) -> str:
 
 def _summary(running: list[JobState]) -> str:
     if not running:
-        return "Jobs"
+        return tr("Jobs")
     fraction = _progress(running[-1]) if len(running) == 1 else ""
-    return f"Jobs: {fraction or len(running)}"
+    return f"{tr('Jobs')}: {fraction or len(running)}"
 
 
 def _progress(state: JobState) -> str:

@@ -33,6 +33,7 @@ from tsis.console.services._subject import (
     PressForce,
     VirtualSubject,
 )
+from tsis.console.services._sweeps import Sweeps, SweepState, sweep_title
 
 __all__ = [
     "BALL_MM",
@@ -68,11 +69,14 @@ __all__ = [
     "Owner",
     "PressForce",
     "SavedPress",
+    "SweepState",
+    "Sweeps",
     "VirtualSubject",
     "estimate_title",
     "measure_images",
     "newest_presses",
     "open_images",
     "save_images",
+    "sweep_title",
     "warm_up",
 ]

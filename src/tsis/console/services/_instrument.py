@@ -24,6 +24,7 @@ from tsis.console.services._reading import (
 from tsis.console.services._sequences import SequenceRequest, begin_sequence
 from tsis.console.services._snapshots import PressToSave, save_press
 from tsis.console.services._state import InstrumentState, camera_state
+from tsis.console.services._sweeps import Sweeps
 from tsis.console.services._watcher import Watcher
 from tsis.console.services.calibrating import CalibrationSessions
 from tsis.imaging import COLOUR_MAPS
@@ -77,6 +78,7 @@ class Instrument:
             self.store.erase_expired()
         self.control, self._store_check = ControlLock(), StoreCheck(self.store)
         self.jobs = Jobs(terms.workspace / "jobs.jsonl")
+        self.sweeps = Sweeps(terms.workspace / "sweeps", self.jobs)
         self._memory = InstrumentMemory(terms.workspace / "last-run.state")
         restored = self._memory.begin(terms.choice)
         self._interruption = interruption_message(self.jobs.history.interrupted, restored)

@@ -20,6 +20,7 @@ from tsis.console.pages.components import (
     field_messages,
     number_text_of_field,
     panel_title,
+    select_field,
     typed_integer,
     typed_number,
     typed_numbers,
@@ -280,7 +281,9 @@ class TermsForm:
             self._with = ui.label().classes("muted")
             with ui.element("div").classes("calibrate-terms"):
                 self._name = unit_field("Name", "bench", keys="text")
-                self._probe = ui.select(list(list_probes()), value=choice.probe, label="Probe").props("dense outlined")
+                self._probe = select_field(list(list_probes()), value=choice.probe, label="Probe").props(
+                    "dense outlined"
+                )
                 self._pitch = unit_field("Pitch of the dot board", "2.5", unit="mm")
                 self._pitch_sd = unit_field("Its standard uncertainty", "0", unit="mm")
                 self._tips = unit_field("Radii of the tips", _listed(tips), unit="mm", keys="text")

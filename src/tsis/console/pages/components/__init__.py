@@ -1,22 +1,43 @@
 """Widgets that several pages share."""
 
-from tsis.console.pages.components._actions import OperatorControls, ProgressBar, RunButton, estimate_job, loading
+from tsis.console.pages.components._actions import (
+    OperatorControls,
+    ProgressBar,
+    RunButton,
+    estimate_job,
+    loading,
+    set_filled,
+)
 from tsis.console.pages.components._fields import (
     FORCE,
     LARGEST_MIB,
     ChoiceField,
     FileField,
     NumberField,
+    explain,
+    explained_fields,
     field_messages,
     name_parts,
     number_text_of_field,
     one_file,
+    select_field,
+    text_area,
+    text_field,
     typed_forces,
     typed_integer,
     typed_number,
     typed_numbers,
     unit_field,
     with_field_labels,
+)
+from tsis.console.pages.components._language import (
+    ENGLISH,
+    address_of,
+    chosen_language,
+    help_texts,
+    language_choice,
+    languages,
+    tr,
 )
 from tsis.console.pages.components._lists import (
     FactList,
@@ -39,10 +60,11 @@ from tsis.console.pages.components._lists import (
     show_drawing,
     table,
 )
-from tsis.console.pages.components._summary import StatePoller, Tabs, force_text, press_label, time_label
+from tsis.console.pages.components._summary import StatePoller, Tabs, camera_line, force_text, press_label, time_label
 from tsis.console.pages.components._viewer import LONGEST_OPERATOR, Viewer
 
 __all__ = [
+    "ENGLISH",
     "FORCE",
     "LARGEST_MIB",
     "LONGEST_OPERATOR",
@@ -57,16 +79,24 @@ __all__ = [
     "StatePoller",
     "Tabs",
     "Viewer",
+    "address_of",
+    "camera_line",
     "cards",
     "cell",
+    "chosen_language",
     "dialog_buttons",
     "drawing",
     "drawings",
     "estimate_job",
+    "explain",
+    "explained_fields",
     "field_messages",
     "figure",
     "force_text",
+    "help_texts",
     "is_confirmed",
+    "language_choice",
+    "languages",
     "list_message",
     "loading",
     "message_list",
@@ -79,10 +109,15 @@ __all__ = [
     "report_parts",
     "row",
     "rows_under",
+    "select_field",
     "set_class",
+    "set_filled",
     "show_drawing",
     "table",
+    "text_area",
+    "text_field",
     "time_label",
+    "tr",
     "typed_forces",
     "typed_integer",
     "typed_number",

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from nicegui import ui
 
+from tsis.console.pages.components._language import tr
 from tsis.console.services import estimate_title
 
 if TYPE_CHECKING:
@@ -92,7 +93,7 @@ class OperatorControls:
         for control in self._controls:
             control.set_enabled(commands)
         self._message.set_visibility(not commands)
-        self._message.text = "You watch: take the camera, at the top of the page, to use what is grey here."
+        self._message.text = tr("You watch: take the camera, at the top of the page, to use what is grey here.")
 
 
 class ProgressBar:
@@ -110,23 +111,25 @@ class ProgressBar:
             self._bar.props(remove="indeterminate") if job.fraction else self._bar.props(add="indeterminate")
 
 
+def set_filled(button: ui.button, filled: bool) -> None:
+    """Fill the button of the next step; others have an outline."""
+    button.props(add="unelevated", remove="outline") if filled else button.props(add="outline", remove="unelevated")
+
+
 class RunButton:
     """Start or Stop of the camera."""
 
     def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
         self._instrument, self._viewer = instrument, viewer
         self._runs: bool | None = None  # as the button says; None before anything is known
-        self.element = ui.button("Start", on_click=self._clicked).props("no-caps outline").classes("run")
+        self.element = ui.button(tr("Start"), on_click=self._clicked).props("no-caps outline").classes("run")
 
-    def show(self, camera: CameraState) -> None:
-        """Say what a click would do."""
+    def show(self, camera: CameraState, *, main: bool = True) -> None:
+        """Say what a click would do; filled when starting is the ``main`` thing to do."""
         self._runs = camera.running
-        self.element.text = "Stop" if self._runs else "Start"
+        self.element.text = tr("Stop") if self._runs else tr("Start")
         self.element.set_icon("stop" if self._runs else "play_arrow")
-        if self._runs:  # the next step is the filled button
-            self.element.props(add="outline", remove="unelevated")
-        else:
-            self.element.props(add="unelevated", remove="outline")
+        set_filled(self.element, main and not self._runs)
 
     async def _clicked(self) -> None:
         if self._runs is None:

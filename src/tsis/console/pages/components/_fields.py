@@ -6,18 +6,21 @@ import json
 import re
 from contextlib import contextmanager
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ParamSpec, TypeVar
 
 from nicegui import ui
 from nicegui.elements.upload import Upload
 
 from tsis.console.pages.components._actions import UndoMemory
+from tsis.console.pages.components._language import address_of, help_texts, tr
 from tsis.errors import InputError
 from tsis.model import require_integer
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
+    from nicegui.client import Client
+    from nicegui.element import Element
     from nicegui.elements.choice_element import ChoiceElement
     from nicegui.events import ValueChangeEventArguments
 
@@ -90,17 +93,56 @@ def number_text_of_field(value: float | None) -> str:
     return str(int(value)) if float(value).is_integer() and abs(value) < 1e9 else f"{value:.5g}"
 
 
-def unit_field(label: str, value: str = "", *, unit: str = "", keys: str = "decimal") -> ui.input:
-    """Place a field that is read when a button is clicked.
+ABOUT = "aria-description"  # the property of a field that says what is typed there, also for readers of the screen
+Arguments = ParamSpec("Arguments")
+Field = TypeVar("Field", bound="Element")
+
+
+def explain(field: Field, label: str = "", about: str = "") -> Field:
+    """Give a field the sentence, with unit and range, that its tooltip, screen readers and the page's help say.
+
+    It is ``about``, or what the help has of the field's ``label``, on its page first.
+    """
+    label = label or str(field.props.get("aria-label") or field.props.get("label") or "")
+    texts = help_texts()
+    here = texts.get(address_of(field.client.sub_pages_router.current_path), {}).get("fields", {})
+    about = about or here.get(label) or texts["fields"].get(label, "")
+    if about:
+        field.props[ABOUT] = tr(about)
+        field.tooltip(tr(about))
+    return field
+
+
+def explained_fields(client: Client) -> list[tuple[str, str]]:
+    """Names of the fields of an open page with their sentences, each once."""
+    fields = [item for item in client.layout.descendants() if ABOUT in item.props and item.visible]
+    named = {str(item.props.get("aria-label") or item.props.get("label") or ""): item.props[ABOUT] for item in fields}
+    return list(named.items())
+
+
+def explaining(kind: Callable[Arguments, Field]) -> Callable[Arguments, Field]:
+    """Fields of a kind of the pages' library, explained by the help."""
+
+    def placed(*given: Arguments.args, **named: Arguments.kwargs) -> Field:
+        return explain(kind(*given, **named))
+
+    return placed
+
+
+select_field, text_field, text_area = explaining(ui.select), explaining(ui.input), explaining(ui.textarea)
+
+
+def unit_field(label: str, value: str = "", *, about: str = "", unit: str = "", keys: str = "decimal") -> ui.input:
+    """Place a field that is read when a button is clicked; ``about`` as of `explain`.
 
     ``keys`` are those of a telephone: ``"decimal"``, ``"numeric"`` or ``"text"``.
     """
-    field = ui.input(label, value=value).props("dense outlined hide-bottom-space autocomplete=off")
+    field = ui.input(tr(label), value=value).props("dense outlined hide-bottom-space autocomplete=off")
     field.props["inputmode"] = keys
     if unit:
         with field.add_slot("append"):
             ui.label(unit).classes("unit")
-    return field
+    return explain(field, label, about)
 
 
 def typed_forces(typed: str | None, *, most: int) -> tuple[float, ...]:
@@ -126,6 +168,7 @@ class NumberField:
         label: str,
         act: Callable[[float], object],
         *,
+        about: str = "",
         unit: str = "",
         emptied: Callable[[], object] | None = None,
     ) -> None:
@@ -133,7 +176,7 @@ class NumberField:
         self._value: float | None = None
         self._typing, self._sent, self._just_done = False, False, UndoMemory()
         self._refused: str | None = None  # the text that was refused last
-        self.element = unit_field(label, unit=unit).classes("number-field")
+        self.element = unit_field(label, unit=unit, about=about).classes("number-field")
         self.element.on("update:model-value", self._typed)
         self.element.on("blur", self._done)
         self.element.on("keydown.enter", self._done)
@@ -281,4 +324,4 @@ def one_file(
     ).props("flat bordered")
     field.props["accept"] = accept
     name_parts(field, f"Choose: {label}")
-    return field
+    return explain(field)

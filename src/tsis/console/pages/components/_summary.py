@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
 
 from nicegui import run
 
+from tsis.console.pages.components._language import tr
 from tsis.records import ROLE_NAMES
 from tsis.report.target import time_text
 
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from datetime import datetime
 
-    from tsis.console.services import Instrument, InstrumentState
+    from tsis.console.services import CameraState, Instrument, InstrumentState
     from tsis.records import StoredPress
 
 
@@ -39,6 +40,16 @@ def time_label(when: datetime) -> str:
 def press_label(press: StoredPress) -> str:
     """A press: what was pressed, how hard, when."""
     return f"{ROLE_NAMES[press.role]}, {force_text(press.force_n)}, {time_label(press.taken)}"
+
+
+def camera_line(camera: CameraState) -> str:
+    """Name, rate, losses and size of the camera's frames."""
+    if not camera.running:
+        return tr("The camera is stopped.")
+    size = f", {camera.columns} x {camera.rows} pixels" if camera.columns else ""
+    times = "once" if camera.interruptions == 1 else f"{camera.interruptions} times"
+    breaks = f", interrupted {times}" if camera.interruptions else ""
+    return f"{camera.name}: {camera.frames_per_s:.0f} frames/s, {camera.missed} dropped{breaks}{size}"
 
 
 FRESH_S = 0.2  # for which a reading of the state serves every page

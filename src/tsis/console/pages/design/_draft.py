@@ -12,6 +12,7 @@ from tsis.catalog import load_probe
 from tsis.console.pages.components import (
     FORCE,
     Redrawn,
+    explain,
     field_messages,
     number_text_of_field,
     typed_forces,
@@ -76,6 +77,7 @@ def typed_field(
         element.props("stack-label").props["placeholder"] = empty
     if not shown:
         element.props["aria-label"] = label
+    explain(element, label.rpartition(", ")[2])
     element.validate()  # a draft that came back with the tab may be wrong
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from nicegui import ui
 
 from tsis.catalog import list_probes, load_probe
-from tsis.console.pages.components import cell, panel_title, rows_under
+from tsis.console.pages.components import cell, panel_title, rows_under, select_field
 from tsis.console.pages.design._draft import (
     COMPARED,
     CRITERIA,
@@ -45,7 +45,7 @@ class QuestionForm:
                 )
         panel_title("Judge by", level=3).classes("below")
         with ui.element("div").classes("fields"):
-            ui.select(CRITERIA, value=draft.criterion, label="The expected error of").props(
+            select_field(CRITERIA, value=draft.criterion, label="The expected error of").props(
                 "dense outlined options-dense"
             ).bind_value_to(draft, "criterion")
             ui.switch("Light by the lamps, traced", value=draft.traced).props("dense").bind_value_to(draft, "traced")
@@ -175,9 +175,9 @@ class ProbeForm:
     def __init__(self, editor: ProbeEditor, changed: Callable[[], object]) -> None:
         self._editor, self._changed = editor, changed
         panel_title("Probe")
-        ui.select(list(list_probes()), value=editor.probe.start.name, label="Start from", on_change=self._start).props(
-            "dense outlined options-dense"
-        ).classes("start")
+        select_field(
+            list(list_probes()), value=editor.probe.start.name, label="Start from", on_change=self._start
+        ).props("dense outlined options-dense").classes("start")
         self._container = ui.element("div").classes("stack")
         self._fill()
 

@@ -1,8 +1,9 @@
-"""Saved presses of this target, and its estimate: diameter, depth and modulus with uncertainty, or hardness."""
+"""The order of work on a target, its saved presses, and its estimate: diameter, depth and modulus, or hardness."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 from nicegui import run, ui
@@ -19,16 +20,20 @@ from tsis.console.pages.components import (
     row,
     rows_under,
     set_class,
+    set_filled,
+    tr,
 )
-from tsis.console.services import FAILED
+from tsis.console.services import FAILED, CameraChoice
 from tsis.errors import TsisError
 from tsis.records import ESTIMATES, ROLE_NAMES
 from tsis.records.importing import target_by_number
 from tsis.report import address, estimate_cards, estimate_messages_of, estimate_pictures
-from tsis.report.target import count_of, time_text
+from tsis.report.target import time_text
 
 if TYPE_CHECKING:
-    from tsis.console.pages.components import Viewer
+    from collections.abc import Callable, Sequence
+
+    from tsis.console.pages.components import OperatorControls, Viewer
     from tsis.console.services import Instrument, InstrumentState, JobState
     from tsis.model import Estimate
     from tsis.records import StoredEstimate, StoredPress, Target
@@ -37,6 +42,7 @@ if TYPE_CHECKING:
 
 
 SHOWN = 8  # presses, the newest
+MOST_COUNTED = 1000  # presses whose roles are looked at
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -49,12 +55,14 @@ class SavedTarget:
     presses: tuple[StoredPress, ...] = ()  # the newest ones, the newest first
     estimates: tuple[StoredEstimate, ...] = ()  # the current ones
     damaged: tuple[str, ...] = ()  # a message for each record that cannot be shown
+    roles: frozenset[str] = frozenset()  # of its presses
+    first: bool = False  # whether the store has no target yet
 
 
 def saved_target(store: Store, number: int) -> SavedTarget:
     """Read the target; errors as of the store."""
     if (target := target_by_number(store, number)) is None:
-        return SavedTarget(number=number)
+        return SavedTarget(number=number, first=not store.targets(hidden=True))
     count = store.press_count(target)
     record = store.record(target, limit=SHOWN, offset=max(0, count - SHOWN))
     return SavedTarget(
@@ -64,6 +72,7 @@ def saved_target(store: Store, number: int) -> SavedTarget:
         presses=record.presses[::-1],
         estimates=record.active_estimates,
         damaged=record.damaged,
+        roles=frozenset(press.role for press in store.presses(target, limit=MOST_COUNTED)),
     )
 
 
@@ -72,35 +81,204 @@ def drawn(estimate: Estimate) -> tuple[tuple[Picture, str], ...]:
     return tuple((picture, address(picture)) for picture in estimate_pictures(estimate))
 
 
+REFERENCES = ("plain", "ball")  # roles of reference presses: of tissue, and of spheres
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WorkStep:
+    """A step of the work on a target: its name, whether it is done, what to do, and the page where it is done."""
+
+    name: str
+    title: str
+    done: bool
+    cure: str
+    address: str = ""
+    role: str = ""  # that the press must have
+
+
+def work_steps(state: InstrumentState, saved: SavedTarget) -> tuple[WorkStep, ...]:
+    """The order of work on the present target, with what is done."""
+    camera, sphere = state.camera, state.camera.choice.is_sphere
+    reference = next(role for role in state.roles if role in REFERENCES)
+    begun = [] if not saved.presses else [item.made for item in saved.estimates if item.made >= saved.presses[0].taken]
+    ready = {reference, "target"} <= saved.roles
+    return (
+        WorkStep(
+            name="camera",
+            title=tr("Camera"),
+            done=camera.running and not camera.lost,
+            cure=tr("Start the camera."),
+            address="/camera",
+        ),
+        WorkStep(
+            name="calibration",
+            title=tr("Calibration"),
+            done=bool(state.calibration),
+            cure=tr("Calibrate the probe, or activate its calibration file on the page Camera."),
+            address="/calibrate",
+        ),
+        WorkStep(name="target", title=tr("Target {number}", number=state.target), done=True, cure=""),
+        WorkStep(
+            name="reference",
+            title=tr("Press on the ball") if sphere else tr("Reference press"),
+            done=reference in saved.roles,
+            cure=tr("Press the ball of known radius, and save a snapshot.")
+            if sphere
+            else tr("Press tissue without an inclusion, and save a snapshot."),
+            role=reference,
+        ),
+        WorkStep(
+            name="presses",
+            title=tr("Presses ({count})", count=saved.count),
+            done="target" in saved.roles,
+            cure=tr("Press the target, and save a snapshot. Two forces tell more than one."),
+            role="target",
+        ),
+        WorkStep(
+            name="estimate",
+            title=tr("Hardness") if sphere else tr("Estimate"),
+            done=ready and bool(begun),
+            cure=tr("Measure the hardness.") if sphere else tr("Estimate, or save more presses first."),
+            address="/hardness" if sphere else "",
+        ),
+        WorkStep(
+            name="report",
+            title=tr("Report"),
+            done=False,
+            cure=tr("Open the report."),
+            address=f"/records/{saved.number}" if saved.target is not None else "",
+        ),
+    )
+
+
+def next_step(steps: Sequence[WorkStep]) -> WorkStep:
+    """The first step that is not done; the report is never done."""
+    return next(step for step in steps if not step.done)
+
+
+WHAT_THIS_IS = (
+    "tsis measures soft material by touch. A soft, lit probe is pressed on it; a camera sees where the pressure lets "
+    "light out; and the program estimates diameter, depth and stiffness of an inclusion, each with its uncertainty. "
+    "Without hardware, the virtual probe calculates mechanics, light and camera."
+)
+
+
+class WorkOrder:
+    """The order of work: what is done, what is next, and on a first start what this is and where to begin.
+
+    ``main`` names what the page's filled button is: ``"first"``, ``"role"`` for the choice of what is pressed, or the
+    next step.
+    """
+
+    def __init__(self, instrument: Instrument, viewer: Viewer, controls: OperatorControls) -> None:
+        self._instrument, self._viewer, self._controls = instrument, viewer, controls
+        self._saved: SavedTarget | None = None
+        self._role = ""
+        self.main = "camera"
+        self._first = Redrawn(ui.element("div"))
+        with ui.element("section").classes("panel work") as strip:
+            strip.props["aria-label"] = tr("Order of work")
+            self._steps = Redrawn(ui.element("ol").classes("work-steps"))
+            with ui.element("div").classes("row"):
+                self._cure = ui.label().classes("muted").props("role=status")
+                self._choose = ui.button(tr("Switch to the target"), on_click=self._choose_role).props(
+                    "no-caps dense unelevated"
+                )
+                self._choose.set_visibility(False)
+                controls.add(self._choose)
+
+    def saved(self, saved: SavedTarget) -> None:
+        """Take what is stored of the target."""
+        self._saved = saved
+
+    def show(self, state: InstrumentState) -> None:
+        """Show what is done, and what is next."""
+        saved = self._saved
+        if saved is None or saved.number != state.target:
+            saved = SavedTarget(number=state.target)
+        steps = work_steps(state, saved)
+        step = next_step(steps)
+        if self._steps.changes_to((steps, step)):
+            with self._steps.element:
+                for item in steps:
+                    _step_item(item, here=item is step)
+        first = saved.first and not state.camera.running and not state.busy
+        if self._first.changes_to(first) and first:
+            with self._first.element:
+                self._say_what_this_is()
+        self._role = step.role if step.role and step.role != state.role else ""
+        self._choose.set_visibility(bool(self._role))
+        self._choose.text = tr("Switch to the target") if self._role == "target" else tr("Switch to the reference")
+        self._cure.text = tr("Next: {step}", step=step.cure)
+        self.main = "first" if first else "role" if self._role else step.name
+
+    def _say_what_this_is(self) -> None:
+        with ui.element("section").classes("panel stack"):
+            panel_title(tr("What this is"))
+            ui.label(tr(WHAT_THIS_IS)).classes("wordy")
+            with ui.element("div").classes("row"):
+                begin = ui.button(tr("Try the virtual probe"), icon="science", on_click=self._try_virtual)
+                self._controls.add(begin.props("no-caps unelevated"))
+                for text, icon, address in (
+                    (tr("Connect a camera"), "videocam", "/camera"),
+                    (tr("Open my images"), "folder_open", "/images"),
+                ):
+                    ui.button(text, icon=icon, on_click=partial(ui.navigate.to, address)).props("no-caps outline")
+
+    async def _try_virtual(self) -> None:
+        await self._viewer.attempt(self._start_virtual)
+
+    def _start_virtual(self) -> None:
+        if not self._instrument.camera_controller.choice.is_virtual:
+            self._instrument.choose(CameraChoice(), by=self._viewer.identity)
+        self._instrument.start(by=self._viewer.identity)
+
+    async def _choose_role(self) -> None:
+        role = self._role
+        await self._viewer.attempt(lambda: self._instrument.hold(role=role, by=self._viewer.identity))
+
+
+def _step_item(step: WorkStep, *, here: bool) -> None:
+    status = tr("done") if step.done else tr("next") if here else tr("open")
+    with ui.element("li").classes("here" if here else "done" if step.done else ""):
+        ui.icon("check_circle" if step.done else "arrow_forward" if here else "radio_button_unchecked")
+        place = ui.link(step.title, step.address) if step.address else ui.label(step.title)
+        place.props["aria-label"] = f"{step.title}: {status}"
+        if here:
+            place.props["aria-current"] = "step"
+
+
 EVERY_S = 1.0  # between two readings of the store
 
 
 class EstimatePanel:
     """Saved presses of the target, the button of an estimate, and its result."""
 
-    def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
-        self._instrument, self._viewer = instrument, viewer
+    def __init__(self, instrument: Instrument, viewer: Viewer, on_saved: Callable[[SavedTarget], None]) -> None:
+        self._instrument, self._viewer, self._on_saved = instrument, viewer, on_saved
         self._state: InstrumentState | None = None
         self._drawn: dict[str, tuple[tuple[Picture, str], ...]] = {}  # by the estimate's identity
         with ui.element("div").classes("row"):
-            self._title = panel_title("Target")
+            self._title = panel_title(tr("Target"))
             ui.element("div").classes("spring")
-            self._report = ui.link("Report", "/records")
-            self._hardness = ui.link("Hardness of this object", "/hardness")
-            self._begin = ui.button("Estimate", icon="analytics", on_click=self._estimate).props("no-caps outline")
-        self._bar = ProgressBar("Progress of the estimate")
+            self._report = ui.link(tr("Report"), "/records")
+            self._hardness = ui.link(tr("Hardness of this object"), "/hardness")
+            self._begin = ui.button(tr("Estimate"), icon="analytics", on_click=self._estimate).props("no-caps outline")
+        self._bar = ProgressBar(tr("Progress of the estimate"))
         self._message = ui.label().classes("muted wordy").props("role=status")
         self._record = Redrawn(ui.element("div").classes("stack"))
         viewer.every(EVERY_S, self._refresh)
 
-    def show(self, state: InstrumentState) -> None:
-        """Show how far the estimate is."""
+    def show(self, state: InstrumentState, *, main: str) -> None:
+        """Show how far the estimate is; ``main`` as of `WorkOrder`."""
         self._state = state
         job = estimate_job(state)
         sphere = state.camera.choice.is_sphere  # its estimate asks for more than presses
         self._hardness.set_visibility(sphere)
         self._begin.set_visibility(not sphere)
         self._begin.set_enabled(job is None or not job.running)
+        set_filled(self._begin, main == "estimate")
+        set_class(self._report, "filled", main == "report")
         self._bar.show(job)
         self._message.text = job_text(job)
         set_class(self._message, "doubtful", job is not None and job.status == FAILED)
@@ -135,9 +313,10 @@ class EstimatePanel:
 
     def _show_recorded(self, saved: SavedTarget) -> None:
         name = f": {saved.target.name}" if saved.target is not None and saved.target.name else ""
-        self._title.text = f"Target {saved.number}{name}"
+        self._title.text = tr("Target {number}", number=saved.number) + name
         self._report.set_visibility(saved.target is not None)
         self._report.props["href"] = f"/records/{saved.number}"
+        self._on_saved(saved)
         with self._record.element:
             for stored in saved.estimates:
                 cards(estimate_cards(stored, {} if saved.target is None else saved.target.truth))
@@ -146,20 +325,21 @@ class EstimatePanel:
                         figure(*item)
                 message_list(estimate_messages_of(stored))
             for message in saved.damaged:
-                ui.label(f"Left out: {message}.").classes("doubtful")
+                ui.label(tr("Left out: {message}.", message=message)).classes("doubtful")
             presses(saved)
 
 
 def presses(saved: SavedTarget) -> None:
     """The newest presses, one line each."""
     if not saved.count:
-        ui.label("No presses of this target yet. Press it and save a snapshot (space bar).").classes("muted")
+        ui.label(tr("No presses of this target yet. Press it and save a snapshot (space bar).")).classes("muted")
         return
-    more = "" if saved.count <= len(saved.presses) else f", the last {len(saved.presses)}"
-    with rows_under(("Pressed", "Force", "Saved at (UTC)", "Flags"), caption=f"{count_of(saved.count, 'press')}{more}"):
+    more = "" if saved.count <= len(saved.presses) else tr(", the last {count}", count=len(saved.presses))
+    count = tr("1 press") if saved.count == 1 else tr("{count} presses", count=saved.count)
+    with rows_under((tr("Pressed"), tr("Force"), tr("Saved at (UTC)"), tr("Flags")), caption=count + more):
         for press in saved.presses:
             flags = ", ".join(press.flags)
-            row((ROLE_NAMES[press.role], force_text(press.force_n), time_text(press.taken), flags))
+            row((tr(ROLE_NAMES[press.role]), force_text(press.force_n), time_text(press.taken), flags))
 
 
 def job_text(job: JobState | None) -> str:
@@ -167,6 +347,6 @@ def job_text(job: JobState | None) -> str:
     if job is None:
         return ""
     if job.running:
-        fraction = f", {job.done} of {job.total} steps" if job.total else ""
-        return f"Estimating{fraction}; the mechanics of a probe are solved once and cached."
+        fraction = tr(", {done} of {total} steps", done=job.done, total=job.total) if job.total else ""
+        return tr("Estimating{fraction}; the mechanics of a probe are solved once and cached.", fraction=fraction)
     return job.sentence if job.status == FAILED else ""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from nicegui import ui
 from nicegui.element import Element
@@ -17,14 +17,18 @@ from tsis.console.pages.components import (
     ProgressBar,
     Redrawn,
     RunButton,
+    camera_line,
     field_messages,
     force_text,
     number_text_of_field,
+    select_field,
     set_class,
+    set_filled,
+    tr,
     typed_number,
     unit_field,
 )
-from tsis.console.pages.examine._estimate import EstimatePanel
+from tsis.console.pages.examine._estimate import EstimatePanel, WorkOrder
 from tsis.console.pages.examine._settings import SettingsPanel
 from tsis.console.services import MOST_SEQUENCE_FRAMES
 from tsis.model import require_integer
@@ -36,7 +40,8 @@ if TYPE_CHECKING:
     from nicegui.events import ValueChangeEventArguments
 
     from tsis.console.pages.components import Viewer
-    from tsis.console.services import CameraState, FrameAnalysis, Instrument, InstrumentState, Job, JobState, SavedPress
+    from tsis.console.pages.examine._estimate import SavedTarget
+    from tsis.console.services import FrameAnalysis, Instrument, InstrumentState, Job, JobState, SavedPress
 
 
 SOURCES = {"gauge": "from the gauge", "virtual": "(simulated)", "typed": "(typed)"}
@@ -56,17 +61,17 @@ class ForceRow:
         analysis = present(state)
         force = None if analysis is None else analysis.force
         self._force.text = "" if force is None else f"{force.value_n:.2f} N"
-        self._source.text = force_text(None) if force is None else SOURCES[force.source]
-        self._still.text = "" if analysis is None else analysis.still
+        self._source.text = tr(force_text(None) if force is None else SOURCES[force.source])
+        self._still.text = "" if analysis is None or not analysis.still else tr(analysis.still)
         self._still.set_visibility(bool(self._still.text))
-        set_class(self._still, "good", self._still.text == "settled")
+        set_class(self._still, "good", analysis is not None and analysis.still == "settled")
 
 
 class FlagList:
     """Flags of the press, with advice."""
 
     def __init__(self) -> None:
-        self._list = Redrawn(ui.element("ul").classes("flags").props('aria-label="Flags of this press"'))
+        self._list = Redrawn(ui.element("ul").classes("flags").props(f'aria-label="{tr("Flags of this press")}"'))
 
     def show(self, state: InstrumentState) -> None:
         """Show the flags of the newest analysis; an unchanged list stays, so that screen readers do not repeat it."""
@@ -75,7 +80,7 @@ class FlagList:
             with self._list.element:
                 for name, advice in result:
                     with ui.element("li"):
-                        ui.label(name).classes("flag" if advice else "good")
+                        ui.label(tr(name)).classes("flag" if advice else "good")
                         ui.label(advice).classes("muted")
 
 
@@ -91,7 +96,22 @@ def flags(analysis: FrameAnalysis | None) -> tuple[tuple[str, str], ...]:
     return tuple((flag.name, flag.advice) for flag in analysis.flags) or (("No flags.", ""),)
 
 
-KEYS = {"Space": "save a snapshot", "←": "target before", "→": "target after", "F": "live image alone, and back"}
+class Shortcut(NamedTuple):
+    """A key as its event names it, what stands on it, what it does, and the event of `Keys` with its value."""
+
+    key: str
+    cap: str
+    does: str
+    event: str
+    value: int | None = None
+
+
+SHORTCUTS = (  # the page's keys and its help are made from these
+    Shortcut(" ", "Space", "save a snapshot", "snapshot"),
+    Shortcut("ArrowLeft", "←", "target before", "step", -1),
+    Shortcut("ArrowRight", "→", "target after", "step", 1),
+    Shortcut("f", "F", "live image alone, and back", "alone"),
+)
 
 
 class Keys(Element, component="keys.js"):
@@ -102,18 +122,9 @@ class Keys(Element, component="keys.js"):
     ) -> None:
         super().__init__()
         self._props["alone"] = alone.html_id
+        self._props["keys"] = {item.key: [item.event, item.value] for item in SHORTCUTS}
         self.on("snapshot", lambda: snapshot())
         self.on("step", lambda event: step(1 if event.args == 1 else -1))
-
-
-def key_help() -> None:
-    """The keys and what they do."""
-    with ui.element("dl").classes("keys"):
-        for key, does in KEYS.items():
-            with ui.element("dt"), ui.element("kbd").classes("key"):
-                ui.label(key)
-            with ui.element("dd"):
-                ui.label(does)
 
 
 FIRST_MAP = "viridis"
@@ -140,25 +151,21 @@ class LivePanel:
 
     def _tools(self) -> None:
         with ui.element("div").classes("row tools"):
-            ui.select(list(MAPS), value=FIRST_MAP, label="Colours", on_change=self._colour).props(
-                "dense outlined"
-            ).classes("colours")
-            self._range = ui.select(
-                [FULL_RANGE, AUTOMATIC, MANUAL], value=FULL_RANGE, label="Range", on_change=self._ranged
-            ).props("dense outlined")
-            self._range.classes("colours")
-            ui.switch("Freeze", value=False, on_change=lambda event: self.view.freeze(bool(event.value)))
-            ui.switch("Clipping", value=False, on_change=lambda event: self.view.mark_limits(bool(event.value)))
-            ui.switch("Contact", value=True, on_change=lambda event: self.view.overlay(bool(event.value)))
+            colours = select_field(list(MAPS), value=FIRST_MAP, label=tr("Colours"), on_change=self._colour)
+            ranges = {name: tr(name) for name in (FULL_RANGE, AUTOMATIC, MANUAL)}
+            self._range = select_field(ranges, value=FULL_RANGE, label=tr("Range"), on_change=self._ranged)
+            for select in (colours, self._range):
+                select.props("dense outlined").classes("colours")
+            ui.switch(tr("Freeze"), value=False, on_change=lambda event: self.view.freeze(bool(event.value)))
+            ui.switch(tr("Clipping"), value=False, on_change=lambda event: self.view.mark_limits(bool(event.value)))
+            ui.switch(tr("Contact"), value=True, on_change=lambda event: self.view.overlay(bool(event.value)))
             ui.switch("3-D", value=False, on_change=self._three)
             ui.element("div").classes("spring")
-            alone = ui.button(icon="fullscreen").props('flat dense round aria-label="Full screen"')
+            alone = ui.button(icon="fullscreen").props(f'flat dense round aria-label="{tr("Full screen")}"')
             # What F does too; in the browser, where only a click may fill the screen.
             alone.on("click", js_handler="() => document.dispatchEvent(new CustomEvent('tsis-alone'))")
-            with ui.button(icon="keyboard").props('flat dense round aria-label="Keys"'), ui.menu():
-                key_help()
         self._ends = ui.range(min=0, max=255, step=1, value={"min": 0, "max": 255}, on_change=self._ranged)
-        self._ends.props('dense label aria-label="Grey levels of the colour range, of 255"')
+        self._ends.props(f'dense label aria-label="{tr("Grey levels of the colour range, of 255")}"')
         self._ends.set_visibility(False)
 
     def _ranged(self) -> None:
@@ -197,23 +204,22 @@ class LivePanel:
                 self._surface = SurfaceView(map_name=self._map, ends=self._range_ends)
 
 
-def camera_line(camera: CameraState) -> str:
-    """Name, rate, losses and size of the camera's frames."""
-    if not camera.running:
-        return "The camera is stopped."
-    size = f", {camera.columns} x {camera.rows} pixels" if camera.columns else ""
-    times = "once" if camera.interruptions == 1 else f"{camera.interruptions} times"
-    breaks = f", interrupted {times}" if camera.interruptions else ""
-    return f"{camera.name}: {camera.frames_per_s:.0f} frames/s, {camera.missed} dropped{breaks}{size}"
-
-
 def examine_page(instrument: Instrument, viewer: Viewer) -> None:
     """Build the page."""
+    latest: InstrumentState | None = None
+
+    def saved(target: SavedTarget) -> None:
+        order.saved(target)
+        if latest is not None:
+            show(latest)
+
     controls = OperatorControls(viewer)
+    with ui.element("div").classes("stack work-place"):
+        order = WorkOrder(instrument, viewer, controls)
     with ui.element("div").classes("split examine"):
-        with ui.element("section").classes("stack").props('aria-label="Live image"'):
+        with ui.element("section").classes("stack").props(f'aria-label="{tr("Live image")}"'):
             live = LivePanel()
-        with ui.element("section").classes("stack").props('aria-label="Press, estimate and camera"'):
+        with ui.element("section").classes("stack").props(f'aria-label="{tr("Press, estimate and camera")}"'):
             with ui.element("div").classes("panel stack tight"):
                 press = PressPanel(instrument, viewer, controls)
                 with press.force_row:
@@ -222,10 +228,10 @@ def examine_page(instrument: Instrument, viewer: Viewer) -> None:
                 controls.why()
             with ui.element("div").classes("panel under-tabs"):
                 with ui.tabs().props("dense no-caps align=left") as tabs:
-                    reported, set_up, recorded = ui.tab("Estimate"), ui.tab("Settings"), ui.tab("Sequence")
+                    reported, set_up, recorded = (ui.tab(tr(name)) for name in ("Estimate", "Settings", "Sequence"))
                 with ui.tab_panels(tabs, value=reported).props("keep-alive").classes("plain-panels"):
                     with ui.tab_panel(reported):
-                        estimate = EstimatePanel(instrument, viewer)
+                        estimate = EstimatePanel(instrument, viewer, saved)
                     with ui.tab_panel(set_up):
                         settings = SettingsPanel(instrument, viewer, controls)
                     with ui.tab_panel(recorded):
@@ -233,10 +239,18 @@ def examine_page(instrument: Instrument, viewer: Viewer) -> None:
     Keys(snapshot=press.snapshot, step=press.step, alone=live.single)
 
     def show(state: InstrumentState) -> None:
-        for part in (live, press, force, flags, estimate, settings, sequence, controls):
+        nonlocal latest
+        latest = state
+        order.show(state)
+        press.show(state, main=order.main)
+        estimate.show(state, main=order.main)
+        for part in (live, force, flags, settings, sequence, controls):
             part.show(state)
 
     viewer.follow(show)
+
+
+TO_PRESS = ("calibration", "reference", "presses")  # steps for which a snapshot is the next thing
 
 
 class PressPanel:
@@ -246,30 +260,33 @@ class PressPanel:
         self._instrument, self._viewer, self._saving = instrument, viewer, False
         with ui.element("div").classes("row"):
             self._run = RunButton(instrument, viewer)
-            self._save = ui.button("Snapshot", icon="photo_camera", on_click=self.snapshot).props("no-caps unelevated")
+            self._save = ui.button(tr("Snapshot"), icon="photo_camera", on_click=self.snapshot).props(
+                "no-caps unelevated"
+            )
             with ui.element("div").classes("stepper"):
-                back = self._stepper("remove", "Target before", -1)
+                back = self._stepper("remove", tr("Target before"), -1)
                 self._target = NumberField(viewer, "Target", self._set_target)
-                on = self._stepper("add", "Target after", 1)
+                on = self._stepper("add", tr("Target after"), 1)
         with ui.element("div").classes("row"):
             choice = ui.toggle({}, value=None).props("no-caps unelevated toggle-color=primary").classes("roles")
-            choice.props('role=group aria-label="Pressed on"')
+            choice.props(f'role=group aria-label="{tr("Pressed on")}"')
             self._role = ChoiceField(viewer, choice, lambda role: instrument.hold(role=role, by=viewer.identity))
         with ui.element("div").classes("row") as self.force_row:
             self._force = NumberField(
-                viewer, "Force", self._hold, unit="N", emptied=lambda: instrument.forget_force(by=viewer.identity)
+                viewer,
+                "Force",
+                self._hold,
+                unit="N",
+                emptied=lambda: instrument.forget_force(by=viewer.identity),
             )
         controls.add(self._run.element, self._save, back, on, self._target.element, choice, self._force.element)
 
-    def show(self, state: InstrumentState) -> None:
-        """Show the instrument's press."""
-        self._run.show(state.camera)
-        if state.camera.running:
-            self._save.props(add="unelevated", remove="outline")
-        else:
-            self._save.props(add="outline", remove="unelevated")
+    def show(self, state: InstrumentState, *, main: str) -> None:
+        """Show the instrument's press; ``main`` as of `WorkOrder`."""
+        self._run.show(state.camera, main=main == "camera")
+        set_filled(self._save, main in TO_PRESS)
         self._target.show(state.target)
-        self._role.show(state.role, {role: ROLE_NAMES[role] for role in state.roles})
+        self._role.show(state.role, {role: tr(ROLE_NAMES[role]) for role in state.roles})
         self._force.show(state.force_n)
 
     async def snapshot(self) -> None:
@@ -305,10 +322,12 @@ class PressPanel:
 def snapshot_text(saved: SavedPress) -> str:
     """Text of a snapshot."""
     press = saved.press
-    against = f"; flagged {', '.join(press.flags)}" if press.flags else ""
+    against = tr("; flagged {flags}", flags=", ".join(press.flags)) if press.flags else ""
     notes = "".join(f" {note}." for note in saved.notes)
-    role, force = ROLE_NAMES[press.role], force_text(press.force_n)
-    return f"Saved for target {saved.target.number}: {role}, {force}{against}.{notes}"
+    role, force = tr(ROLE_NAMES[press.role]), tr(force_text(press.force_n))
+    return (
+        tr("Saved for target {number}: {press}.", number=saved.target.number, press=f"{role}, {force}{against}") + notes
+    )
 
 
 SECONDS, FRAMES = "seconds", "frames"
@@ -322,15 +341,17 @@ class SequencePanel:
         self._instrument, self._viewer = instrument, viewer
         with ui.element("div").classes("row"):
             self._length = unit_field("Length", number_text_of_field(FIRST_LENGTH)).classes("number-field")
-            self._unit = ui.toggle([SECONDS, FRAMES], value=SECONDS).props("no-caps unelevated toggle-color=primary")
-            self._unit.props('role=group aria-label="Unit of the length"')
-            self._begin = ui.button("Record", icon="fiber_manual_record", on_click=self._record)
+            self._unit = ui.toggle({SECONDS: tr(SECONDS), FRAMES: tr(FRAMES)}, value=SECONDS).props(
+                "no-caps unelevated toggle-color=primary"
+            )
+            self._unit.props(f'role=group aria-label="{tr("Unit of the length")}"')
+            self._begin = ui.button(tr("Record"), icon="fiber_manual_record", on_click=self._record)
             self._begin.props("no-caps outline")
-            self._end = ui.button("End", icon="stop", on_click=viewer.command(instrument.end_sequence))
-        self._bar = ProgressBar("Progress of the sequence")
+            self._end = ui.button(tr("End"), icon="stop", on_click=viewer.command(instrument.end_sequence))
+        self._bar = ProgressBar(tr("Progress of the sequence"))
         self._message = ui.label().classes("muted wordy").props("role=status")
         ui.label(
-            "Every frame is saved unchanged in the workspace; the recording continues when this page is closed."
+            tr("Every frame is saved unchanged in the workspace; the recording continues when this page is closed.")
         ).classes("muted")
         controls.add(self._length, self._unit, self._begin, self._end.props("no-caps outline"))
 
@@ -360,5 +381,5 @@ def sequence_text(sequence: JobState | None) -> str:
         return ""
     if sequence.running:
         fraction = f": {sequence.fraction:.0%}" if sequence.total else ""
-        return f"Recording {sequence.title}{fraction}"
+        return tr("Recording {what}", what=sequence.title) + fraction
     return f"{sequence.title.capitalize()}: {sequence.sentence}"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from tsis.console.pages.components import NumberField, Redrawn, field_messages
+from tsis.console.pages.components import NumberField, Redrawn, field_messages, tr
 from tsis.instrument import PRESETS
 
 if TYPE_CHECKING:
@@ -36,7 +36,9 @@ class SettingLine:
         self._moving = False
         text = setting_label(setting.name)
         with ui.element("div").classes("setting"):
-            self._field = NumberField(viewer, text, adjust, unit=setting.unit)
+            ends = f"{setting.low:g} to {setting.high:.4g} {setting.unit}".strip()
+            about = tr("{setting} of the camera: {ends}.", setting=tr(text), ends=ends)
+            self._field = NumberField(viewer, text, adjust, about=about, unit=setting.unit)
             controls.add(self._field.element)
             if math.isfinite(setting.low) and math.isfinite(setting.high) and setting.low < setting.high:
                 span = setting.high - setting.low
@@ -45,7 +47,7 @@ class SettingLine:
                 self._slider.on("update:model-value", self._changed)
                 self._slider.on("change", self._released)
                 controls.add(self._slider)
-                ui.label(f"{setting.low:g} to {setting.high:.4g} {setting.unit}").classes("muted range")
+                ui.label(ends).classes("muted range")
 
     def show(self, value: float) -> None:
         """Show the camera's value, unless another one is being given."""
@@ -89,11 +91,11 @@ class SettingsPanel:
         self._lines: dict[str, SettingLine] = {}
         with ui.element("div").classes("row"):
             for name in PRESETS:
-                button = ui.button(name.capitalize(), on_click=viewer.command(instrument.preset, name))
+                button = ui.button(tr(name.capitalize()), on_click=viewer.command(instrument.preset, name))
                 with controls.add(button.props("outline dense no-caps")):
-                    ui.tooltip(PRESET_TEXTS[name])
+                    ui.tooltip(tr(PRESET_TEXTS[name]))
         self._container = Redrawn(ui.element("div").classes("settings"))
-        self._none = ui.label("Start the camera to adjust it.").classes("muted")
+        self._none = ui.label(tr("Start the camera to adjust it.")).classes("muted")
 
     def show(self, state: InstrumentState) -> None:
         """Show the camera's settings."""
@@ -108,7 +110,7 @@ class SettingsPanel:
                     for setting in settings
                 }
         self._none.set_visibility(not settings)
-        self._none.text = "The camera is away." if state.camera.lost else "Start the camera to adjust it."
+        self._none.text = tr("The camera is away.") if state.camera.lost else tr("Start the camera to adjust it.")
         for setting in settings:
             self._lines[setting.name].show(setting.value)
 

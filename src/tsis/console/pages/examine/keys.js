@@ -1,4 +1,4 @@
-// Keys of the page: space saves a snapshot, the arrows change the target, F shows the live image alone.
+// Keys of the page, as its shortcuts are defined there; "alone" shows the live image over the whole screen.
 
 const FIELDS = "input, textarea, select, [contenteditable], [role=slider], [role=listbox], [role=menu], [role=tab], dialog, .q-dialog, .surface";
 
@@ -6,6 +6,7 @@ export default {
   template: "<span hidden></span>",
   props: {
     alone: String, // id of the element that can be shown alone
+    keys: Object, // by the key: the event and its value
   },
   emits: ["snapshot", "step"],
   mounted() {
@@ -36,10 +37,9 @@ export default {
       const at = event.target;
       if (at.closest?.(FIELDS)) return;
       if (event.key === " " && at.closest?.("button, a, [role=switch]")) return;
-      if (event.key === " ") this.$emit("snapshot");
-      else if (event.key === "ArrowLeft") this.$emit("step", -1);
-      else if (event.key === "ArrowRight") this.$emit("step", 1);
-      else if (event.key === "f" || event.key === "F") this.toggle();
+      const [does, value] = this.keys[event.key.length === 1 ? event.key.toLowerCase() : event.key] || [];
+      if (does === "alone") this.toggle();
+      else if (does) this.$emit(does, value);
       else return;
       event.preventDefault();
     },

@@ -21,6 +21,7 @@ from tsis.console.pages.components import (
     loading,
     number_text_of_field,
     panel_title,
+    select_field,
     set_class,
     time_label,
     typed_number,
@@ -69,7 +70,7 @@ class ObjectPart:
                 self._target = ui.label().classes("chip")
             with ui.element("div").classes("row") as self._virtual:
                 spheres = list(list_spheres())
-                self._sphere = ui.select(spheres, value=spheres[0], label="Virtual sphere").props("dense outlined")
+                self._sphere = select_field(spheres, value=spheres[0], label="Virtual sphere").props("dense outlined")
                 self._sphere.classes("hardness-sphere")
                 self._lay = ui.button("Lay it under the probe", icon="vertical_align_bottom", on_click=self._laid)
                 controls.add(self._lay.props("no-caps unelevated"))

@@ -11,7 +11,7 @@ from nicegui import ui
 
 from tsis.calibration.guard import GUARD_FLAGS
 from tsis.console.files import target_of
-from tsis.console.pages.components import ProgressBar, dialog_buttons, open_dialog
+from tsis.console.pages.components import ProgressBar, dialog_buttons, open_dialog, select_field
 from tsis.console.services import DONE
 from tsis.errors import TsisError
 from tsis.report import FORM_LABELS, MASKED
@@ -195,7 +195,7 @@ def export_button(page: TargetContext, view: TargetView) -> None:
 
 def _ask(page: TargetContext, view: TargetView) -> None:
     with open_dialog(page.dialogs, f"Export target {view.target.number}") as dialog:
-        form = ui.select(FORM_LABELS, value="csv", label="Form", on_change=lambda: explain()).props("outlined dense")
+        form = select_field(FORM_LABELS, value="csv", label="Form", on_change=lambda: explain()).props("outlined dense")
         meant = ui.label().classes("muted")
         identified = ui.switch(IDENTIFIED, value=False).props("dense")
         waiting = ui.linear_progress(show_value=False).props('indeterminate aria-label="writing the file"')

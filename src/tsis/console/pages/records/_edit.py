@@ -19,6 +19,9 @@ from tsis.console.pages.components import (
     open_dialog,
     panel_title,
     press_label,
+    select_field,
+    text_area,
+    text_field,
     time_label,
 )
 from tsis.console.pages.records._context import fault_of, flags_of
@@ -221,13 +224,13 @@ class _PressEditing(Editing["StoredPress"]):
         super().__init__(page, press, dialog, leave="Close")
 
     def _lay_out(self) -> None:
-        self._role = ui.select(ROLE_NAMES, label="What was pressed").props("outlined dense")
-        self._force = ui.input("Force in newtons; empty where unknown").props("outlined dense")
+        self._role = select_field(ROLE_NAMES, label="What was pressed").props("outlined dense")
+        self._force = text_field("Force in newtons; empty where unknown").props("outlined dense")
         names = list(dict.fromkeys([*GUARD_FLAGS, *self._record.flags]))
-        self._flags = ui.select(
+        self._flags = select_field(
             names, label="Flags", multiple=True, with_input=True, new_value_mode="add-unique"
         ).props("outlined dense use-chips")
-        self._note = ui.textarea("Note").props("outlined dense autogrow")
+        self._note = text_area("Note").props("outlined dense autogrow")
         ui.label("Where force or role are changed, recompute the estimates.").classes("muted")
 
     def _show(self, record: StoredPress) -> None:
@@ -326,10 +329,10 @@ class _TargetEditing(Editing["Target"]):
 
     def _lay_out(self) -> None:
         subject = self._record.kind == "subject"
-        self._name = ui.input("Name").props("outlined dense")
+        self._name = text_field("Name").props("outlined dense")
         self._name.props["hint"] = PSEUDONYM if subject else ""
-        self._note = ui.textarea("Note").props("outlined dense autogrow")
-        self._truth = ui.textarea("True values, one on a line: diameter_mm=10").props("outlined dense autogrow")
+        self._note = text_area("Note").props("outlined dense autogrow")
+        self._truth = text_area("True values, one on a line: diameter_mm=10").props("outlined dense autogrow")
         self._truth.set_visibility(not subject)
 
     def _show(self, record: Target) -> None:

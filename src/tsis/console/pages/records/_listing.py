@@ -20,6 +20,8 @@ from tsis.console.pages.components import (
     one_file,
     open_dialog,
     panel_title,
+    select_field,
+    text_field,
 )
 from tsis.console.pages.records._context import follow_job, follow_store
 from tsis.errors import FileInputError, InputError
@@ -143,11 +145,11 @@ class _TargetTable:
         self._targets: tuple[TargetSummary, ...] = ()
         self._order = Order()
         with ui.element("div").classes("row") as self._request:
-            self._search = ui.input("Search number or name", on_change=self._requested).props(
+            self._search = text_field("Search number or name", on_change=self._requested).props(
                 "dense outlined clearable debounce=200"
             )
             self._kind = (
-                ui.select(list(KINDS), value=KINDS[0], label="Show", on_change=self._requested)
+                select_field(list(KINDS), value=KINDS[0], label="Show", on_change=self._requested)
                 .props("dense outlined")
                 .classes("kind-choice")
             )
@@ -317,7 +319,7 @@ def backup_button(instrument: Instrument, viewer: Viewer, place: ui.element) -> 
     def ask() -> None:
         with open_dialog(place, "Back up the store") as dialog:
             ui.label(BACKUP).classes("muted")
-            folder = ui.input("New folder, whole path", value=str(instrument.store.folder.resolve()) + "-backup")
+            folder = text_field("New folder, whole path", value=str(instrument.store.folder.resolve()) + "-backup")
             folder.props("outlined dense")
 
             async def begin() -> None:

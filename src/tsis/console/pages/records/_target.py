@@ -6,17 +6,30 @@ from typing import TYPE_CHECKING
 
 from nicegui import run, ui
 
+from tsis.console.files import sequence_folders
 from tsis.console.pages.components import (
     Redrawn,
+    cell,
     panel_title,
+    rows_under,
+    tr,
 )
 from tsis.console.pages.records._context import TargetView, export_button, follow_store, read_target
 from tsis.console.pages.records._edit import about_target, state_banner
-from tsis.console.pages.records._estimates import estimate_button, estimates, history, recompute_button
-from tsis.console.pages.records._presses import Presses, ask_to_compare, compare
+from tsis.console.pages.records._presses import (
+    Presses,
+    ask_to_compare,
+    compare,
+    estimate_button,
+    estimates,
+    history,
+    recompute_button,
+)
 from tsis.errors import TsisError
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from tsis.console.pages.components import Viewer
     from tsis.console.pages.records._context import TargetContext
     from tsis.console.services import Instrument
@@ -44,6 +57,23 @@ def show_target(instrument: Instrument, viewer: Viewer, number: str) -> None:
     follow_store(viewer, TargetPage(instrument, viewer, number).load)
 
 
+def sequences(workspace: Path, number: int) -> None:
+    """The recorded sequences of a target; each is downloaded as a zip file of its frames, index and report."""
+    panel_title(tr("Sequences"))
+    found = sequence_folders(workspace, number)
+    if not found:
+        ui.label(tr("None was recorded. Examine records them.")).classes("muted")
+        return
+    with rows_under((tr("Sequence"), tr("Files"), ""), label=f"Sequences of target {number}"):
+        for name, files in found.items():
+            with ui.element("tr"):
+                cell(name)
+                cell(f"{files:,}")
+                with ui.element("td"):
+                    link = ui.link(tr("Download"), f"/files/sequence/{number}/{name}.zip").classes("link")
+                    link.props["aria-label"] = f"Download {name}"
+
+
 class TargetPage:
     """The open page of the target whose number stands in the address."""
 
@@ -58,6 +88,7 @@ class TargetPage:
                 with ui.element("div").classes("stack"):
                     presses = ui.element("section").classes("panel")
                     self.compared = ui.element("section").classes("panel")
+                    self._sequences = ui.element("section").classes("panel")
                     self._history = ui.element("section").classes("panel history")
                 with ui.element("div").classes("stack"):
                     self._estimates = ui.element("section").classes("panel")
@@ -98,6 +129,9 @@ class TargetPage:
             about_target(self, view)
         with self._history:
             history(view)
+        self._sequences.clear()
+        with self._sequences:
+            sequences(self.instrument.terms.workspace, view.target.number)
 
     def _refuse(self, message: str) -> None:
         self._parts.set_visibility(False)

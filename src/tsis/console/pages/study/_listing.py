@@ -18,6 +18,7 @@ from tsis.console.pages.components import (
     open_dialog,
     panel_title,
     rows_under,
+    select_field,
     typed_forces,
     typed_integer,
     typed_number,
@@ -279,9 +280,9 @@ class _NewStudy:
             self._who = who_field(viewer, "Made by")
             present = unit_field("With an inclusion", start.present, keys="numeric")
             blank = unit_field("Blanks", start.blank, keys="numeric")
-            self._like = ui.select(LIKE, value=start.like, label="Targets")
+            self._like = select_field(LIKE, value=start.like, label="Targets")
             self._like.props("dense outlined options-dense").classes("study-wide")
-            self._probe = ui.select(list(list_probes()), value=start.probe, label="Probe")
+            self._probe = select_field(list(list_probes()), value=start.probe, label="Probe")
             self._probe.props("dense outlined options-dense")
             forces = unit_field("Forces", start.forces, unit="N", keys="text")
             forces.props("stack-label").props["placeholder"] = "usual of the probe"

@@ -1,0 +1,100 @@
+"""Texts of the pages in the language that a browser chose: gettext's call on one catalogue for each language.
+
+The English text in the code is the key of the catalogue. A text that a catalogue lacks stays English.
+"""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from functools import cache
+from gettext import NullTranslations
+from pathlib import Path
+from typing import Any, Final
+from urllib.parse import urlsplit
+
+from nicegui import ui
+from nicegui.slot import Slot
+
+CATALOGUES = Path(__file__).parents[2] / "languages"
+ENGLISH: Final = "en"
+COOKIE = "tsis-language"
+YEAR_S = 365 * 24 * 3600
+
+
+class Catalogue(NullTranslations):
+    """The texts of one language, by their English.
+
+    Examples
+    --------
+    >>> Catalogue({"Camera": "Kamera"}).gettext("Camera"), Catalogue({}).gettext("Camera")
+    ('Kamera', 'Camera')
+    """
+
+    def __init__(self, texts: dict[str, str]) -> None:
+        super().__init__()
+        self._texts = texts
+
+    def gettext(self, message: str) -> str:
+        """The text in this language; the English one where it is missing."""
+        return self._texts.get(message, message)
+
+
+@cache
+def catalogue(language: str) -> Catalogue:
+    """The catalogue of a language; an empty one for English."""
+    if language == ENGLISH:
+        return Catalogue({})
+    return Catalogue(json.loads((CATALOGUES / f"{language}.json").read_text(encoding="utf-8")))
+
+
+@cache
+def languages() -> dict[str, str]:
+    """The languages by their codes, each under its own name, which its catalogue has under ``English``."""
+    codes = sorted(file.stem for file in CATALOGUES.glob("*.json"))
+    return {ENGLISH: "English"} | {code: catalogue(code).gettext("English") for code in codes}
+
+
+def chosen_language() -> str:
+    """The language of the browser whose page is built or updated now; English outside of pages."""
+    stack = Slot.get_stack()
+    if not stack:
+        return ENGLISH
+    try:
+        code = stack[-1].parent.client.request.cookies.get(COOKIE, ENGLISH)
+    except RuntimeError:  # a page that no browser asked for
+        return ENGLISH
+    return code if code in languages() else ENGLISH
+
+
+def tr(text: str, **values: object) -> str:
+    """A text in the language of the browser, with values in place of names in braces.
+
+    Examples
+    --------
+    >>> tr("Target {number}", number=7)
+    'Target 7'
+    """
+    translated = catalogue(chosen_language()).gettext(text)
+    return translated.format(**values) if values else translated
+
+
+@cache
+def help_texts() -> dict[str, dict[str, Any]]:
+    """Text and terms of each page, by its address, and the meanings of the terms."""
+    return tomllib.loads((Path(__file__).parents[1] / "help.toml").read_text(encoding="utf-8"))
+
+
+def address_of(path: str) -> str:
+    """The address in the navigation that a path belongs to: of ``/records/7?x=1`` it is ``/records``."""
+    return "/" + urlsplit(path).path.strip("/").partition("/")[0]
+
+
+def language_choice() -> None:
+    """Place a button for each other language; the browser keeps the choice, and loads the page anew in it."""
+    for code, name in languages().items():
+        if code != chosen_language():
+            cookie = f"{COOKIE}={code}; path=/; max-age={YEAR_S}; samesite=strict"
+            button = ui.button(name).props("flat dense no-caps").classes("language")
+            button.props["lang"] = code
+            button.on("click", js_handler=f"() => {{ document.cookie = {json.dumps(cookie)}; location.reload(); }}")

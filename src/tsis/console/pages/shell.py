@@ -1,0 +1,353 @@
+"""The frame of every page: navigation, colours, header and footer."""
+
+from __future__ import annotations
+
+import json
+import logging
+from contextlib import suppress
+from functools import partial
+from typing import TYPE_CHECKING, Final
+
+from nicegui import ui
+from nicegui.element import Element
+from nicegui.translations import translations
+
+from tsis.__about__ import RESEARCH_USE_ONLY
+from tsis.console.auth import LOGOUT
+from tsis.console.pages import PAGES, UNLISTED
+from tsis.console.pages.components import (
+    ENGLISH,
+    FactList,
+    Redrawn,
+    StatePoller,
+    Tabs,
+    Viewer,
+    address_of,
+    chosen_language,
+    explained_fields,
+    help_texts,
+    language_choice,
+    open_dialog,
+    panel_title,
+    tr,
+)
+from tsis.console.pages.examine import SHORTCUTS
+from tsis.console.pages.jobs import JobList
+from tsis.errors import ControlError
+
+if TYPE_CHECKING:
+    from nicegui.elements.label import Label
+    from nicegui.events import GenericEventArguments, KeyEventArguments
+
+    from tsis.console.services import Instrument, InstrumentState, Owner
+
+
+REMEMBERED = "tsis-colours"  # key in the browser's local storage; theme.js has it too
+AT_ONCE = f"""<script>
+(() => {{
+  let chosen = null;
+  try {{ chosen = localStorage.getItem("{REMEMBERED}"); }} catch {{ /* storage is refused: as the system has it */ }}
+  const dark = chosen === "dark" || (chosen !== "light" && matchMedia("(prefers-color-scheme: dark)").matches);
+  document.documentElement.classList.toggle("dark", dark);
+}})();
+</script>"""
+"""Colours the page before anything is on it, so that a dark room sees no white flash."""
+
+
+class ThemeChoice(Element, component="theme.js"):
+    """A button that goes through light, dark and as the system has it."""
+
+
+_log = logging.getLogger(__name__)
+
+
+class Subpages(ui.sub_pages):
+    """Pages by address; an address without a page, or a page that fails, gives a message and a link."""
+
+    def _render_404(self) -> None:
+        _instead(tr("There is no page at this address. The links above lead to all there are."))
+
+    def _render_error(self, _: Exception) -> None:
+        _log.exception("a page could not be built")
+        _instead(tr("This page could not be built. Saved data are safe; the other pages work. Load it again."))
+
+
+def _instead(message: str) -> None:
+    with ui.element("section").classes("panel"):
+        ui.label(message)
+        ui.link(tr("To the live image"), "/")
+
+
+LANGUAGE: Final = "en-GB"
+LOST_CONNECTION = {
+    "connection_lost": "The connection to the console is lost.",
+    "trying_to_reconnect": "Trying again; nothing on this page works until it is back. Saved data are safe. Where the "
+    "console itself was ended, its sequences and jobs were too.",
+    "message_too_long": "This was too much for one message.",
+    "message_too_long_body": "It was not done. Try again with less of it.",
+}
+
+
+def set_lost_connection_text() -> None:
+    """Replace the texts of the pages' library, in every page from now on."""
+    translations[LANGUAGE] = {**translations["en-US"], **LOST_CONNECTION}
+
+
+NOWHERE = "No such page"
+
+
+class Navigation:
+    """Links to the pages, of which the one that is open is marked."""
+
+    def __init__(self) -> None:
+        router = ui.context.client.sub_pages_router
+        self._heading: Label | None = None
+        with ui.element("nav").props(f'aria-label="{tr("Pages")}"').classes("tabs"):
+            self._links = {
+                address: ui.link(tr(title), address).classes("tab")
+                for address, (title, _) in PAGES.items()
+                if "{" not in address and address not in UNLISTED
+            }
+        self._path = router.current_path
+        router.on_path_changed(self._navigated)
+        self._mark()
+
+    def heading(self) -> None:
+        """The page's first heading: readers of the screen begin with it, the eye has the marked link."""
+        self._heading = ui.label(tr(title_of(self._path))).props('role="heading" aria-level="1"').classes("unseen")
+
+    def _navigated(self, path: str) -> None:
+        self._path = path
+        self._mark()
+        if self._heading is not None:
+            self._heading.text = tr(title_of(path))
+
+    def _mark(self) -> None:
+        here = address_of(self._path)
+        for address, link in self._links.items():
+            if address == here:
+                link.classes(add="here").props('aria-current="page"')
+            else:
+                link.classes(remove="here").props(remove="aria-current")
+        ui.page_title(f"{tr(title_of(self._path))} · tsis console")
+
+
+def title_of(path: str) -> str:
+    """Title of a path's page."""
+    return PAGES[address_of(path)][0] if address_of(path) in PAGES else NOWHERE
+
+
+class Notices:
+    """The banner below the header; empty without problems."""
+
+    def __init__(self, viewer: Viewer) -> None:
+        self._viewer = viewer
+        self._trouble = Redrawn(ui.element("div").classes("banner").props('role="alert"').mark("banner"))
+        self._calm = Redrawn(ui.element("div").classes("banner").props('role="status"').mark("watching"))
+
+    def show(self, now: InstrumentState) -> None:
+        """Show changes only."""
+        if self._trouble.changes_to(now.trouble):
+            with self._trouble.element:
+                for message in now.trouble:
+                    ui.label(message)
+        other = now.owner is not None and now.owner.identity != self._viewer.identity
+        if self._calm.changes_to(now.owner if other else None) and now.owner is not None and other:
+            with self._calm.element:
+                ui.label(tr("{name} holds the camera; you watch.", name=now.owner.name)).classes("calm")
+
+
+class PageVisibility(Element, component="presence.js"):
+    """Reports to the viewer when the page becomes visible or hidden, and the operator's name that the browser keeps."""
+
+    def __init__(self, viewer: Viewer) -> None:
+        super().__init__()
+
+        def changed(event: GenericEventArguments) -> None:
+            viewer.visible = event.args is not False
+
+        self.on("visible", changed)
+        self.on("operator", lambda event: viewer.reported_operator(event.args))
+
+
+TAKE, RELEASE = "Take the camera", "Release the camera"
+UNTIL_CLOSED_MS = 0  # duration of a message that stays until it is closed
+
+
+class ControlButtons:
+    """Buttons that take and release the camera.
+
+    They are two, so that a click does what the button said when it was clicked, whatever changes meanwhile.
+    """
+
+    def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
+        self._instrument, self._viewer = instrument, viewer
+        self._released = self._in_control = False
+        self._take = ui.button(tr(TAKE), on_click=self._take_control).props("flat dense no-caps")
+        self._release = ui.button(tr(RELEASE), on_click=self._release_control).props("flat dense no-caps")
+        self._release.set_visibility(False)
+        with (
+            ui.dialog().props('role="alertdialog" aria-label="Take the camera over?"') as self._dialog,
+            ui.element("div").classes("panel question"),
+        ):
+            panel_title(tr("Take the camera over?"))
+            self._question = ui.label()
+            with ui.element("div").classes("row"):
+                ui.button(tr("Take it over"), on_click=self._take_over).props("dense no-caps")
+                ui.button(tr("Leave it"), on_click=self._dialog.close).props("dense no-caps outline")
+
+    def show(self, now: InstrumentState) -> None:
+        """Show the applicable button; notify when somebody else has taken the camera."""
+        mine = now.owner is not None and now.owner.identity == self._viewer.identity
+        self._take.set_visibility(not mine)
+        self._release.set_visibility(mine)
+        if self._in_control and now.owner is not None and not mine:
+            ui.notify(
+                tr("{name} took the camera over; you watch now.", name=now.owner.name),
+                type="warning",
+                timeout=UNTIL_CLOSED_MS,
+                close_button=tr("Close"),
+            )
+        self._in_control = mine
+
+    def report_open(self) -> None:
+        """Report that this page is open; it takes a free camera, unless it was released here."""
+        control, viewer = self._instrument.control, self._viewer
+        if not ui.context.client.has_socket_connection:
+            return
+        if viewer.visible and not self._released and control.owner() is None:
+            with suppress(ControlError):  # somebody has taken it meanwhile
+                control.take(viewer.identity, viewer.name)
+        control.heard_of(viewer.identity)
+
+    async def _take_control(self) -> None:
+        owner = self._instrument.control.owner()
+        if owner is None or owner.identity == self._viewer.identity:
+            await self._take_as(over=False)
+        else:
+            self._question.text = _question(owner)
+            self._dialog.open()
+
+    def _release_control(self) -> None:
+        self._instrument.control.release(self._viewer.identity)
+        self._released, self._in_control = True, False
+
+    async def _take_over(self) -> None:
+        self._dialog.close()
+        await self._take_as(over=True)
+
+    async def _take_as(self, *, over: bool) -> None:
+        """Take the camera; from another owner only after confirmation."""
+        self._released = False
+        await self._viewer.attempt(self._instrument.control.take, self._viewer.identity, self._viewer.name, over=over)
+
+
+def _question(owner: Owner) -> str:
+    return tr(
+        "{name} holds the camera and may be in the middle of something. They are told that you took it, and watch from "
+        "then on.",
+        name=owner.name,
+    )
+
+
+KEYS_OF_ALL = (("?", "this help"), ("Tab, Enter", "use every control without a mouse"))
+
+
+class Help:
+    """The help of the open page: what it is for, its keys, fields and terms. A button opens it, and the key ``?``."""
+
+    def __init__(self) -> None:
+        self._client = ui.context.client
+        self._open: ui.dialog | None = None
+        button = ui.button(icon="help_outline", on_click=self.open).props("flat dense round")
+        button.props["aria-label"] = tr("Help")
+        ui.keyboard(self._pressed, repeating=False, ignore=["input", "select", "textarea"])
+
+    def _pressed(self, event: KeyEventArguments) -> None:
+        if event.action.keydown and event.key == "?":
+            self.open()
+
+    def open(self) -> None:
+        """Open the help of the page that is open; once."""
+        if self._open is not None and self._open.value:
+            return
+        address = address_of(self._client.sub_pages_router.current_path)
+        page, meanings = help_texts().get(address, {"text": (), "terms": ()}), help_texts()["terms"]
+        fields = explained_fields(self._client)
+        title = tr("Help: {page}", page=tr(title_of(address)))
+        with open_dialog(self._client.layout, title, style="dialog-card help") as self._open:
+            for text in page["text"]:
+                ui.label(tr(text))
+            keys = [(item.cap, item.does) for item in SHORTCUTS] if address == "/" else []
+            for heading, facts in (
+                (tr("Keys"), [(key, tr(does)) for key, does in (*keys, *KEYS_OF_ALL)]),
+                (tr("Fields"), fields),
+                (tr("Terms"), [(tr(term), tr(meanings[term])) for term in page["terms"]]),
+            ):
+                if facts:
+                    panel_title(heading, level=3)
+                    FactList().show(facts)
+            ui.button(tr("Close"), on_click=self._open.close).props("no-caps outline")
+
+
+OPEN_EVERY_S = 2.0  # between two reports that a page is still open
+MAIN = "page"  # identity of the element that holds the page, for the link that skips to it
+
+
+class Shell:
+    """Builds the page of every tab of a console."""
+
+    def __init__(self, instrument: Instrument) -> None:
+        self._instrument, self._poller, self._tabs = instrument, StatePoller(instrument), Tabs()
+
+    def build(self) -> None:
+        """Build the page of the tab that opens now."""
+        viewer = Viewer(ui.context.client, self._instrument, self._poller, self._tabs)
+        if viewer.logged_in:
+            viewer.operator = viewer.name
+        with ui.header(elevated=False).classes("bar"):
+            ui.link(tr("Skip to the page"), f"#{MAIN}").classes("skip")
+            ui.label("tsis").classes("brand")
+            navigation = Navigation()
+            ui.element("div").classes("spring")
+            camera = ui.label().classes("chip").mark("camera state")
+            jobs = JobList(self._instrument, viewer)
+            control = ControlButtons(self._instrument, viewer)
+            Help()
+            ThemeChoice()
+        notices = Notices(viewer)
+        with ui.element("div").classes("content").props(f'id="{MAIN}" tabindex="-1"'):
+            navigation.heading()
+            Subpages({address: partial(build, self._instrument, viewer) for address, (_, build) in PAGES.items()})
+        with ui.footer(elevated=False).classes("foot"):
+            ui.label(tr(RESEARCH_USE_ONLY))
+            language_choice()
+            if viewer.logged_in:
+                with ui.element("form").props(f'method="post" action="{LOGOUT}"').classes("logout"):
+                    ui.label(tr("You are in as {name}.", name=viewer.name))
+                    with ui.element("button").props('type="submit"'):
+                        ui.label(tr("Log out"))
+        PageVisibility(viewer)
+        if (language := chosen_language()) != ENGLISH:
+            ui.run_javascript(f"document.documentElement.lang = {json.dumps(language)}")
+
+        def show(now: InstrumentState) -> None:
+            camera.text = _camera_text(now)
+            camera.classes(replace="chip bad" if now.camera.lost else "chip")
+            jobs.show(now)
+            control.show(now)
+            notices.show(now)
+
+        viewer.follow(show)
+        ui.timer(OPEN_EVERY_S, control.report_open)
+
+
+def _camera_text(state: InstrumentState) -> str:
+    camera = state.camera
+    if state.busy:
+        return f"{state.busy} …"
+    if not camera.running:
+        return tr("camera stopped")
+    if camera.lost:
+        return tr("camera away")
+    return tr("{rate} frames/s, {missed} dropped", rate=f"{camera.frames_per_s:.0f}", missed=camera.missed)

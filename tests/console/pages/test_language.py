@@ -1,0 +1,136 @@
+"""The catalogue of texts: what the code gives to `tr` is in it, with its values; what is not yet is counted."""
+
+from __future__ import annotations
+
+import ast
+import re
+import string
+import tomllib
+from functools import cache
+from pathlib import Path
+
+import pytest
+from tests.console.pages.open_page import on_a_page
+
+import tsis
+from tsis.console.pages import PAGES
+from tsis.console.pages.components import languages, tr
+from tsis.console.pages.components._language import CATALOGUES, catalogue
+
+CONSOLE = Path(tsis.__file__).parent / "console"
+GLOSSARY = Path(__file__).parents[3] / "docs" / "glossary.md"
+HELP = tomllib.loads((CONSOLE / "pages" / "help.toml").read_text(encoding="utf-8"))
+SHOWING = {"label", "button", "link", "switch", "tab", "panel_title", "checkbox", "expansion", "notify", "complain"}
+TRANSLATED = ("shell.py", "examine/", "components/_actions.py", "components/_summary.py")
+NAMES = {"tsis", "3-D"}  # the same in every language
+NOT_YET = 188  # texts that are shown and in no catalogue: this may only become fewer
+OTHERS = sorted(set(languages()) - {"en"})
+
+
+@cache
+def trees() -> dict[str, ast.Module]:
+    """The pages' code by file."""
+    return {
+        file.relative_to(CONSOLE / "pages").as_posix(): ast.parse(file.read_text(encoding="utf-8"))
+        for file in sorted((CONSOLE / "pages").rglob("*.py"))
+    }
+
+
+def called(node: ast.AST) -> str:
+    """The last part of the name of what is called."""
+    function = getattr(node, "func", None)
+    return getattr(function, "attr", getattr(function, "id", ""))
+
+
+def constants(node: ast.AST) -> set[str]:
+    """The texts that stand in an expression."""
+    found = {item.value for item in ast.walk(node) if isinstance(item, ast.Constant)}
+    return {item for item in found if isinstance(item, str)}
+
+
+def translated_texts() -> set[str]:
+    """Texts that the code gives to `tr` as they are."""
+    calls = [node for tree in trees().values() for node in ast.walk(tree) if called(node) == "tr"]
+    firsts = [node.args[0] for node in calls if isinstance(node, ast.Call)]
+    return {item.value for item in firsts if isinstance(item, ast.Constant) and isinstance(item.value, str)}
+
+
+def fields(text: str) -> set[str]:
+    return {name for _, name, _, _ in string.Formatter().parse(text) if name}
+
+
+@pytest.mark.parametrize("code", OTHERS)
+def test_a_catalogue_has_every_text_with_its_values(code: str) -> None:
+    texts = catalogue(code)._texts
+    assert translated_texts() - set(texts) == set()
+    assert [text for text, other in texts.items() if fields(text) != fields(other)] == []
+    assert [text for text, other in texts.items() if not other.strip()] == []
+
+
+@pytest.mark.parametrize("code", OTHERS)
+def test_a_catalogue_has_nothing_that_no_code_says(code: str) -> None:
+    source = "".join(file.read_text(encoding="utf-8") for file in CONSOLE.parent.rglob("*.py"))
+    said = re.sub(r'"\s*\n\s*f?"', "", source) + (CONSOLE / "pages" / "help.toml").read_text(encoding="utf-8")
+    assert [text for text in catalogue(code)._texts if text not in said and text.lower() not in said] == []
+
+
+def test_what_is_in_no_catalogue_becomes_less() -> None:
+    """Counted by file: texts of shown parts that no `tr` translates."""
+    count = {}
+    for file, tree in trees().items():
+        shown = [
+            node for node in ast.walk(tree) if isinstance(node, ast.Call) and called(node) in SHOWING and node.args
+        ]
+        plain = [node for node in shown if isinstance(node.args[0], (ast.Constant, ast.JoinedStr))]
+        count[file] = sum(any(len(text) > 1 for text in constants(node.args[0]) - NAMES) for node in plain)
+    print({file: number for file, number in count.items() if number})  # noqa: T201
+    print(  # noqa: T201
+        f"{sum(count.values())} texts of pages are not in the catalogue, {len(catalogue('de')._texts)} are"
+    )
+    assert sum(number for file, number in count.items() if file.startswith(TRANSLATED)) == 0
+    assert sum(count.values()) <= NOT_YET
+
+
+def test_another_language_is_what_the_browser_chose() -> None:
+    assert tr("Target {number}", number=7) == "Target 7"
+    assert catalogue("de").gettext("Target {number}").format(number=7) == "Ziel 7"
+    assert catalogue("de").gettext("no such text") == "no such text"
+    assert languages() == {"en": "English", "de": "Deutsch"}
+    assert sorted(file.stem for file in CATALOGUES.iterdir()) == OTHERS
+
+
+def test_every_page_has_a_help_and_its_terms_are_the_glossary_s() -> None:
+    listed = [address for address in PAGES if "{" not in address]
+    assert [address for address in listed if not HELP.get(address, {}).get("text")] == []
+    meanings = dict(re.findall(r"^\| ([^|]+?) \| ([^|]+?) \|", GLOSSARY.read_text(encoding="utf-8"), re.MULTILINE))
+    for address in listed:
+        for term in HELP[address]["terms"]:
+            plain = re.sub(r" \$[^$]*\$|(,? ?\(\d+\.\d+\))+|`", "", meanings[term])
+            assert HELP["terms"][term] == plain
+
+
+def test_every_field_is_explained_with_its_label() -> None:
+    """What a field's code calls it has a sentence; labels that are made while the program runs are a browser's test."""
+    kinds = {"unit_field", "select_field", "text_field", "text_area", "NumberField", "typed_field"}
+    missing = []
+    for file, tree in trees().items():
+        if file.startswith("components/"):
+            continue
+        for node in ast.walk(tree):
+            if not isinstance(node, ast.Call) or called(node) not in kinds:
+                continue
+            named = [item.value for item in node.keywords if item.arg == "label"]
+            texts = named or node.args[1 if called(node) == "NumberField" else 0 : 2][:1]
+            labels = [str(item.value) for item in texts if isinstance(item, ast.Constant) and item.value]
+            missing += [f"{file}: {label}" for label in labels if label not in HELP["fields"]]
+    assert missing == []
+
+
+def test_texts_of_a_page_without_a_browser_are_english() -> None:
+    said = []
+
+    async def done(_: object) -> None:
+        said.append(tr("Camera"))
+
+    on_a_page(None, done)
+    assert said == ["Camera"]

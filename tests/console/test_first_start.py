@@ -1,0 +1,67 @@
+"""A first start in a browser: what this is, the steps of the work until the report, and a second language."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+from tests.console.accessible import faults, too_wide
+from tests.console.browser import needs_browser, picture
+from tests.console.operator import operating, tab
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+    from tests.console.running import RunningConsole
+
+pytestmark = [pytest.mark.system, needs_browser]
+
+
+def filled(page: Page) -> list[str]:
+    """Names of the filled buttons and links, apart from what a group of choices has chosen."""
+    found: list[str] = page.evaluate(
+        """() => [...document.querySelectorAll("main .q-btn--unelevated, main .filled")]
+          .filter((each) => each.checkVisibility() && !each.closest(".q-btn-group"))
+          .map((each) => each.innerText.split("\\n").at(-1).trim())"""
+    )
+    return found
+
+
+def wait_for_main(page: Page, name: str) -> None:
+    """Wait until one button is filled, with this name."""
+    page.locator("main .q-btn--unelevated, main .filled").get_by_text(name, exact=True).wait_for()
+    assert filled(page) == [name]
+
+
+def test_the_filled_button_leads_from_the_first_start_to_the_report(console: RunningConsole, browser: Browser) -> None:
+    with operating(browser, console, color_scheme="light") as page:
+        page.get_by_text("What this is").wait_for()
+        wait_for_main(page, "Try the virtual probe")
+        assert page.get_by_role("button", name="Connect a camera").is_visible()
+        assert page.get_by_role("button", name="Open my images").is_visible()
+        picture(page, "first-start")
+        assert faults(page) == []
+        page.get_by_role("button", name="Try the virtual probe").click()
+        for name in ("Switch to the reference", "Snapshot", "Switch to the target", "Snapshot", "Estimate"):
+            wait_for_main(page, name)
+            page.locator("main").get_by_role("button", name=name, exact=True).click()
+        wait_for_main(page, "Report")
+        picture(page, "first-report-next")
+        page.get_by_role("link", name="Report", exact=True).click()
+        page.wait_for_url("**/records/1")
+        page.get_by_role("link", name="Examine", exact=True).click()
+        page.get_by_role("region", name="Order of work").wait_for()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [390, 768, 1280, 2560])
+def test_german_is_chosen_in_the_browser_and_stays(console: RunningConsole, browser: Browser, width: int) -> None:
+    with tab(browser, console, size=(width, 844), color_scheme="dark") as page:
+        page.get_by_role("button", name="Deutsch").click()
+        page.get_by_role("heading", level=1, name="Untersuchen").wait_for()
+        page.wait_for_function("document.documentElement.lang === 'de'")
+        page.reload()
+        page.get_by_role("heading", level=1, name="Untersuchen").wait_for()
+        assert too_wide(page) == []
+        assert faults(page) == []
+        page.get_by_role("button", name="English").click()
+        page.get_by_role("heading", level=1, name="Examine").wait_for()
