@@ -7,9 +7,9 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from tsis.console.pages.shell._shell import NOWHERE, address_of, title_of
 
-from tsis.console.pages.components import StatePoller
+from tsis.console.pages.components import StatePoller, address_of
+from tsis.console.pages.shell import NOWHERE, title_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable

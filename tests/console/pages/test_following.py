@@ -78,8 +78,8 @@ def test_a_name_that_was_changed_is_shown_on_examine(tmp_path: Path, monkeypatch
         target = instrument.store.add_target(number=1, name="one")
 
         async def shown(viewer: RecordingViewer) -> None:
-            panel = EstimatePanel(instrument, viewer)
-            panel.show(instrument.state())
+            panel = EstimatePanel(instrument, viewer, lambda _: None)
+            panel.show(instrument.state(), main="")
             await checks[0]()
             assert "Target 1: one" in texts(viewer)
             instrument.store.edit_target(target, name="another")
