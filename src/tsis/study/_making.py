@@ -14,7 +14,7 @@ from tsis.__about__ import LARGEST_SEED, __version__
 from tsis.catalog import load_phantom, load_probe
 from tsis.errors import InputError, RecordsError
 from tsis.files import EMPTY_CHAIN, LogDraft, as_path, atomic_folder, file_error, link_entries, one_line
-from tsis.inclusion import InclusionPrior
+from tsis.inclusion import InclusionPrior, protocol_forces
 from tsis.model import Inclusion, Phantom, require_integer, require_number, require_type
 from tsis.study._folder import CREATED, PLAN, SEAL, open_study, user
 from tsis.study._log import LOG_FILE, SealedTruth, commitment
@@ -154,7 +154,7 @@ def new_study(
     truths = coded(listed, seed)
     sealed = SealedTruth(salt=secrets.token_hex(32), seed=seed, truths=truths).content()
     if forces_n is None:
-        forces_n = (1.0,) if load_probe(probe).face_curvature_mm is None else (0.5, 1.0)
+        forces_n = protocol_forces(load_probe(probe), tissue_young_kpa=InclusionPrior().tissue_young_kpa)
     plan = StudyPlan(
         name=name or root.resolve().name,
         seed=published_seed,
