@@ -105,7 +105,6 @@ def test_the_answer_is_that_of_the_library_and_is_kept_for_the_tab(page: Page, c
     for aspect in ("other forces", "more frames of each press"):
         page.get_by_role("checkbox", name=aspect).click()
     page.get_by_role("button", name="Compute the errors").click()
-    page.get_by_role("button", name="Jobs: ").wait_for()
     table = page.get_by_role("table").filter(has_text="as planned")
     table.wait_for()
     page.get_by_role("button", name="Jobs", exact=True).wait_for()
