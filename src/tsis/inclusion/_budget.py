@@ -288,7 +288,7 @@ def prior_sensitivity(
     """Estimate the presses again under each of the ``priors``, by name.
 
     ``call`` are the other arguments of `estimate`; the tables of another prior are built once. A press that another
-    prior does not allow is told in the shift's ``reason``.
+    prior does not allow is stated in the shift's ``reason``.
     """
     shifts = []
     for name, prior in priors.items():

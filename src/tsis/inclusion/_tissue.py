@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 
 from tsis.errors import InputError
 from tsis.imaging import rough_contact
-from tsis.inclusion._frames import ring_edges, ring_light, ring_profiles
+from tsis.inclusion._frames import GENERIC_GAIN_SD, ring_edges, ring_light, ring_profiles
 from tsis.inclusion.posterior import ring_correlation, ring_means
 from tsis.mechanics import hats
 from tsis.mechanics.small_strain import PressKernel
@@ -43,7 +43,6 @@ MODEL_SD = 0.02  # of the largest grey level: small strain, one thickness, even 
 FINE = 20_000  # points over the range, of the posterior
 MODULUS_SD = 0.05  # of the logarithm of the modulus: small strain reads presses at finite strain 4 % too soft
 STEP = 0.02  # of force and thickness, for derivatives
-GENERIC_GAIN_SD = 0.5  # where the light on a dent was not measured
 POISSON = 0.49
 DOMED_LOADS = (1.28, 2.55)  # over the covering force; 0.5 and 1 N on 5 kPa
 FLAT_LOAD = 1.39  # over the tissue's modulus times radius squared; 1 N on 5 kPa
@@ -167,7 +166,7 @@ def _rings(
     probe: Probe, force_n: float, thickness_mm: float, edges_mm: tuple[float, ...]
 ) -> tuple[Floats, Floats, Floats]:
     """Pressure in kPa, displacement in mm and slope of each ring on tissues of `MODULI_KPA`, shape (moduli, rings)."""
-    kernel = PressKernel(probe, thickness_mm=thickness_mm, poisson=POISSON)
+    kernel = _kernel(probe, thickness_mm)
     presses = [kernel.press(young, force_n * MN_PER_N) for young in MODULI_KPA.tolist()]
     means = ring_means(_Face(kernel.radius_mm), np.array(edges_mm))
     slopes = means @ np.gradient(np.eye(len(kernel.radius_mm)), kernel.radius_mm, axis=0)
@@ -199,7 +198,7 @@ def protocol_forces(probe: Probe, *, tissue_young_kpa: float, thickness_mm: floa
     tissue_young_kpa
         Modulus of the tissue, in [0.75, 65]; `tsis.inclusion.tissue_modulus` measures it.
     thickness_mm
-        Thickness of the tissue, in [12, 72].
+        Thickness of the tissue, in [12.5, 72].
 
     Raises
     ------
