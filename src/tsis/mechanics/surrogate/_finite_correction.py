@@ -20,12 +20,11 @@ from scipy.stats import qmc
 
 from tsis.errors import InputError
 from tsis.mechanics._face import hats
-from tsis.mechanics.surrogate._polynomial import Box, chebyshev_weights, contrast_factor, signal_scale
+from tsis.mechanics.surrogate._polynomial import Box, chebyshev_weights_at, contrast_factor, signal_scale
 
 if TYPE_CHECKING:
     from tsis.mechanics._element import Booleans, Floats
     from tsis.model import Probe
-
 
 # At the end the tissue starts to wrap around the rim, on stiff tissue earlier.
 DOMED_LOADS, FLAT_LOADS = (1.0, 3.6, 3.6), (0.1, 1.8, 1.8)
@@ -342,20 +341,22 @@ class FiniteCorrection:
 
     def forces_n(self, tissue_young_kpa: float, thickness_mm: float) -> tuple[float, float]:
         """Least and largest force in newtons on tissue of a modulus in kPa and a thickness in mm."""
-        unit = float(self._units(np.array([[tissue_young_kpa, thickness_mm]]))[0])
+        unit = self._unit(tissue_young_kpa, thickness_mm)
         most = float(self.box.largest_load(np.array(tissue_young_kpa)))
         return (self.box.load[0] if self.is_domed else 0.0) * unit, most * unit
 
     def without_inclusion(self, states: Floats) -> Floats:
         """Correction without inclusion; ``states`` (m, 3): modulus in kPa, thickness in mm, force in N."""
         positions, share = self._states(states)
-        by_tissue, by_thickness, by_load = (
-            chebyshev_weights((0.0, 1.0), count, place)
-            for place, count in zip(positions.T, self.baseline.shape[:3], strict=True)
-        )
-        weights = by_tissue[:, :, None, None] * by_thickness[:, None, :, None] * by_load[:, None, None]
-        mix = weights.reshape(len(states), -1) @ self.baseline.reshape(-1, self.baseline.shape[-1])
-        return np.asarray(share[:, None] * mix)
+        rows = []
+        for unit in positions:
+            by_tissue, by_thickness, by_load = (
+                chebyshev_weights_at((0.0, 1.0), count, float(position))
+                for position, count in zip(unit, self.baseline.shape[:3], strict=True)
+            )
+            weights = np.outer(np.outer(by_tissue, by_thickness), by_load)
+            rows.append(np.tensordot(weights, self.baseline.reshape(*weights.shape, -1)))
+        return np.asarray(share[:, None] * np.array(rows))
 
     def change(self, diameter_mm: Floats, depth_mm: Floats, contrast: Floats, states: Floats, signal: Floats) -> Floats:
         """Correction of the signal of n inclusions in m states (see `without_inclusion`), shape (m, n, outputs).
@@ -374,17 +375,16 @@ class FiniteCorrection:
         rest = (norms[..., of_modes] * coefficients) @ self.modes
         return np.asarray(multiples[..., of_outputs] * signal + rest)
 
-    def _units(self, slabs: Floats) -> Floats:
-        """Force of a unit load on slabs (m, 2) of a modulus and a thickness, shape (m,)."""
+    def _unit(self, tissue_young_kpa: float, thickness_mm: float) -> float:
         low, high = self.box.coordinates[:, 3:5]
-        places = np.clip((np.log(slabs) - low) / (high - low), 0.0, 1.0)
-        by_tissue, by_thickness = (
-            chebyshev_weights((0.0, 1.0), count, place)
-            for place, count in zip(places.T, self.unit_force_n.shape, strict=True)
-        )
+        place = np.clip((np.log([tissue_young_kpa, thickness_mm]) - low) / (high - low), 0.0, 1.0)
+        weights = [
+            chebyshev_weights_at((0.0, 1.0), count, float(at))
+            for at, count in zip(place, self.unit_force_n.shape, strict=True)
+        ]
         # In proportion to the tissue outside the box.
-        beyond = slabs[:, 0] / np.exp(low[0] + places[:, 0] * (high - low)[0])
-        return np.asarray(np.exp((by_tissue @ self.unit_force_n * by_thickness).sum(axis=1)) * beyond)
+        beyond = tissue_young_kpa / float(np.exp(low[0] + place[0] * (high - low)[0]))
+        return float(np.exp(weights[0] @ self.unit_force_n @ weights[1])) * beyond
 
     def _states(self, states: Floats) -> tuple[Floats, Floats]:
         """States in unit coordinates, (m, 3), at the ends of the box where they lie outside, and a factor (m,).
@@ -392,7 +392,7 @@ class FiniteCorrection:
         A flat face has no least force: below the box the correction falls in proportion to the force.
         """
         low, high = self.box.coordinates[:, 3:]
-        load = states[:, 2] / self._units(states[:, :2])
+        load = np.array([force / self._unit(tissue, thickness) for tissue, thickness, force in states.tolist()])
         least = self.box.load[0]
         place = (load - least) / (self.box.largest_load(states[:, 0]) - least)
         ranges = np.column_stack([np.log(states[:, 0]), np.log(states[:, 1]), place])
