@@ -73,11 +73,11 @@ def test_keys_and_buttons_go_from_target_to_target(lit: Instrument) -> None:
     async def script(operator: Operator) -> None:
         operator.presses_key("step", 1)
         await shown(operator, "2")
-        await operator.clicks("Target after")
+        await operator.clicks("Next target")
         await shown(operator, "3")
         operator.presses_key("step", -1)
         await shown(operator, "2")
-        await operator.clicks("Target before")
+        await operator.clicks("Previous target")
         await shown(operator, "1")
 
     at_console(lit, script)
