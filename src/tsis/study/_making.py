@@ -159,7 +159,7 @@ def new_study(
     if forces_n is None:
         forces_n = protocol_forces(load_probe(probe), tissue_young_kpa=InclusionPrior().tissue_young_kpa)
     plan = StudyPlan(
-        name=name or root.resolve().name,
+        name=name or root.absolute().name,  # to resolve fails at loops of links
         seed=published_seed,
         probe=probe,
         forces_n=tuple(forces_n),
