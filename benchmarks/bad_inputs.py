@@ -9,26 +9,26 @@ prints no sentence or several, or takes more than a second; the exit code is 1 t
 from __future__ import annotations
 
 import argparse
+import io
 import json
 import os
 import sys
 import tempfile
 import time
-from contextlib import chdir
+import warnings
+from contextlib import chdir, redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
+from unittest import mock
 
 import cv2
 import numpy as np
 from benchmarks.tables import show
-from typer.testing import CliRunner
 
 import tsis
 from tsis.calibration.file import ProbeCalibration, calibration_bytes
-from tsis.cli._app import app
-from tsis.cli._progress import exit_code_of
-from tsis.errors import TsisError
+from tsis.cli import main as main_of_tsis
 from tsis.imaging import Sensor
 from tsis.virtual import nominal_calibration
 
@@ -56,6 +56,8 @@ class Answer:
             found.append(f"exit code {self.code}")
         if self.code and not self.said:
             found.append("no sentence")
+        if "a defect of tsis" in self.said or "Traceback" in self.said:
+            found.append("a defect")
         if len(self.said) > SENTENCE:
             found.append("a long message")
         if self.seconds > LONGEST_S:
@@ -145,17 +147,22 @@ CASES: dict[str, tuple[str, ...]] = {
 
 def answered(name: str, words: Sequence[str]) -> Answer:
     """Run one case in the present folder."""
+    out, error, code = io.StringIO(), io.StringIO(), 0
     began = time.perf_counter()
-    done = CliRunner().invoke(app, list(words))
+    with (
+        mock.patch.object(sys, "argv", ["tsis", *words]),
+        warnings.catch_warnings(),
+        redirect_stdout(out),
+        redirect_stderr(error),
+    ):
+        try:
+            main_of_tsis()
+        except SystemExit as ended:
+            code = ended.code if isinstance(ended.code, int) else 1
     seconds = time.perf_counter() - began
-    if isinstance(done.exception, TsisError):  # `run` prints it
-        return Answer(name=name, code=exit_code_of(done.exception), said=str(done.exception), seconds=seconds)
-    if done.exception is not None and not isinstance(done.exception, SystemExit):
-        return Answer(name=name, code=-1, said=f"{type(done.exception).__name__}: {done.exception}", seconds=seconds)
-    text = (done.stderr if done.exit_code else done.stdout).replace("│", " ")
-    lines = [line.strip() for line in text.splitlines() if line.startswith("- ") or done.exit_code]
-    said = " ".join(" ".join(lines).translate({ord(letter): " " for letter in "╭╮╰╯─"}).split())
-    return Answer(name=name, code=done.exit_code, said=said.partition(" Error ")[2] or said[:SENTENCE], seconds=seconds)
+    lines = error.getvalue().splitlines() if code else [one for one in out.getvalue().splitlines() if one[:2] == "- "]
+    said = " ".join(" ".join(lines).split())
+    return Answer(name=name, code=code, said=said if code else said[:SENTENCE], seconds=seconds)
 
 
 def answers(names: Sequence[str] = tuple(CASES), *, each: Callable[[str], None] = lambda _: None) -> list[Answer]:
