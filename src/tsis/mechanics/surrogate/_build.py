@@ -28,7 +28,7 @@ from tsis.mechanics.surrogate._polynomial import (
     log_range,
     signal_scale,
 )
-from tsis.mechanics.surrogate._presses import FACE_POINTS, slabs_of
+from tsis.mechanics.surrogate._presses import FACE_POINTS, OUTPUTS, PRESS_OUTPUTS, slabs_of
 from tsis.model import Probe, require_number, require_type
 
 if TYPE_CHECKING:
@@ -43,7 +43,6 @@ if TYPE_CHECKING:
 CHECKS = 8  # fresh presses to measure a surrogate's error
 CHECKED_FRACTION = 0.8  # of the face's radius; the part of the profiles in use
 SMALLEST_FACTOR = 1e-3  # smallest contrast factor that the change is divided by
-PRESS_OUTPUTS = 2 * FACE_POINTS + 1  # pressures, displacements and the approach
 FORMAT_VERSION = 5
 
 
@@ -81,7 +80,7 @@ def solve_all(
 
 def profiles(box: Box, reference: Floats, change: Floats, first: int) -> tuple[Surrogate, Surrogate, Surrogate]:
     """Pressure, displacement and approach of the press whose outputs start at ``first``."""
-    ends = np.array([0, FACE_POINTS, 2 * FACE_POINTS, PRESS_OUTPUTS]) + first
+    ends = np.array([0, FACE_POINTS, OUTPUTS, PRESS_OUTPUTS]) + first
     pressure, displacement, approach = (
         Surrogate(box=box, baseline=reference[..., start:end], change=change[..., start:end])
         for start, end in itertools.pairwise(ends.tolist())

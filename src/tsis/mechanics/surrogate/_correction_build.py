@@ -10,14 +10,15 @@ from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.interpolate import BarycentricInterpolator
 from threadpoolctl import threadpool_limits
 
 from tsis.errors import MechanicsError
 from tsis.files import read_cached_arrays, remove_cached, write_cached_arrays
 from tsis.mechanics._face import hats, ring_points
-from tsis.mechanics.finite_strain import FiniteResolution, PressContinuation, SlabPress
+from tsis.mechanics.finite_strain import FiniteResolution
 from tsis.mechanics.small_strain import Resolution
-from tsis.mechanics.surrogate._build import CHECKED_FRACTION, PRESS_OUTPUTS, surrogate_key
+from tsis.mechanics.surrogate._build import CHECKED_FRACTION, surrogate_key
 from tsis.mechanics.surrogate._finite_correction import (
     CorrectionBox,
     CorrectionProcess,
@@ -35,8 +36,8 @@ from tsis.mechanics.surrogate._polynomial import (
     contrast_from_factor,
     signal_scale,
 )
-from tsis.mechanics.surrogate._presses import FACE_POINTS, SmallStrainSlabs, full_contact_rows, row_of_field
-from tsis.model import MN_PER_N, Inclusion, Phantom, Probe, require_integer, require_type
+from tsis.mechanics.surrogate._presses import FACE_POINTS, OUTPUTS, SlabPresses, row_of_field, widest_even_mm
+from tsis.model import MN_PER_N, Probe, require_integer, require_type
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -59,8 +60,8 @@ NORM = 2  # column of the pressure's logarithm of the norm
 OF_PRESSURE = [0, *range(4, 4 + LEADING_MODES), *range(GROUPS[3], GROUPS[3] + PRESSURE_MODES - LEADING_MODES)]
 MODES_FRACTION = 0.85  # of the face's radius, over which profiles are decomposed
 RINGS = 20  # of the inner face, over which an estimate and the error take means
+MOST_MISSING = 2  # presses without inclusion on one slab that need not converge
 EASY_SPHERE = (0.3, 0.2)  # diameter and depth of the sphere in the mesh of presses without inclusion, of the thickness
-OUTPUTS = 2 * FACE_POINTS  # pressures and displacements
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,66 +76,6 @@ class _Size:
 
 
 WIDE_SIZE = _Size(pairs=600, checks=60, tissues=7, thicknesses=4)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Solver:
-    """Presses of one probe by both models."""
-
-    probe: Probe
-    box: CorrectionBox
-    poisson: float
-    continuation: PressContinuation
-
-    def small(
-        self, tissue: float, thickness: float, sphere: tuple[float, float, float] | None
-    ) -> tuple[Floats, Floats]:
-        """Rows of `full_contact_rows` at small strain: without inclusion, and the signal over its scale."""
-        slabs = SmallStrainSlabs(self.probe, self._mesh_box, Resolution(), full_contact_rows, thickness)
-        without = slabs.without_inclusion([tissue])[0]
-        if sphere is None:
-            return without, np.zeros_like(without)
-        diameter, depth, factor = sphere
-        return without, slabs.changes((diameter, depth), np.array([factor]), [tissue])[0, 0]
-
-    @property
-    def _mesh_box(self) -> Box:
-        """Ranges that all small-strain meshes of a build suit, those of an estimate's surrogate for this box."""
-        ranges = self.box
-        thinnest = max(ranges.thickness_mm[0], 1.01 * (ranges.diameter_mm[1] + ranges.depth_mm[1]))
-        return Box(
-            diameter_mm=ranges.diameter_mm,
-            depth_mm=ranges.depth_mm,
-            tissue_young_kpa=ranges.tissue_young_kpa,
-            thickness_mm=(thinnest, max(1.01 * thinnest, ranges.thickness_mm[1])),
-            poisson=self.poisson,
-        )
-
-    def unit_force_n(self, tissue: float, without: Floats) -> float:
-        """Force of a unit load; ``without`` is the row at small strain."""
-        if self.probe.face_curvature_mm is None:
-            return tissue * self.probe.radius_mm**2 / MN_PER_N
-        return float(without[-1])
-
-    def at_force(self, row: Floats, force_n: float) -> Floats:
-        """Pressures and displacements at small strain under a force."""
-        pressed = force_n * row[:OUTPUTS]
-        return pressed if len(row) == PRESS_OUTPUTS else pressed + row[PRESS_OUTPUTS : PRESS_OUTPUTS + OUTPUTS]
-
-    def press(
-        self, start: SolvedPress | None, tissue: float, thickness: float, force: float, sphere: tuple[float, float]
-    ) -> SolvedPress:
-        """The press without contrast on the mesh of a sphere."""
-        target = SlabPress.on_sphere(
-            diameter_mm=sphere[0],
-            depth_mm=sphere[1],
-            contrast=1.0,
-            tissue_young_kpa=tissue,
-            thickness_mm=thickness,
-            force_n=force,
-            poisson=self.poisson,
-        )
-        return self.continuation.first(target) if start is None else self.continuation.follow(start, target)
 
 
 def build_finite_correction(
@@ -194,14 +135,12 @@ def build_finite_correction(
         "modes": [PRESSURE_MODES, DISPLACEMENT_MODES],
         "small": asdict(Resolution()),
     }
+    if widest_even_mm(probe, ranges) < ranges.diameter_mm[1]:
+        others["widest_even_mm"] = widest_even_mm(probe, ranges)
     key = surrogate_key(FORMAT_VERSION, probe, Box(), Degrees(), mesh, others)
     arrays = read_cached_arrays(KIND, key) if cached else None
     if arrays is None:
-        widest = Inclusion(diameter_mm=ranges.diameter_mm[1], depth_mm=1.0, young_kpa=1.0)
-        thick = max(30.0, ranges.diameter_mm[1] + 2, 0.6 * ranges.thickness_mm[1])
-        like = Phantom(young_kpa=1.0, poisson=poisson, thickness_mm=thick, inclusion=widest)
-        continuation = PressContinuation(probe, like, mesh)
-        solver = _Solver(probe=probe, box=ranges, poisson=poisson, continuation=continuation)
+        solver = SlabPresses.of(probe, ranges, poisson, mesh)
         with threadpool_limits(limits=1, user_api="blas"):
             arrays = _solve(solver, seed, size, key if cached else None, progress)
         if cached:
@@ -235,7 +174,9 @@ def _loaded(probe: Probe, box: CorrectionBox, arrays: dict[str, Floats], key: st
     )
 
 
-def _solve(solver: _Solver, seed: int, size: _Size, key: str | None, progress: Progress | None) -> dict[str, Floats]:
+def _solve(
+    solver: SlabPresses, seed: int, size: _Size, key: str | None, progress: Progress | None
+) -> dict[str, Floats]:
     total = size.pairs + size.checks + size.tissues * size.thicknesses * size.loads
     solved = 0
 
@@ -268,7 +209,7 @@ def _solve(solver: _Solver, seed: int, size: _Size, key: str | None, progress: P
     return arrays | {"error": _measured(correction, fresh)}
 
 
-def _without_inclusion(solver: _Solver, size: _Size, advance: Callable[[], None]) -> tuple[Floats, Floats]:
+def _without_inclusion(solver: SlabPresses, size: _Size, advance: Callable[[], None]) -> tuple[Floats, Floats]:
     """Log force of a unit load (tissue, thickness), and the correction (tissue, thickness, load, outputs)."""
     low, high = solver.box.coordinates
     tissues, thicknesses = (
@@ -280,22 +221,39 @@ def _without_inclusion(solver: _Solver, size: _Size, advance: Callable[[], None]
     here: SolvedPress | None = None
     order = list(range(size.loads))
     for j, thickness in enumerate(thicknesses):
-        sphere = (EASY_SPHERE[0] * thickness, EASY_SPHERE[1] * thickness)
+        widest = widest_even_mm(solver.probe, solver.box)
+        sphere = (min(EASY_SPHERE[0] * thickness, widest), EASY_SPHERE[1] * thickness)
         for i in range(size.tissues)[:: 1 if j % 2 == 0 else -1]:
             loads = chebyshev_points((solver.box.load[0], float(solver.box.largest_load(tissues[i]))), size.loads)
             without, _ = solver.small(tissues[i], thickness, None)
             force = solver.unit_force_n(tissues[i], without)
             unit[i, j] = np.log(force)
             for k in order:
-                here = solver.press(here, tissues[i], thickness, float(loads[k]) * force, sphere)
-                finite = row_of_field(here.result.field)[:OUTPUTS]
-                result[i, j, k] = finite - solver.at_force(without, float(loads[k]) * force)
+                pressed = float(loads[k]) * force
+                try:
+                    here = solver.press(here, (tissues[i], thickness, pressed), sphere, even=True)
+                except MechanicsError:  # tissue wraps around the rim near the largest loads
+                    result[i, j, k] = np.nan
+                else:
+                    finite = row_of_field(here.result.field)[:OUTPUTS]
+                    result[i, j, k] = finite - solver.at_force(without, pressed)
                 advance()
+            result[i, j] = _completed(loads, result[i, j])
             order.reverse()
     return unit, result
 
 
-def _pairs(solver: _Solver, states: Floats, name: str | None, advance: Callable[[], None]) -> dict[str, Floats]:
+def _completed(loads: Floats, rows: Floats) -> Floats:
+    """Rows (loads, outputs) with those of presses that did not converge from the polynomial through the others."""
+    solved = np.isfinite(rows[:, 0])
+    if solved.sum() < len(loads) - MOST_MISSING:
+        raise MechanicsError(f"{(~solved).sum()} of {len(loads)} presses without inclusion do not converge")
+    completed = rows.copy()
+    completed[~solved] = BarycentricInterpolator(loads[solved], rows[solved])(loads[~solved])
+    return completed
+
+
+def _pairs(solver: SlabPresses, states: Floats, name: str | None, advance: Callable[[], None]) -> dict[str, Floats]:
     """Signals of both models over their scale at the states that converge; an earlier build's are taken first."""
     arrays = None if name is None else read_cached_arrays(KIND, name)
     finished = {} if arrays is None else dict(zip(arrays["index"].tolist(), arrays["rows"], strict=True))
@@ -306,9 +264,9 @@ def _pairs(solver: _Solver, states: Floats, name: str | None, advance: Callable[
             without, change = solver.small(tissue, thickness, (diameter, depth, factor))
             force = load * solver.unit_force_n(tissue, without)
             try:
-                here = solver.press(here, tissue, thickness, force, (diameter, depth))
+                here = solver.press(here, (tissue, thickness, force), (diameter, depth), even=False)
                 contrast = float(contrast_from_factor(factor))
-                there = solver.continuation.follow(here, here.press.with_contrast(contrast))
+                there = solver.with_sphere.follow(here, here.press.with_contrast(contrast))
             except MechanicsError as error:
                 here = None  # it may lie near the end of the model: start anew
                 failed.append(index)

@@ -16,7 +16,6 @@ from tsis.mechanics._face import hats
 from tsis.mechanics.small_strain import Resolution
 from tsis.mechanics.surrogate._build import (
     CHECKED_FRACTION,
-    PRESS_OUTPUTS,
     cached_arrays,
     largest_error,
     profiles,
@@ -24,7 +23,7 @@ from tsis.mechanics.surrogate._build import (
     surrogate_key,
 )
 from tsis.mechanics.surrogate._polynomial import Box, Degrees, Surrogate
-from tsis.mechanics.surrogate._presses import FACE_POINTS, SmallStrainSlabs, full_contact_rows
+from tsis.mechanics.surrogate._presses import FACE_POINTS, PRESS_OUTPUTS, SmallStrainSlabs, full_contact_rows
 from tsis.model import MN_PER_N, Probe, require_number, require_type
 
 if TYPE_CHECKING:

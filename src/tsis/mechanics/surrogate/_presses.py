@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
@@ -10,22 +11,32 @@ import numpy as np
 from tsis.errors import InputError, MechanicsError
 from tsis.mechanics._face import hat_areas, hats
 from tsis.mechanics._mesh import block_radius_mm, central_cell_mm
-from tsis.mechanics.finite_strain import FiniteResolution, press_finite, press_pairs
+from tsis.mechanics.finite_strain import (
+    FiniteResolution,
+    PressContinuation,
+    SlabPress,
+    press_finite,
+    press_pairs,
+)
 from tsis.mechanics.small_strain import PressKernel, Resolution, strain_problem
-from tsis.mechanics.surrogate._polynomial import contrast_from_factor, signal_scale
+from tsis.mechanics.surrogate._polynomial import Box, contrast_from_factor, signal_scale
 from tsis.model import MN_PER_N, Inclusion, Phantom
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from tsis.mechanics._element import Floats
+    from tsis.mechanics.finite_strain import SolvedPress
     from tsis.mechanics.small_strain import FacePress
-    from tsis.mechanics.surrogate._polynomial import Box
+    from tsis.mechanics.surrogate._finite_correction import CorrectionBox
     from tsis.model import PressField, Probe
 
     RowOfPress = Callable[[PressKernel, float, Floats | None], Floats]
 
 FACE_POINTS = 121  # of each profile, which is linear between them
+OUTPUTS = 2 * FACE_POINTS  # pressures and displacements
+PRESS_OUTPUTS = OUTPUTS + 1  # and the approach
+WIDEST_EVEN = 1.25  # see `widest_even_mm`, over the face's radius
 
 
 class Slabs(Protocol):
@@ -144,6 +155,90 @@ class FiniteStrainSlabs:
 
     def _phantom(self, tissue: float, inclusion: Inclusion | None) -> Phantom:
         return Phantom(young_kpa=tissue, thickness_mm=self._thickness_mm, poisson=self._poisson, inclusion=inclusion)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SlabPresses:
+    """Presses of one probe on slabs of many states, by both models."""
+
+    probe: Probe
+    box: CorrectionBox
+    poisson: float
+    with_sphere: PressContinuation
+    without_sphere: PressContinuation
+
+    @classmethod
+    def of(cls, probe: Probe, box: CorrectionBox, poisson: float, mesh: FiniteResolution | None = None) -> SlabPresses:
+        """Presses on slabs of a box."""
+        continuations = []
+        for diameter in (box.diameter_mm[1], widest_even_mm(probe, box)):
+            sphere = Inclusion(diameter_mm=diameter, depth_mm=1.0, young_kpa=1.0)
+            thickness = max(30.0, diameter + 2, 0.6 * box.thickness_mm[1])
+            like = Phantom(young_kpa=1.0, poisson=poisson, thickness_mm=thickness, inclusion=sphere)
+            continuations.append(PressContinuation(probe, like, mesh))
+        with_sphere, without_sphere = continuations
+        return cls(probe=probe, box=box, poisson=poisson, with_sphere=with_sphere, without_sphere=without_sphere)
+
+    def small(
+        self, tissue: float, thickness: float, sphere: tuple[float, float, float] | None
+    ) -> tuple[Floats, Floats]:
+        """Rows of `full_contact_rows` at small strain: without inclusion, and the signal over its scale."""
+        slabs = SmallStrainSlabs(self.probe, self._mesh_box, Resolution(), full_contact_rows, thickness)
+        without = slabs.without_inclusion([tissue])[0]
+        if sphere is None:
+            return without, np.zeros_like(without)
+        diameter, depth, factor = sphere
+        return without, slabs.changes((diameter, depth), np.array([factor]), [tissue])[0, 0]
+
+    @property
+    def _mesh_box(self) -> Box:
+        """Ranges that all small-strain meshes of a build suit, those of an estimate's surrogate for this box."""
+        ranges = self.box
+        thinnest = max(ranges.thickness_mm[0], 1.01 * (ranges.diameter_mm[1] + ranges.depth_mm[1]))
+        return Box(
+            diameter_mm=ranges.diameter_mm,
+            depth_mm=ranges.depth_mm,
+            tissue_young_kpa=ranges.tissue_young_kpa,
+            thickness_mm=(thinnest, max(1.01 * thinnest, ranges.thickness_mm[1])),
+            poisson=self.poisson,
+        )
+
+    def unit_force_n(self, tissue: float, without: Floats) -> float:
+        """Force of a unit load; ``without`` is the row at small strain."""
+        if self.probe.face_curvature_mm is None:
+            return tissue * self.probe.radius_mm**2 / MN_PER_N
+        return float(without[-1])
+
+    def at_force(self, row: Floats, force_n: float) -> Floats:
+        """Pressures and displacements at small strain under a force."""
+        pressed = force_n * row[:OUTPUTS]
+        return pressed if len(row) == PRESS_OUTPUTS else pressed + row[PRESS_OUTPUTS : PRESS_OUTPUTS + OUTPUTS]
+
+    def press(
+        self, start: SolvedPress | None, state: tuple[float, float, float], sphere: tuple[float, float], *, even: bool
+    ) -> SolvedPress:
+        """The press without contrast on the mesh of a sphere; state: modulus in kPa, thickness in mm, force in N."""
+        tissue, thickness, force = state
+        target = SlabPress.on_sphere(
+            diameter_mm=sphere[0],
+            depth_mm=sphere[1],
+            contrast=1.0,
+            tissue_young_kpa=tissue,
+            thickness_mm=thickness,
+            force_n=force,
+            poisson=self.poisson,
+        )
+        continuation = self.without_sphere if even else self.with_sphere
+        return continuation.first(target) if start is None else continuation.follow(start, target)
+
+
+def widest_even_mm(probe: Probe, box: CorrectionBox) -> float:
+    """Diameter of the widest sphere that the mesh of presses without inclusion suits.
+
+    A wider one would take in the tissue under the rim, in few layers: with spheres of 25 mm the pressure near the rim
+    comes out 7 % low.
+    """
+    return min(box.diameter_mm[1], WIDEST_EVEN * probe.radius_mm)
 
 
 def _row(press: FacePress) -> Floats:
