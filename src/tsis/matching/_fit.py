@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import linear_sum_assignment
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 from scipy.spatial import KDTree
 from scipy.spatial.distance import cdist
 
@@ -137,6 +139,28 @@ def assign(cost: Floats, *, dummy: float) -> Integers:
     cheap = cost[rows, columns] < dummy
     matches[rows[cheap]] = columns[cheap]
     return matches
+
+
+def assign_sparse(rows: Integers, columns: Integers, cost: Floats, shape: tuple[int, int], *, dummy: float) -> Integers:
+    """`assign` with all pairs but the given ones left out, for sets whose table of all pairs is large.
+
+    Examples
+    --------
+    >>> rows, columns = np.array([0, 0, 1, 1]), np.array([0, 1, 0, 1])
+    >>> assign_sparse(rows, columns, np.array([1.0, 2.0, 1.1, 9.0]), (2, 2), dummy=5.0).tolist()
+    [1, 0]
+    """
+    count, cheap = shape[0], cost < dummy
+    own = np.arange(count)  # a column for each row that stays without partner
+    table = csr_array(
+        (
+            np.concatenate([cost[cheap], np.full(count, dummy)]) + 1.0,  # a stored zero would count as no pair
+            (np.concatenate([rows[cheap], own]), np.concatenate([columns[cheap], shape[1] + own])),
+        ),
+        shape=(count, shape[1] + count),
+    )
+    _, partner = min_weight_full_bipartite_matching(table)
+    return np.where(partner < shape[1], partner, UNMATCHED).astype(np.int64)
 
 
 def spacing(points: Floats) -> float:

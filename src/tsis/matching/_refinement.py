@@ -15,7 +15,7 @@ from scipy.spatial import KDTree
 from scipy.spatial.distance import cdist
 
 from tsis.compiled import fused
-from tsis.matching._fit import UNMATCHED, assign
+from tsis.matching._fit import UNMATCHED, assign, assign_sparse
 from tsis.matching._pose_evidence import SIGMAS, WIDTHS, PoseEvidence, gaussian_kernel, hard_evidence
 from tsis.matching._relaxation import whitening
 from tsis.matching._spline import spread_indices
@@ -73,6 +73,11 @@ def _system(
 
 
 def _paired_again(target: Floats, moved: Floats, radius: Floats, farthest: float) -> Integers:
+    if len(moved) * len(target) > MANY_PAIRS:
+        reach = min(farthest, ACCEPTED * float(radius.max()))
+        near = KDTree(moved).sparse_distance_matrix(KDTree(target), reach, output_type="coo_matrix")
+        cost = (near.data / radius[near.row]) ** 2
+        return assign_sparse(near.row, near.col, cost, (len(moved), len(target)), dummy=ACCEPTED**2)
     squared = cdist(moved, target, "sqeuclidean")
     cost = squared / radius[:, None] ** 2
     cost[squared > farthest**2] = np.inf
@@ -302,10 +307,13 @@ def one_to_one(moved: Floats, target: Floats, gate: float) -> Integers:
     """Pairs within a distance: cheapest in total, of very many points mutual nearest neighbours."""
     if len(moved) * len(target) <= MANY_PAIRS:
         return assign(cdist(moved, target, "sqeuclidean"), dummy=gate**2)
-    away, nearest = KDTree(target).query(moved)
-    _, back = KDTree(moved).query(target)
-    mutual = (np.asarray(back)[nearest] == np.arange(len(moved))) & (away <= gate)
-    return np.where(mutual, nearest, UNMATCHED).astype(np.int64)
+    away, nearest = (np.asarray(found) for found in KDTree(target).query(moved, distance_upper_bound=gate))
+    matches = np.full(len(moved), UNMATCHED, dtype=np.int64)
+    rows = np.flatnonzero(np.isfinite(away))
+    _, back = KDTree(moved).query(target[nearest[rows]])
+    mutual = rows[np.asarray(back) == rows]
+    matches[mutual] = nearest[mutual]
+    return matches
 
 
 def rotated(field: SmoothField, target: Floats, step: float, pose: PoseEvidence) -> Iterator[PoseEvidence]:

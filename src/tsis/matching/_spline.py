@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial.distance import cdist
 
+from tsis.compiled import fused
 from tsis.errors import InputError
 from tsis.matching._fit import Floats, Integers, NormalFrame, require_points, ridge_solution
 from tsis.model import require_array, require_number
@@ -236,14 +237,29 @@ def spread_out(points: Floats, count: int) -> Floats:
 def spread_indices(points: Floats, count: int) -> Integers:
     """Indices of at most ``count`` distinct points, each the farthest from those before it."""
     first = int(np.argmin(np.linalg.norm(points - points.mean(axis=0), axis=1)))
-    chosen, nearest = [first], np.linalg.norm(points - points[first], axis=1)
-    while len(chosen) < min(count, len(points)):
-        farthest = int(np.argmax(nearest))
-        if nearest[farthest] == 0:
+    return _farthest_first(np.ascontiguousarray(points, dtype=float), first, min(count, len(points)))
+
+
+@fused
+def _farthest_first(points: Floats, first: int, count: int) -> Integers:
+    chosen = np.empty(count, dtype=np.int64)
+    nearest = np.full(len(points), np.inf)
+    at, length = first, 0
+    while length < count:
+        chosen[length] = at
+        length += 1
+        farthest = 0
+        for i in range(len(points)):
+            squared = 0.0
+            for axis in range(points.shape[1]):
+                squared += (points[i, axis] - points[at, axis]) ** 2
+            nearest[i] = min(nearest[i], squared)
+            if nearest[i] > nearest[farthest]:
+                farthest = i
+        if nearest[farthest] == 0.0:
             break
-        chosen.append(farthest)
-        nearest = np.minimum(nearest, np.linalg.norm(points - points[farthest], axis=1))
-    return np.array(chosen)
+        at = farthest
+    return chosen[:length]
 
 
 def spread_order(points: Floats) -> Integers:
