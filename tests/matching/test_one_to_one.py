@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import permutations
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -11,7 +12,10 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from tsis.matching import UNMATCHED
-from tsis.matching._fit import assign, nearest_pairs, spacing
+from tsis.matching._fit import assign, assign_sparse, nearest_pairs, spacing
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 COSTS = arrays(float, st.tuples(st.integers(1, 4), st.integers(1, 4)), elements=st.floats(0, 2))
 
@@ -23,9 +27,15 @@ def _cheapest(cost: np.ndarray, dummy: float) -> float:
     return float(min(sum(padded[i, j] for i, j in enumerate(pick)) for pick in permutations(range(padded.shape[1]), n)))
 
 
-@given(COSTS, st.floats(0.1, 1.5))
-def test_no_pairing_is_cheaper(cost: np.ndarray, dummy: float) -> None:
-    matches = assign(cost, dummy=dummy)
+def _assign_listed(cost: np.ndarray, *, dummy: float) -> np.ndarray:
+    rows, columns = (each.ravel() for each in np.indices(cost.shape))
+    return assign_sparse(rows, columns, cost.ravel(), cost.shape, dummy=dummy)
+
+
+@pytest.mark.parametrize("method", [assign, _assign_listed])
+@given(cost=COSTS, dummy=st.floats(0.1, 1.5))
+def test_no_pairing_is_cheaper(method: Callable[..., np.ndarray], cost: np.ndarray, dummy: float) -> None:
+    matches = method(cost, dummy=dummy)
     taken = matches[matches != UNMATCHED]
     assert len(set(taken)) == len(taken)
     paid = sum(dummy if j == UNMATCHED else cost[i, j] for i, j in enumerate(matches))

@@ -215,3 +215,11 @@ def test_a_spline_of_the_plane_takes_no_points_of_space(call: str) -> None:
     spline = fit_spline(SQUARE, SQUARE)
     with pytest.raises(InputError, match="points must have 2 coordinates"):
         getattr(spline, call)(np.zeros((3, 3)))
+
+
+def test_each_spread_point_is_the_farthest_from_those_before_it() -> None:
+    points = np.random.default_rng(5).normal(size=(60, 2))
+    chosen = spread_indices(points, 20)
+    for step in range(1, 20):
+        away = np.linalg.norm(points[:, None] - points[chosen[:step]], axis=2).min(axis=1)
+        assert away[chosen[step]] == pytest.approx(away.max(), rel=1e-12)

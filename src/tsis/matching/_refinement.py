@@ -77,7 +77,8 @@ def _paired_again(target: Floats, moved: Floats, radius: Floats, farthest: float
         reach = min(farthest, ACCEPTED * float(radius.max()))
         near = KDTree(moved).sparse_distance_matrix(KDTree(target), reach, output_type="coo_matrix")
         cost = (near.data / radius[near.row]) ** 2
-        return assign_sparse(near.row, near.col, cost, (len(moved), len(target)), dummy=ACCEPTED**2)
+        rows, columns = near.row.astype(np.int64), near.col.astype(np.int64)
+        return assign_sparse(rows, columns, cost, (len(moved), len(target)), dummy=ACCEPTED**2)
     squared = cdist(moved, target, "sqeuclidean")
     cost = squared / radius[:, None] ** 2
     cost[squared > farthest**2] = np.inf
