@@ -85,7 +85,7 @@ class PressBank:
 
     def content(self) -> dict[str, Any]:
         """What decides the frames, but for the code that makes them."""
-        known = _calibration(self.protocol)
+        known = believed(self.protocol)
         light = None if known.light is None else known.light.sha256
         differs = {} if self.name == self.protocol.name else {"world": asdict(self.world), "blank": self.blank}
         return differs | {
@@ -106,7 +106,7 @@ class PressBank:
             return self._simulated(index)
         path = self._place / f"{index:06d}.npz"
         if path.exists():
-            return _read(path.read_bytes(), _calibration(self.protocol))
+            return _read(path.read_bytes(), believed(self.protocol))
         case = self._simulated(index)
         write_durably(path, _bytes(case))
         return case
@@ -117,7 +117,7 @@ class PressBank:
         return simulate_world(self.world, self.protocol, self.prior, seed=self.seed, index=index, blank=self.blank)
 
 
-def _calibration(protocol: Protocol) -> Calibration:
+def believed(protocol: Protocol) -> Calibration:
     """What every virtual probe of the protocol is believed to answer."""
     probe = protocol.probe
     return replace(nominal_calibration(Sensor(), irradiance(probe)), probe=probe.name)

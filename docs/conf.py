@@ -51,9 +51,11 @@ def add_figures(app: "Sphinx", docname: str, source: list[str]) -> None:
 
 
 def add_reference(app: "Sphinx", docname: str, source: list[str]) -> None:
-    """The commands and the programming interface, as the code has them now."""
+    """The commands, the calls and the programming interface, as the code has them now."""
     if docname == "reference/cli":
         source[0] = source[0].replace("(all commands)", reference_pages.commands())
+    elif docname == "reference/http":
+        source[0] = source[0].replace("(all calls)", reference_pages.calls())
     elif docname == "reference/api":
         source[0] += "\n" + reference_pages.interface()
 

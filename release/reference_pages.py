@@ -1,4 +1,4 @@
-"""Pages of the reference that follow from the code: every command with its summary, every public package."""
+"""Pages of the reference that follow from the code: every command, call over HTTP and public package."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ import typer.main
 
 import tsis
 from tsis.cli._app import app
+from tsis.console.api import api_app
+from tsis.console.api._responses import CONTROL
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -50,10 +52,28 @@ def _commands(words: list[str], command: Any) -> Iterator[tuple[list[str], str]]
     parts = {name: part for name, part in getattr(command, "commands", {}).items() if not part.hidden}
     if words and not parts:
         example, _, text = (command.help or "").partition("\n\n")
-        summary = (command.short_help or text or example).split("\n\n")[0]
-        yield words, " ".join(summary.split()).replace("|", "\\|")
+        yield words, _summary(command.short_help or text or example)
     for name, part in parts.items():
         yield from _commands([*words, name], part)
+
+
+def calls() -> str:
+    """A table of all calls over HTTP in Markdown, from their description."""
+    described = api_app(None, None).openapi()  # type: ignore[arg-type]  # nothing is called
+    rows = [
+        f"| `{method.upper()} {path}` | {_act(call)}{_summary(call['description'])} |"
+        for path, methods in described["paths"].items()
+        for method, call in methods.items()
+    ]
+    return "\n".join(["| call | what it does |", "| --- | --- |", *rows]) + "\n"
+
+
+def _act(call: Any) -> str:
+    return "Act. " if any(one["name"] == CONTROL and one["required"] for one in call.get("parameters", [])) else ""
+
+
+def _summary(text: str) -> str:
+    return " ".join(text.split("\n\n")[0].split()).replace("|", "\\|")
 
 
 def packages() -> list[str]:

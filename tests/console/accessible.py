@@ -33,6 +33,10 @@ FAULTS = r"""() => {
     ...["button", "switch", "checkbox", "radio", "tab", "combobox", "slider", "spinbutton", "progressbar", "menuitem",
         "option", "img", "dialog", "alertdialog", "listbox", "radiogroup"].map((role) => `[role=${role}]`), "img"];
   for (const each of all(controls.join(", "))) if (!named(each)) faults.push(`no name: ${said(each)}`);
+  for (const each of all("[role=dialog], [role=alertdialog]"))
+    if (!words(each.getAttribute("aria-label"))) faults.push(`a dialog without a name: ${said(each)}`);
+  for (const each of all("button input, a input, [role=button] input"))
+    if (!each.inert) faults.push(`a field inside a control: ${said(each)}`);
   for (const each of all("canvas, svg")) {
     const part = each.closest("[role=img], button, a, [aria-label]");
     if (!part && !each.closest(".q-icon, .q-spinner, .q-field")) faults.push(`a picture without words: ${said(each)}`);

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import expect
 from tests.console.browser import needs_browser, picture
+from tests.console.contrast import texts
 from tests.console.operator import operating, press_with, requested, run
 
 from tsis.calibration.file import ProbeCalibration, write_calibration
@@ -120,6 +121,17 @@ def test_a_calibration_is_put_in_force_and_taken_back(
         page.get_by_role("button", name="Use the virtual probe's own").click()
         page.get_by_text("of a Monday", exact=True).wait_for(state="detached")
         assert requested(console, "/state")["calibration"] != "of a Monday"
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_every_text_stands_out_that_of_the_calibration_file_too(
+    console: RunningConsole, browser: Browser, scheme: str
+) -> None:
+    with operating(browser, console, "/camera", color_scheme=scheme) as page:
+        page.get_by_text("Calibration file").wait_for()
+        shown = texts(page)
+        assert "Calibration file" in {item.text for item in shown}
+        assert [item for item in shown if item.contrast < item.least] == []
 
 
 @pytest.mark.parametrize("damage", ["changed", "cut", "empty", "other", "zip"])

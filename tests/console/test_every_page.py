@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 pytestmark = [pytest.mark.system, needs_browser]
 TITLES = [title for address, (title, _) in PAGES.items() if "{" not in address]
+DESKTOP, WIDTHS = 1280, (390, 768, 1280, 2560)
 
 
 @pytest.fixture(scope="module")
@@ -51,6 +52,27 @@ def test_a_page_keeps_nobody_out(where: str, title: str, request: pytest.Fixture
     assert too_wide(page) == []
     pale = [item for item in texts(page) if item.contrast < item.least]
     assert pale == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_a_page_fits_every_width(console: RunningConsole, browser: Browser, scheme: str) -> None:
+    """Pictures of all pages at four widths, for people; nothing sticks out of a page at any of them."""
+    wide: dict[str, list[str]] = {}
+    with tab(browser, console, color_scheme=scheme) as page:
+        hold(page)
+        run(page)
+        for title in TITLES:
+            page.set_viewport_size({"width": DESKTOP, "height": 900})
+            _open(page, title)
+            page.get_by_role("heading", level=1, name=title, exact=True).wait_for()
+            page.locator("main .panel").first.wait_for()
+            for width in WIDTHS:
+                page.set_viewport_size({"width": width, "height": 900})
+                picture(page, f"{title.lower()}-{width}-{scheme}")
+                if sticking := too_wide(page):
+                    wide[f"{title}, {width}"] = sticking
+    assert wide == {}
 
 
 @pytest.mark.parametrize("title", TITLES)
@@ -111,6 +133,22 @@ def test_pale_text_is_found(browser: Browser) -> None:
     result = {item.text: item.contrast for item in texts(page)}
     page.close()
     assert result["pale"] < 2 < 12 < result["clear"]
+
+
+def test_the_keyboard_opens_the_choice_of_a_file(console: RunningConsole, browser: Browser, desktop: Page) -> None:
+    """The field lies inert in its button, which mouse and keyboard use."""
+    with tab(browser, console, "/images", color_scheme="light") as page:
+        button = page.locator("a.q-btn[aria-label='Choose images']")
+        with page.expect_file_chooser():
+            button.click()
+        with page.expect_file_chooser():
+            button.press("Enter")
+
+
+def test_the_list_of_jobs_closes_on_its_page(desktop: Page) -> None:
+    _open(desktop, "Jobs")
+    desktop.get_by_role("heading", level=1, name="Jobs", exact=True).wait_for()
+    desktop.get_by_role("dialog", name="Jobs").wait_for(state="hidden")
 
 
 @pytest.mark.parametrize("width", [360, 390, 430, 768])

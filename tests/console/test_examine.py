@@ -69,10 +69,10 @@ def test_keys_mean_nothing_in_a_field_or_on_a_button(console: RunningConsole, br
             page.keyboard.press(key)
         page.keyboard.press("Escape")
         expect(force).to_have_value("1")
-        page.get_by_role("button", name="Target after").focus()
+        page.get_by_role("button", name="Next target").focus()
         page.keyboard.press("Space")  # what it does on a button, and no snapshot
         _target(page, "32")
-        page.get_by_role("button", name="Target before").click()
+        page.get_by_role("button", name="Previous target").click()
         _target(page, "31")
         page.keyboard.press("Space")  # the mouse has left no focus behind
         page.get_by_text("Saved for target 31").wait_for()
@@ -115,7 +115,7 @@ def _covered(page: Page, name: str) -> bool:
 def test_the_keys_are_listed(console: RunningConsole, browser: Browser) -> None:
     with operating(browser, console) as page:
         page.keyboard.press("?")
-        for word in ("save a snapshot", "target before", "target after", "live image alone, and back"):
+        for word in ("save a snapshot", "previous target", "next target", "live image alone, and back"):
             page.get_by_text(word).wait_for()
         page.keyboard.press("Escape")
         page.get_by_role("dialog").wait_for(state="hidden")
@@ -155,7 +155,7 @@ def test_a_target_that_is_none_is_said_and_the_number_stays(
 def test_no_target_before_the_first(console: RunningConsole, browser: Browser) -> None:
     with operating(browser, console) as page:
         choose_target(page, "1")
-        page.get_by_role("button", name="Target before").click()
+        page.get_by_role("button", name="Previous target").click()
         page.get_by_text("target must lie in [1, 99999]; got 0").wait_for()
         _target(page, "1")
 
@@ -218,10 +218,28 @@ def test_the_live_image_has_words_and_colours(console: RunningConsole, browser: 
         picture(page, "examine-relief")
 
 
+def test_a_light_press_reads_the_tissue_and_offers_its_forces(console: RunningConsole, browser: Browser) -> None:
+    with operating(browser, console) as page:
+        run(page)
+        choose_target(page, "55")
+        page.get_by_role("button", name="Read the tissue").click()
+        page.get_by_text(re.compile(r"^Tissue [45]\.?\d* kPa \(90 % interval ")).wait_for()  # 5 kPa in truth
+        assert requested(console, "/state")["role"] == "plain"
+        expect(page.get_by_label("Force", exact=True)).to_have_value("0.2")
+        high = page.get_by_role("button", name=re.compile(r"^(0\.9\d*|1(\.\d+)?) N$"))
+        high.click()
+        page.get_by_text(re.compile(r"^(0\.9\d|1\.\d\d) N$")).wait_for()
+        assert 0.9 <= requested(console, "/state")["force_n"] <= 1.1
+        picture(page, "examine-tissue")
+        page.reload()
+        page.get_by_text(re.compile(r"^Tissue ")).wait_for()
+
+
 def test_press_estimate_and_what_it_tells(console: RunningConsole, browser: Browser) -> None:
     with operating(browser, console) as page:
         run(page)
         choose_target(page, "50")
+        page.get_by_text("No presses of this target yet.").wait_for()
         page.get_by_role("button", name="Estimate").click()
         page.get_by_text("got 50").wait_for()  # nothing is kept of it: one sentence
         for role in ("on the target", "reference (no inclusion)"):

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from tests.console.running import RunningConsole
 
 pytestmark = [pytest.mark.system, pytest.mark.slow, needs_browser]
-CONTROLS = ("Stop", "Snapshot", "Target before", "Target after", "on the target")
+CONTROLS = ("Stop", "Snapshot", "Previous target", "Next target", "on the target")
 WATCH = "You watch: take the camera"
 
 

@@ -4,6 +4,7 @@ import hashlib
 import json
 import stat
 import sys
+import tracemalloc
 from typing import TYPE_CHECKING
 
 import pytest
@@ -20,6 +21,7 @@ from tsis.study import (
     read_seal,
     unblind,
 )
+from tsis.study._log import SealedTruth, parse_seal
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -192,3 +194,20 @@ def test_a_threshold_that_is_none_any_more_is_named_with_its_line(tmp_path: Path
     log.write_bytes(log.read_bytes().replace(b'"threshold":0.5', b'"threshold":"low"'))
     with pytest.raises(RecordsError, match=r"^log\.jsonl, line 2, must hold the threshold of 'feeler'; .*got 'low'"):
         open_study(study.folder).threshold_of("feeler")
+
+
+def test_a_large_seal_is_the_same_document_written_target_by_target() -> None:
+    """Memory at 10^5 targets stays within a few times the file, which a whole document exceeded ten times."""
+    targets = random_targets(600, 1500, rng=np.random.default_rng(3))
+    seal = SealedTruth(salt="5a17", seed=3, truths={f"T-{number}": item for number, item in enumerate(targets)})
+    progress: list[tuple[int, int]] = []
+    tracemalloc.start()
+    content = seal.content(lambda done, total: progress.append((done, total)))
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    whole = json.loads(content)
+    assert content == (json.dumps(whole, indent=1) + "\n").encode()
+    assert whole["targets"] == {code: truth.json_values() for code, truth in seal.truths.items()}
+    assert parse_seal(content, "sealed.json") == seal
+    assert progress == [(0, 2100), (1000, 2100), (2000, 2100)]
+    assert peak < 4 * len(content)

@@ -14,6 +14,7 @@ from fastapi import APIRouter, Query, Request, Response
 from starlette.responses import FileResponse, PlainTextResponse
 
 from tsis.__about__ import LARGEST_TARGET
+from tsis.calibration import read_press_image
 from tsis.console._statuses import AbsentError, absent_if_unknown, status_of
 from tsis.console._worker import WorkerProcess
 from tsis.console.studies import FORMS, report_bytes
@@ -98,9 +99,19 @@ Arguments = ParamSpec("Arguments")
 
 
 def sequence_folders(workspace: Path, target: int) -> dict[str, int]:
-    """Names of the recorded sequences of a target, in their order, with the number of files in each."""
+    """Names of the recorded sequences of a target, in their order, with the number of frames in each."""
     folders = [item for item in (workspace / target_folder(target)).glob("sequence*") if SEQUENCE.fullmatch(item.name)]
-    return {item.name: sum(1 for _ in item.iterdir()) for item in sorted(folders) if item.is_dir()}
+    return {item.name: sum(1 for _ in item.glob("frame-*.png")) for item in sorted(folders) if item.is_dir()}
+
+
+def sequence_frame(workspace: Path, target: int, name: str, number: int) -> TactileImage:
+    """A frame of a recorded sequence, numbered from 0; `AbsentError` when there is none."""
+    with absent_if_unknown():
+        require_one_of("sequence", name, sequence_folders(workspace, target))
+    file = workspace / target_folder(target) / name / f"frame-{number:06d}.png"
+    if not file.is_file():
+        raise AbsentError(f"frame must be one of {name}; there is none of the number {number}")
+    return read_press_image(file)
 
 
 def sequence_archive(workspace: Path, target: int, name: str) -> Path:
@@ -167,6 +178,17 @@ def files_router(
         if workspace is None:
             raise AbsentError("sequences lie in a workspace; there is none")
         return _Sent(sequence_archive(workspace, number, name), shown=False)
+
+    @router.get("/sequence/{target}/{name}/{number}.png")
+    @_errors_as_text
+    def frame_of_sequence(
+        target: str, name: str, number: int, size: int = Query(768, ge=SMALLEST_PX, le=LARGEST_PX)
+    ) -> Response:
+        if workspace is None:
+            raise AbsentError("sequences lie in a workspace; there is none")
+        image = sequence_frame(workspace, target_of(store, target).number, name, number)
+        content = thumbnail_png(image.grey, full_scale=image.full_scale, size=size, name="viridis")
+        return Response(content, media_type="image/png", headers={"cache-control": NO_CACHE})
 
     if studies is None:
         return router

@@ -268,6 +268,8 @@ def _draft_of(requested: Path, disk: Disk) -> Path:
 
 
 def _require_new(requested: Path) -> None:
+    if "\0" in str(requested):
+        raise OSError(errno.EINVAL, os.strerror(errno.EINVAL), str(requested))
     if requested.name in ("", "..") or os.path.lexists(requested):
         raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(requested))
 

@@ -23,8 +23,19 @@ def require_number(name: str, value: object, low: float, high: float, *, hint: s
         raise InputError(f"{name} must be a number; got {value!r:.80}")
     result = _as_float(value)
     if not math.isfinite(result) or not low <= result <= high:
-        raise InputError(f"{name} must lie in [{low:g}, {high:g}]; got {result:g}" + (f" ({hint})" if hint else ""))
+        ending = f" ({hint}){_suspected(result, low, high, hint)}" if hint else ""
+        raise InputError(f"{name} must lie in [{low:g}, {high:g}]; got {result:g}{ending}")
     return result
+
+
+_MISTAKEN = {"newtons": ("millinewtons", 1e-3), "millimetres": ("metres", 1e3), "kilopascals": ("pascals", 1e-3)}
+
+
+def _suspected(value: float, low: float, high: float, hint: str) -> str:
+    """Names the unit that was probably meant, where the value would lie within its range."""
+    unit, factor = _MISTAKEN.get(hint.split()[0], ("", 0.0))
+    meant = value * factor
+    return f"; that would be {meant:g} if it was given in {unit}" if unit and meant > 0 and low <= meant <= high else ""
 
 
 def require_integer(name: str, value: object, low: int, high: int, *, hint: str = "") -> int:

@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING
 
 from tsis.__about__ import __version__
 from tsis.errors import InputError, RecordsError
-from tsis.files import EMPTY_CHAIN, LogChain, LogDraft, atomic_folder, from_json_value, link_entries, to_json_value
+from tsis.files import (
+    EMPTY_CHAIN,
+    LogChain,
+    LogDraft,
+    atomic_folder,
+    file_error,
+    from_json_value,
+    link_entries,
+    to_json_value,
+)
 from tsis.imaging import features
 from tsis.model import freeze_mappings, require_integer, require_number
 from tsis.study._folder import user
@@ -114,7 +123,8 @@ def begin_checks(folder: Path, plan: CheckPlan, *, actor: str = "") -> CheckLog:
         with atomic_folder(folder) as draft:
             (draft / LOG_FILE).write_bytes(f"{line}\n".encode())
     except OSError as error:
-        raise RecordsError(f"{folder} must be a new folder that can be written; got: {error.strerror}") from error
+        reason = f"must be a new folder that can be written; got: {error.strerror}"
+        raise file_error(folder, reason, RecordsError) from error
     return read_checks(folder)
 
 

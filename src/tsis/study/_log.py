@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 
 LOG_FILE = "log.jsonl"
 CURE = "tsis study verify tells all"
+REPORT_EVERY = 1000  # targets
 
 
 def read_log(folder: Path, *, disk: Disk = DISK) -> LogChain:
@@ -102,17 +103,16 @@ class SealedTruth:
     seed: int  # of codes, order and drawn targets
     truths: Mapping[str, TargetTruth]  # by code
 
-    def content(self) -> bytes:
-        """Content of the file."""
-        document = {
-            "format": FORMAT,
-            "version": VERSION,
-            "notice": RESEARCH_USE_ONLY,
-            "salt": self.salt,
-            "seed": self.seed,
-            "targets": {code: truth.json_values() for code, truth in self.truths.items()},
-        }
-        return json_bytes(document, indent=1)
+    def content(self, progress: Callable[[int, int], None] = lambda _done, _all: None) -> bytes:
+        """Content of the file, written target by target; ``progress`` is called with (written, all)."""
+        head = {"format": FORMAT, "version": VERSION, "notice": RESEARCH_USE_ONLY, "salt": self.salt, "seed": self.seed}
+        content = bytearray(json_bytes(head, indent=1).removesuffix(b"\n}\n") + b',\n "targets": {')
+        for number, (code, truth) in enumerate(self.truths.items()):
+            if number % REPORT_EVERY == 0:
+                progress(number, len(self.truths))
+            item = json_bytes(truth.json_values(), indent=1).rstrip().replace(b"\n", b"\n  ")
+            content += b'%s\n  "%s": %s' % (b"," if number else b"", code.encode(), item)
+        return bytes(content + b"\n }\n}\n")
 
 
 def commitment(content: bytes) -> str:

@@ -112,6 +112,7 @@ def new_study(
     repeats: int = 1,
     threshold: float = THRESHOLD,
     actor: str = "",
+    progress: Callable[[int, int], None] = lambda _done, _all: None,
 ) -> Study:
     """Create a study atomically.
 
@@ -135,6 +136,8 @@ def new_study(
         probability. Other devices bring their own threshold (`import_readings`).
     actor
         Who creates it; the user of this machine by default.
+    progress
+        Called with (targets sealed, all): 100,000 take seconds.
 
     Raises
     ------
@@ -152,11 +155,11 @@ def new_study(
     for item in listed:
         require_type("targets", item, TargetTruth)
     truths = coded(listed, seed)
-    sealed = SealedTruth(salt=secrets.token_hex(32), seed=seed, truths=truths).content()
+    sealed = SealedTruth(salt=secrets.token_hex(32), seed=seed, truths=truths).content(progress)
     if forces_n is None:
         forces_n = protocol_forces(load_probe(probe), tissue_young_kpa=InclusionPrior().tissue_young_kpa)
     plan = StudyPlan(
-        name=name or root.resolve().name,
+        name=name or root.absolute().name,  # to resolve fails at loops of links
         seed=published_seed,
         probe=probe,
         forces_n=tuple(forces_n),

@@ -232,7 +232,7 @@ def as_folder(folder: str | os.PathLike[str]) -> Path:
     """The absolute path of a folder, which need not exist; `FileInputError` when no folder can have this name."""
     try:
         return Path(folder).resolve()
-    except (OSError, ValueError, TypeError) as error:
+    except (OSError, ValueError, TypeError, RuntimeError) as error:  # RuntimeError: a loop of links
         raise FileInputError(f"folder must be the name of a folder; got {folder!r:.80}") from error
 
 

@@ -10,6 +10,8 @@ from contextlib import closing
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import cv2
+import numpy as np
 import pytest
 from tests.console.files_client import FilesOf
 from tests.records.sample import sample_dossier
@@ -17,6 +19,7 @@ from tests.report.rough_pictures import rough_pictures
 
 from tsis.console.files import Reports, write_export
 from tsis.errors import InputError, RecordsError
+from tsis.files import encode_picture
 from tsis.records.store import open_store
 from tsis.report import PAGE_FORMS, StoreAddress, report_of_stored_target
 from tsis.report._forms import page_bytes
@@ -58,6 +61,27 @@ def test_another_store_in_its_place_is_not_taken_for_it(tmp_path: Path) -> None:
         report_of_stored_target(replace(position, identity="0" * 32), NUMBER, "html")
     with pytest.raises(RecordsError, match="there is none"):
         report_of_stored_target(replace(position, folder=tmp_path / "elsewhere"), NUMBER, "html")
+
+
+def test_a_frame_of_a_sequence_is_shown_and_nothing_else(tmp_path: Path) -> None:
+    folder = tmp_path / f"Target{NUMBER}" / "sequence"
+    folder.mkdir(parents=True)
+    dark, light = (np.full((48, 64), level, np.uint8) for level in (10, 240))
+    for number, levels in enumerate((dark, light)):
+        (folder / f"frame-{number:06d}.png").write_bytes(encode_picture(levels))
+    with open_store(tmp_path / "records") as store:
+        store.import_target(sample_dossier())
+        files = FilesOf(store, workspace=tmp_path)
+        shown = [files.get(f"/files/sequence/{NUMBER}/sequence/{number}.png?size=64") for number in (0, 1)]
+        assert [item.status_code for item in shown] == [200, 200]
+        pictures = [cv2.imdecode(np.frombuffer(item.content, np.uint8), cv2.IMREAD_COLOR) for item in shown]
+        assert pictures[0] is not None
+        assert pictures[1] is not None
+        assert pictures[0].shape == pictures[1].shape == (48, 64, 3)
+        assert pictures[0].mean() < 100 < pictures[1].mean()  # viridis grows from violet to yellow
+        for wrong in ("sequence/2", "sequence/-1", "other/0", "%2e%2e/0"):
+            assert files.get(f"/files/sequence/{NUMBER}/{wrong}.png").status_code == 404
+        assert FilesOf(store).get(f"/files/sequence/{NUMBER}/sequence/0.png").status_code == 404
 
 
 def test_a_recorded_sequence_is_downloaded_and_nothing_else_of_its_folder(tmp_path: Path) -> None:

@@ -277,7 +277,8 @@ class Operator:
         for element in self._client.layout if under is None else under:
             if not element.visible or isinstance(element, ui.tooltip):
                 continue
-            yield element
+            if _is_open(element) or isinstance(element, ui.expansion | ui.tab_panel):  # which have a head
+                yield element
             if _is_open(element):
                 yield from self._shown(element)
 

@@ -73,11 +73,11 @@ def test_keys_and_buttons_go_from_target_to_target(lit: Instrument) -> None:
     async def script(operator: Operator) -> None:
         operator.presses_key("step", 1)
         await shown(operator, "2")
-        await operator.clicks("Target after")
+        await operator.clicks("Next target")
         await shown(operator, "3")
         operator.presses_key("step", -1)
         await shown(operator, "2")
-        await operator.clicks("Target before")
+        await operator.clicks("Previous target")
         await shown(operator, "1")
 
     at_console(lit, script)
@@ -174,6 +174,11 @@ def test_a_sequence_is_recorded_whole_and_wrong_lengths_begin_none(lit: Instrume
         (job,) = (await operator.requested("/jobs"))["jobs"]
         report = (await operator.requested(f"/jobs/{job['identity']}"))["result"]["report"]
         assert (report["kept"], report["ended_by"]) == (5, "")
+        await operator.clicks("Snapshot")
+        await operator.hears("Saved for target 1")
+        await operator.open("/records/1")
+        await operator.clicks("Play sequence")
+        await operator.sees("sequence of target 1", "Frame 2 of 5")  # by itself
 
     at_console(lit, script)
     folder = lit.terms.workspace / target_folder(1) / "sequence"

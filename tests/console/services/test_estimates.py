@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import threading
-from dataclasses import replace
+from dataclasses import asdict, replace
 from datetime import timedelta
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -20,10 +20,14 @@ from tests.waiting import HANGS_S
 import tsis
 import tsis.hardness
 from tsis.console._serving import warm_up_once
-from tsis.console.services import BALL_MM, CameraChoice, newest_presses
+from tsis.console.services import BALL_MM, LIGHT_N, CameraChoice, TissueReading, newest_presses
+from tsis.console.services import _estimates as estimates_module
 from tsis.console.services import _subject as subject_module
-from tsis.errors import InputError
+from tsis.console.services._estimates import estimate_target
+from tsis.console.services._subject import read_tissue
+from tsis.errors import ControlError, InputError
 from tsis.imaging import Sensor
+from tsis.inclusion import InclusionPrior
 from tsis.virtual import DirectContactRig
 
 if TYPE_CHECKING:
@@ -239,3 +243,66 @@ def test_estimates_of_a_probe_are_warmed_up_once(tmp_path: Path) -> None:
             instrument.stop(by=ANN)
     assert over.wait(HANGS_S)
     assert called == [("warm_up", "tsis-2011")]
+
+
+def test_a_light_press_gives_the_tissue_the_forces_and_the_prior(tmp_path: Path) -> None:
+    """The console's reading is that of the files by the same calls that `tsis protocol` makes."""
+    with virtual_instrument(tmp_path, probe="tsis-domed") as instrument:
+        with pytest.raises(ControlError):
+            instrument.read_tissue(by="somebody else")
+        instrument.start(by=ANN)
+        job = instrument.read_tissue(by=ANN)
+        assert job.wait(HANGS_S)
+        reading = job.result
+        state = instrument.state()
+        assert (state.role, state.force_n, state.tissue) == ("plain", LIGHT_N, reading)
+        record = instrument.store.record(instrument.store.target(1))
+        stage = instrument.camera_controller.subject
+        assert stage is not None
+        (light,) = record.presses
+        directly = tsis.inclusion.tissue_modulus(
+            record.image(light), probe=stage.probe, calibration=stage.calibration.response
+        )
+        assert reading.young_kpa == pytest.approx(directly.young_kpa)
+        assert reading.interval_kpa[0] <= 5.0 <= reading.interval_kpa[1]  # of the phantom
+        assert reading.forces_n == tsis.inclusion.protocol_forces(stage.probe, tissue_young_kpa=reading.young_kpa)
+        assert newest_presses(record, "inclusion", tissue=reading) == ()
+        instrument.set_target(2, by=ANN)
+        assert instrument.state().tissue is None  # each target has its own
+    with virtual_instrument(tmp_path, probe="tsis-domed") as instrument:
+        assert instrument.state().tissue == reading  # a restart begins on target 1
+
+
+def test_an_estimate_is_on_the_tissue_that_was_read(probe: Instrument, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[Any] = []
+
+    def recording(record: TargetRecord, request: Any, **_: Any) -> None:
+        asked.append(request)
+        raise InputError("that was enough")
+
+    monkeypatch.setattr(estimates_module, "estimate_stored", recording)
+    probe.choose(CameraChoice(probe="tsis-2011"), by=ANN)
+    probe.start(by=ANN)
+    probe.set_target(61, by=ANN)
+    light, reference, target = pressed(probe, [("plain", 0.2), ("plain", 1.0), ("target", 1.0)])
+    reading = TissueReading(press=light.press.id, young_kpa=10.0, interval_kpa=(9.0, 11.0), forces_n=(2.0,))
+    estimate = partial(estimate_target, probe.store, 61, kind="inclusion", presses=None, progress=lambda *_: None)
+    own = {"prior": asdict(InclusionPrior(poisson=0.48))}
+    for options, tissue in (({}, None), ({}, reading), (own, reading)):
+        with pytest.raises(InputError, match="enough"):
+            estimate(options=options, tissue=tissue)
+    ids = [{press.id for press in request.presses} for request in asked]
+    assert ids == [{light.press.id, reference.press.id, target.press.id}, *[{reference.press.id, target.press.id}] * 2]
+    assert "prior" not in asked[0].options
+    moved = asked[1].options["prior"]
+    assert (moved["tissue_young_kpa"], moved["young_kpa"]) == (10.0, (80.0, 240.0))
+    assert asked[2].options["prior"]["poisson"] == 0.48
+
+
+def test_a_press_that_is_on_no_even_tissue_reads_none(probe: Instrument) -> None:
+    probe.choose(CameraChoice(probe="tsis-2011"), by=ANN)
+    probe.start(by=ANN)
+    probe.set_target(62, by=ANN)
+    (edge,) = pressed(probe, [("target", 1.0)])  # a lump is under it
+    with pytest.raises(InputError, match="even tissue"):
+        read_tissue(probe.store.record(edge.target), edge.press.id)

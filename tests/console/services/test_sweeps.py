@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from tests.waiting import HANGS_S
 
-from tsis.console.services import FAILED, Jobs, Sweeps, sweep_title
+from tsis.console.services import FAILED, Jobs, Sweeps, sweep_title, varying_columns
 from tsis.console.services import _sweeps as module
 from tsis.errors import ControlError, InputError
 from tsis.sweep import SweepSummary, load_plan, read_data_set, run_sweep
@@ -63,6 +63,11 @@ def test_names_and_plans_are_checked_and_a_sweep_runs_once(tmp_path: Path, monke
     (tmp_path / "bad.toml").write_text("probe = 1")
     bad, _ = sweeps.listed()
     assert bad.trouble
+
+
+def test_columns_of_one_value_are_no_axes() -> None:
+    rows = {"force_n": [1.0, 1.0], "depth_mm": [6.0, 7.0], "one": [float("nan"), 2.0], "none": [float("nan")] * 2}
+    assert varying_columns({name: np.array(values) for name, values in rows.items()}) == ["depth_mm"]
 
 
 @pytest.mark.system

@@ -62,9 +62,10 @@ class JobList:
     """The header's button, which says how far running jobs are, and its list."""
 
     def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
-        self._button = ui.button("Jobs").props('flat dense no-caps aria-haspopup="true"')
-        with self._button, ui.menu().props('anchor="bottom right" self="top right"'):
-            ui.link("All jobs and their history", "/jobs").classes("link job-history")
+        self._button = ui.button("Jobs").props('flat dense no-caps aria-haspopup="dialog"')
+        with self._button, ui.menu().props('anchor="bottom right" self="top right" role=dialog') as menu:
+            menu.props["aria-label"] = tr("Jobs")
+            ui.link("All jobs and their history", "/jobs").classes("link job-history").on("click", menu.close)
             place = ui.element("ul").classes("job-list").props('aria-label="Jobs, the newest first"')
             self._rows = JobRows(instrument, viewer, place, "No jobs yet.")
 

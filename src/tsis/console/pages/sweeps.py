@@ -20,7 +20,7 @@ from tsis.console.pages.components import (
     unit_field,
 )
 from tsis.console.pages.jobs import JobRows
-from tsis.console.services import sweep_title
+from tsis.console.services import sweep_title, varying_columns
 from tsis.sweep import EXAMPLE
 
 if TYPE_CHECKING:
@@ -117,10 +117,10 @@ class SweepsPage:
         """Read the finished rows of a sweep, and plot them."""
         if not (rows := await self._viewer.attempt(self._sweeps.rows, name)):
             return
-        self._rows, self._shown = rows, name
-        varied = [column for column, values in rows.items() if min(values) < max(values)]
+        self._rows, self._shown, varied = rows, name, varying_columns(rows)
         for field, firsts in ((self._x, varied), (self._y, ["approach_mm", *varied])):
-            field.set_options(list(rows), value=next(name for name in (field.value, *firsts, *rows) if name in rows))
+            used = (*(name for name in (field.value, *firsts) if name in varied), *rows)
+            field.set_options(list(rows), value=used[0])
         self._plot.set_visibility(True)
         self._draw()
 

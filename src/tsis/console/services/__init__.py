@@ -9,7 +9,7 @@ from tsis.console.services._control import (
     ControlLock,
     Owner,
 )
-from tsis.console.services._estimates import estimate_title, newest_presses, warm_up
+from tsis.console.services._estimates import newest_presses, warm_up
 from tsis.console.services._frame_analysis import ContactView, FrameAnalysis
 from tsis.console.services._instrument import Instrument
 from tsis.console.services._jobs import DONE, ENDED, FAILED, RESULTS, Job, JobCancelled, Jobs, JobState
@@ -27,13 +27,17 @@ from tsis.console.services._snapshots import SavedPress
 from tsis.console.services._state import CameraState, InstrumentState
 from tsis.console.services._subject import (
     BALL_MM,
+    LIGHT_N,
     LONGEST_SPEC,
     CameraChoice,
     InstrumentSettings,
     PressForce,
+    TissueReading,
     VirtualSubject,
+    estimate_title,
+    tissue_title,
 )
-from tsis.console.services._sweeps import Sweeps, SweepState, sweep_title
+from tsis.console.services._sweeps import Sweeps, SweepState, sweep_title, varying_columns
 
 __all__ = [
     "BALL_MM",
@@ -41,6 +45,7 @@ __all__ = [
     "ENDED",
     "FAILED",
     "IMAGE_ROLES",
+    "LIGHT_N",
     "LOCK_S",
     "LONGEST_LOCK_S",
     "LONGEST_OWNER_NAME",
@@ -71,6 +76,7 @@ __all__ = [
     "SavedPress",
     "SweepState",
     "Sweeps",
+    "TissueReading",
     "VirtualSubject",
     "estimate_title",
     "measure_images",
@@ -78,5 +84,7 @@ __all__ = [
     "open_images",
     "save_images",
     "sweep_title",
+    "tissue_title",
+    "varying_columns",
     "warm_up",
 ]

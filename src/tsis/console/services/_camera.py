@@ -7,9 +7,10 @@ import time
 from functools import partial
 from typing import TYPE_CHECKING
 
+from tsis.console.services._jobs import RUNNING
 from tsis.console.services._subject import VirtualSubject
 from tsis.errors import CameraError, ControlError, InputError, TsisError
-from tsis.instrument import LATE_FRAMES, connect, preset
+from tsis.instrument import LATE_FRAMES, connect, find_cameras, preset
 from tsis.instrument.acquisition import LOST_AFTER_S, Acquisition
 from tsis.model import require_number, require_one_of
 from tsis.virtual import FORCE_SETTING, LARGEST_FORCE_N
@@ -17,8 +18,9 @@ from tsis.virtual import FORCE_SETTING, LARGEST_FORCE_N
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from tsis.console.services._jobs import Job, Jobs, JobState
     from tsis.console.services._subject import CameraChoice
-    from tsis.instrument import Camera, Setting
+    from tsis.instrument import Camera, CameraListing, Setting
     from tsis.instrument.acquisition import ReceivedFrame
 
 
@@ -296,3 +298,36 @@ def _period_s(acquisition: Acquisition) -> float:
     """Seconds from frame to frame as its mode says; 0 where it does not."""
     rate = None if acquisition.mode is None else acquisition.mode.frames_per_s
     return 1.0 / rate if rate else 0.0
+
+
+SEARCH_TITLE = "search for cameras"
+
+
+class CameraSearch:
+    """Searches as a job; a call during a search returns the running job.
+
+    ``findings`` are those of the last search; None before the first is over.
+    """
+
+    def __init__(self, jobs: Jobs) -> None:
+        self._jobs, self._lock = jobs, threading.Lock()
+        self._job: Job | None = None
+        self.findings: CameraListing | None = None
+
+    def state(self) -> JobState | None:
+        """State of the running or last search; None before the first."""
+        job = self._job
+        return None if job is None else job.state()
+
+    def begin(self) -> Job:
+        """Begin a search, or join the running one."""
+        with self._lock:
+            if self._job is None or self._job.state().status != RUNNING:
+                self._job = self._jobs.begin(SEARCH_TITLE, self._searched)
+            return self._job
+
+    def _searched(self, job: Job) -> CameraListing:
+        self.findings = findings = find_cameras()
+        number = len(findings.cameras)
+        job.say({0: "No camera answered.", 1: "1 camera answered."}.get(number, f"{number} cameras answered."))
+        return findings

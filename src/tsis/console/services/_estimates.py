@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from tsis.__about__ import LARGEST_TARGET
 from tsis.catalog import load_phantom, load_probe
 from tsis.errors import InputError, RecordsError
-from tsis.inclusion import estimate, stated_strain
+from tsis.inclusion import InclusionPrior, estimate, prior_on_tissue, stated_strain
 from tsis.model import require_integer, require_one_of
 from tsis.records import ESTIMATES, REFERENCE_ROLES, EstimationRequest, environment, estimate_stored, require_options
 from tsis.virtual import VirtualProbe
@@ -17,6 +18,7 @@ from tsis.virtual import VirtualProbe
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
+    from tsis.console.services._subject import TissueReading
     from tsis.records import StoredEstimate, StoredPress, TargetRecord
     from tsis.records.store import Store
 
@@ -28,6 +30,7 @@ def estimate_target(
     kind: str,
     presses: Sequence[str] | None,
     options: Mapping[str, Any],
+    tissue: TissueReading | None = None,
     progress: Callable[[int, int], None],
 ) -> StoredEstimate:
     """Estimate from presses of a target and store the estimate.
@@ -42,6 +45,8 @@ def estimate_target(
         Identities of the presses to use; those of `newest_presses` when None.
     options
         As of `tsis.records.EstimationRequest`.
+    tissue
+        That the prior of an inclusion is moved to, where ``options`` has none.
     progress
         Called with (done, all) while the mechanics of a new probe are solved, and (1, 1) before the result is stored;
         what it raises ends the estimate, and nothing is stored.
@@ -54,9 +59,11 @@ def estimate_target(
         As the estimates themselves.
     """
     record = store.record(store.target(number))
-    chosen = newest_presses(record, kind) if presses is None else _named(record, presses)
+    chosen = newest_presses(record, kind, tissue=tissue) if presses is None else _named(record, presses)
     probe, calibration = _terms(chosen, number)
     if kind == ESTIMATES[0]:
+        if tissue is not None:
+            options = {"prior": asdict(prior_on_tissue(InclusionPrior(), tissue.young_kpa))} | dict(options)
         options = {"strain": stated_strain(press.settings for press in chosen)} | dict(options)
     response = estimate_stored(
         record,
@@ -87,11 +94,6 @@ def require_estimable(
     store.target(require_integer("target", number, 1, LARGEST_TARGET, hint="number of the target"))
 
 
-def estimate_title(number: int) -> str:
-    """Title of an estimate's job, by which pages find the one of their target."""
-    return f"estimate of target {number}"
-
-
 def warm_up(probe: str) -> None:
     """Estimate a simulated press: solver, tables and compiled loops are in the caches then, for every process."""
     rig = VirtualProbe(load_probe(probe), rng=np.random.default_rng(0), strain="small")
@@ -100,14 +102,17 @@ def warm_up(probe: str) -> None:
     estimate(frames, probe=rig.probe, calibration=rig.calibration, reference=reference, strain="small")
 
 
-def newest_presses(record: TargetRecord, kind: str) -> tuple[StoredPress, ...]:
+def newest_presses(record: TargetRecord, kind: str, *, tissue: TissueReading | None = None) -> tuple[StoredPress, ...]:
     """The newest press of each role and force, among those with the probe and the calibration of the newest one.
+
+    The light press of ``tissue`` is left out: a dome touches only in part under it.
 
     Presses of unknown force are all used: the force line distinguishes them. Presses at 0 N touch nothing, and no
     estimate can use them.
     """
     roles = ("target", REFERENCE_ROLES[kind])
     used = [press for press in record.presses if press.role in roles and press.force_n != 0]
+    used = [press for press in used if tissue is None or press.id != tissue.press]
     on_target = [press for press in used if press.role == "target"]
     if not on_target:
         return ()

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import threading
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 from tsis.__about__ import LARGEST_TARGET
 from tsis.calibration import read_usable_calibration
 from tsis.console.services._active_calibration import ActiveCalibrationCheck
-from tsis.console.services._camera import CameraController
+from tsis.console.services._camera import CameraController, CameraSearch
 from tsis.console.services._control import Commands, ControlLock
-from tsis.console.services._estimates import estimate_target, estimate_title, require_estimable
-from tsis.console.services._jobs import RUNNING, Jobs
+from tsis.console.services._estimates import estimate_target, require_estimable
+from tsis.console.services._jobs import Jobs
 from tsis.console.services._reading import (
     InstrumentMemory,
     StoreCheck,
@@ -24,11 +23,13 @@ from tsis.console.services._reading import (
 from tsis.console.services._sequences import SequenceRequest, begin_sequence
 from tsis.console.services._snapshots import PressToSave, save_press
 from tsis.console.services._state import InstrumentState, camera_state
+from tsis.console.services._subject import LIGHT_N, PLAIN, TissueReadings, estimate_title, read_tissue, tissue_title
 from tsis.console.services._sweeps import Sweeps
 from tsis.console.services._watcher import Watcher
 from tsis.console.services.calibrating import CalibrationSessions
+from tsis.errors import ControlError
 from tsis.imaging import COLOUR_MAPS
-from tsis.instrument import CameraListing, connect, find_cameras
+from tsis.instrument import connect
 from tsis.model import require_integer, require_one_of
 from tsis.records import recompute
 from tsis.records.store import open_store
@@ -39,9 +40,9 @@ if TYPE_CHECKING:
 
     from tsis.calibration import UsableCalibration
     from tsis.console.services._frame_analysis import FrameAnalysis
-    from tsis.console.services._jobs import Job, JobState
+    from tsis.console.services._jobs import Job
     from tsis.console.services._snapshots import SavedPress
-    from tsis.console.services._subject import CameraChoice, InstrumentSettings, PressForce
+    from tsis.console.services._subject import CameraChoice, InstrumentSettings, PressForce, TissueReading
     from tsis.instrument import Camera
     from tsis.instrument.acquisition import ReceivedFrame
     from tsis.instrument.gauge import ForceLog
@@ -79,6 +80,7 @@ class Instrument:
         self.control, self._store_check = ControlLock(), StoreCheck(self.store)
         self.jobs = Jobs(terms.workspace / "jobs.jsonl")
         self.sweeps = Sweeps(terms.workspace / "sweeps", self.jobs)
+        self._tissues = TissueReadings(terms.workspace / "tissues.json")
         self._memory = InstrumentMemory(terms.workspace / "last-run.state")
         restored = self._memory.begin(terms.choice)
         self._interruption = interruption_message(self.jobs.history.interrupted, restored)
@@ -157,6 +159,7 @@ class Instrument:
             busy=self._commands.busy,
             gauge="" if gauge is None else gauge.name,
             active=given,
+            tissue=self._tissues.of(self._target),
         )
 
     def choose(self, choice: CameraChoice, *, by: str) -> None:
@@ -265,6 +268,29 @@ class Instrument:
                 map_name=map_name,
             )
 
+    def read_tissue(self, *, by: str) -> Job:
+        """Save the present light press on tissue without an inclusion, and read the tissue from it in the background.
+
+        The virtual probe makes that press itself. The job's result is the `TissueReading`, which says the forces to
+        press with, and whose tissue the prior of this target's estimates is for. Raises as `hold` and `snapshot`, and
+        `ControlError` while something else is pressed.
+        """
+        if self.camera_controller.choice.is_sphere:
+            raise ControlError("tissue must lie under the probe to be read; it is a sphere (choose a phantom)")
+        if self.camera_controller.choice.is_virtual:
+            self.hold(role=PLAIN, force_n=LIGHT_N, by=by)
+        elif self.camera_controller.role != PLAIN:
+            raise ControlError("tissue is read by a reference press; say first that one is pressed, and press lightly")
+        saved = self.snapshot(by=by)
+        number, press = saved.target.number, saved.press.id
+
+        def work(job: Job) -> TissueReading:
+            reading = read_tissue(self.store.record(self.store.target(number)), press)
+            self._tissues.add(number, reading)
+            return reading
+
+        return self.jobs.begin(tissue_title(number), work)
+
     def begin_sequence(self, *, seconds: float | None = None, frames: int | None = None, by: str) -> Job:
         """Record every frame for a number of frames or seconds; it continues when the browser closes.
 
@@ -313,7 +339,13 @@ class Instrument:
         return self.jobs.begin(
             estimate_title(number),
             lambda job: estimate_target(
-                self.store, number, kind=kind, presses=presses, options=options, progress=job.advance
+                self.store,
+                number,
+                kind=kind,
+                presses=presses,
+                options=options,
+                tissue=self._tissues.of(number),
+                progress=job.advance,
             ),
         )
 
@@ -334,36 +366,3 @@ class Instrument:
 
     def _force(self, frame: ReceivedFrame) -> PressForce | None:
         return force_at(frame, self._gauge, self.camera_controller.force_n)
-
-
-SEARCH_TITLE = "search for cameras"
-
-
-class CameraSearch:
-    """Searches as a job; a call during a search returns the running job.
-
-    ``findings`` are those of the last search; None before the first is over.
-    """
-
-    def __init__(self, jobs: Jobs) -> None:
-        self._jobs, self._lock = jobs, threading.Lock()
-        self._job: Job | None = None
-        self.findings: CameraListing | None = None
-
-    def state(self) -> JobState | None:
-        """State of the running or last search; None before the first."""
-        job = self._job
-        return None if job is None else job.state()
-
-    def begin(self) -> Job:
-        """Begin a search, or join the running one."""
-        with self._lock:
-            if self._job is None or self._job.state().status != RUNNING:
-                self._job = self._jobs.begin(SEARCH_TITLE, self._searched)
-            return self._job
-
-    def _searched(self, job: Job) -> CameraListing:
-        self.findings = findings = find_cameras()
-        number = len(findings.cameras)
-        job.say({0: "No camera answered.", 1: "1 camera answered."}.get(number, f"{number} cameras answered."))
-        return findings

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from tsis.console.services._subject import UNTOUCHED, CameraChoice
+from tsis.console.services._subject import UNTOUCHED, CameraChoice, TissueReading
 from tsis.instrument import Setting
 
 if TYPE_CHECKING:
@@ -95,8 +95,8 @@ class InstrumentState:
         The running command that others must wait for, as ``"starting the camera"``; empty without one.
     gauge
         Name of the gauge that forces are read from; empty without one.
-    active
-        The active calibration itself.
+    active, tissue
+        The active calibration itself, and the target's tissue as a light press showed it; None without.
     """
 
     camera: CameraState
@@ -114,6 +114,7 @@ class InstrumentState:
     busy: str = ""
     gauge: str = ""
     active: UsableCalibration | None = None
+    tissue: TissueReading | None = None
 
     @property
     def lifted(self) -> bool:

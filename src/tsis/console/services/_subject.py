@@ -1,9 +1,11 @@
-"""The chosen camera, the virtual subject, and the settings that a console was started with."""
+"""The chosen camera, the virtual subject, the settings of a console, and the tissue that a light press shows."""
 
 from __future__ import annotations
 
+import json
 import re
 import threading
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,12 +13,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.__about__ import LARGEST_SEED
-from tsis.calibration import UsableCalibration
+from tsis.calibration import UsableCalibration, apply_calibration
 from tsis.calibration.file import ProbeCalibration, calibration_sha256
 from tsis.calibration.guard import GuardReference
 from tsis.catalog import list_phantoms, list_probes, list_spheres, load_probe, load_sphere, phantom_variant
 from tsis.errors import InputError, MechanicsError
+from tsis.files import from_json_value, to_json_value, write_durably
 from tsis.imaging import Sensor
+from tsis.inclusion import protocol_forces, tissue_modulus
 from tsis.instrument import STORED_SOURCES, live_sources
 from tsis.model import Phantom, SoftSphere, TactileImage, require_integer, require_number, require_one_of, require_type
 from tsis.records import KINDS, ROLES
@@ -26,6 +30,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from numpy.typing import NDArray
+
+    from tsis.records import TargetRecord
 
 
 VIRTUAL, OPENCV = "virtual", "opencv"
@@ -282,3 +288,78 @@ class InstrumentSettings:
     def choice(self) -> CameraChoice:
         """The camera to begin with."""
         return CameraChoice(spec=self.camera, probe=self.probe, phantom=self.phantom, seed=self.seed)
+
+
+LIGHT_N = 0.2  # of the light press by which the virtual probe reads tissue
+NOT_ON_TISSUE = (
+    "the press does not look like one on even tissue without an inclusion: press another place lightly, and read the "
+    "tissue again"
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TissueReading:
+    """Tissue as a light press shows it: modulus with its 90 % interval, and the forces that use the probe well on it.
+
+    ``press`` is the light press, which no estimate uses beside its own reading.
+    """
+
+    press: str
+    young_kpa: float
+    interval_kpa: tuple[float, float]
+    forces_n: tuple[float, ...]
+
+
+def read_tissue(record: TargetRecord, press: str) -> TissueReading:
+    """The tissue under a stored light press of a target, and the forces that follow from it.
+
+    Raises
+    ------
+    InputError
+        When the press has no calibration, force or scale, does not look like one on even tissue, or no forces are known
+        for its tissue.
+    """
+    stored = next(item for item in record.presses if item.id == press)
+    if stored.calibration is None:
+        raise InputError("tissue is read by a calibrated press; this one has no active calibration (activate one)")
+    probe, calibration = load_probe(stored.probe), record.calibrations[stored.calibration]
+    (ready,), response = apply_calibration(
+        calibration, [record.image(stored)], identity=stored.calibration, on_tissue=True
+    )
+    tissue = tissue_modulus(ready, probe=probe, calibration=response)
+    if not tissue.trusted:
+        raise InputError(NOT_ON_TISSUE)
+    forces_n = protocol_forces(probe, tissue_young_kpa=tissue.young_kpa)
+    return TissueReading(press=press, young_kpa=tissue.young_kpa, interval_kpa=tissue.interval_kpa, forces_n=forces_n)
+
+
+class TissueReadings:
+    """The last reading of each target, in a file that survives a restart; safe for several threads."""
+
+    def __init__(self, file: Path) -> None:
+        self._file, self._lock = file, threading.Lock()
+        self._readings: dict[int, TissueReading] = {}
+        with suppress(OSError, ValueError, AttributeError, InputError):  # none yet, or of another release
+            items = json.loads(file.read_text(encoding="utf-8")).items()
+            self._readings = {int(number): from_json_value(TissueReading, item, "tissue") for number, item in items}
+
+    def of(self, number: int) -> TissueReading | None:
+        """That of a target; None before the first."""
+        return self._readings.get(number)
+
+    def add(self, number: int, reading: TissueReading) -> None:
+        """Replace that of a target; `FileInputError` when it cannot be written, and it holds until the end then."""
+        with self._lock:
+            self._readings = {**self._readings, number: reading}
+            content = {str(target): to_json_value(item) for target, item in self._readings.items()}
+            write_durably(self._file, json.dumps(content).encode())
+
+
+def tissue_title(number: int) -> str:
+    """Title of the job that reads the tissue of a target."""
+    return f"tissue of target {number}"
+
+
+def estimate_title(number: int) -> str:
+    """Title of an estimate's job, by which pages find the one of their target."""
+    return f"estimate of target {number}"

@@ -46,6 +46,11 @@ def sweep_title(name: str) -> str:
     return f"sweep {name}"
 
 
+def varying_columns(rows: Mapping[str, NDArray[np.float64]]) -> list[str]:
+    """The columns whose numbers differ; refused presses, which are no numbers, do not count."""
+    return [column for column, values in rows.items() if len({value for value in values if value == value}) > 1]
+
+
 class Sweeps:
     """The sweeps below a folder: each a plan ``NAME.toml`` and a data set ``NAME``; safe for several threads."""
 

@@ -33,6 +33,7 @@ def least_sd(information: Floats) -> Floats:
 NEGLIGIBLE_SIZE = 1e-2  # of a residual, in units of its noise, over all inclusions
 LIMIT_SD = 3.0  # standard deviations of a nuisance
 DERIVATIVE_STEP = 1e-3  # of each parameter
+CHUNK = 256  # inclusions at a time
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -281,10 +282,16 @@ class LinearisedLikelihood:
     def __call__(self, inclusions: Floats) -> Floats:
         """Log evidence of inclusions (n, 3)."""
         residual = self.residual(*inclusions.T)
-        quadratic = np.stack([((residual @ square) * residual).sum(axis=1) for square in self.square])
-        return np.asarray(
-            np.logaddexp.reduce(self.constant[:, None] - self.slope @ residual.T - 0.5 * quadratic, axis=0)
-        )
+        hypotheses, parts, _ = self.square.shape
+        side_by_side = np.swapaxes(self.square, 0, 1).reshape(parts, -1)
+        evidence = np.empty((hypotheses, len(residual)))
+        for start in range(0, len(residual), CHUNK):  # one that stays in the processor's cache
+            part = residual[start : start + CHUNK]
+            product = (part @ side_by_side).reshape(len(part), hypotheses, parts)
+            quadratic = np.einsum("nhk,nk->hn", product, part)
+            evidence[:, start : start + CHUNK] = self.constant[:, None] - self.slope @ part.T - 0.5 * quadratic
+        most = evidence.max(axis=0)
+        return np.asarray(most + np.log(np.exp(evidence - most).sum(axis=0)))
 
 
 def _log_root(roots: NDArray[np.floating[Any]]) -> Floats:

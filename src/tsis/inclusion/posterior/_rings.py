@@ -27,6 +27,7 @@ SHIFTED = 0.85  # of the face's radius; the change beyond belongs to the rim and
 FARTHEST = 0.5  # of the face's radius; the benchmark prints the range of the approximation
 DIRECTIONS = 48  # over half a circle; the other half is symmetric
 OUTPUTS_PER_RING = 3  # pressure, displacement, slope
+REMEMBERED = 16  # responses that are not evaluated again
 POINTS = 6  # of quadrature over a ring
 
 
@@ -53,6 +54,7 @@ class RingResponses:
     # Their derivative with respect to the square of the inclusion's distance from the axis, per mm**2
     by_spread: Surrogate
     is_domed: bool  # whether there is a response to the shape
+    _latest: dict[tuple[float, float, bytes], Floats] = field(default_factory=dict, repr=False)
 
     @property
     def count(self) -> int:
@@ -60,8 +62,17 @@ class RingResponses:
         return int(self.response.baseline.shape[-1]) // (OUTPUTS_PER_RING * (1 + self.is_domed))
 
     def on(self, tissue_young_kpa: float, thickness_mm: float, inclusions: Floats | None) -> Floats:
-        """Responses (n, responses) for inclusions (n, 3), or for tissue without inclusion, n = 1."""
-        return _evaluate(self.response, tissue_young_kpa, thickness_mm, inclusions)
+        """Responses (n, responses) for inclusions (n, 3), or for tissue without inclusion, n = 1.
+
+        The latest are remembered: small and finite strain, and derivatives by the nuisances, ask for the same ones.
+        """
+        key = tissue_young_kpa, thickness_mm, b"" if inclusions is None else inclusions.tobytes()
+        if key not in self._latest:
+            while len(self._latest) >= REMEMBERED:
+                self._latest.pop(next(iter(self._latest)), None)
+            self._latest[key] = _evaluate(self.response, tissue_young_kpa, thickness_mm, inclusions)
+            self._latest[key].flags.writeable = False
+        return self._latest[key]
 
     def linear(self, tissue_young_kpa: float, thickness_mm: float, inclusions: Floats | None) -> tuple[Floats, Floats]:
         """Derivatives of the responses with respect to Poisson's ratio and the spread."""

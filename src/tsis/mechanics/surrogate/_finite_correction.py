@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from tsis.mechanics._element import Booleans, Floats
     from tsis.model import Probe
 
-
 # At the end the tissue starts to wrap around the rim, on stiff tissue earlier.
 DOMED_LOADS, FLAT_LOADS = (1.0, 3.6, 3.6), (0.1, 1.8, 1.8)
 WIDE_DOMED_LOADS, WIDE_FLAT_LOADS = (1.0, 3.0, 2.4), (0.1, 1.3, 0.9)
@@ -348,14 +347,15 @@ class FiniteCorrection:
 
     def without_inclusion(self, states: Floats) -> Floats:
         """Correction without inclusion; ``states`` (m, 3): modulus in kPa, thickness in mm, force in N."""
-        rows = []
         positions, share = self._states(states)
+        rows = []
         for unit in positions:
-            mix = self.baseline
-            for position, count in zip(unit, self.baseline.shape[:3], strict=True):
-                weights = chebyshev_weights_at((0.0, 1.0), count, float(position))
-                mix = (weights @ mix.reshape(count, -1)).reshape(mix.shape[1:])
-            rows.append(mix)
+            by_tissue, by_thickness, by_load = (
+                chebyshev_weights_at((0.0, 1.0), count, float(position))
+                for position, count in zip(unit, self.baseline.shape[:3], strict=True)
+            )
+            weights = np.outer(np.outer(by_tissue, by_thickness), by_load)
+            rows.append(np.tensordot(weights, self.baseline.reshape(*weights.shape, -1)))
         return np.asarray(share[:, None] * np.array(rows))
 
     def change(self, diameter_mm: Floats, depth_mm: Floats, contrast: Floats, states: Floats, signal: Floats) -> Floats:

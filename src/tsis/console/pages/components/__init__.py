@@ -59,6 +59,7 @@ from tsis.console.pages.components._lists import (
     set_class,
     show_drawing,
     table,
+    titled_dialog,
 )
 from tsis.console.pages.components._summary import StatePoller, Tabs, camera_line, force_text, press_label, time_label
 from tsis.console.pages.components._viewer import LONGEST_OPERATOR, Viewer
@@ -117,6 +118,7 @@ __all__ = [
     "text_area",
     "text_field",
     "time_label",
+    "titled_dialog",
     "tr",
     "typed_forces",
     "typed_integer",

@@ -282,6 +282,7 @@ _NAME = """
   const field = getHtmlElement(%d);
   const parts = field ? field.querySelectorAll("a.q-btn, input[type=file]") : [];
   parts.forEach((part) => part.setAttribute("aria-label", %s));
+  parts.forEach((part) => part.toggleAttribute("inert", part.matches("input"))); // the button opens it
   if (!parts.length && left) setTimeout(() => name(left - 1), 100);
 })(50);
 """  # the field may come a moment after this

@@ -31,10 +31,18 @@ def panel_title(text: str, *, level: int = 2) -> Label:
 
 
 @contextmanager
+def titled_dialog(title: str, *, style: str = "dialog-card", opened: bool = False) -> Iterator[ui.dialog]:
+    """A dialog that screen readers know by its title."""
+    with ui.dialog(value=opened) as dialog, ui.card().classes(style):
+        dialog.props["aria-label"] = title
+        panel_title(title)
+        yield dialog
+
+
+@contextmanager
 def open_dialog(place: Element, title: str, *, style: str = "dialog-card") -> Iterator[ui.dialog]:
     """Open a dialog in a place of the page; it is deleted when it is closed."""
-    with place, ui.dialog(value=True) as dialog, ui.card().classes(style):
-        panel_title(title)
+    with place, titled_dialog(title, style=style, opened=True) as dialog:
         yield dialog
     dialog.on("hide", dialog.delete)
 
@@ -49,8 +57,7 @@ def dialog_buttons(dialog: ui.dialog, text: str, act: Callable[[], object], *, l
 
 async def is_confirmed(question: str, *, yes: str, why: str) -> bool:
     """Ask for confirmation; False without a response."""
-    with ui.dialog() as dialog, ui.card(), ui.element("div").classes("question"):
-        ui.label(question).classes("strong")
+    with titled_dialog(question, style="question") as dialog:
         ui.label(why).classes("muted")
         with ui.element("div").classes("row"):
             ui.element("div").classes("spring")
@@ -120,7 +127,7 @@ def rows_under(headings: Iterable[str], *, caption: str = "", label: str = "", s
                 ui.label(caption)
         with ui.element("thead"), ui.element("tr"):
             for heading in headings:
-                with ui.element("th").props("scope=col"):
+                with ui.element("th").props("scope=col") if heading else ui.element("td"):
                     ui.label(heading)
         return ui.element("tbody")
 

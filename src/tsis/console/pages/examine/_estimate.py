@@ -1,4 +1,4 @@
-"""The order of work on a target, its saved presses, and its estimate: diameter, depth and modulus, or hardness."""
+"""The order of work on a target, its tissue, its saved presses, and its estimate of an inclusion or of hardness."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from tsis.console.pages.components import (
     set_filled,
     tr,
 )
-from tsis.console.services import FAILED, CameraChoice
+from tsis.console.services import FAILED, LIGHT_N, CameraChoice, tissue_title
 from tsis.errors import TsisError
 from tsis.records import ESTIMATES, ROLE_NAMES
 from tsis.records.importing import target_by_number
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from tsis.console.pages.components import OperatorControls, Viewer
-    from tsis.console.services import Instrument, InstrumentState, JobState
+    from tsis.console.services import Instrument, InstrumentState, JobState, TissueReading
     from tsis.model import Estimate
     from tsis.records import StoredEstimate, StoredPress, Target
     from tsis.records.store import Store
@@ -246,6 +246,53 @@ def _step_item(step: WorkStep, *, here: bool) -> None:
         place.props["aria-label"] = f"{step.title}: {status}"
         if here:
             place.props["aria-current"] = "step"
+
+
+class TissueRow:
+    """Reads the tissue from a light press, and offers the forces that follow from it."""
+
+    def __init__(self, instrument: Instrument, viewer: Viewer, controls: OperatorControls) -> None:
+        self._instrument, self._viewer, self._controls = instrument, viewer, controls
+        with ui.element("div").classes("row tissue"):
+            read = ui.button(tr("Read the tissue"), icon="straighten", on_click=viewer.command(instrument.read_tissue))
+            with controls.add(read.props("no-caps dense outline")):
+                ui.tooltip(tr("One light press on tissue without an inclusion, {force} N or so.", force=LIGHT_N))
+            self._message = ui.label().classes("muted wordy").props("role=status")
+            self._forces = Redrawn(ui.element("div").classes("row"))
+        self._read = read
+
+    def show(self, state: InstrumentState) -> None:
+        """Show the tissue of the present target, and how far its reading is."""
+        title = tissue_title(state.target)
+        job = next((job for job in reversed(state.jobs) if job.title == title), None)
+        self._read.set_visibility(not state.camera.choice.is_sphere)
+        self._message.text = tissue_text(state.tissue, job)
+        set_class(self._message, "doubtful", job is not None and job.status == FAILED)
+        if self._forces.changes_to(state.tissue):
+            with self._forces.element:
+                for force_n in () if state.tissue is None else state.tissue.forces_n:
+                    button = ui.button(tr("{force} N", force=f"{force_n:g}"), on_click=partial(self._press, force_n))
+                    self._controls.add(button.props("no-caps dense outline"))
+
+    async def _press(self, force_n: float) -> None:
+        await self._viewer.attempt(partial(self._instrument.hold, force_n=force_n, by=self._viewer.identity))
+
+
+def tissue_text(tissue: TissueReading | None, job: JobState | None) -> str:
+    """What is known of the tissue, or why it is not."""
+    if job is not None and job.running:
+        return tr("Reading the tissue …")
+    if job is not None and job.status == FAILED:
+        return f"{job.sentence}."
+    if tissue is None:
+        return ""
+    low, high = tissue.interval_kpa
+    return tr(
+        "Tissue {young} kPa (90 % interval {low} to {high}). Press target and reference at:",
+        young=f"{tissue.young_kpa:.2g}",
+        low=f"{low:.2g}",
+        high=f"{high:.2g}",
+    )
 
 
 EVERY_S = 1.0  # between two readings of the store

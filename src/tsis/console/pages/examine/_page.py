@@ -1,4 +1,4 @@
-"""The page Examine: live image, press, estimate, settings and sequence."""
+"""The page Examine: live image, press, keys and sequence."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from tsis.console.pages.components import (
     typed_number,
     unit_field,
 )
-from tsis.console.pages.examine._estimate import EstimatePanel, WorkOrder
+from tsis.console.pages.examine._estimate import EstimatePanel, TissueRow, WorkOrder
 from tsis.console.pages.examine._settings import SettingsPanel
 from tsis.console.services import MOST_SEQUENCE_FRAMES
 from tsis.model import require_integer
@@ -108,8 +108,8 @@ class Shortcut(NamedTuple):
 
 SHORTCUTS = (  # the page's keys and its help are made from these
     Shortcut(" ", "Space", "save a snapshot", "snapshot"),
-    Shortcut("ArrowLeft", "←", "target before", "step", -1),
-    Shortcut("ArrowRight", "→", "target after", "step", 1),
+    Shortcut("ArrowLeft", "←", "previous target", "step", -1),
+    Shortcut("ArrowRight", "→", "next target", "step", 1),
     Shortcut("f", "F", "live image alone, and back", "alone"),
 )
 
@@ -224,6 +224,7 @@ def examine_page(instrument: Instrument, viewer: Viewer) -> None:
                 press = PressPanel(instrument, viewer, controls)
                 with press.force_row:
                     force = ForceRow()
+                tissue = TissueRow(instrument, viewer, controls)
                 flags = FlagList()
                 controls.why()
             with ui.element("div").classes("panel under-tabs"):
@@ -244,7 +245,7 @@ def examine_page(instrument: Instrument, viewer: Viewer) -> None:
         order.show(state)
         press.show(state, main=order.main)
         estimate.show(state, main=order.main)
-        for part in (live, force, flags, settings, sequence, controls):
+        for part in (live, force, tissue, flags, settings, sequence, controls):
             part.show(state)
 
     viewer.follow(show)
@@ -264,9 +265,9 @@ class PressPanel:
                 "no-caps unelevated"
             )
             with ui.element("div").classes("stepper"):
-                back = self._stepper("remove", tr("Target before"), -1)
+                back = self._stepper("remove", tr("Previous target"), -1)
                 self._target = NumberField(viewer, "Target", self._set_target)
-                on = self._stepper("add", tr("Target after"), 1)
+                on = self._stepper("add", tr("Next target"), 1)
         with ui.element("div").classes("row"):
             choice = ui.toggle({}, value=None).props("no-caps unelevated toggle-color=primary").classes("roles")
             choice.props(f'role=group aria-label="{tr("Pressed on")}"')
@@ -302,7 +303,7 @@ class PressPanel:
             self._viewer.notify(snapshot_text(press))
 
     async def step(self, by: int) -> None:
-        """Go to the target before or after."""
+        """Go to the previous or the next target."""
         await self._viewer.attempt(self._instrument.step_target, by, by=self._viewer.identity)
 
     def _set_target(self, number: float) -> None:

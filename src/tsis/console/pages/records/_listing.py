@@ -22,6 +22,7 @@ from tsis.console.pages.components import (
     panel_title,
     select_field,
     text_field,
+    titled_dialog,
 )
 from tsis.console.pages.records._context import follow_job, follow_store
 from tsis.errors import FileInputError, InputError
@@ -241,8 +242,7 @@ TOO_LARGE = f"a bundle must be one zip file of at most {LARGEST_MIB} MiB here; l
 
 def import_button(instrument: Instrument, viewer: Viewer, place: ui.element) -> None:
     """A button that asks for a bundle, imports it, and shows the result in ``place``."""
-    with ui.dialog() as dialog, ui.card().classes("dialog-card"):
-        panel_title("Import a bundle")
+    with titled_dialog("Import a bundle") as dialog:
         ui.label(EXPLAINED).classes("muted")
         upload = one_file(viewer, "Zip file of a bundle", accept=".zip", refused=TOO_LARGE)
         ui.button("Close", on_click=dialog.close).props("dense no-caps flat")

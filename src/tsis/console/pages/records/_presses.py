@@ -24,6 +24,7 @@ from tsis.console.pages.components import (
     select_field,
     table,
     time_label,
+    tr,
     unit_field,
 )
 from tsis.console.pages.records._context import AT_ONCE, TargetView, flags_of, follow_job, read_target
@@ -196,6 +197,33 @@ def _compared(store: Store, target: Target, chosen: Sequence[str], *, same_light
     item, other = (replace(record.image(press), name=name) for press, name in zip(presses, names, strict=True))
     content = comparison(item, other, same_light=same_light)
     return content, drawings(content)
+
+
+FRAME_EVERY_S = 0.2  # of a sequence that is played; the browser fetches each frame
+
+
+def play_sequence(place: ui.element, number: int, name: str, frames: int) -> None:
+    """Play a recorded sequence of a target in a dialog: by itself, or frame by frame with the slider."""
+    with open_dialog(place, f"{name} of target {number}", style="dialog-card wide"):
+        picture = ui.element("img").classes("press-picture")
+        with ui.element("div").classes("row"):
+            playing = ui.switch(tr("Play"), value=True)
+            slider = ui.slider(min=0, max=frames - 1, value=0).props("label").classes("sequence-slider")
+            slider.props["aria-label"] = tr("Frame")
+            text = ui.label().classes("muted")
+
+        def show() -> None:
+            at = int(slider.value)
+            picture.props["src"] = f"/files/sequence/{number}/{name}/{at}.png"
+            picture.props["alt"] = text.text = tr("Frame {at} of {frames}", at=at + 1, frames=frames)
+
+        def advance() -> None:
+            if playing.value:
+                slider.value = (int(slider.value) + 1) % frames
+
+        slider.on_value_change(show)
+        ui.timer(FRAME_EVERY_S, advance)
+        show()
 
 
 SHOWN_PRESSES, LARGEST_OFFSET = 6, 10**9  # of a comparison; the last page of presses

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 from nicegui import run, ui
 
 from tsis.console.files import sequence_folders
-from tsis.console.pages.components import (
-    Redrawn,
-    cell,
-    panel_title,
-    rows_under,
-    tr,
-)
+from tsis.console.pages.components import Redrawn, cell, panel_title, rows_under, tr
 from tsis.console.pages.records._context import TargetView, export_button, follow_store, read_target
 from tsis.console.pages.records._edit import about_target, state_banner
 from tsis.console.pages.records._presses import (
@@ -23,6 +18,7 @@ from tsis.console.pages.records._presses import (
     estimate_button,
     estimates,
     history,
+    play_sequence,
     recompute_button,
 )
 from tsis.errors import TsisError
@@ -57,19 +53,22 @@ def show_target(instrument: Instrument, viewer: Viewer, number: str) -> None:
     follow_store(viewer, TargetPage(instrument, viewer, number).load)
 
 
-def sequences(workspace: Path, number: int) -> None:
-    """The recorded sequences of a target; each is downloaded as a zip file of its frames, index and report."""
+def sequences(workspace: Path, number: int, dialogs: ui.element) -> None:
+    """The recorded sequences of a target: played here, or downloaded as a zip file of frames, index and report."""
     panel_title(tr("Sequences"))
     found = sequence_folders(workspace, number)
     if not found:
         ui.label(tr("None was recorded. Examine records them.")).classes("muted")
         return
-    with rows_under((tr("Sequence"), tr("Files"), ""), label=f"Sequences of target {number}"):
-        for name, files in found.items():
+    with rows_under((tr("Sequence"), tr("Frames"), ""), label=f"Sequences of target {number}"):
+        for name, frames in found.items():
             with ui.element("tr"):
                 cell(name)
-                cell(f"{files:,}")
-                with ui.element("td"):
+                cell(f"{frames:,}")
+                with ui.element("td"), ui.element("div").classes("row"):
+                    play = ui.button(tr("Play"), on_click=partial(play_sequence, dialogs, number, name, frames))
+                    play.props("no-caps dense outline").props["aria-label"] = f"Play {name}"
+                    play.set_visibility(frames > 0)
                     link = ui.link(tr("Download"), f"/files/sequence/{number}/{name}.zip").classes("link")
                     link.props["aria-label"] = f"Download {name}"
 
@@ -131,7 +130,7 @@ class TargetPage:
             history(view)
         self._sequences.clear()
         with self._sequences:
-            sequences(self.instrument.terms.workspace, view.target.number)
+            sequences(self.instrument.terms.workspace, view.target.number, self.dialogs)
 
     def _refuse(self, message: str) -> None:
         self._parts.set_visibility(False)

@@ -165,7 +165,7 @@ class StudyDraft:
     threshold: str = "0.5"
     seed: str = ""
 
-    def make(self, repository: StudyRepository, *, actor: str) -> str:
+    def make(self, repository: StudyRepository, *, actor: str, progress: Callable[[int, int], None]) -> str:
         """Create the study, and return its name; `InputError` for an invalid field."""
         name = self.name.strip()
         with field_messages(LABELS):
@@ -177,10 +177,9 @@ class StudyDraft:
                 forces_n=typed_forces(self.forces, most=MOST_FORCES) or None,
                 with_reference=self.with_reference,
                 repeats=typed_integer("repeats", self.repeats, 1, MOST_REPEATS),
-                threshold=require_number(
-                    "threshold", typed_number("threshold", self.threshold), 0.0, 1.0, hint=PROBABILITY
-                ),
+                threshold=self._threshold(),
                 actor=actor,
+                progress=progress,
             )
         return name
 
@@ -211,7 +210,7 @@ def typed_whole(name: str, text: str) -> int:
     return int(value)
 
 
-EVERY_S = 1.0
+EVERY_S, PROGRESS_EVERY_S = 1.0, 0.5
 HEADINGS = ("Study", "Targets", "Readings", "State")
 NONE_YET = (
     "There is no study yet. Make one here: its targets get codes, in an order by chance, and what they are is sealed."
@@ -308,8 +307,13 @@ class _NewStudy:
         self._size = ui.label().classes("muted")
         with ui.element("div").classes("row"):
             self._button = ui.button("Make the study", icon="add", on_click=self._make).props("no-caps")
+            self._bar = ui.linear_progress(0.0, show_value=False, size="6px").props(
+                'aria-label="Progress of the study"'
+            )
+        self._sealed = 0.0  # fraction of the targets
         self._dialogs = ui.element("div")
         self._count()
+        viewer.every(PROGRESS_EVERY_S, self._show_progress)
 
     def _draft(self) -> StudyDraft:
         return StudyDraft(
@@ -346,7 +350,16 @@ class _NewStudy:
             dialog_buttons(dialog, f"Make {size.readings:,} readings", confirmed)
 
     async def _made(self, draft: StudyDraft) -> None:
+        def sealed(done: int, total: int) -> None:
+            self._sealed = done / total
+
         with loading(self._button):
-            created = await self._viewer.attempt(draft.make, self._repository, actor=name_in(self._viewer, self._who))
+            who = name_in(self._viewer, self._who)
+            created = await self._viewer.attempt(draft.make, self._repository, actor=who, progress=sealed)
+        self._sealed = 0.0
         if created is not None:
             ui.navigate.to(f"/study/{created}")
+
+    async def _show_progress(self) -> None:
+        self._bar.set_visibility(self._sealed > 0.0)
+        self._bar.value = self._sealed

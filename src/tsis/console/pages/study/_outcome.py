@@ -20,6 +20,7 @@ from tsis.console.pages.components import (
     one_file,
     open_dialog,
     panel_title,
+    titled_dialog,
     typed_number,
     unit_field,
 )
@@ -316,8 +317,7 @@ CUT = "the file did not come whole; try again"
 def import_button(page: StudyContext) -> ui.button:
     """A button that asks for device, threshold and file, and enters its readings."""
     viewer = page.viewer
-    with ui.dialog() as dialog, ui.card().classes("dialog-card study-dialog"):
-        panel_title("Import readings")
+    with titled_dialog("Import readings", style="dialog-card study-dialog") as dialog:
         ui.label(EXPLAINED).classes("muted")
         device = unit_field("Device", keys="text")
         threshold = unit_field("Threshold")
