@@ -14,6 +14,7 @@ from tsis.catalog import load_sensor
 from tsis.errors import CalibrationError, InputError
 from tsis.files import parse_object
 from tsis.imaging.depth import (
+    DepthCalibration,
     DepthMap,
     DepthMapper,
     calibrate_depth,
@@ -86,3 +87,25 @@ def test_what_cannot_be_calibrated_is_refused() -> None:
         )
     with pytest.raises(InputError, match="must be a depth calibration"):
         parse_depth_calibration({"format": "other"})
+
+
+def test_a_relative_calibration_divides_by_the_untouched_brightness() -> None:
+    """Grey levels that fall by 30 % everywhere are one depth, however uneven the light is."""
+    columns, rows = 46, 34
+    sensor = replace(load_sensor("9dtact"), image_px=(columns, rows))
+    rng = np.random.default_rng(4)
+    untouched = np.clip(np.linspace(80.0, 200.0, columns) + rng.normal(0.0, 2.0, (rows, columns)), 0, 255)
+    pressed = untouched.copy()
+    inner = np.s_[8:26, 8:38]
+    pressed[inner] *= 0.7
+    frames = [np.repeat(np.rint(part).astype(np.uint8)[..., None], 3, axis=2) for part in (untouched, pressed)]
+    spread = {}
+    for method in ("grey", "relative"):
+        calibration = DepthCalibration(
+            sensor=sensor.name, light="white", method=method, weights=np.array([-100.0, 0.0]), ball_mm=4.0,
+            presses=1, sd_mm=0.01, sd_relative=0.0,
+        )  # fmt: skip
+        depth = DepthMapper(calibration, sensor, frames[0]).map(frames[1]).depth_mm[inner]
+        spread[method] = float(depth.std() / depth.mean())
+    assert spread["relative"] < 0.02
+    assert spread["grey"] > 0.15

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from tsis.imaging._gel_contacts import GelContact
 
 
-DEPTH_METHODS = ("polynomial", "table", "grey")
+DEPTH_METHODS = ("polynomial", "table", "grey", "relative")
 GRADIENT_DEGREE = 3  # of the polynomial in the colours
 COLOUR_SCALE = 64.0  # levels
 RIDGE = 1e-3  # of the mean square of the features
@@ -92,7 +92,8 @@ class DepthCalibration(ContentValue):
     sensor, light
         Name of the sensor, and its light.
     method
-        ``"polynomial"`` or ``"table"`` for slopes, whichever erred less on presses left out; ``"grey"`` for depth.
+        ``"polynomial"`` or ``"table"`` for slopes; ``"grey"`` or ``"relative"`` for depth by the change of grey level
+        or by that over the untouched brightness. Whichever erred less on presses left out.
     weights
         Of the polynomial, shape (features, 2); the table, shape (bins, bins, bins, 2); or grey levels per mm and mm²,
         shape (2,).
@@ -259,6 +260,7 @@ class DepthMapper:
         if scale is None:
             raise InputError(f"mm_per_pixel of {sensor.name} is not known; put it into the sensor's file")
         self.mm_per_pixel = scale
+        self.brightness = relative_brightness(self.reference)
         self.place = frame_places(rows, columns)
         self.strip = np.ones((rows, columns), dtype=bool)
         margin = max(round(BORDER * min(rows, columns)), 1)
@@ -275,6 +277,8 @@ class DepthMapper:
         # The lamps' drift is the change of the strip along the border, where nothing presses most of the time.
         change -= np.median(change[self.strip], axis=0)
         if self.sensor.light == "white":
+            if self.calibration.method == "relative":
+                change = change / self.brightness[..., None]
             depth = self.calibration.depth_of_grey(change[..., 0])
         else:
             slope = self._slopes(change)
@@ -309,6 +313,12 @@ class DepthMapper:
         else:
             slope = polynomial_features(flat, self.place) @ self.calibration.weights.astype(np.float32)
         return np.asarray(slope.reshape(*change.shape[:2], 2))
+
+
+def relative_brightness(reference: NDArray[Any]) -> NDArray[Any]:
+    """Grey level of the untouched face over its mean, shape (rows, columns)."""
+    grey = np.maximum(reference[..., 0], BLACK)
+    return np.asarray(grey / grey.mean())
 
 
 def frame_places(rows: int, columns: int) -> NDArray[np.float32]:

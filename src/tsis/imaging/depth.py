@@ -22,6 +22,7 @@ from tsis.imaging._depth_map import (
     frame_places,
     integrate_gradients,
     polynomial_features,
+    relative_brightness,
 )
 from tsis.imaging._gel_change import gel_change, gel_levels
 from tsis.imaging._gel_contacts import GelContact, find_gel_contact
@@ -62,6 +63,7 @@ class _Press:
     place: NDArray[np.float64]
     slope: NDArray[np.float64]
     shape_mm: NDArray[np.float64]
+    brightness: NDArray[np.float64]
 
 
 def calibrate_depth(
@@ -106,7 +108,7 @@ def calibrate_depth(
         contact = find_gel_contact(change, sensor, name=f"frame {number + 1}")
         reasons += contact.reasons
         if contact.good:
-            presses.append(_press(frame, contact, change.change, change.usable, sensor, radius))
+            presses.append(_press(frame, contact, change.change, change.usable, untouched, sensor, radius))
         if progress is not None:
             progress(number + 1, len(frames))
     fewest = FEWEST_SLOPE if sensor.light == "rgb" else FEWEST_GREY
@@ -115,7 +117,7 @@ def calibrate_depth(
             f"a depth calibration needs {fewest} good presses of the ball; got {len(presses)} of {len(frames)}"
             + (f" ({', '.join(sorted(set(reasons)))}): run tsis contacts to see why" if reasons else "")
         )
-    methods = ("polynomial", "table") if sensor.light == "rgb" else ("grey",)
+    methods = ("polynomial", "table") if sensor.light == "rgb" else ("grey", "relative")
     tried = {method: _left_out(presses, method, sensor, reference, ball_mm) for method in methods}
     rms = {method: float(np.sqrt(np.mean(np.square(errors[:, 0])))) for method, errors in tried.items()}
     best = min(rms, key=lambda method: rms[method])
@@ -136,6 +138,7 @@ def _press(
     contact: GelContact,
     change: NDArray[np.float64],
     usable: NDArray[np.bool_],
+    untouched: NDArray[np.float64],
     sensor: GelSensor,
     ball: float,
 ) -> _Press:
@@ -160,12 +163,13 @@ def _press(
         place=place[used].astype(float),
         slope=slope[used],
         shape_mm=(ball - height)[inside],
+        brightness=relative_brightness(untouched)[inside],
     )
 
 
 def _fitted(presses: Sequence[_Press], method: str, sensor: GelSensor, ball_mm: float) -> DepthCalibration:
-    if method == "grey":
-        weights = _fit_grey(presses, sensor)
+    if sensor.light == "white":
+        weights = _fit_grey(presses, sensor, relative=method == "relative")
     else:
         change, place, slope = (
             np.concatenate([getattr(press, name) for press in presses]) for name in ("change", "place", "slope")
@@ -177,17 +181,18 @@ def _fitted(presses: Sequence[_Press], method: str, sensor: GelSensor, ball_mm: 
     )  # fmt: skip
 
 
-def _fit_grey(presses: Sequence[_Press], sensor: GelSensor) -> NDArray[np.float64]:
+def _fit_grey(presses: Sequence[_Press], sensor: GelSensor, *, relative: bool) -> NDArray[np.float64]:
     """Grey levels per mm and mm² of depth; the press depth of each press is free."""
     sign = -1.0 if sensor.pressed == "darker" else 1.0
+    changes = [sign * press.change[:, 0] / (press.brightness if relative else 1.0) for press in presses]
     deepest = [float(press.shape_mm.max()) / USED**2 * 1.3 for press in presses]
-    start = [max(sign * float(np.quantile(press.change, 0.95)) for press in presses) / max(deepest), 0.0, *deepest]
+    start = [max(float(np.quantile(change, 0.95)) for change in changes) / max(deepest), 0.0, *deepest]
 
     def residual(values: NDArray[np.float64]) -> NDArray[np.float64]:
         parts = []
-        for press, depth in zip(presses, values[2:], strict=True):
+        for press, change, depth in zip(presses, changes, values[2:], strict=True):
             below = depth - press.shape_mm
-            parts.append(sign * press.change[:, 0] - values[0] * below - values[1] * below**2)
+            parts.append(change - values[0] * below - values[1] * below**2)
         return np.concatenate(parts)
 
     solution = least_squares(residual, start, x_scale=np.maximum(np.abs(start), 1.0), loss="soft_l1", f_scale=3.0)
