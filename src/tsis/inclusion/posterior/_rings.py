@@ -67,12 +67,14 @@ class RingResponses:
         The latest are remembered: small and finite strain, and derivatives by the nuisances, ask for the same ones.
         """
         key = tissue_young_kpa, thickness_mm, b"" if inclusions is None else inclusions.tobytes()
-        if key not in self._latest:
+        response = self._latest.get(key)
+        if response is None:
+            response = _evaluate(self.response, tissue_young_kpa, thickness_mm, inclusions)
+            response.flags.writeable = False
             while len(self._latest) >= REMEMBERED:
                 self._latest.pop(next(iter(self._latest)), None)
-            self._latest[key] = _evaluate(self.response, tissue_young_kpa, thickness_mm, inclusions)
-            self._latest[key].flags.writeable = False
-        return self._latest[key]
+            self._latest[key] = response
+        return response
 
     def linear(self, tissue_young_kpa: float, thickness_mm: float, inclusions: Floats | None) -> tuple[Floats, Floats]:
         """Derivatives of the responses with respect to Poisson's ratio and the spread."""
