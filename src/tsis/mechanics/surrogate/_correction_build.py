@@ -36,14 +36,22 @@ from tsis.mechanics.surrogate._polynomial import (
     contrast_from_factor,
     signal_scale,
 )
-from tsis.mechanics.surrogate._presses import FACE_POINTS, OUTPUTS, SlabPresses, row_of_field, widest_even_mm
+from tsis.mechanics.surrogate._presses import (
+    FACE_POINTS,
+    NARROW,
+    OUTPUTS,
+    WIDE_LAYERS,
+    SlabPresses,
+    narrow_mm,
+    row_of_field,
+)
 from tsis.model import MN_PER_N, Probe, require_integer, require_type
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from tsis.mechanics._element import Floats
-    from tsis.mechanics.finite_strain import SolvedPress
+    from tsis.mechanics.finite_strain import PressContinuation, SolvedPress
 
     Progress = Callable[[int, int], None]
 
@@ -135,8 +143,8 @@ def build_finite_correction(
         "modes": [PRESSURE_MODES, DISPLACEMENT_MODES],
         "small": asdict(Resolution()),
     }
-    if widest_even_mm(probe, ranges) < ranges.diameter_mm[1]:
-        others["widest_even_mm"] = widest_even_mm(probe, ranges)
+    if narrow_mm(probe, ranges) < ranges.diameter_mm[1]:
+        others["wide"] = [NARROW, WIDE_LAYERS]
     key = surrogate_key(FORMAT_VERSION, probe, Box(), Degrees(), mesh, others)
     arrays = read_cached_arrays(KIND, key) if cached else None
     if arrays is None:
@@ -221,7 +229,7 @@ def _without_inclusion(solver: SlabPresses, size: _Size, advance: Callable[[], N
     here: SolvedPress | None = None
     order = list(range(size.loads))
     for j, thickness in enumerate(thicknesses):
-        widest = widest_even_mm(solver.probe, solver.box)
+        widest = narrow_mm(solver.probe, solver.box)
         sphere = (min(EASY_SPHERE[0] * thickness, widest), EASY_SPHERE[1] * thickness)
         for i in range(size.tissues)[:: 1 if j % 2 == 0 else -1]:
             loads = chebyshev_points((solver.box.load[0], float(solver.box.largest_load(tissues[i]))), size.loads)
@@ -231,7 +239,7 @@ def _without_inclusion(solver: SlabPresses, size: _Size, advance: Callable[[], N
             for k in order:
                 pressed = float(loads[k]) * force
                 try:
-                    here = solver.press(here, (tissues[i], thickness, pressed), sphere, even=True)
+                    here = solver.press(here, (tissues[i], thickness, pressed), sphere)
                 except MechanicsError:  # tissue wraps around the rim near the largest loads
                     result[i, j, k] = np.nan
                 else:
@@ -258,17 +266,19 @@ def _pairs(solver: SlabPresses, states: Floats, name: str | None, advance: Calla
     arrays = None if name is None else read_cached_arrays(KIND, name)
     finished = {} if arrays is None else dict(zip(arrays["index"].tolist(), arrays["rows"], strict=True))
     failed = [] if arrays is None else arrays["failed"].tolist()
-    here: SolvedPress | None = None
+    latest: dict[PressContinuation, SolvedPress | None] = {}
     for index, (diameter, depth, factor, tissue, thickness, load) in enumerate(states.tolist()):
         if index not in finished and index not in failed:
             without, change = solver.small(tissue, thickness, (diameter, depth, factor))
             force = load * solver.unit_force_n(tissue, without)
+            lines = solver.on(diameter)
             try:
-                here = solver.press(here, (tissue, thickness, force), (diameter, depth), even=False)
+                here = solver.press(latest.get(lines), (tissue, thickness, force), (diameter, depth))
                 contrast = float(contrast_from_factor(factor))
-                there = solver.with_sphere.follow(here, here.press.with_contrast(contrast))
+                there = lines.follow(here, here.press.with_contrast(contrast))
+                latest[lines] = here
             except MechanicsError as error:
-                here = None  # it may lie near the end of the model: start anew
+                latest[lines] = None  # it may lie near the end of the model: start anew
                 failed.append(index)
                 if len(failed) > max(2, len(states) // 10):
                     raise MechanicsError(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
@@ -36,7 +36,8 @@ if TYPE_CHECKING:
 FACE_POINTS = 121  # of each profile, which is linear between them
 OUTPUTS = 2 * FACE_POINTS  # pressures and displacements
 PRESS_OUTPUTS = OUTPUTS + 1  # and the approach
-WIDEST_EVEN = 1.25  # see `widest_even_mm`, over the face's radius
+NARROW = 1.25  # see `narrow_mm`, over the face's radius
+WIDE_LAYERS = 2  # in the block around a wider sphere, over those around a narrow one
 
 
 class Slabs(Protocol):
@@ -164,20 +165,26 @@ class SlabPresses:
     probe: Probe
     box: CorrectionBox
     poisson: float
-    with_sphere: PressContinuation
-    without_sphere: PressContinuation
+    narrow: PressContinuation  # for no sphere and spheres to `narrow_mm`
+    wide: PressContinuation
 
     @classmethod
     def of(cls, probe: Probe, box: CorrectionBox, poisson: float, mesh: FiniteResolution | None = None) -> SlabPresses:
         """Presses on slabs of a box."""
+        fine = mesh or FiniteResolution()
+        finer = replace(fine, ray_layers=WIDE_LAYERS * fine.ray_layers)
         continuations = []
-        for diameter in (box.diameter_mm[1], widest_even_mm(probe, box)):
+        for diameter, lines in ((narrow_mm(probe, box), fine), (box.diameter_mm[1], finer)):
             sphere = Inclusion(diameter_mm=diameter, depth_mm=1.0, young_kpa=1.0)
             thickness = max(30.0, diameter + 2, 0.6 * box.thickness_mm[1])
             like = Phantom(young_kpa=1.0, poisson=poisson, thickness_mm=thickness, inclusion=sphere)
-            continuations.append(PressContinuation(probe, like, mesh))
-        with_sphere, without_sphere = continuations
-        return cls(probe=probe, box=box, poisson=poisson, with_sphere=with_sphere, without_sphere=without_sphere)
+            continuations.append(PressContinuation(probe, like, lines))
+        narrow, wide = continuations
+        return cls(probe=probe, box=box, poisson=poisson, narrow=narrow, wide=wide)
+
+    def on(self, diameter_mm: float) -> PressContinuation:
+        """Presses on a mesh that suits a sphere."""
+        return self.narrow if diameter_mm <= narrow_mm(self.probe, self.box) else self.wide
 
     def small(
         self, tissue: float, thickness: float, sphere: tuple[float, float, float] | None
@@ -215,7 +222,7 @@ class SlabPresses:
         return pressed if len(row) == PRESS_OUTPUTS else pressed + row[PRESS_OUTPUTS : PRESS_OUTPUTS + OUTPUTS]
 
     def press(
-        self, start: SolvedPress | None, state: tuple[float, float, float], sphere: tuple[float, float], *, even: bool
+        self, start: SolvedPress | None, state: tuple[float, float, float], sphere: tuple[float, float]
     ) -> SolvedPress:
         """The press without contrast on the mesh of a sphere; state: modulus in kPa, thickness in mm, force in N."""
         tissue, thickness, force = state
@@ -228,17 +235,16 @@ class SlabPresses:
             force_n=force,
             poisson=self.poisson,
         )
-        continuation = self.without_sphere if even else self.with_sphere
+        continuation = self.on(sphere[0])
         return continuation.first(target) if start is None else continuation.follow(start, target)
 
 
-def widest_even_mm(probe: Probe, box: CorrectionBox) -> float:
-    """Diameter of the widest sphere that the mesh of presses without inclusion suits.
+def narrow_mm(probe: Probe, box: CorrectionBox) -> float:
+    """Diameter of the widest sphere whose mesh leaves the tissue under the rim alone.
 
-    A wider one would take in the tissue under the rim, in few layers: with spheres of 25 mm the pressure near the rim
-    comes out 7 % low.
+    The block around a wider one takes that tissue in: in four layers, pressures near the rim come out 7 % low.
     """
-    return min(box.diameter_mm[1], WIDEST_EVEN * probe.radius_mm)
+    return min(box.diameter_mm[1], NARROW * probe.radius_mm)
 
 
 def _row(press: FacePress) -> Floats:
