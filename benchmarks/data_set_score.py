@@ -91,20 +91,20 @@ def _quantity(
 ) -> tuple[str, ...]:
     truth = _column(cases, name, truths)
     value, low, high = (_column(cases, f"{name}{end}", answers) for end in ("", "_low", "_high"))
-    given, told = np.isfinite(value), np.isfinite(low) & np.isfinite(high)
+    given, bounded = np.isfinite(value), np.isfinite(low) & np.isfinite(high)
     if (low > high).any():
         case = cases[int(np.argmax(low > high))]
         raise FileInputError(f"{name}_low must be at most {name}_high; got {case} the other way round")
     error = value[given] - truth[given]
-    held = (low[told] <= truth[told]) & (truth[told] <= high[told])
+    held = (low[bounded] <= truth[bounded]) & (truth[bounded] <= high[bounded])
     return (
         str(len(cases)),
         str(int(given.sum())),
         f"{100 * np.median(np.abs(error) / truth[given]):.3g} %" if given.any() else "",
         f"{np.sqrt((error**2).mean()):.3g}" if given.any() else "",
-        str(int(told.sum())),
-        f"{100 * held.mean():.3g} %" if told.any() else "",
-        f"{interval_score(low[told], high[told], truth[told]).mean():.3g}" if told.any() else "",
+        str(int(bounded.sum())),
+        f"{100 * held.mean():.3g} %" if bounded.any() else "",
+        f"{interval_score(low[bounded], high[bounded], truth[bounded]).mean():.3g}" if bounded.any() else "",
     )
 
 
