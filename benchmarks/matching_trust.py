@@ -6,7 +6,8 @@ runs ``--cases`` trials of each family and degradation, and prints the tables. A
 rows in the file. ``--peers`` are programs of `tsis.matching.trials.PEERS`; with ``--chosen-by FILE``, rows of the
 calibration generator, each cell is compared with the peer that erred least there. ``--figure`` draws the reliability
 diagram. ``--generator calibration --calibrate`` prints the weights of `tsis.matching._posterior` instead, and how often
-answers above a log odds of being right were wrong, with weights of the other trials.
+answers above a log odds of being right were wrong, with weights of the other trials. ``--clutter 30`` matches as many
+shapes among three outliers an inlier instead, uniform and in clusters.
 """
 
 from __future__ import annotations
@@ -19,7 +20,9 @@ from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
-from benchmarks.matching_trust_shapes import DEGRADATIONS, FAMILIES, Generator, trust_trial
+from benchmarks.matching_trust_shapes import DEGRADATIONS, FAMILIES, Generator, clutter_trial, trust_trial
+from matplotlib.figure import Figure
+from scipy.stats import beta
 
 from tsis.compiled import one_blas_thread
 from tsis.matching import METHODS
@@ -36,7 +39,7 @@ from tsis.matching.trials import (
 
 WRONG, RIGHT, RIVALRY = 0.1, 0.02, 0.01  # errors, and the probability of other poses above which withholding is right
 OURS = "tprl"
-FOLDS, LEVELS = 5, (4.0, 4.5, 5.0, 5.5, 6.0, 6.5)  # of the cross-validation, and log odds of being right
+FOLDS, LEVELS = 5, (4.5, 5.0, 5.5, 5.6, 6.0, 6.5)  # of the cross-validation, and log odds of being right
 
 
 def run_cases(
@@ -146,23 +149,21 @@ def draw_reliability(cases: list[TrustCase], path: Path) -> None:
     import matplotlib as mpl
 
     mpl.use("Agg")
-    import matplotlib.pyplot as plt
-    from scipy.stats import beta
 
     rows = tenths(cases)
     count, mean, right = (np.array([row[column] for row in rows], dtype=float) for column in (1, 2, 3))
     wrong = count * (1 - right)
-    low, high = beta.ppf([[0.025], [0.975]], count - wrong + 0.5, wrong + 0.5)
-    figure, (above, below) = plt.subplots(2, 1, figsize=(5, 6), height_ratios=(3, 1), sharex=True, layout="constrained")
+    low, high = np.asarray(beta.ppf([[0.025], [0.975]], count - wrong + 0.5, wrong + 0.5))
+    figure = Figure(figsize=(5, 6), layout="constrained")
+    above, below = figure.subplots(2, 1, height_ratios=(3, 1), sharex=True)
     above.plot([0, 1], [0, 1], color="0.6", linestyle="--", label="calibrated")
-    below_right, above_right = np.maximum(right - low, 0), np.maximum(high - right, 0)
-    above.errorbar(mean, right, yerr=(below_right, above_right), fmt="o", capsize=3, label="right, with 95 %")
+    reach = np.maximum([right - low, high - right], 0)
+    above.errorbar(mean, right, yerr=reach, fmt="o", capsize=3, label="right, with 95 %")
     above.set(ylabel=f"fraction with an RMS error of at most {WRONG}", ylim=(-0.02, 1.02))
     above.legend()
     below.bar([0.05 + row[0] / 10 for row in rows], count, width=0.09)
     below.set(xlabel="confidence", ylabel="answers", yscale="log", xlim=(-0.02, 1.02))
     figure.savefig(path, dpi=120)
-    plt.close(figure)
 
 
 def ratio_table(cases: list[TrustCase], chosen: dict[tuple[str, str], str]) -> list[str]:
@@ -214,8 +215,25 @@ def calibration(cases: list[TrustCase]) -> list[str]:
     odds = np.minimum(measures[:, 0], 0.5 * measures[:, 1])
     logit[odds < np.log(999)] = -np.inf
     counts = [(level, (logit >= level).sum(), ((logit >= level) & ~right).sum()) for level in LEVELS]
-    weights = ", ".join(f"{weight:.4g}" for weight in fit_trust(measures, right.astype(float)))
-    return [weights, *(f"log odds >= {level}: {count} answers, {wrong} wrong" for level, count, wrong in counts)]
+    printed = ", ".join(f"{weight:.4g}" for weight in fit_trust(measures, right.astype(float)))
+    return [printed, *(f"log odds >= {level}: {count} answers, {wrong} wrong" for level, count, wrong in counts)]
+
+
+def clutter_table(count: int, seed: int) -> list[str]:
+    """A Markdown row for each kind of clutter and method: mean error of all answers and of the reliable ones."""
+    lines = ["| clutter | method | trials | mean RMS | reliable | their mean RMS | confidently wrong |"]
+    lines.append("|---|---|---|---|---|---|---|")
+    for clustered in (False, True):
+        trials = [clutter_trial(number, clustered=clustered, seed=seed) for number in range(count)]
+        cases = [case for trial in trials for case in trust_cases(trial, (OURS, "cpd", "bcpd"))]
+        for method in dict.fromkeys(case.method for case in cases):
+            own = [case for case in cases if case.method == method]
+            reliable = [case.error for case in own if case.reliable]
+            mean = f"{np.mean(reliable):.4f}" if reliable else "-"
+            start = f"| {'clustered' if clustered else 'uniform'} | {method} | {len(own)} "
+            error, wrong = np.mean([case.error for case in own]), sum(error > WRONG for error in reliable)
+            lines.append(f"{start}| {error:.4f} | {len(reliable)} | {mean} | {wrong} |")
+    return lines
 
 
 def main() -> None:
@@ -224,14 +242,21 @@ def main() -> None:
     parser.add_argument("--generator", choices=("calibration", "test"), default="test")
     parser.add_argument("--seed", type=int, required=True)
     parser.add_argument("--cases", type=int, default=100, help="trials of each family and degradation")
-    parser.add_argument("--rows", type=Path, required=True, help="JSON lines, a case each; continued where it exists")
+    parser.add_argument(
+        "--rows", type=Path, default=Path("trust.jsonl"), help="JSON lines, a case each; continued where it exists"
+    )
     parser.add_argument("--calibrate", action="store_true", help="print the weights of the regression")
     parser.add_argument("--peers", default="", help="other programs, with commas between")
     parser.add_argument(
         "--chosen-by", type=Path, help="rows that choose each cell's peer; by default those of this run"
     )
     parser.add_argument("--figure", type=Path, help="file of the reliability diagram")
+    parser.add_argument("--clutter", type=int, default=0, help="trials among clutter, which are run instead")
     chosen = parser.parse_args()
+    if chosen.clutter:
+        with one_blas_thread():
+            print("\n".join(clutter_table(chosen.clutter, chosen.seed)))
+        return
     peers = tuple(filter(None, chosen.peers.split(",")))
     cases = run_cases(chosen.generator, seed=chosen.seed, count=chosen.cases, rows=chosen.rows, peers=peers)
     if chosen.calibrate:
