@@ -9,6 +9,7 @@ import platform
 import shutil
 import signal
 import sys
+import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -46,6 +47,7 @@ def pytest_configure(config: pytest.Config) -> None:
         os.environ["TSIS_CACHE_DIR"] = str(folder)
         if _has_room(MEMORY):
             os.environ.setdefault("TMPDIR", str(MEMORY))  # where synchronising a file waits for no disk
+            tempfile.tempdir = None  # pytest's capture has asked for the folder already; ask anew
     threadpool_limits(limits=1, user_api="blas")  # threads slow down matrices this small, the more so in two workers
     platform.processor()  # asks a program once and keeps the answer
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # begun in the background, where shells ignore Ctrl-C
