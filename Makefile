@@ -75,6 +75,7 @@ benchmark: $(VENV)/.dev  ## speed and accuracy beside those of other programs, o
 	$(BIN)/python -m benchmarks.store_speed
 	$(BIN)/python -m benchmarks.api_fuzz --cases 10000
 	$(BIN)/python -m benchmarks.live_view
+	$(BIN)/python -m benchmarks.console_start
 	$(BIN)/python -m benchmarks.first_report
 	$(BIN)/python -m benchmarks.records_page
 	$(BIN)/python -m benchmarks.console_growth --hours 8
