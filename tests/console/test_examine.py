@@ -117,7 +117,7 @@ def test_the_keys_are_listed(console: RunningConsole, browser: Browser) -> None:
     with operating(browser, console) as page:
         page.keyboard.press("?")
         for word in ("save a snapshot", "previous target", "next target", "live image alone, and back"):
-            page.get_by_text(word).wait_for()
+            page.get_by_role("dialog").get_by_text(word).wait_for()
         for cap in ("Space", "←", "→", "F", "?", "Tab, Enter"):
             key = page.get_by_role("dialog").locator("dt").get_by_text(cap, exact=True)
             assert key.is_visible(), cap
