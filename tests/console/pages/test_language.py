@@ -61,6 +61,7 @@ def fields(text: str) -> set[str]:
 def test_a_catalogue_has_every_text_with_its_values(code: str) -> None:
     texts = catalogue(code)._texts
     assert translated_texts() - set(texts) == set()
+    assert set(HELP["fields"]) - set(texts) == set()
     assert [text for text, other in texts.items() if fields(text) != fields(other)] == []
     assert [text for text, other in texts.items() if not other.strip()] == []
 

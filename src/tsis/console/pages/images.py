@@ -91,7 +91,7 @@ class OwnImagesPage:
             name_parts(field, "Choose images")
             explain(field, "Choose images")
             with ui.element("div").classes("row"):
-                self.path_field = unit_field("File or folder on the console's machine", "")
+                self.path_field = unit_field("File or folder on the console's machine", "").classes("path")
                 ui.button(tr("Open"), icon="folder_open", on_click=self.open_path).props("no-caps outline")
             self._refused = message_list()
         with ui.element("section").classes("panel stack") as self._panel:
