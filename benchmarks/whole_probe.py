@@ -4,7 +4,8 @@
 
 The map is the power that arrives at the face of an unpressed probe, in 24 x 24 bins, from the catalog's lamps and from
 level ones. The error is each bin's relative standard deviation between seeds, as RMS over the bins within 0.8 of the
-radius; the time to an error of 1 % follows from it by the inverse square. ``--peer-python`` has Mitsuba, Dr.Jit and
+radius; the time to an error of 1 % follows from it by the inverse square. Times are of all processors together, so that
+other work on the machine changes little. ``--peer-python`` has Mitsuba, Dr.Jit and
 NumPy; LLVM must be on the machine (``DRJIT_LIBLLVM_PATH`` names it).
 """
 
@@ -63,7 +64,7 @@ def told(probe: Probe) -> dict[str, Any]:
 
 
 def by_peer(probe: Probe, rays: float, seeds: int, python: str) -> tuple[str, list[float], NDArray[np.float64]]:
-    """Mitsuba's version, seconds and maps."""
+    """Mitsuba's version, processor seconds and maps."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "scene.json"
         path.write_text(json.dumps(told(probe)), encoding="utf-8")
@@ -74,13 +75,13 @@ def by_peer(probe: Probe, rays: float, seeds: int, python: str) -> tuple[str, li
 
 
 def by_tsis(probe: Probe, rays: float, seeds: int) -> tuple[list[float], NDArray[np.float64]]:
-    """Seconds and maps."""
+    """Processor seconds and maps."""
     trace_rays(probe, None, rays=1e4, bins=BINS)
     seconds, maps = [], []
     for seed in range(1, seeds + 1):
-        began = time.perf_counter()
+        began = time.process_time()
         maps.append(trace_rays(probe, None, rays=rays, seed=seed, bins=BINS).arriving)
-        seconds.append(time.perf_counter() - began)
+        seconds.append(time.process_time() - began)
     return seconds, np.array(maps)
 
 
@@ -88,7 +89,7 @@ def error_of(maps: NDArray[np.float64]) -> float:
     """RMS over the inner bins of the relative standard deviation between seeds."""
     middles = (np.arange(BINS) + 0.5) / (BINS / 2) - 1
     inner = np.hypot(middles, middles[:, None]) < INNER
-    return float(np.sqrt(np.mean((maps.std(axis=0, ddof=1) / maps.mean(axis=0))[inner] ** 2)))
+    return float(np.sqrt(np.mean((maps.std(axis=0, ddof=1)[inner] / maps.mean(axis=0)[inner]) ** 2)))
 
 
 def main() -> int:
@@ -118,7 +119,13 @@ def main() -> int:
                 (f"Mitsuba {version}, llvm", peer_s, peer, needs[1], f"{needs[0] / needs[1]:.2f}; {bias:.2%}"),
             )
         ]
-    heads = ("program and probe", "million rays/s", "error of a bin", "time to 1 %", "times as fast; sums differ by")
+    heads = (
+        "program and probe",
+        "million rays a CPU second",
+        "error of a bin",
+        "CPU time to 1 %",
+        "times as fast; sums differ by",
+    )
     show(f"The map of a whole probe, {options.rays:g} rays", heads, rows, markdown=options.markdown)
     print(f"worth an extra from {WORTH:g} times on")
     return 0
