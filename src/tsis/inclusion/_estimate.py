@@ -25,7 +25,7 @@ from tsis.inclusion._verdict import (
     position_findings,
     presence_caveats,
 )
-from tsis.inclusion.checks import checked_frames, image_findings
+from tsis.inclusion.checks import image_findings
 from tsis.inclusion.posterior import (
     TISSUE,
     InclusionLikelihood,
@@ -177,12 +177,10 @@ def analyse(
     require_frames_of_probe(targets + references, probe)
     stated = stated_strain([frame.settings for frame in targets + references])
     strain = stated if strain is None else require_one_of("strain", strain, STRAINS)
-    frames = targets + references
-    checked = None if calibration.light is None else checked_frames(frames, probe, calibration)  # before any mechanics
     build = _tables if progress is None else partial(press_tables, progress=progress)
     tables = build(probe, prior, strain)
     surrogate, correction = tables.surrogate, tables.correction
-    require_valid_forces(frames, surrogate, probe=probe, prior=prior, correction=correction)
+    require_valid_forces(targets + references, surrogate, probe=probe, prior=prior, correction=correction)
     response = with_gain_of_presses(references or targets, calibration, surrogate, probe=probe, prior=prior)
     with threadpool_limits(limits=1, user_api="blas"):  # threads slow down matrices this small
 
@@ -190,9 +188,7 @@ def analyse(
             return read_frames(frames, references, tables, probe=probe, calibration=response, prior=prior)
 
         reading = read(targets)
-        of_images = image_findings(
-            targets, references, probe=probe, calibration=response, uneven=reading.uneven, checked=checked
-        )
+        of_images = image_findings(targets, references, probe=probe, calibration=response, uneven=reading.uneven)
         result = explore_inclusion(reading.likelihood, prior)
         flagged = [*findings(result, prior, reading.data), *position_findings(reading.position), *of_images]
         flagged += light_findings(calibration)
@@ -200,7 +196,7 @@ def analyse(
         if chance < IMPROBABLE:
             disagree = len(targets) > 1 and all(_fits(read([target]), prior) for target in targets)
             flagged.append(misfit_finding(chance, disagree=disagree))
-    flagged += _contact_findings(frames, surrogate, reading.likelihood, result, prior)
+    flagged += _contact_findings(targets + references, surrogate, reading.likelihood, result, prior)
     causes = UNTRUSTED_FLAGS.intersection(flag for flag, _ in flagged)
     estimated = Estimate(
         samples=dict(zip(PARAMETERS, result.samples.T, strict=True)),

@@ -37,7 +37,6 @@ def image_findings(
     probe: Probe,
     calibration: Calibration,
     uneven: FieldHarmonics | None = None,
-    checked: CheckedFrames | None = None,
 ) -> list[tuple[str, str]]:
     """Check the frames of a target: refuse frames without a press, and flag other defects.
 
@@ -51,8 +50,6 @@ def image_findings(
         Response of grey level to pressure, and the errors.
     uneven
         Harmonics by uneven tissue, which are no defect; None for even tissue.
-    checked
-        What `checked_frames` gave for the targets, then the references; None where it was not called.
 
     Returns
     -------
@@ -65,7 +62,10 @@ def image_findings(
         When a frame shows no press, or much of the inner face lies outside the picture.
     """
     frames = [*targets, *references]
-    cropped, means = checked_frames(frames, probe, calibration) if checked is None else checked
+    cropped = cropped_findings(frames[0], probe)
+    means = [sector_means(frame, probe=probe, calibration=calibration) for frame in frames]
+    for frame, sectors in zip(frames, means, strict=True):
+        check_contact(frame, sectors, probe=probe, calibration=calibration)
     nearest = [_nearest(target, references) for target in targets]
     first = len(targets)
 
@@ -90,18 +90,6 @@ def image_findings(
             [allowed(2, *both) for both in enumerate(pairs)],
         ),
     ]
-
-
-CheckedFrames = tuple[list[tuple[str, str]], "list[Sectors]"]
-
-
-def checked_frames(frames: Sequence[TactileImage], probe: Probe, calibration: Calibration) -> CheckedFrames:
-    """Flags of the picture and means of each frame, by pixels alone; `InputError` where a frame shows no press."""
-    cropped = cropped_findings(frames[0], probe)
-    means = [sector_means(frame, probe=probe, calibration=calibration) for frame in frames]
-    for frame, sectors in zip(frames, means, strict=True):
-        check_contact(frame, sectors, probe=probe, calibration=calibration)
-    return cropped, means
 
 
 def _nearest(target: TactileImage, references: Sequence[TactileImage]) -> int | None:
