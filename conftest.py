@@ -30,6 +30,8 @@ PAGES_THAT_START = {"run-a-sweep.md"}
 STARTS = {"subprocess.Popen", "os.fork", "os.posix_spawn", "socket.bind"}  # audit events of processes and servers
 
 os.environ["NUMBA_CACHE_DIR"] = str(CACHES / "numba-cache")  # before anything imports numba
+sys.dont_write_bytecode = False  # a run would compile all its files anew, and so would each program that it starts
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 for _library in ("OPENBLAS", "MKL", "OMP"):  # of libraries that are loaded later, and of workers
     os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
 settings.register_profile("tests", deadline=None, derandomize=True)  # a busy machine is no failure
