@@ -9,6 +9,7 @@ distances, or white light absorbed by the depth.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 
 
 PRESSURES = 5  # terms (1 - r²)^(1/2), (3/2), ... of the pressure
+MARKER_RADIUS, MARKER_DARKNESS = 0.17, 0.85  # of the pitch, and of the light
 FINEST, WAVENUMBERS = 150.0, 3000  # largest wavenumber times the contact's radius, and their number
 
 
@@ -153,10 +155,37 @@ def gel_depth_mm(
     return np.asarray(np.interp(distance, press.radius_mm, press.face_mm, right=0.0))
 
 
+def marker_ink(sensor: GelSensor, shift_mm: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
+    """Ink of the printed markers at each pixel, from 0 to 1, shape (rows, columns); zeros without markers.
+
+    ``shift_mm`` is how far (x, y) each point of the untouched face moved along it, shape (2, rows, columns).
+    """
+    (columns, rows), scale, pitch = sensor.image_px, sensor.mm_per_pixel, sensor.marker_pitch_mm
+    ink = np.zeros((rows, columns))
+    if scale is None or pitch is None:
+        return ink
+    y, x = np.mgrid[:rows, :columns]
+    across, down = (
+        np.arange(pitch / 2, count * side, pitch) / side for count, side in zip((columns, rows), scale, strict=True)
+    )
+    for row, column in product(down, across):
+        moved = (0.0, 0.0) if shift_mm is None else shift_mm[:, int(row), int(column)]
+        distance = np.hypot((x - column) * scale[0] - moved[0], (y - row) * scale[1] - moved[1])
+        edge = (MARKER_RADIUS * pitch - distance) / scale[0] + 0.5  # a pixel on the edge is covered in part
+        ink = np.maximum(ink, np.clip(edge, 0.0, 1.0))
+    return ink
+
+
 def render_gel(
-    depth_mm: NDArray[np.float64], sensor: GelSensor, light: GelLight, rng: np.random.Generator, *, drift: bool = True
+    depth_mm: NDArray[np.float64],
+    sensor: GelSensor,
+    light: GelLight,
+    rng: np.random.Generator,
+    *,
+    drift: bool = True,
+    shift_mm: NDArray[np.float64] | None = None,
 ) -> NDArray[np.uint8]:
-    """The frame of a face of that depth, shape (rows, columns, 3), 8 bits."""
+    """The frame of a face of that depth, shape (rows, columns, 3), 8 bits; ``shift_mm`` as in `marker_ink`."""
     rows, columns = depth_mm.shape
     sx, sy = sensor.scale_of(columns, rows) or (1.0, 1.0)
     slope_y, slope_x = np.gradient(depth_mm, sy, sx)
@@ -181,6 +210,7 @@ def render_gel(
         base = 160.0 * (1.0 + light.texture) * np.exp(-light.near * (u**2 + v**2))
         change = np.tanh(light.absorption_per_mm * depth_mm * 1.2) / 1.2
         level += (base * np.maximum(1.0 + sign * change, 0.02))[..., None]
+    level *= 1.0 - MARKER_DARKNESS * marker_ink(sensor, shift_mm)[..., None]
     if drift:
         level *= 1.0 + light.drift
     level += light.ambient
@@ -204,8 +234,8 @@ class RenderedPress:
         The ball, and its contact.
     depth_mm
         Depth of the face, shape (rows, columns).
-    force_n
-        Force of the press; None where the modulus cancelled.
+    force_n, shear_n
+        Normal force of the press, None where the modulus cancelled; and shear force (x, y) on the gel.
     """
 
     sensor: GelSensor
@@ -216,6 +246,7 @@ class RenderedPress:
     radius_px: float
     depth_mm: NDArray[np.float64]
     force_n: float | None = None
+    shear_n: tuple[float, float] = (0.0, 0.0)
 
 
 def random_gel_press(

@@ -13,6 +13,7 @@ import numpy as np
 from tsis.errors import InputError
 from tsis.hardness import hertzian_radius_mm, press_fields
 from tsis.mechanics.finite_strain import WIDEST_CONTACT, SphereResolution
+from tsis.mechanics.gel import GelGrid
 from tsis.model import GelSensor, Layer, Probe, SoftSphere, require_number, require_type
 from tsis.virtual._gel_frames import GelBallPress, RenderedPress, gel_depth_mm, random_gel_light, render_gel
 
@@ -81,9 +82,17 @@ class VirtualGelSensor:
         return self.presses(ball, forces_n=(force_n,), centre_px=centre_px)[0]
 
     def presses(
-        self, ball: SoftSphere, *, forces_n: Sequence[float], centre_px: tuple[float, float] | None = None
+        self,
+        ball: SoftSphere,
+        *,
+        forces_n: Sequence[float],
+        centre_px: tuple[float, float] | None = None,
+        shear: tuple[float, float] = (0.0, 0.0),
     ) -> tuple[RenderedPress, ...]:
         """Frames of a ball at ascending forces, each at another place unless one is given.
+
+        ``shear`` (x, y) is the drag over the force of a ball that slides: shear follows the pressure. Only markers
+        show it.
 
         Raises
         ------
@@ -93,7 +102,7 @@ class VirtualGelSensor:
             When a press does not converge.
         """
         require_type("ball", ball, SoftSphere)
-        return tuple(self._rendered(field, ball, centre_px) for field in self._fields(ball, forces_n))
+        return tuple(self._rendered(field, ball, centre_px, shear) for field in self._fields(ball, forces_n))
 
     def rigid_ball(self, radius_mm: float) -> SoftSphere:
         """A ball that does not deform on this gel."""
@@ -117,7 +126,13 @@ class VirtualGelSensor:
         probe = Probe(radius_mm=max(half, 1.01 * ball.radius_mm / WIDEST_CONTACT), layers=(self.gel,))
         return press_fields(probe, ball, forces_n=forces_n, resolution=self._resolution)
 
-    def _rendered(self, field: PressField, ball: SoftSphere, centre_px: tuple[float, float] | None) -> RenderedPress:
+    def _rendered(
+        self,
+        field: PressField,
+        ball: SoftSphere,
+        centre_px: tuple[float, float] | None,
+        shear: tuple[float, float] = (0.0, 0.0),
+    ) -> RenderedPress:
         contact = hertzian_radius_mm(field)
         press = GelBallPress(
             contact_radius_mm=contact, depth_mm=float(field.face_displacement_mm[0]),
@@ -129,13 +144,31 @@ class VirtualGelSensor:
         return RenderedPress(
             sensor=self.sensor,
             reference=self.reference,
-            frame=render_gel(depth, self.sensor, self._light, self._rng),
+            frame=render_gel(
+                depth, self.sensor, self._light, self._rng, shift_mm=self._marker_shift(field, centre, shear)
+            ),
             ball_radius_mm=ball.radius_mm,
             centre_px=centre,
             radius_px=radius_px,
             depth_mm=depth,
             force_n=field.force_n,
+            shear_n=(shear[0] * field.force_n, shear[1] * field.force_n),
         )
+
+    def _marker_shift(
+        self, field: PressField, centre: tuple[float, float], shear: tuple[float, float]
+    ) -> NDArray[np.float64] | None:
+        """Movement (x, y) of the face by pressure and drag, at small strain; None without markers."""
+        if self.sensor.marker_pitch_mm is None:
+            return None
+        columns, rows = self.sensor.image_px
+        y, x = np.mgrid[:rows, :columns]
+        distance = np.hypot((x - centre[0]) * self._scale[0], (y - centre[1]) * self._scale[1])
+        pressure = np.interp(distance, field.radius_mm, field.pressure_kpa, right=0.0)
+        gel = (self.gel.young_kpa, self.gel.poisson, self.gel.thickness_mm)
+        grid = GelGrid((rows, columns), self._scale, *gel)
+        drag = np.multiply.outer(np.asarray(shear), pressure)
+        return grid.displacement_mm(pressure, drag)[:2]
 
     def _place(self, radius_px: float) -> tuple[float, float]:
         ends = [size - 1 for size in self.sensor.image_px]

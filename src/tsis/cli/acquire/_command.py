@@ -11,7 +11,7 @@ import typer
 
 import tsis
 from tsis.__about__ import LARGEST_SEED, LARGEST_TARGET
-from tsis.cli._contacts import GelReference, watch_gel
+from tsis.cli._contacts import GelReference
 from tsis.cli._force_gauge import GaugeBaud, GaugeLatency, GaugePort, GaugeSends, GaugeUnit, gauge_log
 from tsis.cli._options import AsJson, ForceN, PhantomName, ProbeName
 from tsis.cli._progress import waiting
@@ -19,7 +19,7 @@ from tsis.cli._saving import KindOption, StoreOption, chosen_destination
 from tsis.cli.acquire._listing import list_cameras, show_camera
 from tsis.cli.acquire._sequence import take_sequence
 from tsis.cli.acquire._snapshots import ROLES, SnapshotDestination, take_snapshot
-from tsis.cli.acquire._watching import watch_presses
+from tsis.cli.acquire._watching import GelCamera, record_gel, watch_gel, watch_presses
 from tsis.errors import InputError
 
 if TYPE_CHECKING:
@@ -130,7 +130,7 @@ def acquire(
     gauge_sends: GaugeSends = False,
     gauge_latency_ms: GaugeLatency = 0.0,
     sensor: Annotated[
-        str | None, typer.Option(help="With --watch: the contact on a gel sensor, a name or a file, in colour.")
+        str | None, typer.Option(help="A gel sensor, a name or a file: frames in colour; with --watch its contact.")
     ] = None,
     reference: GelReference = None,
     depth: Annotated[
@@ -171,9 +171,13 @@ def acquire(
     if save and (sequence or watch):
         raise InputError("--save works for snapshots; import a sequence into a store by tsis records import")
     if sensor is not None:
-        if not watch:
-            raise InputError("--sensor needs --watch; record frames of a gel sensor with the program of its camera")
-        watch_gel(camera, sensor=sensor, reference=reference, depth=depth, seconds=seconds, as_json=as_json)
+        live = GelCamera(camera=camera, sensor=sensor, reference=reference, seed=seed)
+        if watch:
+            watch_gel(live, depth=depth, seconds=seconds, as_json=as_json)
+        elif sequence and not video:
+            record_gel(live, out or Path("tsis-sequence"), frames=frames, seconds=seconds, as_json=as_json)
+        else:
+            raise InputError("--sensor needs --watch, or --frames or --seconds for a folder of frames in colour")
         return
     tsis.model.require_one_of("role", role, ROLES)
     tsis.model.require_one_of("picture format", picture, tsis.instrument.FORMATS)
