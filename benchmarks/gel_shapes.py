@@ -50,10 +50,10 @@ class Body:
 def flat(half_mm: float, symmetry: str) -> Body:
     """A disc or a bar with a rounded edge."""
     name = f"disc {half_mm:.2f} mm" if symmetry == ROUND else f"bar {2 * half_mm:.2f} mm"
-    return Body(name=name, symmetry=symmetry, height=lambda x: _rounded(x - (half_mm - FILLET_MM), FILLET_MM, STEEPEST))
+    return Body(name=name, symmetry=symmetry, height=lambda x: rounded(x - (half_mm - FILLET_MM), FILLET_MM, STEEPEST))
 
 
-def _rounded(x: Any, radius: float, slope: float) -> Any:
+def rounded(x: Any, radius: float, slope: float) -> Any:
     """Zero for negative x, then an arc of that radius, then its tangent of that slope."""
     end = radius * slope / np.sqrt(1.0 + slope**2)
     arc = radius - ng.sqrt(radius**2 - ng.IfPos(end - x, x, end) ** 2)
@@ -69,10 +69,10 @@ def drawn_bodies(rng: np.random.Generator) -> list[Body]:
         Body(
             name=f"cylinder {radius:.2f} mm",
             symmetry=LONG,
-            height=lambda x: _rounded(x, radius, STEEPEST),
+            height=lambda x: rounded(x, radius, STEEPEST),
             radius_mm=radius,
         ),
-        Body(name="wedge of 120 degrees", symmetry=LONG, height=lambda x: _rounded(x, 1.0, float(WEDGE_SLOPE))),
+        Body(name="wedge of 120 degrees", symmetry=LONG, height=lambda x: rounded(x, 1.0, float(WEDGE_SLOPE))),
     ]
 
 
@@ -118,7 +118,7 @@ def pressed(body: Body, young: float, poisson: float, thickness: float, shares: 
     solution = ng.GridFunction(space)
     results = []
     for before, share in zip((0.0, *shares), shares, strict=False):
-        _deepened(form, solution, space, depth, thickness * before, thickness * share)
+        deepened(form, solution, space, depth, thickness * before, thickness * share)
         inside_now = solution[1] - body.height(ng.x + solution[0]) + depth
         traction = weight * stiffness * ng.IfPos(inside_now, inside_now, 0.0)
         force = ng.Integrate(traction, mesh, definedon=mesh.Boundaries("top|far"), order=8) / 1000.0
@@ -126,7 +126,7 @@ def pressed(body: Body, young: float, poisson: float, thickness: float, shares: 
     return results
 
 
-def _deepened(form: Any, solution: Any, space: Any, depth: Any, low: float, high: float, halved: int = 0) -> None:
+def deepened(form: Any, solution: Any, space: Any, depth: Any, low: float, high: float, halved: int = 0) -> None:
     """The press at a greater depth, by smaller steps where one does not converge."""
     start = solution.vec.CreateVector()
     start.data = solution.vec
@@ -138,8 +138,8 @@ def _deepened(form: Any, solution: Any, space: Any, depth: Any, low: float, high
             raise
         solution.vec.data = start
         middle = (low + high) / 2
-        _deepened(form, solution, space, depth, low, middle, halved + 1)
-        _deepened(form, solution, space, depth, middle, high, halved + 1)
+        deepened(form, solution, space, depth, low, middle, halved + 1)
+        deepened(form, solution, space, depth, middle, high, halved + 1)
 
 
 def _newton(form: Any, solution: Any, space: Any) -> None:

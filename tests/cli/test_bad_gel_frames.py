@@ -92,7 +92,7 @@ def test_the_reference_of_another_sensor_is_refused(run_tsis: RunTsis, frames: P
     [((), "give --sensor gelsight-mini, or another that tsis sensor show lists, or a file of your own that tsis sensor "
      "new makes"),
      (("--sensor", "mine.toml"), "it does not exist: make one with tsis sensor new"),
-     (("--sensor", "gelsight-mimi"), "tsis sensor new")],
+     (("--sensor", "gelsight-mimi"), "or a file in .toml, which tsis sensor new makes")],
 )  # fmt: skip
 @pytest.mark.usefixtures("frames")
 def test_a_sensor_without_a_file_is_one_sentence_with_the_command_that_makes_it(
@@ -115,7 +115,7 @@ def test_sixteen_bits_give_the_contact_of_eight(run_tsis: RunTsis, frames: Path)
         finished = run_tsis("contacts", f"press{ending}.png", *common)
         assert finished.code == 0, finished.err
         (contact,) = json.loads(finished.out)["contacts"]
-        results.append((contact["centre_px"], contact["radius_px"]))
+        results.append([*contact["centre_px"], contact["radius_px"]])
     assert results[1] == pytest.approx(results[0], rel=1e-9)
 
 

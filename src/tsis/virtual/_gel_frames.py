@@ -164,15 +164,19 @@ def marker_ink(sensor: GelSensor, shift_mm: NDArray[np.float64] | None = None) -
     ink = np.zeros((rows, columns))
     if scale is None or pitch is None:
         return ink
-    y, x = np.mgrid[:rows, :columns]
     across, down = (
         np.arange(pitch / 2, count * side, pitch) / side for count, side in zip((columns, rows), scale, strict=True)
     )
+    reach = [int(2 * MARKER_RADIUS * pitch / side) + 2 for side in scale]
     for row, column in product(down, across):
-        moved = (0.0, 0.0) if shift_mm is None else shift_mm[:, int(row), int(column)]
-        distance = np.hypot((x - column) * scale[0] - moved[0], (y - row) * scale[1] - moved[1])
+        moved = np.zeros(2) if shift_mm is None else shift_mm[:, int(row), int(column)]
+        middle = column + moved[0] / scale[0], row + moved[1] / scale[1]
+        left, top = (max(int(part) - around, 0) for part, around in zip(middle, reach, strict=True))
+        part = ink[top : top + 2 * reach[1], left : left + 2 * reach[0]]
+        y, x = np.mgrid[: part.shape[0], : part.shape[1]]
+        distance = np.hypot((x + left - middle[0]) * scale[0], (y + top - middle[1]) * scale[1])
         edge = (MARKER_RADIUS * pitch - distance) / scale[0] + 0.5  # a pixel on the edge is covered in part
-        ink = np.maximum(ink, np.clip(edge, 0.0, 1.0))
+        np.maximum(part, np.clip(edge, 0.0, 1.0), out=part)
     return ink
 
 
