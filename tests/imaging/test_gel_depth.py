@@ -115,7 +115,7 @@ def test_markers_that_move_leave_no_trace_in_the_depth() -> None:
     """A face 0.3 mm deep, with dots that moved by half of their size, beside the same face without dots."""
     sensor = replace(load_sensor("9dtact"), image_px=(92, 69), mm_per_pixel=(0.25, 0.25), marker_pitch_mm=3.0)
     y, x = np.mgrid[:69, :92]
-    levels = 150.0 - 30.0 * np.exp(-((x - 46) ** 2 + (y - 34) ** 2) / 400.0)
+    levels = 150.0 - 30.0 * np.exp(-((x - 46) ** 2 + (y - 34) ** 2) / 100.0)
     calibration = DepthCalibration(
         sensor=sensor.name, light="white", method="grey", weights=np.array([-100.0]), ball_mm=4.0, presses=1,
         sd_mm=0.01, sd_relative=0.0,
