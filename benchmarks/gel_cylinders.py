@@ -10,7 +10,7 @@ layer's model at the true width, small strain, and over the model with the corre
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import ngsolve as ng
 import numpy as np
@@ -19,6 +19,9 @@ from netgen.geom2d import SplineGeometry
 
 from tsis.hardness import finite_cylinder
 from tsis.mechanics.gel import layer_contact
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 SHARES = (0.04, 0.08, 0.13, 0.18)  # depth over the gel's thickness
 SQUEEZES = (0.03, 0.06, 0.1, 0.15)  # of a soft cylinder over its radius
@@ -32,7 +35,7 @@ def on_gel(rng: np.random.Generator) -> list[tuple[str, float, float, float, flo
     body = Body(name="cylinder", symmetry=LONG, height=lambda x: rounded(x, radius, STEEPEST), radius_mm=radius)
     compliance = (1 - poisson**2) / young
     return [
-        (RIGID, float(truth.place_mm[truth.pressure_kpa > 0].max()), radius, thickness, poisson,
+        (RIGID, hertzian(truth.place_mm, truth.pressure_kpa), radius, thickness, poisson,
          1000.0 * truth.force * compliance)
         for truth in pressed(body, young, poisson, thickness, SHARES)
     ]  # fmt: skip
@@ -72,22 +75,29 @@ def on_plate(rng: np.random.Generator) -> list[tuple[str, float, float, float, f
         force = 2.0 * ng.Integrate(
             stiffness * ng.IfPos(left, left, 0.0), mesh, definedon=mesh.Boundaries("arc"), order=8
         )
-        rows.append((SOFT, _half_width(mesh, solution, now), 1.0, 1e3, poisson, force * (1 - poisson**2) / young))
+        rows.append((SOFT, hertzian(*_arc(mesh, solution, now)), 1.0, 1e3, poisson, force * (1 - poisson**2) / young))
     return rows
 
 
-def _half_width(mesh: Any, solution: Any, depth: float) -> float:
-    """Distance from the axis of the last point of the arc below the plate."""
-    angle = np.linspace(1e-4, 1.2, 3000)
-    widest = 0.0
-    for x, y in zip(np.sin(angle), 1.0 - np.cos(angle), strict=True):
+def hertzian(place: NDArray[np.float64], pressure: NDArray[np.float64]) -> float:
+    """Half the width of the contact by Hertz's law near its edge: a mesh smears the edge itself."""
+    part = (pressure > 0.25 * pressure.max()) & (pressure < 0.75 * pressure.max())
+    slope, level = np.polyfit(place[part] ** 2, pressure[part] ** 2, 1)
+    return float(np.sqrt(-level / slope))
+
+
+def _arc(mesh: Any, solution: Any, depth: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Distances from the axis of points of the deformed arc, and how far they lie in the plate."""
+    found = []
+    for angle in np.linspace(1e-4, 1.2, 3000):
         try:
-            across, up = solution(mesh(float(x), float(y) + 1e-6))
+            x, y = float(np.sin(angle)), 1.0 - float(np.cos(angle))
+            across, up = solution(mesh(x, y + 1e-6))
         except Exception:
             continue  # a point between the arc and its spline
-        if y + up < depth:
-            widest = max(widest, x + across)
-    return widest
+        found.append((x + across, max(depth - y - up, 0.0)))
+    place, inside = np.array(found).T
+    return place, inside
 
 
 def main() -> None:
