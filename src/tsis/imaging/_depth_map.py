@@ -12,7 +12,7 @@ from scipy.ndimage import binary_dilation, distance_transform_edt, gaussian_filt
 
 from tsis.errors import InputError, import_extra
 from tsis.imaging._colour import require_pattern
-from tsis.imaging._gel_change import BLACK, GLARE, gel_levels, marker_mask
+from tsis.imaging._gel_change import BLACK, GLARE, gel_levels, marker_pixels
 from tsis.model import ContentValue, GelSensor, freeze_arrays, require_number, require_one_of
 
 if TYPE_CHECKING:
@@ -324,7 +324,8 @@ def filled_markers(
     change: NDArray[Any], levels: NDArray[Any], reference: NDArray[Any], sensor: GelSensor
 ) -> NDArray[np.float32]:
     """The change with that of their surroundings where a marker lies or lay."""
-    marker = marker_mask(levels, reference, sensor)
+    lies, lay = (marker_pixels(part.astype(np.float64), sensor) for part in (levels, reference))
+    marker = binary_dilation(lies | lay, iterations=1)
     side = (sensor.scale_of(marker.shape[1], marker.shape[0]) or (1.0, 1.0))[0]
     blur = MARKER_FILL * (sensor.marker_pitch_mm or 0.0) / side
     weight = gaussian_filter((~marker).astype(np.float32), blur)[..., None]

@@ -131,7 +131,7 @@ def gel_change(frame: Any, reference: NDArray[np.float64], sensor: GelSensor, *,
     )
     marker = np.zeros(clipped.shape, dtype=bool)
     if sensor.marker_pitch_mm is not None:
-        marker = marker_mask(levels, reference, sensor)
+        marker = binary_dilation(marker_pixels(levels, sensor) | marker_pixels(reference, sensor), iterations=1)
     fine = change - gaussian_filter(change, (1.0, 1.0, 0.0))
     noise = 1.4826 * float(np.median(np.abs(fine))) / 0.92  # the blur takes a part of the noise along
     return GelChange(
@@ -142,12 +142,7 @@ def gel_change(frame: Any, reference: NDArray[np.float64], sensor: GelSensor, *,
     )
 
 
-def marker_mask(levels: NDArray[Any], reference: NDArray[Any], sensor: GelSensor) -> NDArray[np.bool_]:
-    """Pixels at which a marker lies or lay, with their rim."""
-    return np.asarray(binary_dilation(marker_pixels(levels, sensor) | marker_pixels(reference, sensor), iterations=1))
-
-
-def marker_pixels(levels: NDArray[Any], sensor: GelSensor) -> NDArray[np.bool_]:
+def marker_pixels(levels: NDArray[np.float64], sensor: GelSensor) -> NDArray[np.bool_]:
     """Pixels that are much darker than their surroundings of two pitches."""
     grey = levels.mean(axis=2)
     scale = sensor.scale_of(grey.shape[1], grey.shape[0])

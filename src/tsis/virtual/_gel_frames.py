@@ -17,13 +17,18 @@ from scipy.ndimage import gaussian_filter
 from scipy.special import gamma, j0, jv
 
 from tsis.errors import InputError
-from tsis.model import GelSensor, require_number, require_type
+from tsis.mechanics.gel import GelGrid
+from tsis.model import GelSensor, Layer, require_number, require_type
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from tsis.model import PressField
+
 
 PRESSURES = 5  # terms (1 - r²)^(1/2), (3/2), ... of the pressure
+LARGEST_POISSON = 0.494  # of the solver of finite strain
+MARGIN = 1.4  # contact radii between the centre of a contact and the border of the frame
 MARKER_RADIUS, MARKER_DARKNESS = 0.17, 0.85  # of the pitch, and of the light
 FINEST, WAVENUMBERS = 150.0, 3000  # largest wavenumber times the contact's radius, and their number
 
@@ -300,3 +305,35 @@ def rendered_series(sensor: GelSensor, count: int, *, ball_radius_mm: float, see
         random_gel_press(sensor, rng, ball_radius_mm=ball_radius_mm, light=light, thickness_mm=thickness)
         for _ in range(count)
     ]
+
+
+def random_gel(sensor: GelSensor, rng: np.random.Generator) -> Layer:
+    """A gel within the sensor's limits, the modulus even in its logarithm."""
+    thickness = float(rng.uniform(*sensor.thickness_mm.limits))
+    young, poisson = rng.uniform(*np.log(sensor.young_kpa.limits)), rng.uniform(*sensor.poisson.limits)
+    return Layer(thickness_mm=thickness, young_kpa=float(np.exp(young)), poisson=float(min(poisson, LARGEST_POISSON)))
+
+
+def random_place(sensor: GelSensor, radius_px: float, rng: np.random.Generator) -> tuple[float, float]:
+    """Where a contact of that radius lies well inside the frame, pixels."""
+    ends = [size - 1 for size in sensor.image_px]
+    margins = [min(MARGIN * radius_px, 0.5 * end) for end in ends]
+    x, y = (float(rng.uniform(margin, end - margin)) for margin, end in zip(margins, ends, strict=True))
+    return x, y
+
+
+def marker_drag_mm(
+    field: PressField, sensor: GelSensor, gel: Layer, centre_px: tuple[float, float], shear: tuple[float, float]
+) -> NDArray[np.float64] | None:
+    """Movement (x, y) of the face by a press and by drag, which follows the pressure, at small strain.
+
+    Shape (2, rows, columns); None without markers or scale. ``shear`` (x, y) is the drag over the pressure.
+    """
+    (columns, rows), scale = sensor.image_px, sensor.mm_per_pixel
+    if sensor.marker_pitch_mm is None or scale is None:
+        return None
+    y, x = np.mgrid[:rows, :columns]
+    distance = np.hypot((x - centre_px[0]) * scale[0], (y - centre_px[1]) * scale[1])
+    pressure = np.interp(distance, field.radius_mm, field.pressure_kpa, right=0.0)
+    grid = GelGrid((rows, columns), scale, gel.young_kpa, gel.poisson, gel.thickness_mm)
+    return grid.displacement_mm(pressure, np.multiply.outer(np.asarray(shear), pressure))[:2]
