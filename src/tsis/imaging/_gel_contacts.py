@@ -266,7 +266,8 @@ def _reasons(change: GelChange, fit: ContactFit, *, others: list[tuple[float, fl
     across = np.array([-along[1], along[0]])
     edge = np.asarray(fit.centre) + np.outer(long * np.cos(angle), along) + np.outer(short * np.sin(angle), across)
     on_image = ((edge >= 0) & (edge <= (columns - 1, rows - 1))).all(axis=1)
-    place = np.stack(np.mgrid[:rows, :columns][::-1], axis=-1) - np.asarray(fit.centre)
+    y, x = np.mgrid[:rows, :columns]
+    place = np.stack([x, y], axis=-1) - np.asarray(fit.centre)
     inside = np.hypot(place @ along / long, place @ across / short) <= 1.15
     total = max(int(np.count_nonzero(inside)), 1)
     reasons = []
