@@ -39,7 +39,7 @@ RANK = 10
 RADII = 41  # of the profiles
 PARTS = 4  # pressure and displacement of the unit press, then of the dome's shape
 LAYERS_MM = (0.5, 0.72, 1.02, 1.47, 2.1, 3.0)  # thickness of a superficial layer, each equally probable
-LAYER_SDS = (0.1, 0.4, 1.2)  # of the logarithm of its modulus over the tissue's; the least is hardly a layer
+LAYER_SDS = (0.05, 0.25, 1.0)  # of the logarithm of its modulus over the tissue's; the least is hardly a layer
 LAYER_WEIGHTS = (0.6, 0.25, 0.15)  # probability of each
 LAYER_EDGE_MM = 0.2  # depth over which its modulus changes, so that no integration point jumps
 IMPROBABLE_HYPOTHESIS = 1e-2  # of the most probable; such hypotheses are left out
@@ -255,6 +255,17 @@ class Heterogeneity:
         layers = self.table.layers(inclusion) / np.sqrt(self.layer_count)
         every = np.concatenate([factor, np.broadcast_to(layers, (len(factor), *layers.shape))], axis=2)
         return np.swapaxes(self.to_rings @ every, 1, 2)
+
+    def alone(self, sd: float, length_mm: float) -> Heterogeneity:
+        """The one hypothesis of a standard deviation and the nearest length, with hardly a layer."""
+        length = int(np.abs(np.log(np.array(LENGTHS_MM) / length_mm)).argmin())
+        return replace(
+            self,
+            sd=np.array([sd]),
+            length=np.array([length]),
+            layer_sd=np.array([LAYER_SDS[0]]),
+            log_weight=np.zeros(1),
+        )
 
     def informed(self, log_evidence: Floats) -> Heterogeneity:
         """The hypotheses after other data of ``log_evidence`` (hypotheses,), without the improbable ones."""
