@@ -9,6 +9,7 @@ import platform
 import shutil
 import signal
 import sys
+import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,6 +30,8 @@ PAGES_THAT_START = {"run-a-sweep.md"}
 STARTS = {"subprocess.Popen", "os.fork", "os.posix_spawn", "socket.bind"}  # audit events of processes and servers
 
 os.environ["NUMBA_CACHE_DIR"] = str(CACHES / "numba-cache")  # before anything imports numba
+sys.dont_write_bytecode = False  # a run would compile all its files anew, and so would each program that it starts
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 for _library in ("OPENBLAS", "MKL", "OMP"):  # of libraries that are loaded later, and of workers
     os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
 settings.register_profile("tests", deadline=None, derandomize=True)  # a busy machine is no failure
@@ -46,6 +49,7 @@ def pytest_configure(config: pytest.Config) -> None:
         os.environ["TSIS_CACHE_DIR"] = str(folder)
         if _has_room(MEMORY):
             os.environ.setdefault("TMPDIR", str(MEMORY))  # where synchronising a file waits for no disk
+            tempfile.tempdir = None  # pytest's capture has asked for the folder already; ask anew
     threadpool_limits(limits=1, user_api="blas")  # threads slow down matrices this small, the more so in two workers
     platform.processor()  # asks a program once and keeps the answer
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # begun in the background, where shells ignore Ctrl-C

@@ -13,6 +13,7 @@ from PIL import Image, UnidentifiedImageError
 from tsis.errors import FileInputError, InputError
 from tsis.files import (
     LARGEST_PIXELS,
+    QUICK_PNG,
     as_path,
     encode_picture,
     image_fault,
@@ -240,7 +241,7 @@ def png_bytes(image: TactileImage) -> bytes:
     >>> png_bytes(TactileImage(grey=np.eye(8)))[1:4]
     b'PNG'
     """
-    return encode_picture(whole_levels(image.grey, image.full_scale))
+    return encode_picture(whole_levels(image.grey, image.full_scale), level=QUICK_PNG)
 
 
 def whole_levels(grey: NDArray[Any], full_scale: float) -> NDArray[Any]:

@@ -28,6 +28,14 @@ def lit(tmp_path: Path, world: World) -> Iterator[Instrument]:
 
 
 @pytest.fixture(autouse=True)
+def _fresh_readings(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have threads read camera and store as often as the fast clock of the simulated console asks for it."""
+    for name in ("_summary.FRESH_S", "_summary.ENTRIES_FRESH_S"):
+        monkeypatch.setattr(f"tsis.console.pages.components.{name}", 0.01)
+    monkeypatch.setattr("tsis.console.services._watcher.EVERY_S", 0.01)
+
+
+@pytest.fixture(autouse=True)
 def _rough_pictures() -> Iterator[None]:
     """Spare the rendering of pictures: tests of reports look at those."""
     with rough_pictures():

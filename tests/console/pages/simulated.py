@@ -10,6 +10,8 @@ import asyncio
 import gc
 import json
 import logging.handlers
+import selectors
+import time
 from contextlib import asynccontextmanager, contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -39,7 +41,8 @@ HOST = "console.test"
 API = "/api/v1"
 FIELDS = (ui.input, ui.textarea, ChoiceElement, ui.checkbox, ui.switch)
 CONTROLS = (ui.button, ui.link, ui.tab, ui.checkbox, ui.switch, ui.expansion, Upload)
-PAUSE_S = 0.02
+PAUSE_S = 0.05  # of the loop's clock
+SPEED = 10.0  # of the loop's clock: what pages and the library repeat every so many seconds costs no test that time
 UPDATED = ("update:value", "update:modelValue")  # what a browser sends of a field that was changed
 
 
@@ -55,7 +58,25 @@ def at_console(instrument: Instrument, script: Callable[[Operator], Awaitable[No
             with _no_errors():
                 await script(operator)
 
-    asyncio.run(done())
+    with asyncio.Runner(loop_factory=_FastLoop) as runner:
+        runner.run(done())
+
+
+class _FastSelector(selectors.DefaultSelector):
+    """Waits as many times shorter as the loop's clock is faster."""
+
+    def select(self, timeout: float | None = None) -> Any:
+        return super().select(timeout and timeout / SPEED)
+
+
+class _FastLoop(asyncio.SelectorEventLoop):
+    """An event loop with a fast clock; threads have the real one."""
+
+    def __init__(self) -> None:
+        super().__init__(_FastSelector())
+
+    def time(self) -> float:
+        return super().time() * SPEED
 
 
 @contextmanager
@@ -166,7 +187,8 @@ class Operator:
 
     async def until(self, happened: Callable[[], bool], what: str) -> None:
         """Wait until something is so."""
-        for _ in range(int(HANGS_S / PAUSE_S)):
+        hangs_s = time.monotonic() + HANGS_S
+        while time.monotonic() < hangs_s:
             if happened():
                 return
             await asyncio.sleep(PAUSE_S)

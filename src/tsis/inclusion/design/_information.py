@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
-from threadpoolctl import threadpool_limits
 
 from tsis.catalog import load_phantom
+from tsis.compiled import one_blas_thread
 from tsis.errors import InputError
 from tsis.imaging import Sensor, radial_profile
 from tsis.inclusion._estimate import check_calibration
@@ -214,7 +214,7 @@ def information_of(view: PlannedView, inclusions: Floats) -> ProtocolInformation
             f"inclusions must hold diameter, depth and modulus within the prior's ranges ({prior}); "
             f"got shape {inclusions.shape}, from {inclusions.min(axis=0)} to {inclusions.max(axis=0)}"
         )
-    with threadpool_limits(limits=1, user_api="blas"):  # threads slow down matrices this small
+    with one_blas_thread():  # threads slow down matrices this small
         matrix = np.array([view.information(inclusion) for inclusion in inclusions])
     return ProtocolInformation(inclusions=inclusions, matrix=matrix, prior=prior)
 

@@ -9,8 +9,8 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
+from tsis.compiled import one_blas_thread
 from tsis.errors import InputError, MechanicsError
 from tsis.mechanics._mesh import shape_on_axis
 from tsis.mechanics.finite_strain._continuation import (
@@ -137,7 +137,7 @@ class PressSeries:
         if own is not None and (own.semi_axes_mm is not None or own.diameter_mm > WIDTHS[1] * radius):
             return press_finite(self.probe, phantom, force_n=force_n, resolution=self.resolution)
         thick = phantom.thickness_mm > THICKEST * radius
-        with threadpool_limits(limits=1, user_api="blas"):
+        with one_blas_thread():
             field = self._without_inclusion(phantom.without_inclusion(), force_n)
             if own is None:
                 return field
@@ -248,7 +248,7 @@ def require_enough_force(force_n: float, young_kpa: float, radius_mm: float, *, 
 def _solve_path(
     probe: Probe, phantom: Phantom, forces_n: tuple[float, ...], resolution: FiniteResolution, contrast: bool
 ) -> tuple[FinitePress, ...]:
-    with threadpool_limits(limits=1, user_api="blas"):  # threads slow down matrices this small
+    with one_blas_thread():  # threads slow down matrices this small
         try:
             return ProbeOnSlab(probe, phantom, resolution, contrast=contrast).path(forces_n)
         except StalledError:

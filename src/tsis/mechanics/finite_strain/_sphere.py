@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
+from tsis.compiled import one_blas_thread
 from tsis.mechanics._mesh import LayeredMesh, graded, refine
 from tsis.mechanics.finite_strain._contact import SlidingContact
 from tsis.mechanics.finite_strain._elastic_body import FIXED, OWN, ElasticBody, number_unknowns
@@ -187,7 +187,7 @@ def squeeze_path(
     require_ascending_forces(forces_n)
     softer = min(young_kpa, probe.layers[0].young_kpa)
     require_enough_force(forces_n[0], softer, sphere_radius_mm, lightest=LIGHTEST)
-    with threadpool_limits(limits=1, user_api="blas"):  # threads slow down matrices this small
+    with one_blas_thread():  # threads slow down matrices this small
         press = SphereOnProbe(probe, sphere_radius_mm, young_kpa, poisson, resolution or SphereResolution())
         return press.path(forces_n)
 

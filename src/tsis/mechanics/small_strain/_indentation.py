@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import brentq
-from threadpoolctl import threadpool_limits
 
+from tsis.compiled import one_blas_thread
 from tsis.errors import InputError, MechanicsError
 from tsis.mechanics.small_strain import _disc_contact as disc_contact
 from tsis.mechanics.small_strain._bodies import Resolution, face_of, probe_compliance
@@ -97,7 +97,7 @@ def indent(
     require_number("force_n", force_n, 1e-4, 50.0, hint="newtons")
     if probe.face_curvature_mm is not None:
         raise InputError(f"probe must be flat to be indented; got face_curvature_mm {probe.face_curvature_mm:g}")
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         return _indent(probe, sphere_radius_mm, force_n, resolution or Resolution())
 
 

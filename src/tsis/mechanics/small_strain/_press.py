@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import brentq
-from threadpoolctl import threadpool_limits
 
+from tsis.compiled import one_blas_thread
 from tsis.errors import MechanicsError
 from tsis.mechanics._face import FACE_POINTS
 from tsis.mechanics._mesh import block_radius_mm, central_cell_mm, shape_on_axis, sphere_on_axis
@@ -192,7 +192,7 @@ def half_space_compliance(face: Face, poisson: float, resolution: Resolution) ->
 
 def small_strain_press(probe: Probe, phantom: Phantom, force_n: float, resolution: Resolution | None) -> PressField:
     """The press of `tsis.mechanics.press` at small strain; the arguments are valid."""
-    with threadpool_limits(limits=1, user_api="blas"):  # threads slow down matrices this small
+    with one_blas_thread():  # threads slow down matrices this small
         result = _face_press(probe, phantom, force_n * MN_PER_N, resolution or Resolution())
         problem = strain_problem(result.approach_mm, probe, phantom.thickness_mm)
         if problem is not None:

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.linalg import eigh
 from scipy.optimize import brentq
-from threadpoolctl import threadpool_limits
 
+from tsis.compiled import one_blas_thread
 from tsis.errors import InputError, MechanicsError
 from tsis.mechanics.small_strain._bodies import Resolution
 from tsis.mechanics.small_strain._press import compliances, strain_problem
@@ -179,7 +179,7 @@ def _check(probe: Probe, phantom: Phantom, relaxation: Relaxation, approach_mm: 
 def _course_of(
     probe: Probe, phantom: Phantom, relaxation: Relaxation, approach_mm: float, resolution: Resolution | None
 ) -> tuple[PressKernel, _Course]:
-    with threadpool_limits(limits=1, user_api="blas"):  # threads slow down matrices this small
+    with one_blas_thread():  # threads slow down matrices this small
         kernel, tissue = compliances(probe, phantom, resolution or Resolution())
         travel = approach_mm - probe.sag_mm(kernel.face.radius_mm)
         return kernel, _Course(kernel.probe_compliance, tissue, relaxation, travel)

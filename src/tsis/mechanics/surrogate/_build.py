@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy
-from threadpoolctl import threadpool_limits
 
+from tsis.compiled import one_blas_thread
 from tsis.files import content_key, read_cached_arrays, write_cached_arrays
 from tsis.mechanics._mesh import mechanical_content
 from tsis.mechanics.surrogate._polynomial import (
@@ -63,7 +63,7 @@ def solve_all(
     total, done = len(thicknesses) * len(spheres), itertools.count(1)
     change = []
     # Only one level of threads: the slabs run in parallel, BLAS does not.
-    with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor(os.cpu_count()) as pool:
+    with one_blas_thread(), ThreadPoolExecutor(os.cpu_count()) as pool:
         for thickness in thicknesses:
             at_thickness = slabs(thickness)
             tasks = [pool.submit(at_thickness.changes, sphere, factors, tissues) for sphere in spheres]
@@ -127,7 +127,7 @@ def largest_error(box: Box, slabs: Callable[[float], Slabs], error: Callable[[Su
         change = signal_scale(diameter, depth, factor) * scaled
         return error(point, (at_thickness.without_inclusion([tissue]) + change)[0])
 
-    with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor(os.cpu_count()) as pool:
+    with one_blas_thread(), ThreadPoolExecutor(os.cpu_count()) as pool:
         kernels = itertools.cycle(list(pool.map(slabs, thicknesses)))
         points = ranges[:, 0] + unit * np.ptp(ranges, axis=1)
         return max(pool.map(measured, itertools.cycle(thicknesses), kernels, points))

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.interpolate import BarycentricInterpolator
-from threadpoolctl import threadpool_limits
 
+from tsis.compiled import one_blas_thread
 from tsis.errors import MechanicsError
 from tsis.files import read_cached_arrays, remove_cached, write_cached_arrays
 from tsis.mechanics._face import hats, ring_points
@@ -149,7 +149,7 @@ def build_finite_correction(
     arrays = read_cached_arrays(KIND, key) if cached else None
     if arrays is None:
         solver = SlabPresses.of(probe, ranges, poisson, mesh)
-        with threadpool_limits(limits=1, user_api="blas"):
+        with one_blas_thread():
             arrays = _solve(solver, seed, size, key if cached else None, progress)
         if cached:
             write_cached_arrays(KIND, key, arrays)
