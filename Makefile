@@ -12,7 +12,7 @@ EXTRAS := analysis,camera,classify,cluster,console,dicom,exchange,postgres
 MANIFESTS := pyproject.toml constraints.txt
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test peers test-system test-slow test-release benchmark studies lint docs sbom release man tables extras constraints clean
+.PHONY: help demo test peers test-system test-slow test-release test-sdist benchmark studies lint docs sbom release man tables extras constraints clean
 
 help:  ## say what there is
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -75,6 +75,7 @@ benchmark: $(VENV)/.dev  ## speed and accuracy beside those of other programs, o
 	$(BIN)/python -m benchmarks.store_speed
 	$(BIN)/python -m benchmarks.api_fuzz --cases 10000
 	$(BIN)/python -m benchmarks.live_view
+	$(BIN)/python -m benchmarks.console_start
 	$(BIN)/python -m benchmarks.first_report
 	$(BIN)/python -m benchmarks.records_page
 	$(BIN)/python -m benchmarks.console_growth --hours 8
@@ -100,6 +101,10 @@ sbom: $(VENV)/.release  ## the software bill of materials, build/sbom.cdx.json, 
 release: $(VENV)/.release sbom  ## rehearse a release: archives built twice and compared, hashes, metadata, bill of materials
 	$(BIN)/python -m release.rehearse build/release
 	cp build/sbom.cdx.json build/release/
+
+PYTHONS ?= $(BIN)/python  # interpreters of test-sdist
+test-sdist: release  ## the sdist's quick tests of the core packages on the installed wheel, in a fresh environment
+	$(BIN)/python -m release.sdist_tests build/release $(addprefix --python ,$(PYTHONS))
 
 man: $(VENV)/.dev  ## man pages of all commands, into build/man
 	$(BIN)/python -m release.man_pages build/man

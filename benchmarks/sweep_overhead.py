@@ -1,22 +1,27 @@
 """What a sweep costs a worker beside its presses, when a press takes 10 ms: the gaps between one press and the next.
 
-    python -m benchmarks.sweep_overhead [--presses 1500]
+    python -m benchmarks.sweep_overhead [--presses 1500] [--empty 100000]
 
 One worker each, so that every gap counts: encoding, hashing, flushing to the disk, pipes. Presses tell when they began
 and ended, so that the start of the worker and whatever else slows a press are left out. Beside it, in the same run:
-`concurrent.futures` with the same batches, which writes nothing and survives nothing, and the bare loop.
+`concurrent.futures` with the same batches, which writes nothing and survives nothing, and the bare loop. With
+``--empty`` so many presses take no time: the processor time of all processes, over that of presses of 10 ms, is what a
+sweep and Dask alone (a map over the same batches, nothing written) cost.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+import resource
 import sys
 import tempfile
+import time
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
+from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from benchmarks.busy_press import PRESS_S, busy
@@ -29,9 +34,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from tsis.model import PressField
     from tsis.sweep import SweepBatch
 
-MOST_OVERHEAD = 0.03
+
+MOST_OVERHEAD, EMPTY_OVERHEAD = 0.03, 0.02
 
 
 def let_workers_import() -> None:
@@ -60,11 +67,13 @@ def swept(count: int, batch: int) -> NDArray[np.float64]:
     return np.column_stack([found["approach_mm"], found["pressure_kpa"][:, 0]])
 
 
-def _press_batch(plan: Plan, batch: SweepBatch) -> list[tuple[float, float]]:
+def _press_batch(
+    plan: Plan, batch: SweepBatch, *, press: Callable[..., PressField] = busy
+) -> list[tuple[float, float]]:
     times = []
     for k in range(batch.samples):
         values = {name: float(column[k]) for name, column in batch.values.items()}
-        field = busy(plan.probe, plan.phantom(values), force_n=1.0, strain="small")
+        field = press(plan.probe, plan.phantom(values), force_n=1.0, strain="small")
         times.append((field.approach_mm, float(field.pressure_kpa[0])))
     return times
 
@@ -80,12 +89,52 @@ def _futures(count: int, batch: int) -> NDArray[np.float64]:
         return np.concatenate(list(pool.map(partial(_press_batch, plan), sweep_batches(plan))))
 
 
+def emptied(count: int) -> dict[str, tuple[float, float]]:
+    """Processor and wall seconds of all processes for presses that take no time, a hundred a batch."""
+    from benchmarks.sweep_costs import pressed_at_once
+
+    dask: Any = import_module("distributed")
+    plan, found = _plan(count), {}
+
+    def by_dask() -> None:
+        with (
+            dask.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster,
+            dask.Client(cluster) as client,
+        ):
+            work = partial(_press_batch, plan, press=pressed_at_once)
+            client.gather(client.map(work, list(sweep_batches(plan)), pure=False))
+
+    def by_tsis() -> None:
+        with tempfile.TemporaryDirectory() as folder:
+            run_sweep(plan, folder, workers=1, press=pressed_at_once)
+
+    for name, work in {"tsis sweep": by_tsis, "Dask alone": by_dask}.items():
+        before, began = _spent(), time.perf_counter()
+        work()
+        found[name] = (_spent() - before, time.perf_counter() - began)
+    return found
+
+
+def _spent() -> float:
+    """Processor time of this process and of its children that have ended, s."""
+    both = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return sum(part.ru_utime + part.ru_stime for part in both)
+
+
 def main() -> int:
     """Print a table; 1 when the sweep costs more than it may."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--presses", type=int, default=1500)
-    count = parser.parse_args().presses
+    parser.add_argument("--empty", type=int, help="so many presses that take no time, and nothing else")
+    options = parser.parse_args()
+    count = options.presses
     let_workers_import()
+    if options.empty:
+        costs = emptied(options.empty)
+        for name, (spent, wall) in costs.items():
+            share = 100 * spent / (PRESS_S * options.empty)
+            print(f"{name:12s} {spent:7.1f} s of processors, {share:.2f} % of the presses; {wall:.1f} s")
+        return int(costs["tsis sweep"][0] > EMPTY_OVERHEAD * PRESS_S * options.empty)
     ways: dict[str, Callable[[int], NDArray[np.float64]]] = {
         "tsis sweep, 100 a file": partial(swept, batch=100),
         "tsis sweep, 20 a file": partial(swept, batch=20),

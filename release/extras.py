@@ -12,7 +12,6 @@ import sys
 import tempfile
 import time
 import tomllib
-import venv
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -71,9 +70,9 @@ def built_wheel(folder: Path) -> Path:
     return wheel
 
 
-def installed(wheel: Path, extra: str, folder: Path) -> Path:
+def installed(wheel: Path, extra: str, folder: Path, *, python: str = sys.executable) -> Path:
     """The programs of a new environment with the wheel and the extra in it, at the pinned versions."""
-    venv.create(folder, with_pip=True)
+    subprocess.run([python, "-m", "venv", str(folder)], check=True)
     requirement = f"{wheel}[{extra}]" if extra else str(wheel)
     pinned = ["--constraint", str(ROOT / "constraints.txt")]
     command = [str(folder / "bin" / "python"), "-m", "pip", "install", "--quiet", *pinned, requirement]

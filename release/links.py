@@ -13,7 +13,7 @@ from urllib.parse import unquote
 if TYPE_CHECKING:
     from pathlib import Path
 
-PAGES = ("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "docs/**/*.md")
+PAGES = ("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "paper/*.md", "docs/**/*.md")
 BUILT = "docs/_build"
 DEEPEST = 2  # level of headings that get an anchor in the built pages, as docs/conf.py has it
 _FENCE = re.compile(

@@ -42,3 +42,22 @@ def test_the_container_runs_as_a_user_of_a_pinned_image() -> None:
     image = instructions[0][1]
     assert re.fullmatch(r"python:3\.\d+-slim-bookworm", image)  # no address of a registry, no "latest"
     assert dict(instructions)["USER"] not in ("root", "0")
+
+
+def test_the_paper_has_its_parts_and_invents_nobody() -> None:
+    """Headings and length as JOSS asks; each citation has an entry and each entry is cited; authors as CITATION.cff."""
+    text = (ROOT / "paper" / "paper.md").read_text("utf-8")
+    _, front, body = text.split("---\n", 2)
+    entries = re.findall(r"^@\w+\{(\w+),$", (ROOT / "paper" / "paper.bib").read_text("utf-8"), re.MULTILINE)
+    headings = re.findall(r"^# (.+)$", body, re.MULTILINE)
+    assert headings[:3] == ["Summary", "Statement of need", "State of the field"]
+    assert headings[-1] == "References"
+    assert 750 <= len(body.split()) <= 1750
+    assert set(re.findall(r"@(\w+)", body)) == set(entries)
+    assert len(entries) == len(set(entries))
+    for picture in re.findall(r"!\[[^\]]+\]\(([^)]+)\)", body):
+        assert (ROOT / "paper" / picture).is_file()
+    cited = yaml.safe_load((ROOT / "CITATION.cff").read_text("utf-8"))
+    stated = yaml.safe_load(front)
+    assert [author["name"] for author in stated["authors"]] == [author["name"] for author in cited["authors"]]
+    assert stated["title"] == cited["title"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import threading
+from contextlib import ExitStack, suppress
 from datetime import timedelta
 from typing import TYPE_CHECKING, Any
 
@@ -101,6 +102,26 @@ def test_a_server_that_stops_is_one_sentence_and_the_store_goes_on_when_it_is_ba
             kept = store.add_press(target, image(), taken=WHEN)
             assert store.presses(target) == (kept,)
             assert verify_store(store).sound
+
+
+def test_a_server_out_of_connections_is_one_sentence_and_an_open_store_goes_on(tmp_path: Path) -> None:
+    if why := postgres_server.missing():
+        pytest.skip(why)
+    with postgres_server.server(max_connections="12") as own, ExitStack() as others:
+        place = Place(tmp_path / "files", own.new_database())
+        with place.open() as store:
+            target = store.add_target()
+            with suppress(psycopg.OperationalError):  # until none is left
+                while True:
+                    others.enter_context(own.connect())
+            sentence = refused(place.folder, database=place.database)
+            assert "too many clients" in sentence
+            assert own.password not in sentence
+            kept = store.add_press(target, image(), taken=WHEN)
+            others.close()
+            with place.open(create=False) as second:
+                assert second.presses(second.target(1)) == (kept,)
+                assert verify_store(second).sound
 
 
 @pytest.mark.parametrize(

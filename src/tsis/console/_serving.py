@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import ipaddress
+import itertools
 import logging
 import signal
 import socket
@@ -345,22 +346,39 @@ def _terminated_as_interrupted() -> Iterator[None]:
 
 
 SILENCE_S = 10.0
+SILENT = 64  # connections of one address that have sent no request
 NOT_OPENED = "A WebSocket is asked for by GET, without a body, and with few and short headers."
 
 
 class TimeoutProtocol(H11Protocol):
-    """uvicorn's HTTP protocol with a timeout for connections without a request."""
+    """uvicorn's HTTP protocol with a timeout for connections without a request, which make room for new ones."""
 
     silence_s = SILENCE_S
+    _numbers = itertools.count()
 
     def __init__(self, *arguments: Any, **named: Any) -> None:
         super().__init__(*arguments, **named)
         self._last_cycle: object = None
+        self._number = next(self._numbers)
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Begin to watch a connection."""
+        """Begin to watch a connection; where its address has too many silent ones, or all are in use, close the oldest.
+
+        One that never sent a request is closed before one that waits for its next.
+        """
         super().connection_made(transport)
         self.loop.call_later(self.silence_s, self._check)
+        others = {item for item in self.connections if isinstance(item, TimeoutProtocol)} - {self}
+        waiting = sorted((item for item in others if item.waits()), key=lambda item: (bool(item.cycle), item._number))
+        silent = [item for item in waiting if not item.cycle and (item.client or ())[:1] == (self.client or ())[:1]]
+        full = len(self.connections) >= CONNECTIONS - 1
+        for item in silent[:1] if len(silent) >= SILENT else waiting[:full]:
+            self.connections.discard(item)
+            item.transport.abort()
+
+    def waits(self) -> bool:
+        """Whether no request is under way."""
+        return self.cycle is None or self.cycle.response_complete
 
     def handle_websocket_upgrade(self, event: h11.Request) -> None:
         """Answer a request that cannot become a WebSocket: uvicorn sends nothing, and no timeout applies any more."""
@@ -372,8 +390,7 @@ class TimeoutProtocol(H11Protocol):
     def _check(self) -> None:
         if self not in self.connections:  # it was closed, or has become a WebSocket
             return
-        waits = self.cycle is None or self.cycle.response_complete
-        if waits and self.cycle is self._last_cycle:  # no whole request since the last check
+        if self.waits() and self.cycle is self._last_cycle:  # no whole request since the last check
             self.transport.close()
             return
         self._last_cycle = self.cycle

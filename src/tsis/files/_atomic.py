@@ -9,7 +9,8 @@ import shutil
 import sys
 import time
 from contextlib import contextmanager, suppress
-from typing import IO, TYPE_CHECKING
+from importlib import import_module
+from typing import IO, TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 UNFINISHED = ".unfinished"
 PRIVATE_FILE, PRIVATE_FOLDER = 0o600, 0o700  # modes for the owner alone
 _NO_LINKS = (errno.EPERM, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP)  # file systems without links, e.g. FAT
+
+LOCKS_ARE_BYTES = os.name == "nt"
 
 if sys.platform == "darwin":
     import fcntl
@@ -276,9 +279,10 @@ def _require_new(requested: Path) -> None:
 
 @contextmanager
 def exclusive_lock(path: Path, *, wait: bool) -> Iterator[None]:
-    """Lock an existing folder or file, which nothing replaces; a lock file would outlive a killed process.
+    """Lock an existing folder or file, which nothing replaces; the system ends the lock with the process.
 
-    Windows and some network file systems have no such locks: nothing is locked there.
+    Windows locks no folders: there a byte of a file beside it is locked. Some network file systems have no locks:
+    nothing is locked there.
 
     Raises
     ------
@@ -287,19 +291,47 @@ def exclusive_lock(path: Path, *, wait: bool) -> Iterator[None]:
     OSError
         When the path cannot be opened.
     """
-    if sys.platform == "win32":
-        yield
-        return
-    import fcntl
-
-    handle = os.open(path, os.O_RDONLY)
-    try:
+    if not LOCKS_ARE_BYTES:
+        handle = os.open(path, os.O_RDONLY)
         try:
-            fcntl.flock(handle, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise
-        except OSError:  # no locks on this file system
-            pass
-        yield
+            _lock_whole(handle, wait=wait)
+            yield
+        finally:
+            os.close(handle)  # which unlocks
+        return
+    path.stat()  # which raises where nothing is to be locked
+    handle = os.open(path.with_name(f"{path.name}.lock"), os.O_RDWR | os.O_CREAT)
+    try:
+        with _locked_byte(handle, wait=wait):
+            yield
     finally:
         os.close(handle)
+
+
+def _lock_whole(handle: int, *, wait: bool) -> None:
+    import fcntl
+
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise
+    except OSError:  # no locks on this file system
+        pass
+
+
+@contextmanager
+def _locked_byte(handle: int, *, wait: bool) -> Iterator[None]:
+    windows: Any = import_module("msvcrt")
+    while True:
+        try:
+            windows.locking(handle, windows.LK_LOCK if wait else windows.LK_NBLCK, 1)
+            break
+        except OSError as error:
+            if not wait:
+                raise BlockingIOError(errno.EAGAIN, os.strerror(errno.EAGAIN)) from error
+            if error.errno != errno.EDEADLOCK:  # Windows gives up after ten seconds
+                raise
+    try:
+        yield
+    finally:
+        windows.locking(handle, windows.LK_UNLCK, 1)
