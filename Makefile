@@ -50,6 +50,7 @@ benchmark: $(VENV)/.dev  ## speed and accuracy beside those of other programs, o
 	$(BIN)/python -m benchmarks.held_out
 	$(BIN)/python -m benchmarks.mechanics
 	$(BIN)/python -m benchmarks.domed_second_code
+	$(BIN)/python -m benchmarks.domed_second_code_finite
 	$(BIN)/python -m benchmarks.slab_modes
 	$(BIN)/python -m benchmarks.propagation
 	$(BIN)/python -m benchmarks.rays
