@@ -50,6 +50,7 @@ benchmark: $(VENV)/.dev  ## speed and accuracy beside those of other programs, o
 	$(BIN)/python -m benchmarks.held_out
 	$(BIN)/python -m benchmarks.mechanics
 	$(BIN)/python -m benchmarks.domed_second_code
+	$(BIN)/python -m benchmarks.domed_second_code_finite
 	$(BIN)/python -m benchmarks.slab_modes
 	$(BIN)/python -m benchmarks.propagation
 	$(BIN)/python -m benchmarks.rays
@@ -78,6 +79,7 @@ benchmark: $(VENV)/.dev  ## speed and accuracy beside those of other programs, o
 	$(BIN)/python -m benchmarks.peak_memory
 	$(BIN)/python -m benchmarks.api_fuzz --cases 10000
 	$(BIN)/python -m benchmarks.live_view
+	$(BIN)/python -m benchmarks.console_start
 	$(BIN)/python -m benchmarks.first_report
 	$(BIN)/python -m benchmarks.records_page
 	$(BIN)/python -m benchmarks.console_growth --hours 8

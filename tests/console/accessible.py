@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib.util
+from importlib.resources import files
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -79,9 +81,23 @@ WIDER = """() => {
 }"""
 
 
+AXE = "axe_playwright_python"  # brings axe-core, whose rules are those of WCAG 2.2
+BROKEN = """async () => (await axe.run(document, { resultTypes: ["violations"] })).violations.flatMap(
+  (rule) => rule.nodes.map((node) => `axe, ${rule.id}: ${node.html.slice(0, 160)}`))"""
+
+
 def faults(page: Page) -> list[str]:
     """What is wrong with the page as it is shown now; empty when nothing was found."""
     result: list[str] = page.evaluate(FAULTS)
+    return result + broken_rules(page)
+
+
+def broken_rules(page: Page) -> list[str]:
+    """The elements that break a rule of axe-core, where that is installed."""
+    if importlib.util.find_spec(AXE) is None:
+        return []
+    page.evaluate((files(AXE) / "axe.min.js").read_text(encoding="utf-8"))
+    result: list[str] = page.evaluate(BROKEN)
     return result
 
 

@@ -51,14 +51,15 @@ def texts(page: Page) -> list[Text]:
     return [
         Text(
             text=item["text"],
-            contrast=_contrast(item["colour"], item["grounds"], item["opacity"]),
+            contrast=contrast_on(item["colour"], item["grounds"], item["opacity"]),
             least=LEAST_LARGE if item["large"] else LEAST,
         )
         for item in page.evaluate(TEXTS)
     ]
 
 
-def _contrast(colour: str, grounds: list[str], opacity: float) -> float:
+def contrast_on(colour: str, grounds: list[str], opacity: float = 1.0) -> float:
+    """Contrast of a colour on grounds that lie one over another, the uppermost first."""
     behind = (255.0, 255.0, 255.0)
     for ground in reversed(grounds):
         behind = _over(_rgba(ground), behind)

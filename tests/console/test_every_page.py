@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import pytest
-from tests.console.accessible import faults, too_wide
+from tests.console.accessible import AXE, broken_rules, faults, too_wide
 from tests.console.browser import needs_browser, picture
-from tests.console.contrast import contrast, texts
+from tests.console.contrast import contrast, contrast_on, texts
 from tests.console.operator import TABLET, hold, run, tab
 
 from tsis.console.pages import PAGES, UNLISTED
@@ -75,6 +75,28 @@ def test_a_page_fits_every_width(console: RunningConsole, browser: Browser, sche
     assert wide == {}
 
 
+def test_controls_are_large_enough_for_a_finger(console: RunningConsole, browser: Browser) -> None:
+    """44 pixels each way on a screen that is touched, of all pages."""
+    small: dict[str, list[str]] = {}
+    with tab(browser, console, size=(390, 844), has_touch=True) as page:
+        hold(page)
+        for title in TITLES:
+            _open(page, title)
+            page.get_by_role("heading", level=1, name=title, exact=True).wait_for()
+            page.locator("main .panel").first.wait_for()
+            if result := page.evaluate(SMALL) + too_wide(page):
+                small[title] = result
+    assert small == {}
+
+
+SMALL = r"""() => [...document.querySelectorAll(
+    "button, a[href], [role=tab], [role=switch], [role=checkbox], .q-field__control")]
+  .filter((each) => each.checkVisibility({ visibilityProperty: true }) && !each.matches(".skip, .q-uploader *"))
+  .map((each) => [each.getBoundingClientRect(), each])
+  .filter(([box]) => box.width && (box.width < 43.5 || box.height < 43.5))
+  .map(([box, each]) => `${box.width} x ${box.height}: ${each.outerHTML.slice(0, 120)}`)"""
+
+
 @pytest.mark.parametrize("title", TITLES)
 @pytest.mark.parametrize("where", ["desktop", "tablet"])
 def test_the_help_of_a_page_explains_each_of_its_fields(where: str, title: str, request: pytest.FixtureRequest) -> None:
@@ -108,6 +130,43 @@ def _open(page: Page, title: str) -> None:
         page.get_by_role("navigation").get_by_role("link", name=title, exact=True).click()
 
 
+@pytest.mark.parametrize("title", ["Examine", "Camera", "Design"])
+@pytest.mark.parametrize("where", ["desktop", "tablet"])
+def test_the_focus_is_outlined_in_both_themes(where: str, title: str, request: pytest.FixtureRequest) -> None:
+    """Each control that Tab reaches has an outline of 2 px or more, 3 : 1 against what it stands on (WCAG 1.4.11)."""
+    page: Page = request.getfixturevalue(where)
+    _open(page, title)
+    page.locator("main .panel").first.wait_for()
+    page.evaluate("document.activeElement.blur()")
+    seen = []
+    for _ in range(40):
+        page.keyboard.press("Tab")
+        page.wait_for_function("document.getAnimations().every((each) => each.playState !== 'running')")
+        mark = page.evaluate(FOCUS)
+        if mark["text"] in seen or mark["text"].startswith("<body"):  # round and at the beginning again
+            continue
+        seen.append(mark["text"])
+        assert mark["width"] >= 2, mark["text"]
+        assert contrast_on(mark["colour"], mark["grounds"]) >= 3.0, mark["text"]
+    assert len(seen) > 15
+
+
+FOCUS = r"""() => {
+  const at = document.activeElement;
+  const width = (each) => {
+    const style = getComputedStyle(each);
+    return style.outlineStyle === "none" ? 0 : parseFloat(style.outlineWidth);
+  };
+  const near = [at, at.parentElement, at.closest(".q-field__control, .q-slider, .q-toggle, .q-checkbox, .q-tab")];
+  const marked = near.find((each) => each && width(each) > 0) || at;
+  const grounds = [];
+  for (let each = marked.parentElement; each; each = each.parentElement)
+    grounds.push(getComputedStyle(each).backgroundColor);
+  const colour = getComputedStyle(marked).outlineColor;
+  return { text: at.outerHTML.slice(0, 200), width: width(marked), colour, grounds };
+}"""
+
+
 def test_contrast_is_that_of_the_standard() -> None:
     """21 between black and white, and 4.5 just reached by #767676 on white."""
     assert contrast((0, 0, 0), (255, 255, 255)) == pytest.approx(21)
@@ -125,6 +184,15 @@ def test_faults_are_found(browser: Browser) -> None:
     assert sum(item.startswith("no name") for item in result) == 4
     for label in ("language", "title", "picture without words", "#a", "table without", "jumps", "level 1", "one nav"):
         assert any(label in item for item in result), label
+
+
+def test_what_breaks_a_rule_of_axe_is_found(browser: Browser) -> None:
+    pytest.importorskip(AXE)
+    page = browser.new_page()
+    page.set_content('<html lang="en"><title>x</title><main><h1>x</h1><div role="progressbar"></div></main></html>')
+    result = broken_rules(page)
+    page.close()
+    assert result == ['axe, aria-progressbar-name: <div role="progressbar"></div>']
 
 
 def test_pale_text_is_found(browser: Browser) -> None:

@@ -35,6 +35,7 @@ def test_start_and_stop_are_one_button(console: RunningConsole, browser: Browser
         stop.click()
         page.get_by_role("button", name="Start").wait_for()
         page.get_by_text("the camera is stopped").first.wait_for()
+        expect(page.locator("body")).not_to_contain_text("frames/s")
         assert requested(console, "/state")["camera"]["running"] is False
         run(page)
         assert requested(console, "/state")["camera"]["running"] is True
@@ -116,7 +117,11 @@ def test_the_keys_are_listed(console: RunningConsole, browser: Browser) -> None:
     with operating(browser, console) as page:
         page.keyboard.press("?")
         for word in ("save a snapshot", "previous target", "next target", "live image alone, and back"):
-            page.get_by_text(word).wait_for()
+            page.get_by_role("dialog").get_by_text(word).wait_for()
+        for cap in ("Space", "←", "→", "F", "?", "Tab, Enter"):
+            key = page.get_by_role("dialog").locator("dt").get_by_text(cap, exact=True)
+            assert key.is_visible(), cap
+            assert key.evaluate("each => each.scrollWidth <= each.clientWidth && each.clientHeight >= 12"), cap
         page.keyboard.press("Escape")
         page.get_by_role("dialog").wait_for(state="hidden")
 

@@ -78,6 +78,29 @@ def test_name_note_and_truth_are_changed(console: RunningConsole, browser: Brows
     )
 
 
+def test_back_leaves_a_dialog_with_its_text_open(console: RunningConsole, browser: Browser) -> None:
+    with tab(browser, console, "/about") as page:
+        page.get_by_role("link", name="Records", exact=True).click()
+        page.get_by_role("link", name="size-10").click()
+        page.wait_for_url(f"**/records/{ESTIMATED}*")
+        open_editing(page)
+        page.get_by_role("dialog").get_by_label("Name").fill("half typed")
+        here = page.url
+        page.evaluate("history.back()")
+        still(page)
+        assert page.url == here
+        assert page.get_by_role("dialog").get_by_label("Name").input_value() == "half typed"
+        page.get_by_role("dialog").get_by_role("button", name="Cancel").click()
+        page.get_by_role("dialog").wait_for(state="hidden")
+        page.get_by_role("button", name="Help").click()
+        page.get_by_role("dialog").wait_for()
+        page.evaluate("history.back()")  # which has nothing to lose
+        page.get_by_role("dialog").wait_for(state="hidden")
+        assert page.url == here
+        page.evaluate("history.back()")
+        page.wait_for_url(re.compile("/records$"))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("field", "text", "message"),

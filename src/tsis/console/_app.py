@@ -135,4 +135,5 @@ def console_app(instrument: Instrument, *, access: Access, hosts: Collection[str
         reconnect_timeout=5.0,
         gzip_middleware_factory=None,  # pages are marked on their way out, and files are local
     )
+    pages.config.quasar_config["loadingBar"]["skipHijack"] = True  # a bar that readers of the screen have no name for
     return AuthMiddleware(application, access=access, hosts=hosts)

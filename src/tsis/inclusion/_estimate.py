@@ -19,6 +19,7 @@ from tsis.inclusion._verdict import (
     cramer_rao_sd,
     findings,
     identifiability,
+    layer_findings,
     light_findings,
     misfit_chance,
     misfit_finding,
@@ -191,7 +192,7 @@ def analyse(
         of_images = image_findings(targets, references, probe=probe, calibration=response, uneven=reading.uneven)
         result = explore_inclusion(reading.likelihood, prior)
         flagged = [*findings(result, prior, reading.data), *position_findings(reading.position), *of_images]
-        flagged += light_findings(calibration)
+        flagged += [*light_findings(calibration), *layer_findings(result.layer)]
         chance = misfit_chance(result, reading.data)
         if chance < IMPROBABLE:
             disagree = len(targets) > 1 and all(_fits(read([target]), prior) for target in targets)

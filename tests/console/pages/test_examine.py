@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import threading
 from functools import partial
 from typing import TYPE_CHECKING
 
+import pytest
 from nicegui import ui
 from tests.console.filled_store import ESTIMATED
 from tests.console.pages.simulated import at_console
@@ -36,7 +38,27 @@ def test_start_and_stop_are_one_button(lit: Instrument) -> None:
         assert (await operator.requested("/state"))["camera"]["running"] is True
         await operator.clicks("Stop")
         await operator.sees("camera stopped", "Start")
+        await operator.misses("frames/s")
         assert (await operator.requested("/state"))["camera"]["running"] is False
+
+    at_console(lit, script)
+
+
+@pytest.mark.parametrize("page", ["/", "/hardness"])
+def test_a_camera_that_is_being_started_is_not_called_stopped(lit: Instrument, world: World, page: str) -> None:
+    world.opening = threading.Event()
+
+    async def script(operator: Operator) -> None:
+        assert world.opening is not None
+        await operator.clicks("Start")
+        await operator.sees("starting the camera …")
+        if page != "/":
+            await operator.open(page)
+        await operator.sees("Starting the camera …")
+        await operator.misses("stopped")
+        world.opening.set()
+        await operator.sees("frames/s, 0 dropped")
+        await operator.misses("tarting the camera")
 
     at_console(lit, script)
 

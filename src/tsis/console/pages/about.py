@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from nicegui import ui
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.console.pages.components import FactList, panel_title, time_label
+from tsis.console.pages.components import FactList, panel_title, time_label, tr
 from tsis.records import environment
 
 if TYPE_CHECKING:
@@ -117,12 +117,14 @@ async def about_page(instrument: Instrument, viewer: Viewer) -> None:
         with _panel("Versions"):
             versions = FactList()
         with _panel("For scripts"):
-            ui.label("What pages do, scripts can do by HTTP and JSON, with the same rights and behind the same key.")
-            ui.link("The calls and their values", DESCRIPTION, new_tab=True)
+            ui.label(
+                tr("What pages do, scripts can do by HTTP and JSON, with the same rights and behind the same key.")
+            )
+            ui.link(tr("The calls and their values"), DESCRIPTION, new_tab=True)
         with _panel("To cite it"):
             for message in CITATION:
                 ui.label(message)
-        with _panel(f"Licence: {LICENCE}"), ui.expansion("Read it").props("dense").classes("licence"):
+        with _panel(f"Licence: {LICENCE}"), ui.expansion(tr("Read it")).props("dense").classes("licence"):
             ui.label(licence()).classes("whole-text")
 
     def show(state: InstrumentState) -> None:

@@ -28,6 +28,7 @@ from tsis.console.pages.components import (
     rows_under,
     select_field,
     time_label,
+    tr,
     typed_integer,
     typed_number,
     unit_field,
@@ -60,7 +61,7 @@ class CalibrationPanel:
     def __init__(self, instrument: Instrument, viewer: Viewer, controls: OperatorControls) -> None:
         self._instrument, self._viewer = instrument, viewer
         with ui.element("section").classes("panel stack tight"):
-            panel_title("Active calibration")
+            panel_title(tr("Active calibration"))
             self._name = ui.label()
             self._identity = ui.label().classes("muted wordy")
             refused = f"a calibration file must end in .json and hold at most {LARGEST_BYTES // 2**20} MiB"
@@ -68,7 +69,7 @@ class CalibrationPanel:
                 viewer, "Calibration file", accept=".json", refused=refused, most_bytes=LARGEST_BYTES
             )
             self._upload.on_upload(self._uploaded)
-            self._none = ui.button("Use none", on_click=viewer.command(instrument.use_calibration, None))
+            self._none = ui.button(tr("Use none"), on_click=viewer.command(instrument.use_calibration, None))
             controls.add(self._upload, self._none.props("no-caps outline"))
 
     def show(self, state: InstrumentState) -> None:
@@ -90,7 +91,7 @@ class CalibrationPanel:
 
         name = await self._viewer.attempt(activated)
         if name is not None:
-            self._viewer.notify(f"The calibration {name} is active.")
+            self._viewer.notify(tr("The calibration {name} is active.", name=name))
 
 
 def calibration_text(usable: UsableCalibration | None) -> str:
@@ -115,16 +116,16 @@ class GaugePanel:
     def __init__(self, instrument: Instrument, viewer: Viewer, controls: OperatorControls) -> None:
         self._instrument, self._viewer = instrument, viewer
         with ui.element("section").classes("panel stack tight") as self._panel:
-            panel_title("Force gauge")
+            panel_title(tr("Force gauge"))
             self._in_use = ui.label().props("role=status")
             with ui.element("div").classes("row"):
                 self._port = select_field([], label="Serial port", with_input=True, new_value_mode="add-unique")
                 self._unit = select_field(list(UNITS), value=ITS_OWN, label="Unit")
                 self._baud = unit_field("Bits per second", str(BAUD), keys="numeric")
-            self._sends = ui.switch("It sends on its own and is not to be asked")
+            self._sends = ui.switch(tr("It sends on its own and is not to be asked"))
             with ui.element("div").classes("row"):
-                self._connect = ui.button("Connect", on_click=self._begin).props("no-caps outline")
-                leave = ui.button("Use no gauge", on_click=viewer.command(instrument.use_gauge, None))
+                self._connect = ui.button(tr("Connect"), on_click=self._begin).props("no-caps outline")
+                leave = ui.button(tr("Use no gauge"), on_click=viewer.command(instrument.use_gauge, None))
             for item in (self._port, self._unit, self._baud):
                 controls.add(item.props("dense outlined"))
             controls.add(self._sends, self._connect, leave.props("no-caps outline"))
@@ -172,8 +173,8 @@ class VirtualPanel:
         self._instrument, self._viewer = instrument, viewer
         choice = instrument.camera_controller.choice
         with ui.element("section").classes("panel stack tight"):
-            panel_title("Virtual probe")
-            ui.label("No hardware: mechanics, light and camera are calculated.").classes("muted")
+            panel_title(tr("Virtual probe"))
+            ui.label(tr("No hardware: mechanics, light and camera are calculated.")).classes("muted")
             with ui.element("div").classes("row"):
                 self._probe = select_field(list(list_probes()), value=choice.probe, label="Probe")
                 self._phantom = select_field(subjects(), value=choice.phantom, label="Pressed object")
@@ -181,7 +182,7 @@ class VirtualPanel:
                 self._seed = unit_field("Seed", str(choice.seed), keys="numeric").classes("seed")
             self._changes = ui.element("div").classes("row")
             with self._changes:
-                ui.label("Inclusion other than the catalog's:").classes("muted whole-line")
+                ui.label(tr("Inclusion other than the catalog's:")).classes("muted whole-line")
                 self._values = {
                     name: unit_field(label, number_text_of_field(getattr(choice, name)), unit=unit).classes(
                         "number-field"
@@ -190,7 +191,7 @@ class VirtualPanel:
                 }
             for select in (self._probe, self._phantom):
                 controls.add(select).props("dense outlined")
-            self._use = ui.button("Use the virtual probe", on_click=self._chosen).props("no-caps unelevated")
+            self._use = ui.button(tr("Use the virtual probe"), on_click=self._chosen).props("no-caps unelevated")
             controls.add(self._seed, *self._values.values(), self._use)
         self._show_changes()
 
@@ -238,14 +239,14 @@ class ChosenPanel:
         self._instrument, self._viewer = instrument, viewer
         with ui.element("div").classes("row"):
             with ui.element("div"):
-                panel_title("Camera in use")
+                panel_title(tr("Camera in use"))
                 self._name = ui.label()
                 self._how = ui.label().classes("muted")
             ui.element("div").classes("spring")
             select = select_field({}, label="Mode").props("dense outlined").classes("mode")
             self._mode = ChoiceField(viewer, select, self._in_mode)
             self._run = RunButton(instrument, viewer)
-            ui.link("Examine", "/")
+            ui.link(tr("Examine"), "/")
         controls.add(select, self._run.element)
 
     def show(self, state: InstrumentState) -> None:
@@ -287,9 +288,9 @@ class SearchPanel:
         self._instrument, self._viewer, self._controls = instrument, viewer, controls
         with ui.element("section").classes("panel stack tight"):
             with ui.element("div").classes("row"):
-                panel_title("Cameras")
+                panel_title(tr("Cameras"))
                 ui.element("div").classes("spring")
-                self._search = ui.button("Search", icon="search", on_click=self._begin).props("no-caps outline")
+                self._search = ui.button(tr("Search"), icon="search", on_click=self._begin).props("no-caps outline")
             self._bar = ProgressBar("Search")
             self._message = ui.label().classes("muted").props("role=status")
             self._cameras = Redrawn(ui.element("div").classes("stack"))
@@ -316,7 +317,9 @@ class SearchPanel:
                     self._line(camera)
         if findings.missing:
             with (
-                ui.expansion(f"{len(findings.missing)} sources could not be searched").props("dense").classes("missing")
+                ui.expansion(tr("{count} sources could not be searched", count=len(findings.missing)))
+                .props("dense")
+                .classes("missing")
             ):
                 for source, message in findings.missing.items():
                     with ui.element("p"):
@@ -329,7 +332,7 @@ class SearchPanel:
             cell(camera.source)
             cell(", ".join(filter(None, (camera.identity, camera.note)))).classes("muted")
             with ui.element("td"):
-                use = ui.button("Use", on_click=partial(self._use, camera)).props("no-caps outline dense")
+                use = ui.button(tr("Use"), on_click=partial(self._use, camera)).props("no-caps outline dense")
                 use.props["aria-label"] = f"Use {camera.identity}"
                 self._controls.add(use)
 

@@ -23,6 +23,7 @@ from tsis.console.pages.components import (
     panel_title,
     rows_under,
     table,
+    tr,
     typed_integer,
     typed_number,
     typed_numbers,
@@ -74,7 +75,7 @@ class OwnImagesPage:
         ui.context.client.on_delete(lambda: shutil.rmtree(self._folder, ignore_errors=True))
         self.rows: list[FrameRow] = []
         with ui.element("section").classes("panel stack"):
-            panel_title("My images")
+            panel_title(tr("My images"))
             ui.label(SAYS).classes("muted")
             field = FileField(
                 label="Drop files here, or choose them",
@@ -82,28 +83,32 @@ class OwnImagesPage:
                 auto_upload=True,
                 max_file_size=LARGEST_MIB * 2**20,
                 on_upload=self.uploaded,
-                on_rejected=lambda: viewer.complain(f"a file is larger than {LARGEST_MIB} MiB or of another kind"),
+                on_rejected=lambda: viewer.complain(
+                    tr("a file is larger than {most} MiB or of another kind", most=LARGEST_MIB)
+                ),
             ).props("flat bordered")
             field.props["accept"] = ",".join(OPENABLE)
             name_parts(field, "Choose images")
             explain(field, "Choose images")
             with ui.element("div").classes("row"):
-                self.path_field = unit_field("File or folder on the console's machine", "")
-                ui.button("Open", icon="folder_open", on_click=self.open_path).props("no-caps outline")
+                self.path_field = unit_field("File or folder on the console's machine", "").classes("path")
+                ui.button(tr("Open"), icon="folder_open", on_click=self.open_path).props("no-caps outline")
             self._refused = message_list()
         with ui.element("section").classes("panel stack") as self._panel:
-            panel_title("Frames")
+            panel_title(tr("Frames"))
             with ui.element("div").classes("scroll"):
                 self._rows = rows_under(("File", "Size", "Pressed on", "Force", ""), caption="Frames")
             with ui.element("div").classes("row"):
                 self.scale_field = unit_field("Scale, or x,y", "", unit="mm/pixel")
-                self._invert = ui.switch("Light falls where pressed", value=False)
-                self._calibrated = ui.switch("Taken with the active calibration", value=False)
+                self._invert = ui.switch(tr("Light falls where pressed"), value=False)
+                self._calibrated = ui.switch(tr("Taken with the active calibration"), value=False)
             with ui.element("div").classes("row"):
-                self._measure = ui.button("Measure contact", icon="straighten", on_click=self.measure)
+                self._measure = ui.button(tr("Measure contact"), icon="straighten", on_click=self.measure)
                 self._measure.props("no-caps outline")
                 self.number_field = unit_field("Target (empty: a new one)", "")
-                self._save = ui.button("Save as target", icon="save", on_click=self.save).props("no-caps unelevated")
+                self._save = ui.button(tr("Save as target"), icon="save", on_click=self.save).props(
+                    "no-caps unelevated"
+                )
         self._panel.set_visibility(False)
         self._results = ui.element("section").classes("stack").props('role="status"')
 
@@ -113,14 +118,16 @@ class OwnImagesPage:
         try:
             await event.file.save(file)
         except OSError as error:
-            self._viewer.complain(f"{file.name} needs room for a copy; got: {error.strerror or error}")
+            self._viewer.complain(
+                tr("{file} needs room for a copy; got: {reason}", file=file.name, reason=error.strerror or error)
+            )
             return
         await self._open(file)
 
     async def open_path(self) -> None:
         """Open a file or folder of the console's machine; only for the owner of the camera."""
         if not self._viewer.commands:
-            self._viewer.complain("only the camera's owner may open paths of its machine; drop the files here")
+            self._viewer.complain(tr("only the camera's owner may open paths of its machine; drop the files here"))
         elif self.path_field.value:
             await self._open(Path(self.path_field.value).expanduser())
 
@@ -185,8 +192,12 @@ class OwnImagesPage:
         if result is not None:
             number, added = result
             with self._results, ui.element("div").classes("panel row"):
-                ui.label(f"Saved {count_of(added, 'press')} of target {number}.").classes("good")
-                ui.link(f"Open target {number}: estimate and report", f"/records/{number}").classes("link")
+                ui.label(
+                    tr("Saved {presses} of target {number}.", presses=count_of(added, "press"), number=number)
+                ).classes("good")
+                ui.link(tr("Open target {number}: estimate and report", number=number), f"/records/{number}").classes(
+                    "link"
+                )
 
 
 class FrameRow:

@@ -49,7 +49,7 @@ class JobRows:
 
     async def _end(self, identity: str) -> None:
         if not self._viewer.commands:
-            self._viewer.complain("only the camera's owner may end jobs; take the camera first")
+            self._viewer.complain(tr("only the camera's owner may end jobs; take the camera first"))
             return
         await self._viewer.attempt(self._ended, identity)
 
@@ -62,10 +62,10 @@ class JobList:
     """The header's button, which says how far running jobs are, and its list."""
 
     def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
-        self._button = ui.button("Jobs").props('flat dense no-caps aria-haspopup="dialog"')
+        self._button = ui.button(tr("Jobs")).props('flat dense no-caps aria-haspopup="dialog"')
         with self._button, ui.menu().props('anchor="bottom right" self="top right" role=dialog') as menu:
             menu.props["aria-label"] = tr("Jobs")
-            ui.link("All jobs and their history", "/jobs").classes("link job-history").on("click", menu.close)
+            ui.link(tr("All jobs and their history"), "/jobs").classes("link job-history").on("click", menu.close)
             place = ui.element("ul").classes("job-list").props('aria-label="Jobs, the newest first"')
             self._rows = JobRows(instrument, viewer, place, "No jobs yet.")
 
@@ -85,13 +85,13 @@ class _Row:
                 ui.label(state.title).classes("strong")
                 ui.element("div").classes("spring")
                 self._text = ui.label().classes("muted")
-                self._end = ui.button("End", on_click=lambda: end(state.identity)).props("flat dense no-caps")
+                self._end = ui.button(tr("End"), on_click=lambda: end(state.identity)).props("flat dense no-caps")
                 self._end.props["aria-label"] = f"End {state.title}"
             self._bar = ProgressBar(f"Progress of {state.title}")
             with ui.element("div").classes("row"):
                 self._when = ui.label().classes("muted")
                 if address := job_address(state.title):
-                    ui.link("Open target", address).classes("link")
+                    ui.link(tr("Open target"), address).classes("link")
             self._message = ui.label().classes("muted")
 
     def show(self, state: JobState) -> None:
@@ -119,11 +119,11 @@ def jobs_page(instrument: Instrument, viewer: Viewer) -> None:
     """Build the page: what runs, and what was done by this run of the program and those before."""
     with ui.element("div").classes("stack"):
         with ui.element("section").classes("panel stack"):
-            panel_title("Under way")
+            panel_title(tr("Under way"))
             running = JobRows(instrument, viewer, ui.element("ul").classes("job-list wide"), "Nothing is under way.")
         with ui.element("section").classes("panel stack"):
-            panel_title("History")
-            ui.label("Of this run of the console and those before; a target's job opens its page.").classes("muted")
+            panel_title(tr("History"))
+            ui.label(tr("Of this run of the console and those before; a target's job opens its page.")).classes("muted")
             columns = [{"name": name, "label": label, "field": name, "align": "left"} for name, label in COLUMNS]
             table = ui.table(rows=[], columns=columns, row_key="identity", pagination=25).props("flat dense")
             table.add_slot("body-cell-title", LINK)

@@ -49,9 +49,22 @@ AT_ONCE = f"""<script>
   try {{ chosen = localStorage.getItem("{REMEMBERED}"); }} catch {{ /* storage is refused: as the system has it */ }}
   const dark = chosen === "dark" || (chosen !== "light" && matchMedia("(prefers-color-scheme: dark)").matches);
   document.documentElement.classList.toggle("dark", dark);
+
+  let here = [];
+  const note = () => {{ here = [history.state, location.href]; }};
+  document.addEventListener("focusin", note);
+  addEventListener("popstate", (event) => {{
+    const dialog = [...document.querySelectorAll(".q-dialog")].at(-1);
+    if (!dialog || !here[1]) return note();
+    event.stopImmediatePropagation();
+    history.pushState(here[0], "", here[1]);
+    if (!dialog.querySelector("input:not([type=checkbox]), textarea"))
+      dialog.querySelector(".q-dialog__backdrop").click();
+  }});
 }})();
 </script>"""
-"""Colours the page before anything is on it, so that a dark room sees no white flash."""
+"""Runs before the page: colours it, so that a dark room sees no white flash, and minds the browser's Back. With an open
+dialog, Back stays on the page: it closes the dialog, or changes nothing where that has a field with a text to lose."""
 
 
 class ThemeChoice(Element, component="theme.js"):

@@ -21,6 +21,7 @@ from tsis.console.pages.components import (
     number_text_of_field,
     panel_title,
     select_field,
+    tr,
     typed_integer,
     typed_number,
     typed_numbers,
@@ -46,10 +47,10 @@ def calibrate_page(instrument: Instrument, viewer: Viewer) -> None:
     controls = OperatorControls(viewer)
     with ui.element("div").classes("split calibrate-choosing"):
         with ui.element("section").classes("panel"):
-            panel_title("Sessions")
+            panel_title(tr("Sessions"))
             listed = Redrawn(ui.element("div").classes("stack"))
         with ui.element("section").classes("panel stack"):
-            panel_title("Begin a calibration")
+            panel_title(tr("Begin a calibration"))
             form = TermsForm(instrument, viewer, controls)
             controls.why()
 
@@ -71,8 +72,10 @@ def session_list(sessions: Sequence[SessionSummary]) -> None:
     """Links to all sessions with their progress."""
     if not sessions:
         ui.label(
-            "None yet. A calibration converts grey levels to newtons and pixels to millimetres; begin one, and "
-            "it leads through its steps. It can be interrupted at any time and goes on where it was left."
+            tr(
+                "None yet. A calibration converts grey levels to newtons and pixels to millimetres; begin one, and "
+                "it leads through its steps. It can be interrupted at any time and goes on where it was left."
+            )
         ).classes("muted")
         return
     with ui.element("ul").classes("calibrate-sessions"):
@@ -85,12 +88,12 @@ def session_list(sessions: Sequence[SessionSummary]) -> None:
                 ui.link(item.title or item.name, f"/calibrate/{quote(item.name)}").classes("strong").mark(
                     f"session {item.name}"
                 )
-                ui.label(f"{item.probe}, {item.camera}").classes("muted")
+                ui.label(tr("{probe}, {camera}", probe=item.probe, camera=item.camera)).classes("muted")
                 ui.element("div").classes("spring")
                 if item.made:
-                    ui.label("calibration made").classes("good")
+                    ui.label(tr("calibration made")).classes("good")
                 else:
-                    ui.label(f"{item.done} of {item.total} steps").classes("muted")
+                    ui.label(tr("{done} of {total} steps", done=item.done, total=item.total)).classes("muted")
 
 
 ICONS = {"open": "radio_button_unchecked", "under way": "hourglass_top", "done": "check_circle", "left out": "remove"}
@@ -107,10 +110,10 @@ class StepList:
         choose: Callable[[str], Awaitable[None]],
     ) -> None:
         self._choose = choose
-        self._title = panel_title("Steps")
+        self._title = panel_title(tr("Steps"))
         self._list = Redrawn(ui.element("ol").classes("calibrate-steps"))
         self._all = ui.button(
-            "Take all open steps", icon="fast_forward", on_click=viewer.command(session.take_all)
+            tr("Take all open steps"), icon="fast_forward", on_click=viewer.command(session.take_all)
         ).classes("calibrate-all")
         self._automatic = session.rig.by_itself
         self._all.set_visibility(self._automatic)
@@ -161,7 +164,7 @@ async def session_page(instrument: Instrument, viewer: Viewer, name: str) -> Non
     except TsisError as error:
         with position, ui.element("section").classes("panel"):
             ui.label(str(error)).classes("doubtful")
-            ui.link("To the sessions", "/calibrate")
+            ui.link(tr("To the sessions"), "/calibrate")
         return
     if session is None:  # the console is being ended
         return
@@ -180,7 +183,7 @@ class _Guide:
         self._view: LiveView | None = None
         self._state: InstrumentState | None = None
         with ui.element("div").classes("row calibrate-head"):
-            ui.link("Sessions", "/calibrate")
+            ui.link(tr("Sessions"), "/calibrate")
             panel_title(session.terms.name)
             ui.label(setup_text(session)).classes("muted")
         with ui.element("div").classes("calibrate-guide"):
@@ -295,7 +298,9 @@ class TermsForm:
                 self._patch = unit_field("Lamps seen past the probe", unit="pixels", keys="text")
                 self._patch.props('hint="left, top, right, bottom; empty where they are seen nowhere" ')
             with ui.element("div").classes("row"):
-                self._button = ui.button("Begin", icon="play_arrow", on_click=self._begin).props("no-caps unelevated")
+                self._button = ui.button(tr("Begin"), icon="play_arrow", on_click=self._begin).props(
+                    "no-caps unelevated"
+                )
         controls.add(self._button)
 
     def show(self, state: InstrumentState) -> None:

@@ -25,6 +25,7 @@ from tsis.console.pages.components import (
     set_class,
     show_drawing,
     table,
+    tr,
     typed_number,
     unit_field,
 )
@@ -90,17 +91,19 @@ class TypedLoading:
     def __init__(self, viewer: Viewer, session: CalibrationSession, controls: OperatorControls, step: str) -> None:
         self._viewer, self._session, self._step = viewer, session, step
         with ui.element("div").classes("stack"):
-            ui.label("Begin untouched with the force that the gauge shows then, usually 0.").classes("muted")
+            ui.label(tr("Begin untouched with the force that the gauge shows then, usually 0.")).classes("muted")
             with ui.element("div").classes("row"):
                 self._force = unit_field("Force that the gauge shows", unit="N").props("autofocus")
                 self._force.on("keydown.enter", self._press)
-                take = ui.button("Take a frame", icon="photo_camera", on_click=self._press).props("no-caps unelevated")
+                take = ui.button(tr("Take a frame"), icon="photo_camera", on_click=self._press).props(
+                    "no-caps unelevated"
+                )
             self._table = Redrawn(ui.element("div").classes("calibrate-forces"))
             with ui.element("div").classes("row"):
                 save = ui.button(
-                    "It is back at 0: save it", icon="check", on_click=viewer.command(session.save_presses, step)
+                    tr("It is back at 0: save it"), icon="check", on_click=viewer.command(session.save_presses, step)
                 )
-                undo = ui.button("Remove the last", icon="undo", on_click=viewer.command(session.unpress, step))
+                undo = ui.button(tr("Remove the last"), icon="undo", on_click=viewer.command(session.unpress, step))
         controls.add(self._force, take, save.props("no-caps outline"), undo.props("no-caps outline"))
 
     def show(self, forces_n: Sequence[float]) -> None:
@@ -110,7 +113,7 @@ class TypedLoading:
         with self._table.element:
             ui.label(f"{len(forces_n)} frames" if forces_n else "No frame yet.").classes("muted")
             for force in forces_n:
-                ui.label(f"{force:g} N").classes("chip")
+                ui.label(tr("{force} N", force=f"{force:g}")).classes("chip")
 
     async def _press(self) -> None:
         text = str(self._force.value or "")
@@ -151,19 +154,19 @@ class StepCard:
 
     def _build(self, state: StepState | None, number: int, total: int) -> None:
         if state is None:
-            panel_title("Every step is done or left out.")
-            ui.label("Make the calibration below, or choose a step to repeat it.").classes("muted")
+            panel_title(tr("Every step is done or left out."))
+            ui.label(tr("Make the calibration below, or choose a step to repeat it.")).classes("muted")
             return
         step, session, command = state.step, self._session, self._viewer.command
-        panel_title(f"Step {number} of {total}: {step.name}")
+        panel_title(tr("Step {number} of {total}: {name}", number=number, total=total, name=step.name))
         ui.label(f"{step.instruction}.").classes("calibrate-instruction")
         if session.rig.by_itself and state.status != "done":
-            ui.label("Instructions for an operator; the virtual rig does this step.").classes("muted")
+            ui.label(tr("Instructions for an operator; the virtual rig does this step.")).classes("muted")
         with ui.element("div").classes("row"):
             if state.status == "under way":
                 self._under_way(state)
             elif state.status == "done":
-                ui.label(f"Done: {state.frames} frames are saved.").classes("good")
+                ui.label(tr("Done: {frames} frames are saved.", frames=state.frames)).classes("good")
                 self._button("Repeat this step", "replay", lambda: self._repeat(step.name), outline=True)
             elif step.is_loading and not session.rig.has_gauge:
                 self._typed = TypedLoading(self._viewer, session, self._controls, step.name)
@@ -176,7 +179,7 @@ class StepCard:
     def _under_way(self, state: StepState) -> None:
         session, command = self._session, self._viewer.command
         if state.step.is_loading and not session.rig.by_itself:
-            ui.label("Load now, slowly, and back to 0.").classes("strong")
+            ui.label(tr("Load now, slowly, and back to 0.")).classes("strong")
             self._button("It is back at 0: save it", "check", command(session.end_loading))
         self._button("Cancel", "stop", command(session.end_step), outline=True)
 
@@ -255,9 +258,9 @@ def result_content(page: Page, sources: Sequence[str]) -> None:
 
 def calibration_content(calibration: ProbeCalibration) -> None:
     """Contents of the file of an earlier calibration."""
-    ui.label("It was computed before. Compute it again from the same frames to see the residuals of its fits.").classes(
-        "muted"
-    )
+    ui.label(
+        tr("It was computed before. Compute it again from the same frames to see the residuals of its fits.")
+    ).classes("muted")
     table(Table(title="Measured", headings=("quantity", "value", "95 % interval"), rows=content_rows(calibration)))
 
 
@@ -271,18 +274,18 @@ class MakePanel:
         self._identity = ""
         with ui.element("section").classes("panel stack").props('aria-label="Calibration"'):
             with ui.element("div").classes("row"):
-                panel_title("Calibration")
+                panel_title(tr("Calibration"))
                 ui.element("div").classes("spring")
                 self._days = unit_field("Good for", str(VALID_DAYS), unit="days").classes("calibrate-days")
-                self._make = ui.button("Make the calibration", icon="calculate", on_click=self._begin)
+                self._make = ui.button(tr("Make the calibration"), icon="calculate", on_click=self._begin)
                 self._make.props("no-caps unelevated")
             self._bar = ProgressBar("Progress of the calibration")
             self._text = ui.label().classes("muted").props("role=status")
             with ui.element("div").classes("row") as self._commands:
-                self._use = ui.button("Activate", icon="verified", on_click=self._activate)
+                self._use = ui.button(tr("Activate"), icon="verified", on_click=self._activate)
                 controls.add(self._use.props("no-caps unelevated"))
-                self._active = ui.label("It is active.").classes("good")
-                file = ui.button("Download the file", icon="download", on_click=self._download)
+                self._active = ui.label(tr("It is active.")).classes("good")
+                file = ui.button(tr("Download the file"), icon="download", on_click=self._download)
                 file.props("no-caps outline")
                 self._cited = ui.label().classes("muted")
         self._commands.set_visibility(False)
@@ -327,7 +330,7 @@ class MakePanel:
 
         name = await self._viewer.attempt(activated)
         if name is not None:
-            self._viewer.notify(f"Calibration {name} is active.")
+            self._viewer.notify(tr("Calibration {name} is active.", name=name))
 
     async def _download(self) -> None:
         def content() -> bytes:

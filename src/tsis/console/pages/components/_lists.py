@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
+from tsis.console.pages.components._language import tr
 from tsis.report import address
 
 if TYPE_CHECKING:
@@ -61,7 +62,7 @@ async def is_confirmed(question: str, *, yes: str, why: str) -> bool:
         ui.label(why).classes("muted")
         with ui.element("div").classes("row"):
             ui.element("div").classes("spring")
-            ui.button("Cancel", on_click=lambda: dialog.submit(False)).props("flat no-caps")
+            ui.button(tr("Cancel"), on_click=lambda: dialog.submit(False)).props("flat no-caps")
             ui.button(yes, on_click=lambda: dialog.submit(True)).props("unelevated no-caps")
     response = bool(await dialog)
     dialog.delete()

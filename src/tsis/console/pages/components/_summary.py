@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from datetime import datetime
 
-    from tsis.console.services import CameraState, Instrument, InstrumentState
+    from tsis.console.services import Instrument, InstrumentState
     from tsis.records import StoredPress
 
 
@@ -42,8 +42,11 @@ def press_label(press: StoredPress) -> str:
     return f"{ROLE_NAMES[press.role]}, {force_text(press.force_n)}, {time_label(press.taken)}"
 
 
-def camera_line(camera: CameraState) -> str:
-    """Name, rate, losses and size of the camera's frames."""
+def camera_line(state: InstrumentState) -> str:
+    """What is done to the camera now, else the name, rate, losses and size of its frames."""
+    camera = state.camera
+    if state.busy:
+        return f"{state.busy.capitalize()} …"
     if not camera.running:
         return tr("The camera is stopped.")
     size = f", {camera.columns} x {camera.rows} pixels" if camera.columns else ""

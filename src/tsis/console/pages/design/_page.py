@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from nicegui import background_tasks, ui
 
 from tsis.catalog import probe_toml
-from tsis.console.pages.components import ProgressBar, drawing, drawings, panel_title, report_parts, show_drawing
+from tsis.console.pages.components import ProgressBar, drawing, drawings, panel_title, report_parts, show_drawing, tr
 from tsis.console.pages.design._draft import ProbeEditor
 from tsis.console.pages.design._forms import ProbeForm, QuestionForm
 from tsis.console.services import DONE, JobCancelled
@@ -49,7 +49,7 @@ class Section:
     def __init__(self, editor: ProbeEditor, viewer: Viewer) -> None:
         self._editor, self._viewer = editor, viewer
         self._requested = 0
-        panel_title("Seen from the side")
+        panel_title(tr("Seen from the side"))
         with ui.element("div").classes("section"):
             self._picture = drawing()
             show_drawing(self._picture, EMPTY, "the probe, not yet drawn")
@@ -131,10 +131,10 @@ class DesignResultPanel:
         self._shown: Job | None = None
         self._begun_here = False
         with ui.element("div").classes("row below"):
-            self._start = ui.button("Compute the errors", on_click=self._started).props("no-caps")
-            self._end = ui.button("End", on_click=self._ended).props("no-caps outline")
+            self._start = ui.button(tr("Compute the errors"), on_click=self._started).props("no-caps")
+            self._end = ui.button(tr("End"), on_click=self._ended).props("no-caps outline")
             ui.element("div").classes("spring")
-            ui.button("Save the probe", on_click=self._save_probe).props("no-caps flat dense")
+            ui.button(tr("Save the probe"), on_click=self._save_probe).props("no-caps flat dense")
         self._bar = ProgressBar("Progress of the designs")
         self._message = ui.label().props('role="status"')
 
@@ -191,9 +191,11 @@ class DesignResultPanel:
         self._result.set_visibility(True)
         with self._result:
             with ui.element("div").classes("row"):
-                panel_title(f"{result.page.title}: {result.page.subtitle}")
+                panel_title(tr("{title}: {subtitle}", title=result.page.title, subtitle=result.page.subtitle))
                 ui.element("div").classes("spring")
-                ui.button("Save the result", on_click=lambda: self._save(result.analysis)).props("no-caps flat dense")
+                ui.button(tr("Save the result"), on_click=lambda: self._save(result.analysis)).props(
+                    "no-caps flat dense"
+                )
             report_parts(result.page, result.pictures)
 
     def _save(self, analysis: DesignAnalysis) -> None:

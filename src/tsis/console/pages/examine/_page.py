@@ -186,7 +186,7 @@ class LivePanel:
         self.histogram.update_state(state)
         if self._surface is not None:
             self._surface.update_state(state)
-        self._camera.text = f"{state.busy.capitalize()} …" if state.busy else camera_line(state.camera)
+        self._camera.text = camera_line(state)
 
     def _colour(self, event: ValueChangeEventArguments[str]) -> None:
         self._map = event.value

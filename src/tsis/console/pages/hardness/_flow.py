@@ -9,7 +9,7 @@ from nicegui import ui
 
 from tsis.calibration import apply_calibration
 from tsis.catalog import load_probe
-from tsis.console.pages.components import Redrawn, cards, drawings, figure, message_list, panel_title, table
+from tsis.console.pages.components import Redrawn, cards, drawings, figure, message_list, panel_title, table, tr
 from tsis.console.services import newest_presses
 from tsis.hardness import build_contact_table
 from tsis.records.importing import target_by_number
@@ -119,9 +119,9 @@ class HardnessPanel:
             with ui.element("div").classes("row"):
                 panel_title(page.title)
                 ui.element("div").classes("spring")
-                ui.link(f"Report and export of target {saved.number}", f"/records/{saved.number}")
+                ui.link(tr("Report and export of target {number}", number=saved.number), f"/records/{saved.number}")
             if not saved.is_current:
-                ui.label("Presses were saved since: estimate again to include them.").classes("doubtful")
+                ui.label(tr("Presses were saved since: estimate again to include them.")).classes("doubtful")
             with ui.element("div").classes("hardness-report"):
                 with ui.element("div").classes("stack"):
                     cards(page.cards)

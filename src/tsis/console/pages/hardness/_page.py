@@ -14,6 +14,7 @@ from tsis.console.pages.components import (
     OperatorControls,
     ProgressBar,
     Redrawn,
+    camera_line,
     estimate_job,
     field_messages,
     force_text,
@@ -24,6 +25,7 @@ from tsis.console.pages.components import (
     select_field,
     set_class,
     time_label,
+    tr,
     typed_number,
     unit_field,
     with_field_labels,
@@ -65,18 +67,18 @@ class ObjectPart:
         self._filled: object = None
         with ui.element("div").classes("panel stack tight"):
             with ui.element("div").classes("row"):
-                panel_title("1  Object")
+                panel_title(tr("1  Object"))
                 ui.element("div").classes("spring")
                 self._target = ui.label().classes("chip")
             with ui.element("div").classes("row") as self._virtual:
                 spheres = list(list_spheres())
                 self._sphere = select_field(spheres, value=spheres[0], label="Virtual sphere").props("dense outlined")
                 self._sphere.classes("hardness-sphere")
-                self._lay = ui.button("Lay it under the probe", icon="vertical_align_bottom", on_click=self._laid)
+                self._lay = ui.button(tr("Lay it under the probe"), icon="vertical_align_bottom", on_click=self._laid)
                 controls.add(self._lay.props("no-caps unelevated"))
             with ui.element("div").classes("row") as self._real:
                 self._name = ui.label().classes("muted")
-                again = ui.button("Another object", icon="add", on_click=self._another).props("no-caps outline")
+                again = ui.button(tr("Another object"), icon="add", on_click=self._another).props("no-caps outline")
                 controls.add(again)
             with ui.element("div").classes("row") as self._size:
                 self._radius = unit_field("Radius of the object", unit="mm").classes("hardness-number")
@@ -88,7 +90,7 @@ class ObjectPart:
         choice = state.camera.choice
         self._virtual.set_visibility(choice.is_virtual)
         self._real.set_visibility(not choice.is_virtual)
-        self._name.text = state.camera.name or "The camera is stopped."
+        self._name.text = state.camera.name or camera_line(state)
         self._target.text = f"target {state.target}"
         subject = self._instrument.camera_controller.subject
         written = None if subject is None else subject.written_radius_mm
@@ -158,22 +160,22 @@ class PressPart:
         self._gauge = False
         self._offered = FORCES_N[0]
         with ui.element("div").classes("panel stack tight"):
-            panel_title("2  Presses")
+            panel_title(tr("2  Presses"))
             self._list = Redrawn(ui.element("ol").classes("hardness-presses"))
-            self._none = ui.label(f"None yet; {PRESSES} at different forces are best.").classes("muted")
+            self._none = ui.label(tr("None yet; {count} at different forces are best.", count=PRESSES)).classes("muted")
             with ui.element("div").classes("row") as self._row:
                 self._force = unit_field("Force", FORCES_N[0], unit="N").classes("hardness-number")
-                self._press = ui.button("Press and save", icon="photo_camera", on_click=lambda: self._save(TARGET))
+                self._press = ui.button(tr("Press and save"), icon="photo_camera", on_click=lambda: self._save(TARGET))
                 controls.add(self._press.props("no-caps unelevated"))
-            self._extra = ui.expansion("Rigid ball, for a soft probe").props("dense").classes("hardness-ball")
+            self._extra = ui.expansion(tr("Rigid ball, for a soft probe")).props("dense").classes("hardness-ball")
             with self._extra:
-                ui.label("A rigid ball shows how much the probe itself yields.").classes("muted")
+                ui.label(tr("A rigid ball shows how much the probe itself yields.")).classes("muted")
                 with ui.element("div").classes("row"):
                     self._ball_mm = unit_field("Radius of the ball", number_text_of_field(BALL_MM), unit="mm")
                     self._ball_force = unit_field("Force on the ball", FORCES_N[0], unit="N")
                     for field in (self._ball_mm, self._ball_force):
                         field.classes("hardness-number")
-                    self._ball = ui.button("Press the ball and save", on_click=lambda: self._save(BALL))
+                    self._ball = ui.button(tr("Press the ball and save"), on_click=lambda: self._save(BALL))
                     controls.add(self._ball.props("no-caps outline"))
 
     def show(self, state: InstrumentState) -> None:
@@ -248,9 +250,9 @@ class Estimating:
         self._instrument, self._viewer, self._radius, self._ball_radius = instrument, viewer, radius, ball_radius
         with ui.element("div").classes("panel stack tight"):
             with ui.element("div").classes("row"):
-                panel_title("3  Estimate")
+                panel_title(tr("3  Estimate"))
                 ui.element("div").classes("spring")
-                self._button = ui.button("Estimate", icon="analytics", on_click=self._begin)
+                self._button = ui.button(tr("Estimate"), icon="analytics", on_click=self._begin)
                 self._button.props("no-caps unelevated")
             self._bar = ProgressBar("Progress of the estimate")
             self._message = ui.label().classes("muted").props("role=status")

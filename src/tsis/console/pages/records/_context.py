@@ -11,7 +11,7 @@ from nicegui import ui
 
 from tsis.calibration.guard import GUARD_FLAGS
 from tsis.console.files import target_of
-from tsis.console.pages.components import ProgressBar, dialog_buttons, open_dialog, select_field
+from tsis.console.pages.components import ProgressBar, dialog_buttons, open_dialog, select_field, tr
 from tsis.console.services import DONE
 from tsis.errors import TsisError
 from tsis.report import FORM_LABELS, MASKED
@@ -159,7 +159,7 @@ async def follow_job(viewer: Viewer, place: ui.element, begin: Callable[[], Job]
         ui.label(job.title)
         bar = ProgressBar(job.title)
         count = ui.label().classes("muted")
-        ui.button("End", on_click=job.end).props("dense no-caps outline")
+        ui.button(tr("End"), on_click=job.end).props("dense no-caps outline")
 
     def refresh() -> None:
         state = job.state()
@@ -190,7 +190,7 @@ PAGE = "This form shows what the report shows; of a subject the pseudonym only."
 
 def export_button(page: TargetContext, view: TargetView) -> None:
     """A button that asks for the form, and downloads the file."""
-    ui.button("Export", icon="download", on_click=lambda: _ask(page, view)).props("dense no-caps outline")
+    ui.button(tr("Export"), icon="download", on_click=lambda: _ask(page, view)).props("dense no-caps outline")
 
 
 def _ask(page: TargetContext, view: TargetView) -> None:
@@ -212,7 +212,7 @@ def _ask(page: TargetContext, view: TargetView) -> None:
             button.disable()
             address = f"/files/export/{view.target.number}/{form.value}" + ("?identified=true" if with_names else "")
             if await fetch_file(page.viewer, address):
-                page.viewer.notify(f"Exported as {form.value}: the browser saves the file.")
+                page.viewer.notify(tr("Exported as {form}: the browser saves the file.", form=form.value))
                 dialog.close()
             waiting.set_visibility(False)
             button.enable()

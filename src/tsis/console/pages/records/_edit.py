@@ -23,6 +23,7 @@ from tsis.console.pages.components import (
     text_area,
     text_field,
     time_label,
+    tr,
 )
 from tsis.console.pages.records._context import fault_of, flags_of
 from tsis.errors import StaleRecordError
@@ -168,8 +169,8 @@ class Editing(ABC, Generic[Record]):
             for difference in result.differences or ("Your fields are unchanged; another field has changed.",):
                 ui.label(difference)
             with ui.element("div").classes("row"):
-                take = ui.button("Take what is there now", on_click=lambda: self._fill(result.record))
-                keep = ui.button("Overwrite with mine", on_click=overwrite)
+                take = ui.button(tr("Take what is there now"), on_click=lambda: self._fill(result.record))
+                keep = ui.button(tr("Overwrite with mine"), on_click=overwrite)
                 for button in (take, keep):
                     button.props("dense no-caps outline")
 
@@ -231,7 +232,7 @@ class _PressEditing(Editing["StoredPress"]):
             names, label="Flags", multiple=True, with_input=True, new_value_mode="add-unique"
         ).props("outlined dense use-chips")
         self._note = text_area("Note").props("outlined dense autogrow")
-        ui.label("Where force or role are changed, recompute the estimates.").classes("muted")
+        ui.label(tr("Where force or role are changed, recompute the estimates.")).classes("muted")
 
     def _show(self, record: StoredPress) -> None:
         self._role.value, self._note.value = record.role, record.note
@@ -267,14 +268,16 @@ def about_target(page: TargetContext, view: TargetView) -> None:
             _TargetEditing(page, target, dialog, leave="Cancel")
 
     with ui.element("div").classes("row"):
-        panel_title("About this target", level=3)
+        panel_title(tr("About this target"), level=3)
         ui.element("div").classes("spring")
-        ui.button("Edit", icon="edit", on_click=edit).props("dense no-caps outline")
+        ui.button(tr("Edit"), icon="edit", on_click=edit).props("dense no-caps outline")
         if view.state is None:
-            ui.button("Archive", icon="archive", on_click=lambda: _set_state(page, target, ARCHIVED)).props(
+            ui.button(tr("Archive"), icon="archive", on_click=lambda: _set_state(page, target, ARCHIVED)).props(
                 "dense no-caps outline"
             )
-            ui.button("Delete", icon="delete", on_click=lambda: _delete(page, target)).props("dense no-caps outline")
+            ui.button(tr("Delete"), icon="delete", on_click=lambda: _delete(page, target)).props(
+                "dense no-caps outline"
+            )
     rows = {
         "name": target.name or "none",
         "note": "not shown of a subject" if view.private else target.note or "none",
@@ -299,7 +302,7 @@ def state_banner(page: TargetContext, view: TargetView) -> None:
         message = f"Deleted on {state.since:%Y-%m-%d}. It can be restored until {until:%Y-%m-%d}, and is erased then."
     with ui.element("div").classes("row conflict").props('role="status"'):
         ui.label(message).classes("flag" if state.name == DELETED else "strong")
-        ui.button("Restore", icon="undo", on_click=lambda: _set_state(page, view.target, "")).props(
+        ui.button(tr("Restore"), icon="undo", on_click=lambda: _set_state(page, view.target, "")).props(
             "dense no-caps outline"
         )
 
@@ -309,7 +312,7 @@ async def _set_state(page: TargetContext, target: Target, state: str) -> None:
     if refusal:
         page.viewer.complain(refusal)
         return
-    page.viewer.notify(f"Target {target.number} is {state or 'restored'}.")
+    page.viewer.notify(tr("Target {number} is {state}.", number=target.number, state=state or "restored"))
     await page.load()
 
 

@@ -23,6 +23,7 @@ from tsis.console.pages.components import (
     select_field,
     text_field,
     titled_dialog,
+    tr,
 )
 from tsis.console.pages.records._context import follow_job, follow_store
 from tsis.errors import FileInputError, InputError
@@ -125,7 +126,7 @@ def target_listing(instrument: Instrument, viewer: Viewer) -> None:
     """Build the list."""
     with ui.element("section").classes("panel stack"):
         with ui.element("div").classes("row"):
-            panel_title("Targets")
+            panel_title(tr("Targets"))
             count = ui.label().classes("muted")
             ui.element("div").classes("spring")
             buttons = ui.element("div").classes("row")
@@ -245,7 +246,7 @@ def import_button(instrument: Instrument, viewer: Viewer, place: ui.element) -> 
     with titled_dialog("Import a bundle") as dialog:
         ui.label(EXPLAINED).classes("muted")
         upload = one_file(viewer, "Zip file of a bundle", accept=".zip", refused=TOO_LARGE)
-        ui.button("Close", on_click=dialog.close).props("dense no-caps flat")
+        ui.button(tr("Close"), on_click=dialog.close).props("dense no-caps flat")
 
     async def uploaded(event: UploadEventArguments) -> None:
         upload.reset()
@@ -260,7 +261,7 @@ def import_button(instrument: Instrument, viewer: Viewer, place: ui.element) -> 
             remove()
 
     upload.on_upload(uploaded)
-    ui.button("Import a bundle", icon="upload_file", on_click=dialog.open).props("dense no-caps outline")
+    ui.button(tr("Import a bundle"), icon="upload_file", on_click=dialog.open).props("dense no-caps outline")
 
 
 async def _saved(event: UploadEventArguments, viewer: Viewer) -> Path | None:
@@ -270,7 +271,9 @@ async def _saved(event: UploadEventArguments, viewer: Viewer) -> Path | None:
         folder = Path(tempfile.mkdtemp(prefix="tsis-import-"))
         await event.file.save(folder / BUNDLE)
     except OSError as error:
-        viewer.complain(f"a bundle that is imported needs room for a copy; got: {error.strerror or error}")
+        viewer.complain(
+            tr("a bundle that is imported needs room for a copy; got: {reason}", reason=error.strerror or error)
+        )
         if folder is not None:
             shutil.rmtree(folder, ignore_errors=True)
         return None
@@ -287,7 +290,9 @@ def _import(instrument: Instrument, folder: Path, job: Job) -> ImportedTarget:
 def _show(imported: ImportedTarget) -> None:
     with ui.element("div").classes("row").props('role="status"'):
         ui.label(import_message(imported)).classes("good")
-        ui.link(f"Open target {imported.target.number}", f"/records/{imported.target.number}").classes("link")
+        ui.link(
+            tr("Open target {number}", number=imported.target.number), f"/records/{imported.target.number}"
+        ).classes("link")
 
 
 MOST_SHOWN = 100  # faults; a store that has more has one cause
@@ -304,7 +309,7 @@ def verify_button(instrument: Instrument, viewer: Viewer, place: ui.element) -> 
 
         await follow_job(viewer, place, verify, partial(_show_verification, place))
 
-    ui.button("Verify the store", icon="verified_user", on_click=begin).props("dense no-caps outline")
+    ui.button(tr("Verify the store"), icon="verified_user", on_click=begin).props("dense no-caps outline")
 
 
 BACKUP = (
@@ -333,7 +338,7 @@ def backup_button(instrument: Instrument, viewer: Viewer, place: ui.element) -> 
 
     with place:
         results = ui.element("div")
-    ui.button("Back up", icon="save", on_click=ask).props("dense no-caps outline")
+    ui.button(tr("Back up"), icon="save", on_click=ask).props("dense no-caps outline")
 
 
 def _backup(instrument: Instrument, path: Path) -> Job:
@@ -347,7 +352,7 @@ def _backup(instrument: Instrument, path: Path) -> Job:
 def _show_backup(place: ui.element, path: Path, verification: StoreVerification) -> None:
     _show_verification(place, verification)
     with place:
-        ui.label(f"The backup is in {path}").classes("good identity")
+        ui.label(tr("The backup is in {path}", path=path)).classes("good identity")
 
 
 def _show_verification(place: ui.element, verification: StoreVerification) -> None:
@@ -357,7 +362,12 @@ def _show_verification(place: ui.element, verification: StoreVerification) -> No
             for fault in verification.faults[:MOST_SHOWN]:
                 list_message(fault, "doubtful")
         if len(verification.faults) > MOST_SHOWN:
-            ui.label(f"and {len(verification.faults) - MOST_SHOWN} faults more (tsis records verify shows all)")
+            ui.label(
+                tr(
+                    "and {count} faults more (tsis records verify shows all)",
+                    count=len(verification.faults) - MOST_SHOWN,
+                )
+            )
         for note in verification_notes(verification):
             ui.label(note).classes("muted identity")
-        ui.button("Close", on_click=place.clear).props("dense no-caps flat")
+        ui.button(tr("Close"), on_click=place.clear).props("dense no-caps flat")

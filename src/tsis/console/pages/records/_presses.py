@@ -82,11 +82,11 @@ class Presses:
     def _draw(self, view: TargetView) -> None:
         with self._sheet.element:
             with ui.element("div").classes("row"):
-                panel_title("Presses", level=3)
+                panel_title(tr("Presses"), level=3)
                 ui.label(_range(view)).classes("muted")
                 ui.element("div").classes("spring")
                 self._compare = ui.button(
-                    "Compare two", icon="compare", on_click=lambda: self._page.compare(view)
+                    tr("Compare two"), icon="compare", on_click=lambda: self._page.compare(view)
                 ).props("dense no-caps outline")
                 if view.total > AT_ONCE:
                     for text, icon, by in (("Earlier", "chevron_left", -AT_ONCE), ("Later", "chevron_right", AT_ONCE)):
@@ -95,7 +95,7 @@ class Presses:
                         )
                         turn.set_enabled(0 <= view.offset + by < view.total)
             if not view.presses:
-                ui.label("Nothing was recorded yet: snapshots on the page Examine become presses.").classes("muted")
+                ui.label(tr("Nothing was recorded yet: snapshots on the page Examine become presses.")).classes("muted")
             with ui.element("div").classes("presses"):
                 for press in view.presses:
                     self._press(press, view)
@@ -127,7 +127,7 @@ class Presses:
                 for flag in flags:
                     ui.label(flag).classes("press-flag")
                 choose = ui.checkbox(
-                    "choose", value=press.id in self.chosen, on_change=lambda event: self._choose(press, event)
+                    tr("choose"), value=press.id in self.chosen, on_change=lambda event: self._choose(press, event)
                 )
                 choose.props("dense").props["aria-label"] = f"Choose the press {text}"
 
@@ -160,7 +160,7 @@ async def compare(page: TargetContext, view: TargetView, *, same_light: bool = F
     position.set_visibility(True)
     position.clear()
     with position:
-        ui.label("Reading and drawing ...").classes("muted").props('role="status"')
+        ui.label(tr("Reading and drawing ...")).classes("muted").props('role="status"')
     result = await page.viewer.attempt(_compared, page.instrument.store, view.target, chosen, same_light=same_light)
     position.clear()
     if result is None:
@@ -172,7 +172,7 @@ async def compare(page: TargetContext, view: TargetView, *, same_light: bool = F
             panel_title(content.title, level=3)
             ui.element("div").classes("spring")
             ui.switch(
-                "bring both to the same light",
+                tr("bring both to the same light"),
                 value=same_light,
                 on_change=lambda event: compare(page, view, same_light=event.value),
             ).props("dense")
@@ -238,7 +238,7 @@ def ask_to_compare(page: TargetContext, view: TargetView) -> None:
         def go() -> None:
             text = (other.value or "").strip()
             if not text.isdecimal():
-                page.viewer.complain("the other target must be given by its number")
+                page.viewer.complain(tr("the other target must be given by its number"))
                 return
             dialog.close()
             ui.navigate.to(f"/records/compare/{number}-{int(text[:20])}")
@@ -249,7 +249,7 @@ def ask_to_compare(page: TargetContext, view: TargetView) -> None:
 
 async def compare_targets(instrument: Instrument, viewer: Viewer, pair: str) -> None:
     """Build the page of two targets beside each other: their estimates, true values and newest presses."""
-    ui.link("All targets", "/records").classes("link")
+    ui.link(tr("All targets"), "/records").classes("link")
     place = ui.element("div").classes("grid")
     for number in pair.split("-", 1):
         view = await viewer.attempt(read_target, instrument.store, number, LARGEST_OFFSET)
@@ -258,8 +258,8 @@ async def compare_targets(instrument: Instrument, viewer: Viewer, pair: str) -> 
         with place, ui.element("section").classes("panel stack") as part:
             part.props["aria-label"] = f"Target {view.target.number}"
             name = f": {view.target.name}" if view.target.name else ""
-            panel_title(f"Target {view.target.number}{name}").classes("target-title")
-            ui.link("Open", f"/records/{view.target.number}").classes("link")
+            panel_title(tr("Target {number}{name}", number=view.target.number, name=name)).classes("target-title")
+            ui.link(tr("Open"), f"/records/{view.target.number}").classes("link")
             truth = {parameter_label(key): value for key, value in view.target.truth.items()}
             facts = {f"true {label}": measure(value, unit) for (label, unit), value in truth.items()}
             FactList().show({"presses": f"{view.total}", **facts}.items())
@@ -279,7 +279,7 @@ NONE_YET = "Nothing was estimated yet. Estimate needs presses that were taken un
 
 def estimates(view: TargetView) -> None:
     """Show the estimates in force, and what of the target is damaged."""
-    panel_title("Current estimates", level=3)
+    panel_title(tr("Current estimates"), level=3)
     result = newest_first(view.record)
     if result:
         cards(target_cards(view.record))
@@ -303,8 +303,8 @@ def history(view: TargetView) -> None:
     for item in result:
         table(item)
     if not result:
-        panel_title("History", level=3)
-        ui.label("No estimate yet.").classes("muted")
+        panel_title(tr("History"), level=3)
+        ui.label(tr("No estimate yet.")).classes("muted")
 
 
 NEWEST = "the newest press of each role and force"
@@ -312,7 +312,7 @@ NEWEST = "the newest press of each role and force"
 
 def estimate_button(page: TargetContext, view: TargetView) -> None:
     """A button that asks what to estimate from, and does it."""
-    ui.button("Estimate", icon="calculate", on_click=lambda: _ask(page, view)).props("dense no-caps outline")
+    ui.button(tr("Estimate"), icon="calculate", on_click=lambda: _ask(page, view)).props("dense no-caps outline")
 
 
 def _ask(page: TargetContext, view: TargetView) -> None:
@@ -322,7 +322,7 @@ def _ask(page: TargetContext, view: TargetView) -> None:
         kind = select_field(list(ESTIMATES), value=ESTIMATES[0] if last is None else last.kind, label="What")
         kind.props("outlined dense")
         way = ui.radio(ways, value="chosen" if chosen else "newest").props("dense")
-        ui.label("All presses must be of one probe under one calibration.").classes("muted")
+        ui.label(tr("All presses must be of one probe under one calibration.")).classes("muted")
 
         async def begin() -> None:
             dialog.close()
@@ -334,7 +334,7 @@ def _ask(page: TargetContext, view: TargetView) -> None:
 
 
 def _show(_: StoredEstimate) -> None:
-    ui.label("The estimate is stored and current.").classes("good").props('role="status"')
+    ui.label(tr("The estimate is stored and current.")).classes("good").props('role="status"')
 
 
 EXPLAINED = (
@@ -345,7 +345,7 @@ EXPLAINED = (
 
 def recompute_button(page: TargetContext, view: TargetView) -> None:
     """A button that asks whether to store what comes out, and computes."""
-    button = ui.button("Recompute", icon="restart_alt", on_click=lambda: _ask_to_recompute(page, view))
+    button = ui.button(tr("Recompute"), icon="restart_alt", on_click=lambda: _ask_to_recompute(page, view))
     button.props("dense no-caps outline").set_enabled(bool(view.record.estimates))
 
 
@@ -353,7 +353,7 @@ def _ask_to_recompute(page: TargetContext, view: TargetView) -> None:
     target = view.target
     with open_dialog(page.dialogs, f"Recompute target {target.number}") as dialog:
         ui.label(EXPLAINED)
-        dry = ui.switch("dry run: show changes, store nothing", value=False)
+        dry = ui.switch(tr("dry run: show changes, store nothing"), value=False)
 
         async def begin() -> None:
             dialog.close()
@@ -366,10 +366,12 @@ def _ask_to_recompute(page: TargetContext, view: TargetView) -> None:
 def _show_recomputation(page: TargetContext, recomputations: tuple[Recomputation, ...]) -> None:
     with ui.element("div").classes("outcome").props('role="status"'):
         for item in recomputations:
-            ui.label(f"{item.before.kind.capitalize()}: {item.message}").classes("good" if item.same else "doubtful")
+            ui.label(tr("{kind}: {message}", kind=item.before.kind.capitalize(), message=item.message)).classes(
+                "good" if item.same else "doubtful"
+            )
             for note in recomputation_notes(item):
                 ui.label(note).classes("muted")
             if not item.same:
                 table(shift_table(item))
                 ui.label(recomputation_message(item))
-        ui.button("Close", on_click=page.below.clear).props("dense no-caps flat")
+        ui.button(tr("Close"), on_click=page.below.clear).props("dense no-caps flat")

@@ -35,17 +35,18 @@ def target_buttons(page: TargetContext, view: TargetView) -> None:
     """Show the name of the target, the way back, and the buttons."""
     target = view.target
     name = f": {target.name}" if target.name else ""
-    ui.link("All targets", "/records").classes("link")
-    panel_title(f"{'Subject, target' if view.private else 'Target'} {target.number}{name}").classes("target-title")
+    ui.link(tr("All targets"), "/records").classes("link")
+    title = "Subject, target {number}{name}" if view.private else "Target {number}{name}"
+    panel_title(tr(title, number=target.number, name=name)).classes("target-title")
     ui.element("div").classes("spring")
     estimate_button(page, view)
     recompute_button(page, view)
-    ui.button("Compare", icon="compare_arrows", on_click=lambda: ask_to_compare(page, view)).props(
+    ui.button(tr("Compare"), icon="compare_arrows", on_click=lambda: ask_to_compare(page, view)).props(
         "dense no-caps outline"
     )
     export_button(page, view)
-    ui.link("Report", f"/files/report/{target.number}.html", new_tab=True).classes("link button")
-    ui.link("PDF", f"/files/report/{target.number}.pdf").classes("link button").props("download")
+    ui.link(tr("Report"), f"/files/report/{target.number}.html", new_tab=True).classes("link button")
+    ui.link(tr("PDF"), f"/files/report/{target.number}.pdf").classes("link button").props("download")
 
 
 def show_target(instrument: Instrument, viewer: Viewer, number: str) -> None:
@@ -137,9 +138,9 @@ class TargetPage:
         self._head.changes_to(None)
         self._head.element.clear()
         with self._head.element:
-            panel_title("Target")
+            panel_title(tr("Target"))
             ui.label(message).classes("flag").props('role="alert"')
-            ui.link("All targets", "/records").classes("link")
+            ui.link(tr("All targets"), "/records").classes("link")
 
     async def compare(self, view: TargetView) -> None:
         """Show the two chosen presses beside each other."""

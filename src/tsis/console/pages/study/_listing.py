@@ -19,6 +19,7 @@ from tsis.console.pages.components import (
     panel_title,
     rows_under,
     select_field,
+    tr,
     typed_forces,
     typed_integer,
     typed_number,
@@ -52,7 +53,7 @@ class CodeTable:
         self._view: StudyView | None = None
         self._result: StudyResult | None = None
         self._sheet, self._size = 1, SHEETS[0]
-        panel_title("Targets")
+        panel_title(tr("Targets"))
         self._table = ui.table(rows=[], columns=[], row_key="number", pagination=self._pages(0)).classes("targets")
         self._table.on("request", self._requested)
         self._table.props(
@@ -226,7 +227,7 @@ def study_listing(instrument: Instrument, viewer: Viewer) -> None:
     repository = StudyRepository(instrument.terms.workspace)
     with ui.element("div").classes("split"):
         with ui.element("section").classes("panel stack"):
-            panel_title("Studies")
+            panel_title(tr("Studies"))
             studies = ui.element("div").classes("scroll")
         with ui.element("section").classes("panel stack"):
             _NewStudy(repository, viewer)
@@ -273,7 +274,7 @@ class _NewStudy:
     def __init__(self, repository: StudyRepository, viewer: Viewer) -> None:
         self._repository, self._viewer = repository, viewer
         start = StudyDraft()
-        panel_title("New study")
+        panel_title(tr("New study"))
         with ui.element("div").classes("study-fields"):
             name = unit_field("Name", keys="text").props("maxlength=200")
             self._who = who_field(viewer, "Made by")
@@ -301,12 +302,12 @@ class _NewStudy:
         for field in (present, blank, forces, repeats):
             field.on_value_change(self._count)
         threshold.props["hint"] = "probability, 0 to 1"
-        self._reference = ui.checkbox("Reference presses on tissue nearby", value=start.with_reference)
+        self._reference = ui.checkbox(tr("Reference presses on tissue nearby"), value=start.with_reference)
         self._reference.on_value_change(self._count)
         ui.label(MEANT).classes("muted")
         self._size = ui.label().classes("muted")
         with ui.element("div").classes("row"):
-            self._button = ui.button("Make the study", icon="add", on_click=self._make).props("no-caps")
+            self._button = ui.button(tr("Make the study"), icon="add", on_click=self._make).props("no-caps")
             self._bar = ui.linear_progress(0.0, show_value=False, size="6px").props(
                 'aria-label="Progress of the study"'
             )
@@ -341,7 +342,7 @@ class _NewStudy:
             await self._made(draft)
             return
         with open_dialog(self._dialogs, "A large study") as dialog:
-            ui.label(f"{size.text()} Its targets are fixed once it is made.")
+            ui.label(tr("{size} Its targets are fixed once it is made.", size=size.text()))
 
             async def confirmed() -> None:
                 dialog.close()

@@ -21,6 +21,7 @@ from tsis.console.pages.components import (
     open_dialog,
     panel_title,
     titled_dialog,
+    tr,
     typed_number,
     unit_field,
 )
@@ -52,27 +53,27 @@ class Outcome:
         self._panel.set_visibility(True)
         self._panel.clear()
         with self._panel:
-            ui.label("Comparing the readings with the truth ...").classes("muted").props('role="status"')
+            ui.label(tr("Comparing the readings with the truth ...")).classes("muted").props('role="status"')
         result = await self._page.viewer.attempt(study_result, view.study)
         self._panel.clear()
         with self._panel:
             self._head(view)
             if result is None:
-                ui.label("The numbers are not available; Verify shows what is wrong.").classes("flag")
+                ui.label(tr("The numbers are not available; Verify shows what is wrong.")).classes("flag")
             else:
                 self._body(result)
         return result
 
     def _head(self, view: StudyView) -> None:
         with ui.element("div").classes("row"):
-            panel_title("Results of the study")
+            panel_title(tr("Results of the study"))
             ui.element("div").classes("spring")
             if view.reported:
                 position = f"/files/study/{self._page.name}/report"
-                ui.link("Report", f"{position}.html", new_tab=True).classes("link button")
-                ui.link("PDF", f"{position}.pdf").classes("link button").props("download")
+                ui.link(tr("Report"), f"{position}.html", new_tab=True).classes("link button")
+                ui.link(tr("PDF"), f"{position}.pdf").classes("link button").props("download")
             else:
-                ui.label("No report was written yet: Analyse again writes it.").classes("muted")
+                ui.label(tr("No report was written yet: Analyse again writes it.")).classes("muted")
 
     def _body(self, result: StudyResult) -> None:
         cards(result.page.cards)
@@ -80,7 +81,7 @@ class Outcome:
             if result.curves:
                 figure(result.page.pictures[0], result.curves)
             with ui.element("div"):
-                panel_title("Notes", level=3)
+                panel_title(tr("Notes"), level=3)
                 with ui.element("div").classes("wordy"):
                     message_list(result.page.notes)
 
@@ -102,7 +103,7 @@ class Unblinding:
         self._dialog: ui.dialog | None = None
         self._who: ui.input | None = None
         self._container = ui.element("div")
-        self._button = ui.button("Unblind and analyse", icon="visibility", on_click=self._clicked)
+        self._button = ui.button(tr("Unblind and analyse"), icon="visibility", on_click=self._clicked)
         self._button.props("dense no-caps outline")
 
     async def show(self, view: StudyView) -> None:
@@ -132,17 +133,28 @@ class Unblinding:
         with open_dialog(self._container, title, style="dialog-card study-dialog") as dialog:
             self._dialog = dialog
             if blind:
-                ui.label(f"{MEANT} The study has {count_of(len(study.readings), 'reading')}.")
+                ui.label(
+                    tr(
+                        "{meant} The study has {readings}.",
+                        meant=MEANT,
+                        readings=count_of(len(study.readings), "reading"),
+                    )
+                )
             if verification.faults:
                 ui.label(FAULTY).classes("flag")
                 message_list(str(fault) for fault in verification.faults[:MOST_SHOWN])
-            although = ui.checkbox("although incomplete").props("dense")
+            although = ui.checkbox(tr("although incomplete")).props("dense")
             although.set_visibility(blind and bool(left))
             if blind:
                 for device, lacking in left:
-                    ui.label(f"{device} lacks {lacking} of {count_of(len(study.plan.codes), 'target')}.").classes(
-                        "flag"
-                    )
+                    ui.label(
+                        tr(
+                            "{device} lacks {lacking} of {targets}.",
+                            device=device,
+                            lacking=lacking,
+                            targets=count_of(len(study.plan.codes), "target"),
+                        )
+                    ).classes("flag")
             self._who = who = who_field(page.viewer, "Done by")
 
             async def begin() -> None:
@@ -183,21 +195,26 @@ def verify_button(page: StudyContext, place: ui.element) -> None:
 
     def show(verification: StudyVerification, head: str) -> None:
         with ui.element("section").classes("outcome").props('role="status"'):
-            panel_title("Verification", level=3)
+            panel_title(tr("Verification"), level=3)
             ui.label(verdict(verification)).classes("good" if verification.sound else "flag")
             with message_list():
                 for fault in verification.faults[:MOST_FAULTS_SHOWN]:
                     list_message(str(fault), "doubtful")
             if len(verification.faults) > MOST_FAULTS_SHOWN:
-                ui.label(f"and {len(verification.faults) - MOST_FAULTS_SHOWN} more (tsis study verify shows all)")
-            ui.label(f"Head of the log: {verification.head}").classes("muted identity")
+                ui.label(
+                    tr(
+                        "and {count} more (tsis study verify shows all)",
+                        count=len(verification.faults) - MOST_FAULTS_SHOWN,
+                    )
+                )
+            ui.label(tr("Head of the log: {head}", head=verification.head)).classes("muted identity")
             with ui.element("div").classes("row"):
                 saved = unit_field("Head that was saved elsewhere", head, keys="text").classes("study-head")
-                ui.button("Compare", on_click=lambda: begin(saved.value or "")).props("dense no-caps outline")
-                ui.button("Close", on_click=place.clear).props("dense no-caps flat")
+                ui.button(tr("Compare"), on_click=lambda: begin(saved.value or "")).props("dense no-caps outline")
+                ui.button(tr("Close"), on_click=place.clear).props("dense no-caps flat")
             ui.label(VERIFICATION_MEANING).classes("muted")
 
-    button = ui.button("Verify", icon="verified_user", on_click=lambda: begin()).props("dense no-caps outline")
+    button = ui.button(tr("Verify"), icon="verified_user", on_click=lambda: begin()).props("dense no-caps outline")
 
 
 def verdict(verification: StudyVerification) -> str:
@@ -219,15 +236,23 @@ def show_devices(page: StudyContext, view: StudyView) -> None:
         with ui.element("div").classes("study-device"):
             with ui.element("div").classes("row"):
                 ui.label(device).classes("strong wordy")
-                ui.label(f"threshold {stored[0].threshold:g}").classes("muted")
+                ui.label(tr("threshold {threshold}", threshold=f"{stored[0].threshold:g}")).classes("muted")
                 ui.element("div").classes("spring")
                 export = ui.button(
-                    "Export readings", icon="download", on_click=lambda _, device=device: _export(page, device)
+                    tr("Export readings"), icon="download", on_click=lambda _, device=device: _export(page, device)
                 )
                 export.props("dense no-caps outline").props["aria-label"] = f"Export readings of {device}"
             for item in stored:
                 undecided = f", {item.undecided} undecided" if item.undecided else ""
-                ui.label(f"{item.operator}: {item.read} of {item.expected} read{undecided}").classes("wordy")
+                ui.label(
+                    tr(
+                        "{operator}: {read} of {expected} read{undecided}",
+                        operator=item.operator,
+                        read=item.read,
+                        expected=item.expected,
+                        undecided=undecided,
+                    )
+                ).classes("wordy")
                 bar = ui.linear_progress(min(1.0, item.read / item.expected), show_value=False, size="6px")
                 bar.props["aria-label"] = f"Read with {device} by {item.operator}"
 
@@ -247,7 +272,7 @@ class JobProgress:
         with ui.element("div").classes("stack tight") as self._container:
             with ui.element("div").classes("row"):
                 self._message = ui.label().classes("wordy").props('role="status"')
-                self._end = ui.button("End", on_click=self._ended).props("dense no-caps outline")
+                self._end = ui.button(tr("End"), on_click=self._ended).props("dense no-caps outline")
             self._bar = ProgressBar("Progress of the study")
         self._container.set_visibility(False)
 
@@ -280,11 +305,13 @@ class Running:
     def __init__(self, page: StudyContext) -> None:
         self._page = page
         self._named = False
-        panel_title("Virtual probe")
+        panel_title(tr("Virtual probe"))
         ui.label(READING_MEANS).classes("muted")
         with ui.element("div").classes("row"):
             self._who = who_field(page.viewer, "Operator")
-            self._begin = ui.button("Run on the virtual probe", icon="play_arrow", on_click=self._run).props("no-caps")
+            self._begin = ui.button(tr("Run on the virtual probe"), icon="play_arrow", on_click=self._run).props(
+                "no-caps"
+            )
 
     def show(self, view: StudyView) -> None:
         """Suggest the operator who has still to read, in a browser that knows no name."""
@@ -324,7 +351,7 @@ def import_button(page: StudyContext) -> ui.button:
         threshold.props("stack-label").props["placeholder"] = "the study's, or that of the first import"
         who = who_field(viewer, "Entered by")
         upload = one_file(viewer, "CSV file of readings", accept=".csv,text/csv", refused=TOO_LARGE)
-        ui.button("Close", on_click=dialog.close).props("dense no-caps flat")
+        ui.button(tr("Close"), on_click=dialog.close).props("dense no-caps flat")
 
     async def uploaded(event: UploadEventArguments) -> None:
         upload.reset()
@@ -338,11 +365,11 @@ def import_button(page: StudyContext) -> ui.button:
             _enter, page, content, named, (device.value or "").strip(), threshold.value or "", name_in(viewer, who)
         )
         if entered is not None:
-            viewer.notify(f"{entered} readings entered.")
+            viewer.notify(tr("{entered} readings entered.", entered=entered))
             dialog.close()
 
     upload.on_upload(uploaded)
-    return ui.button("Import readings", icon="upload_file", on_click=dialog.open).props("dense no-caps outline")
+    return ui.button(tr("Import readings"), icon="upload_file", on_click=dialog.open).props("dense no-caps outline")
 
 
 def _enter(page: StudyContext, content: bytes, file: str, device: str, threshold: str, actor: str) -> int:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from nicegui import run, ui
 
-from tsis.console.pages.components import FactList, panel_title
+from tsis.console.pages.components import FactList, panel_title, tr
 from tsis.console.pages.study._context import StudyView, view_study
 from tsis.console.pages.study._listing import CodeTable
 from tsis.console.pages.study._outcome import (
@@ -44,8 +44,8 @@ class StudyPage:
         with ui.element("div").classes("stack"):
             with ui.element("section").classes("panel stack"):
                 with ui.element("div").classes("row"):
-                    ui.link("All studies", "/study").classes("link")
-                    self._title = panel_title("Study").classes("target-title")
+                    ui.link(tr("All studies"), "/study").classes("link")
+                    self._title = panel_title(tr("Study")).classes("target-title")
                     ui.element("div").classes("spring")
                     self._commands = ui.element("div").classes("row")
                 self._job = JobProgress(self)
@@ -59,10 +59,10 @@ class StudyPage:
                     with ui.element("section").classes("panel stack") as self._run:
                         self._running = Running(self)
                     with ui.element("section").classes("panel stack"):
-                        panel_title("Devices")
+                        panel_title(tr("Devices"))
                         self._devices = ui.element("div").classes("stack tight")
                     with ui.element("section").classes("panel stack"):
-                        panel_title("Plan")
+                        panel_title(tr("Plan"))
                         self._plan = FactList()
         with self._commands:
             self._import = import_button(self)

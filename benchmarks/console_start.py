@@ -1,0 +1,97 @@
+"""The console's start and one guided examination, in a browser.
+
+    python -m benchmarks.console_start [--times 3] [--markdown]
+
+Timed are the command until its page shows a heading, and *Start* until frames are shown, in a program that has not
+shown one. Clicks and keys are counted by the page itself, from the first page to the report of a target, pressed
+on and off its inclusion, as the filled buttons lead.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from benchmarks.tables import show
+from benchmarks.wanted import Wanted, told
+from tests.console.browser import chromium
+from tests.console.running import running_console
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+
+MOST_PAGE_S, MOST_IMAGE_S = 2.5, 1.0
+SECONDS, COUNT = "{:.2f} s", "{:.0f}"
+FILLED = "main .q-btn--unelevated, main .filled"
+STEPS = ("Try the virtual probe", "Switch to the reference", "Snapshot", "Switch to the target", "Snapshot", "Estimate")
+COUNTED = """() => {
+  window.acts = { click: 0, keydown: 0 };
+  for (const kind of Object.keys(window.acts))
+    document.addEventListener(kind, (event) => event.isTrusted && window.acts[kind]++, { capture: true });
+}"""
+
+
+def timed(folder: Path, browser: Browser) -> tuple[float, float]:
+    """Seconds from the command to the page, and from *Start* to the image."""
+    begun = time.monotonic()
+    with running_console(folder) as console:
+        page = browser.new_context(viewport={"width": 1280, "height": 800}).new_page()
+        page.goto(console.entrance)
+        page.get_by_text("What this is").wait_for()
+        first_s = time.monotonic() - begun
+        page.get_by_role("button", name="Release the camera").wait_for()
+        begun = time.monotonic()
+        page.get_by_role("button", name="Start", exact=True).click()
+        page.get_by_text("frames/s shown").wait_for()
+        image_s = time.monotonic() - begun
+        page.context.close()
+    return first_s, image_s
+
+
+def counted(folder: Path, browser: Browser) -> dict[str, int]:
+    """Clicks and keys of one examination by the filled buttons."""
+    with running_console(folder) as console:
+        page = browser.new_context(viewport={"width": 1280, "height": 800}).new_page()
+        page.goto(console.entrance)
+        page.get_by_role("button", name="Release the camera").wait_for()
+        page.evaluate(COUNTED)
+        for name in STEPS:
+            page.locator(FILLED).get_by_text(name, exact=True).click()
+        page.locator(FILLED).get_by_text("Report", exact=True).click()
+        page.wait_for_url("**/records/1")
+        result: dict[str, int] = page.evaluate("window.acts")
+        page.context.close()
+    return result
+
+
+def main() -> int:
+    """Print the table; the exit code is 1 where a number is missed."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--times", type=int, default=3)
+    parser.add_argument("--markdown", action="store_true")
+    options = parser.parse_args()
+    figures = []
+    with chromium() as browser:
+        for number in range(options.times):
+            with tempfile.TemporaryDirectory(prefix="tsis-console-start-") as folder:
+                first_s, image_s = timed(Path(folder), browser)
+            run = f"run {number + 1}"
+            figures += [
+                Wanted(name=f"{run}, command to first page", value=first_s, most=MOST_PAGE_S, form=SECONDS),
+                Wanted(name=f"{run}, Start to image", value=image_s, most=MOST_IMAGE_S, form=SECONDS),
+            ]
+        with tempfile.TemporaryDirectory(prefix="tsis-console-start-") as folder:
+            acts = counted(Path(folder), browser)
+    figures.append(Wanted(name="clicks from first page to report", value=acts["click"], form=COUNT))
+    figures.append(Wanted(name="keys from first page to report", value=acts["keydown"], form=COUNT))
+    rows = (item.row for item in figures)
+    show("Start of the console, and one examination", ("what", "is", "wanted"), rows, markdown=options.markdown)
+    return told(figures)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
