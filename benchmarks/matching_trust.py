@@ -1,32 +1,51 @@
 """How often each matching method is confidently wrong, or withholds a right answer, on shapes of a second generator.
 
-    python -m benchmarks.matching_trust --seed 1001 --cases 40 --rows trust.jsonl
+    python -m benchmarks.matching_trust --seed 1001 --cases 40 --rows trust.jsonl --peers pycpd --figure trust.png
 
 runs ``--cases`` trials of each family and degradation, and prints the tables. A run that was stopped continues with the
-rows in the file. ``--generator calibration --calibrate`` prints the weights of `tsis.matching._posterior` instead.
+rows in the file. ``--peers`` are programs of `tsis.matching.trials.PEERS`; with ``--chosen-by FILE``, rows of the
+calibration generator, each cell is compared with the peer that erred least there. ``--figure`` draws the reliability
+diagram. ``--generator calibration --calibrate`` prints the weights of `tsis.matching._posterior` instead, and how often
+answers above a log odds of being right were wrong, with weights of the other trials. ``--clutter 30`` matches as many
+shapes among three outliers an inlier instead, uniform and in clusters.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import time
 from collections import defaultdict
 from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
-from benchmarks.matching_trust_shapes import DEGRADATIONS, FAMILIES, Generator, trust_trial
+from benchmarks.matching_trust_shapes import DEGRADATIONS, FAMILIES, Generator, clutter_trial, trust_trial
+from matplotlib.figure import Figure
+from scipy.stats import beta
 
 from tsis.compiled import one_blas_thread
 from tsis.matching import METHODS
-from tsis.matching.trials import TrustCase, fit_trust, trust_case
+from tsis.matching.trials import (
+    BenchmarkMethod,
+    Trial,
+    TrustCase,
+    fit_trust,
+    matching_error,
+    ratio_of_means,
+    trust_cases,
+    trust_features,
+)
 
 WRONG, RIGHT, RIVALRY = 0.1, 0.02, 0.01  # errors, and the probability of other poses above which withholding is right
 OURS = "tprl"
+FOLDS, LEVELS = 5, (4.5, 5.0, 5.5, 5.6, 6.0, 6.5)  # of the cross-validation, and log odds of being right
 
 
-def run_cases(generator: Generator, *, seed: int, count: int, rows: Path) -> list[TrustCase]:
-    """All cases of our method, and of one rival in turn, with those that the file already holds."""
+def run_cases(
+    generator: Generator, *, seed: int, count: int, rows: Path, peers: tuple[str, ...] = ()
+) -> list[TrustCase]:
+    """All cases of our method, of one rival in turn and of the peers, with those that the file already holds."""
     cases = _read(rows)
     done = {(case.trial, case.method) for case in cases}
     rivals = [name for name in METHODS if name != OURS]
@@ -34,14 +53,35 @@ def run_cases(generator: Generator, *, seed: int, count: int, rows: Path) -> lis
         for number in range(count):
             for place, degradation in enumerate(DEGRADATIONS):
                 for family in FAMILIES:
-                    for method in (OURS, rivals[(number + place) % len(rivals)]):
-                        if (f"{generator}/{family}/{degradation}/{number}", method) in done:
-                            continue
-                        trial = trust_trial(generator, family, degradation, number, seed=seed)
-                        cases.append(trust_case(trial, method))
-                        file.write(json.dumps(asdict(cases[-1])) + "\n")
-                        file.flush()
+                    name = f"{generator}/{family}/{degradation}/{number}"
+                    methods = [OURS, rivals[(number + place) % len(rivals)], *peers]
+                    left = [method for method in methods if (name, method) not in done]
+                    if not left:
+                        continue
+                    trial = trust_trial(generator, family, degradation, number, seed=seed)
+                    own = trust_cases(trial, [method for method in left if method in METHODS])
+                    for case in [*own, *(peer_case(trial, method) for method in left if method not in METHODS)]:
+                        cases.append(case)
+                        file.write(json.dumps(asdict(case)) + "\n")
+                    file.flush()
     return cases
+
+
+def peer_case(trial: Trial, name: str) -> TrustCase:
+    """The error of another program, which rates no confidence."""
+    start = time.process_time()
+    outcome = BenchmarkMethod(name=name)(trial.source, trial.target, rng=np.random.default_rng(0))
+    return TrustCase(
+        trial=trial.name,
+        method=name,
+        error=matching_error(trial, outcome.transformed),
+        unmoved_error=matching_error(trial, trial.source + trial.target.mean(axis=0) - trial.source.mean(axis=0)),
+        confidence=0.0,
+        reliable=False,
+        second=1.0,
+        seconds=time.process_time() - start,
+        measures=(),
+    )
 
 
 def _read(rows: Path) -> list[TrustCase]:
@@ -86,14 +126,113 @@ def cell_table(cases: list[TrustCase]) -> list[str]:
 
 def reliability_table(cases: list[TrustCase]) -> list[str]:
     """A Markdown row for each tenth of the confidence: cases, mean confidence, and how many were right."""
-    confidence = np.array([case.confidence for case in cases])
-    right = np.array([case.error <= WRONG for case in cases])
     lines = ["| confidence | cases | mean confidence | right |", "|---|---|---|---|"]
-    for tenth in range(10):
-        chosen = np.minimum((10 * confidence).astype(int), 9) == tenth
-        if chosen.any():
-            mean = f"{confidence[chosen].mean():.3f} | {right[chosen].mean():.3f}"
-            lines.append(f"| {tenth / 10:.1f} to {(tenth + 1) / 10:.1f} | {chosen.sum()} | {mean} |")
+    for tenth, count, mean, right in tenths(cases):
+        lines.append(f"| {tenth / 10:.1f} to {(tenth + 1) / 10:.1f} | {count} | {mean:.3f} | {right:.3f} |")
+    return lines
+
+
+def tenths(cases: list[TrustCase]) -> list[tuple[int, int, float, float]]:
+    """Of each tenth of the confidence with cases: its number, cases, mean confidence and fraction right."""
+    confidence = np.array([case.confidence for case in cases if case.method in METHODS])
+    right = np.array([case.error <= WRONG for case in cases if case.method in METHODS])
+    place = np.minimum((10 * confidence).astype(int), 9)
+    return [
+        (tenth, int(some.sum()), float(confidence[some].mean()), float(right[some].mean()))
+        for tenth in range(10)
+        if (some := place == tenth).any()
+    ]
+
+
+def draw_reliability(cases: list[TrustCase], path: Path) -> None:
+    """Fraction right against the mean confidence of each tenth, with intervals of 95 % (Jeffreys), and the numbers."""
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+
+    rows = tenths(cases)
+    count, mean, right = (np.array([row[column] for row in rows], dtype=float) for column in (1, 2, 3))
+    wrong = count * (1 - right)
+    low, high = np.asarray(beta.ppf([[0.025], [0.975]], count - wrong + 0.5, wrong + 0.5))
+    figure = Figure(figsize=(5, 6), layout="constrained")
+    above, below = figure.subplots(2, 1, height_ratios=(3, 1), sharex=True)
+    above.plot([0, 1], [0, 1], color="0.6", linestyle="--", label="calibrated")
+    reach = np.maximum([right - low, high - right], 0)
+    above.errorbar(mean, right, yerr=reach, fmt="o", capsize=3, label="right, with 95 %")
+    above.set(ylabel=f"fraction with an RMS error of at most {WRONG}", ylim=(-0.02, 1.02))
+    above.legend()
+    below.bar([0.05 + row[0] / 10 for row in rows], count, width=0.09)
+    below.set(xlabel="confidence", ylabel="answers", yscale="log", xlim=(-0.02, 1.02))
+    figure.savefig(path, dpi=120)
+
+
+def ratio_table(cases: list[TrustCase], chosen: dict[tuple[str, str], str]) -> list[str]:
+    """Mean errors over the chosen peer's: all answers, abstentions at the unmoved source's error, and without them."""
+    lines = ["| family | degradation | peer | answers | abstentions at the prior | without abstentions |"]
+    lines.append("|---|---|---|---|---|---|")
+    own = {case.trial: case for case in cases if case.method == OURS}
+    peers = {(case.trial, case.method): case.error for case in cases if case.method not in METHODS}
+    pairs: dict[tuple[str, str], list[tuple[TrustCase, float]]] = defaultdict(list)
+    for trial, case in own.items():
+        _, family, degradation, _ = trial.split("/")
+        if (error := peers.get((trial, chosen.get((family, degradation), "")))) is not None:
+            for cell in ((family, degradation), (family, "all"), ("all", degradation), ("all", "all")):
+                pairs[cell].append((case, error))
+    for (family, degradation), some in sorted(pairs.items()):
+        other = np.array([error for _, error in some])
+        errors = np.array([case.error for case, _ in some])
+        reliable = np.array([case.reliable for case, _ in some])
+        prior = np.where(reliable, errors, [case.unmoved_error for case, _ in some])
+        ratios = [_ratio(errors, other), _ratio(prior, other), _ratio(errors[reliable], other[reliable])]
+        lines.append(f"| {family} | {degradation} | {chosen.get((family, degradation), '-')} | {' | '.join(ratios)} |")
+    return lines
+
+
+def _ratio(errors: np.ndarray, others: np.ndarray) -> str:
+    ratio = ratio_of_means(errors, others, rng=np.random.default_rng(0)) if len(errors) else None
+    return "-" if ratio is None else f"{ratio.value:.2f} [{ratio.low:.2f}, {ratio.high:.2f}]"
+
+
+def best_peers(cases: list[TrustCase]) -> dict[tuple[str, str], str]:
+    """The peer of the least mean error in each family and degradation."""
+    errors: dict[tuple[str, str], dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
+    for case in cases:
+        if case.method not in METHODS:
+            _, family, degradation, _ = case.trial.split("/")
+            errors[family, degradation][case.method].append(case.error)
+    return {cell: min(some, key=lambda name: float(np.mean(some[name]))) for cell, some in errors.items()}
+
+
+def calibration(cases: list[TrustCase]) -> list[str]:
+    """The weights of all cases, and the wrong answers above each of `LEVELS` with weights of the other trials."""
+    sound = [case for case in cases if case.measures]
+    measures, right = np.array([case.measures for case in sound]), np.array([case.error <= WRONG for case in sound])
+    fold = np.array([int(case.trial.rsplit("/", 1)[1]) % FOLDS for case in sound])
+    logit = np.empty(len(sound))
+    for number in range(FOLDS):
+        weights = fit_trust(measures[fold != number], right[fold != number].astype(float))
+        logit[fold == number] = trust_features(measures[fold == number]) @ weights
+    odds = np.minimum(measures[:, 0], 0.5 * measures[:, 1])
+    logit[odds < np.log(999)] = -np.inf
+    counts = [(level, (logit >= level).sum(), ((logit >= level) & ~right).sum()) for level in LEVELS]
+    printed = ", ".join(f"{weight:.4g}" for weight in fit_trust(measures, right.astype(float)))
+    return [printed, *(f"log odds >= {level}: {count} answers, {wrong} wrong" for level, count, wrong in counts)]
+
+
+def clutter_table(count: int, seed: int) -> list[str]:
+    """A Markdown row for each kind of clutter and method: mean error of all answers and of the reliable ones."""
+    lines = ["| clutter | method | trials | mean RMS | reliable | their mean RMS | confidently wrong |"]
+    lines.append("|---|---|---|---|---|---|---|")
+    for clustered in (False, True):
+        trials = [clutter_trial(number, clustered=clustered, seed=seed) for number in range(count)]
+        cases = [case for trial in trials for case in trust_cases(trial, (OURS, "cpd", "bcpd"))]
+        for method in dict.fromkeys(case.method for case in cases):
+            own = [case for case in cases if case.method == method]
+            reliable = [case.error for case in own if case.reliable]
+            mean = f"{np.mean(reliable):.4f}" if reliable else "-"
+            start = f"| {'clustered' if clustered else 'uniform'} | {method} | {len(own)} "
+            error, wrong = np.mean([case.error for case in own]), sum(error > WRONG for error in reliable)
+            lines.append(f"{start}| {error:.4f} | {len(reliable)} | {mean} | {wrong} |")
     return lines
 
 
@@ -103,17 +242,33 @@ def main() -> None:
     parser.add_argument("--generator", choices=("calibration", "test"), default="test")
     parser.add_argument("--seed", type=int, required=True)
     parser.add_argument("--cases", type=int, default=100, help="trials of each family and degradation")
-    parser.add_argument("--rows", type=Path, required=True, help="JSON lines, a case each; continued where it exists")
+    parser.add_argument(
+        "--rows", type=Path, default=Path("trust.jsonl"), help="JSON lines, a case each; continued where it exists"
+    )
     parser.add_argument("--calibrate", action="store_true", help="print the weights of the regression")
+    parser.add_argument("--peers", default="", help="other programs, with commas between")
+    parser.add_argument(
+        "--chosen-by", type=Path, help="rows that choose each cell's peer; by default those of this run"
+    )
+    parser.add_argument("--figure", type=Path, help="file of the reliability diagram")
+    parser.add_argument("--clutter", type=int, default=0, help="trials among clutter, which are run instead")
     chosen = parser.parse_args()
-    cases = run_cases(chosen.generator, seed=chosen.seed, count=chosen.cases, rows=chosen.rows)
-    if chosen.calibrate:
-        sound = [case for case in cases if case.measures]
-        right = np.array([float(case.error <= WRONG) for case in sound])
-        print(", ".join(f"{weight:.4g}" for weight in fit_trust(np.array([case.measures for case in sound]), right)))
+    if chosen.clutter:
+        with one_blas_thread():
+            print("\n".join(clutter_table(chosen.clutter, chosen.seed)))
         return
-    for table in (trust_table(cases), cell_table(cases), reliability_table(cases)):
+    peers = tuple(filter(None, chosen.peers.split(",")))
+    cases = run_cases(chosen.generator, seed=chosen.seed, count=chosen.cases, rows=chosen.rows, peers=peers)
+    if chosen.calibrate:
+        print("\n".join(calibration(cases)))
+        return
+    tables = [trust_table(cases), cell_table(cases), reliability_table(cases)]
+    if peers:
+        tables.append(ratio_table(cases, best_peers(_read(chosen.chosen_by) if chosen.chosen_by else cases)))
+    for table in tables:
         print("\n".join(table), end="\n\n")
+    if chosen.figure:
+        draw_reliability(cases, chosen.figure)
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
 from tsis.matching import match_points, register
+from tsis.matching._outline import chains, laid_pieces, main_curve, successors
 from tsis.matching._pose_evidence import (
     AMPLITUDES,
     SIGMAS,
@@ -21,6 +22,7 @@ from tsis.matching._pose_evidence import (
     size_and_stretch,
 )
 from tsis.matching._posterior import is_sound
+from tsis.matching._refinement import Ranking
 
 
 def _outline(*radii: float, count: int = 80) -> np.ndarray:
@@ -85,6 +87,36 @@ def test_an_outline_with_a_mark_is_reliable() -> None:
     assert found.reliable
     np.testing.assert_allclose(found.moved, target, atol=0.02)
     assert sum(pose.probability for pose in found.alternatives) <= 1 + 1e-9
+
+
+@pytest.mark.parametrize("strays", [0, 12])
+@pytest.mark.parametrize("hidden", ["piece", "scattered", "none"])
+def test_a_piece_of_the_outline_is_laid_on_its_place(hidden: str, strays: int) -> None:
+    rng = np.random.default_rng(8)
+    shape = _outline(0.05, 0.25, 0.15, 0.1, count=90)
+    source = shape / np.sqrt((shape**2).sum(axis=1).mean())
+    some = {"piece": np.arange(20, 80), "scattered": np.sort(rng.permutation(90)[:60]), "none": np.arange(90)}[hidden]
+    target = np.vstack([_rotated(source, 140.0)[some], rng.uniform(-1.5, 1.5, (strays, 2))])
+    shuffle = rng.permutation(len(target))
+    point = np.append(some, np.full(strays, 999))[shuffle]  # the source's point of each target point
+    target = target[shuffle]
+    curve = main_curve(source, chains(successors(source)))
+    near = []
+    for matches in laid_pieces(curve, Ranking.of(SmoothField.of(source), target), successors(target)):
+        paired = np.flatnonzero(matches >= 0)
+        away = np.abs((point[matches[paired]] - paired + 45) % 90 - 45)
+        near.append(np.mean((away <= 3) & (point[matches[paired]] < 90)))
+    assert max(near) > (0.99 if not strays and hidden != "scattered" else 0.75)
+    assert min(near) < 0.2
+
+
+@pytest.mark.parametrize("first", [0, 30, 55])
+def test_an_oval_with_a_hidden_piece_is_not_turned_over(first: int) -> None:
+    shape = _outline(0.02, 0.22, 0.03, count=100)
+    target = np.roll(_rotated(shape + 0.03 * np.sin(3 * shape[:, ::-1]), 10.0), -first, axis=0)[:72]
+    found = match_points(shape, target)
+    away = np.roll(found.moved, -first, axis=0)[:72] - target
+    assert np.sqrt((away**2).sum(axis=1).mean()) < 0.02
 
 
 @pytest.mark.parametrize("method", ["tprl", "cpd"])

@@ -261,12 +261,14 @@ def _is_oval(circle: ContactFit, oval: ContactFit) -> bool:
 
 def _reasons(change: GelChange, fit: ContactFit, *, others: list[tuple[float, float]]) -> list[str]:
     rows, columns = change.usable.shape
-    angle = np.linspace(0.0, 2.0 * np.pi, 72, endpoint=False)
-    edge = np.array([fit.centre[0] + fit.radius * np.cos(angle), fit.centre[1] + fit.radius * np.sin(angle)])
-    on_image = (edge[0] >= 0) & (edge[0] <= columns - 1) & (edge[1] >= 0) & (edge[1] <= rows - 1)
+    angle, (long, short), turn = np.linspace(0.0, 2.0 * np.pi, 72, endpoint=False), fit.semi_axes, fit.angle_deg
+    along = np.array([np.cos(np.radians(turn)), np.sin(np.radians(turn))])
+    across = np.array([-along[1], along[0]])
+    edge = np.asarray(fit.centre) + np.outer(long * np.cos(angle), along) + np.outer(short * np.sin(angle), across)
+    on_image = ((edge >= 0) & (edge <= (columns - 1, rows - 1))).all(axis=1)
     y, x = np.mgrid[:rows, :columns]
-    distance = np.hypot(x - fit.centre[0], y - fit.centre[1])
-    inside = distance <= 1.15 * fit.radius
+    place = np.stack([x, y], axis=-1) - np.asarray(fit.centre)
+    inside = np.hypot(place @ along / long, place @ across / short) <= 1.15
     total = max(int(np.count_nonzero(inside)), 1)
     reasons = []
     if fit.explained < 0.6:

@@ -231,6 +231,8 @@ def fit(source: Floats, target: Floats, /, *, rng: np.random.Generator) -> Match
 
 NO_PARTNER = 3.0  # standard deviations: an unmatched point is as likely as a partner at that distance
 FIELD_BALANCINGS = 3
+FIELD_WIDTHS, FIELD_AMPLITUDES = (0.5, 0.9), (0.05, 0.2)
+AFFINE_SD = 0.3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -282,6 +284,24 @@ def balanced_pairs(moved: Floats, target: Floats, sigma: float, rounds: int) -> 
         for j in range(m):
             near[i, j] *= rows[i] * columns[j]
     return near
+
+
+def field_design(source: Floats, rows: Integers) -> tuple[Floats, Floats]:
+    """Affine columns and field columns at the source's points, shape (n, k), and the inverse variances, shape (k,)."""
+    control = source[rows]
+    among, across = (
+        sum(
+            amplitude**2 * np.exp(-0.5 * cdist(points, control, "sqeuclidean") / width**2)
+            for width, amplitude in zip(FIELD_WIDTHS, FIELD_AMPLITUDES, strict=True)
+        )
+        for points in (control, source)
+    )
+    value, vector = np.linalg.eigh(among)
+    large = value > 1e-5 * value[-1]
+    bends = across @ (vector[:, large] / np.sqrt(value[large]))
+    dimension = source.shape[1]
+    ridge = np.concatenate([[1e-6], np.full(dimension, AFFINE_SD**-2), np.ones(bends.shape[1])])
+    return np.column_stack([np.ones(len(source)), source, bends]), ridge
 
 
 @fused

@@ -16,8 +16,11 @@ from tsis.matching._fit import UNMATCHED
 from tsis.matching._pose_evidence import SIGMAS, WIDTHS
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from tsis.matching._fit import Floats, Integers
     from tsis.matching._pose_evidence import SmoothField
+    from tsis.matching._refinement import Ranking
 
 LIKELIEST = 24  # alignments that are returned, those first that are likelier than their neighbours
 AMPLITUDE, SIGMA = 0.1, SIGMAS[1]  # of the field that ranks the alignments
@@ -25,6 +28,11 @@ MOST_POINTS = 400
 NEIGHBOURS = 5
 LONGEST = 3.0  # median distances of neighbours: a longer gap separates two curves
 MOVED = 0.25  # root-mean-square radii
+LEAST_PIECE, MOST_PIECES, LAID = 12, 3, 6  # points of a piece, number of pieces, and of places of each
+LOCAL = 4  # steps on either side whose median is the step at a point
+LEFT_OUT = 9 * (2 * SIGMAS[1]) ** 2  # loss of a point beyond the end of a curve: as of three standard deviations
+STRAY_STEP = 0.7  # local steps, below which an edge leads to a stray point
+NEARLY_WHOLE = 0.2  # largest deviation of the steps of a closed piece from those of the whole outline
 NEARLY_ALL, CLOSING = 0.85, 5.0  # fraction of the points on the main curve; gap of a closed one, in median steps
 
 
@@ -76,6 +84,53 @@ def self_resemblance(field: SmoothField, outline: tuple[Integers, bool]) -> floa
         return math.inf
     precision = _precision(field, order)
     return float(np.einsum("sid,ij,sjd->s", aligned[far], precision, aligned[far], optimize=True).min())
+
+
+def laid_pieces(curve: tuple[Integers, bool], ranking: Ranking, following: Integers) -> Iterator[Integers]:
+    """Matches, shape (n,), of pieces of the target's curves laid on each place of a curve of the source.
+
+    ``following`` has each target point's next one. Of each piece the places come that fit better than their neighbours,
+    the likeliest first. Points beyond the end of an open curve have no match.
+    """
+    order, closed = curve
+    count = len(order)
+    if not LEAST_PIECE <= count <= MOST_POINTS:
+        return
+    design = ranking.design[order]
+    long = sorted((piece for piece, _ in chains(following) if len(piece) >= LEAST_PIECE), key=len, reverse=True)
+    for piece in (part for whole in long[:MOST_PIECES] for part in (whole, whole[::-1])):
+        position = _positions(ranking.target[piece], count if closed else 0)
+        first = 0 if closed else LEAST_PIECE - 1 - position[-1]
+        places = position + np.arange(first, count if closed else count - LEAST_PIECE + 1)[:, None]
+        inside = position < count if closed else (places >= 0) & (places < count)
+        inside = np.broadcast_to(inside, places.shape)
+        places %= count
+        loss = _laid_loss(ranking, design[places] * inside[..., None], ranking.target[piece] * inside[..., None])
+        loss += LEFT_OUT * (~inside).sum(axis=1)
+        lowest = np.flatnonzero((loss <= np.roll(loss, 1)) & (loss <= np.roll(loss, -1)))
+        for number in lowest[np.argsort(loss[lowest], kind="stable")][:LAID]:
+            matches = np.full(len(ranking.design), UNMATCHED, dtype=np.int64)
+            matches[order[places[number, inside[number]]]] = piece[inside[number]]
+            yield matches
+
+
+def _laid_loss(ranking: Ranking, design: Floats, goal: Floats) -> Floats:
+    """Loss, shape (s,), of pairs of columns, shape (s, l, k), with points, shape (s, l, d)."""
+    across = design.transpose(0, 2, 1)
+    return ranking.loss(across @ design, across @ goal, goal)
+
+
+def _positions(points: Floats, whole: int) -> Integers:
+    """Place of each point along an evenly sampled curve, shape (k,), from 0: points may be missing or strays between.
+
+    A curve of about ``whole`` steps that closes has exactly so many.
+    """
+    step = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)
+    near = np.array([np.median(step[max(k - LOCAL, 0) : k + LOCAL + 1]) for k in range(len(step))])
+    ratio = step / near
+    length = np.cumsum(np.where(ratio > STRAY_STEP, np.rint(ratio), ratio))
+    scale = whole / length[-1] if whole and ratio[-1] < CLOSING and abs(length[-1] / whole - 1) < NEARLY_WHOLE else 1.0
+    return np.rint(scale * np.append(0.0, length[:-1])).astype(np.int64)
 
 
 def curve_order(points: Floats) -> tuple[Integers, bool]:

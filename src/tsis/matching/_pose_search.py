@@ -1,8 +1,9 @@
 """Maps of the source on the target from many rotations, with the evidence of each.
 
 Affine maps are annealed from a grid of rotations, plain and between the whitened sets; the likeliest different ones are
-annealed with a smooth field. Then pairs and map alternate, first soft, then one to one, and outlines slide along each
-other by whole points: slid maps explain nearly as much as the right one, and only their evidence tells them apart.
+annealed with a smooth field. Pieces of the target's curves are laid on each place of the source's outline. Then pairs
+and map alternate, first soft, then one to one, and outlines slide along each other by whole points: slid maps explain
+nearly as much as the right one, and only their evidence tells them apart.
 """
 
 from __future__ import annotations
@@ -12,13 +13,12 @@ from dataclasses import field as dataclass_field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial.distance import cdist
 
 from tsis.compiled import fused
 from tsis.matching import _refinement as refinement
-from tsis.matching._annealing import START, Cooling, anneal, annealed_map, balanced_pairs
+from tsis.matching._annealing import AFFINE_SD, START, Cooling, anneal, annealed_map, balanced_pairs, field_design
 from tsis.matching._fit import UNMATCHED, spacing
-from tsis.matching._outline import chains, main_curve, outline_alignments, slid, successors
+from tsis.matching._outline import chains, laid_pieces, main_curve, outline_alignments, slid, successors
 from tsis.matching._pose_evidence import (
     SIGMAS,
     PoseEvidence,
@@ -40,8 +40,6 @@ FIRST_SIGMA, MIDDLE_SIGMA, LAST_SIGMA, FINE_STEPS = 0.3, 0.12, 0.5, 14  # the la
 WIDE_SIGMAS = np.geomspace(0.9, 0.33, 8)
 DIFFERENT = 0.1  # root-mean-square distance of two starts
 ANNEALED, FOLLOWED, PROPOSED = 10, 6, 3  # starts annealed with a field, of them to the end, and poses beside them
-FIELD_WIDTHS, FIELD_AMPLITUDES = (0.5, 0.9), (0.05, 0.2)
-AFFINE_SD = 0.3
 SOFT_ROUNDS, BALANCINGS = 4, 10
 GATES = (1.5, 1.2, 0.9, 0.7, 0.5, 0.4, 0.3, 0.3, 0.5, 0.5, 0.5, 0.5)  # largest distance of a pair, in spacings
 LEAST_VARIANCE = 2 * SIGMAS[1] ** 2  # of a pair's distance
@@ -89,7 +87,10 @@ def search_poses(search: PoseSearch, *, rng: np.random.Generator) -> list[PoseEv
         better = [_mended(search, item) for item in distinct(aligned, DIFFERENT)[:MENDED]]
         return sorted([*better, *aligned], key=lambda item: -item.log)
     maps = [item for moved in _annealed_maps(search) if (item := settled(search, moved)) is not None]
-    evidence = _improved(search, _refined(search, maps, aligned))
+    evidence = _refined(search, maps, aligned)
+    if not evidence or not _whole(search, evidence[0]):
+        evidence = sorted([*evidence, *_laid_maps(search)], key=lambda item: -item.log)
+    evidence = _improved(search, evidence)
     if evidence and complete(search, evidence[0]):
         return evidence
     proposed = [item for moved in _proposed_maps(search, rng) if (item := settled(search, moved)) is not None]
@@ -177,11 +178,25 @@ def _followed(search: PoseSearch, item: PoseEvidence) -> PoseEvidence:
 
 
 COOLING, COLDEST, COOLED = 0.85, 0.35, 3
+WHOLE = 0.97  # fraction of the points that have a partner in a complete map
+MOST_LAID = 2  # curves of the source that pieces are laid on
 ROTATED = 4  # maps of the rotated source that are followed
 MENDED, CLEAN = 8, 1.1  # alignments that are mended, and noise in SIGMAS[0] of a map that needs no mending
 MOST_SEGMENTS, MOST_TARGET_SLIDES = 8, 4
 DENSER = 1.2  # ratio of the sets' sizes beyond which pairs also slide along the target's curves
 IMPROVED, IMPROVED_DISTANCE = 3, 0.1
+
+
+def _laid_maps(search: PoseSearch) -> list[PoseEvidence]:
+    """Maps of pieces of the target's curves laid on the source's: hidden parts mislead an annealing."""
+    ranking = refinement.Ranking.of(search.field, search.target)
+    following = successors(search.target)
+    curves = [search.outline] if len(search.outline[0]) else sorted(search.curves, key=lambda curve: -len(curve[0]))
+    pairs = (matches for curve in curves[:MOST_LAID] for matches in laid_pieces(curve, ranking, following))
+    width = refinement.RANK_WIDTH
+    maps = [hard_evidence(search.field, search.target, matches, width=width) for matches in pairs]
+    upright = [item for item in maps if item is not None and np.linalg.det(item.affine[1:]) > 0]
+    return [_followed(search, item) for item in distinct(upright, DIFFERENT)[:FOLLOWED]]
 
 
 def _aligned_maps(search: PoseSearch) -> list[PoseEvidence]:
@@ -212,7 +227,13 @@ def settled(search: PoseSearch, moved: Floats) -> PoseEvidence | None:
 def complete(search: PoseSearch, evidence: PoseEvidence) -> bool:
     """Whether nearly all points of the smaller set have a partner at the measurement's standard deviation."""
     fewest = min(len(search.source), len(search.target))
-    return evidence.paired >= 0.97 * fewest and evidence.sigma <= 1.5 * SIGMAS[1]
+    return evidence.paired >= WHOLE * fewest and evidence.sigma <= 1.5 * SIGMAS[1]
+
+
+def _whole(search: PoseSearch, evidence: PoseEvidence) -> bool:
+    """Whether a complete map leaves nearly no point of either set without partner."""
+    most = max(len(search.source), len(search.target))
+    return complete(search, evidence) and evidence.paired >= WHOLE * most
 
 
 def _refined(
@@ -310,7 +331,7 @@ def _annealed_maps(search: PoseSearch) -> Iterator[Floats]:
     source, target = search.source, search.target
     rows, columns = spread_indices(source, FINE[0]), spread_indices(target, FINE[1])
     sample = np.ascontiguousarray(target[columns])
-    design, ridge = _annealing_design(source, rows)
+    design, ridge = field_design(source, rows)
     here = np.ascontiguousarray(design[rows])
     last = max(LAST_SIGMA * max(spacing(source[rows]), spacing(sample)), 0.03)
     sigmas = np.geomspace(FIRST_SIGMA, min(last, MIDDLE_SIGMA / 2), FINE_STEPS)
@@ -337,7 +358,7 @@ def _proposed_maps(search: PoseSearch, rng: np.random.Generator) -> Iterator[Flo
     cooling = Cooling(factor=COOLING, start=START, end=(COLDEST * search.step) ** 2, rounds=COOLED)
     yield basis.design @ anneal(basis, basis.rest, target, cooling)
     sample = np.ascontiguousarray(target[columns])
-    design, ridge = _annealing_design(source, rows)
+    design, ridge = field_design(source, rows)
     here = np.ascontiguousarray(design[rows])
     last = max(LAST_SIGMA * max(spacing(source[rows]), spacing(sample)), 0.03)
     sigmas = np.geomspace(FIRST_SIGMA, min(last, MIDDLE_SIGMA / 2), FINE_STEPS)
@@ -345,24 +366,6 @@ def _proposed_maps(search: PoseSearch, rng: np.random.Generator) -> Iterator[Flo
         start = np.zeros((design.shape[1], source.shape[1]))
         start[: len(pose.affine)] = pose.affine
         yield design @ annealed_map(here, ridge, sample, start, sigmas, rounds=2).coordinates
-
-
-def _annealing_design(source: Floats, rows: Integers) -> tuple[Floats, Floats]:
-    """Affine columns and field columns at the source's points, shape (n, k), and the inverse variances, shape (k,)."""
-    control = source[rows]
-    among, across = (
-        sum(
-            amplitude**2 * np.exp(-0.5 * cdist(points, control, "sqeuclidean") / width**2)
-            for width, amplitude in zip(FIELD_WIDTHS, FIELD_AMPLITUDES, strict=True)
-        )
-        for points in (control, source)
-    )
-    value, vector = np.linalg.eigh(among)
-    large = value > 1e-5 * value[-1]
-    bends = across @ (vector[:, large] / np.sqrt(value[large]))
-    dimension = source.shape[1]
-    ridge = np.concatenate([[1e-6], np.full(dimension, AFFINE_SD**-2), np.ones(bends.shape[1])])
-    return np.column_stack([np.ones(len(source)), source, bends]), ridge
 
 
 def _coarse_starts(search: PoseSearch) -> list[Floats]:

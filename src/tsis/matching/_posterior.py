@@ -120,22 +120,22 @@ def pose_posterior(
     rng: np.random.Generator,
     rotation_sd_deg: float | None = None,
     also: Floats | None = None,
+    searched: PosePosterior | None = None,
 ) -> PosePosterior:
     """Posterior over the maps that a search finds, and over that of a given answer ``also``, shape (n, d).
 
     Sets are normalised, shapes (n, d) and (m, d). Without ``rotation_sd_deg`` the prior of `log_rotation_prior` holds.
+    A posterior of the same sets, ``searched``, saves the search.
     """
-    search = PoseSearch.of(source, target)
-    maps = search_poses(search, rng=rng)
+    search = PoseSearch.of(source, target) if searched is None else searched.search
+    maps = search_poses(search, rng=rng) if searched is None else list(searched.maps)
     if also is not None and (given := settled(search, also)) is not None:
         maps.append(given)
-    upright = [item for item in maps if np.linalg.det(item.affine[1:]) > 0]
-    posterior = {
-        id(item): item.log + log_rotation_prior(item.affine[1:], rotation_sd_deg)
-        for item in distinct(upright, DUPLICATE)
-    }
-    chosen = sorted((item for item in upright if id(item) in posterior), key=lambda item: -posterior[id(item)])
-    logs = np.array([posterior[id(item)] for item in chosen])
+    upright = distinct((item for item in maps if np.linalg.det(item.affine[1:]) > 0), DUPLICATE)
+    priors = [log_rotation_prior(item.affine[1:], rotation_sd_deg) for item in upright]
+    logs = np.array([item.log + prior for item, prior in zip(upright, priors, strict=True)])
+    order = np.argsort(-logs, kind="stable")
+    logs, chosen = logs[order], [upright[k] for k in order]
     unrelated = unrelated_evidence(target)
     total = logsumexp(np.append(logs, unrelated))
     return PosePosterior(
@@ -239,42 +239,50 @@ RELIABLE = 0.999  # least probability of a reliable answer
 MOST_RESEMBLANCE = 1e4
 MOST_NOISE, LEAST_NOISE = 0.5, -3.0  # log of the standard deviation in spacings, in the calibration
 COLLAPSED = -0.05  # unpaired fraction below which points of one set share partners
-# Where fractions h of the source and s of the target lack partners, a search misses more poses and log odds count less.
-HIDDEN, STRAY = 40.0, 3.0  # the divisor is 1 + HIDDEN h + STRAY s
-SELF_RESEMBLANCE = 0.2  # log odds count up to this fraction of the loss of a wrong alignment of the outline with itself
-MOST_ODDS = 20.0  # log odds beyond which they count by their logarithm: a missed pose is likelier than a rival
+SELF_RESEMBLANCE = 0.3  # log odds count up to this fraction of the loss of a wrong alignment of the outline with itself
+# Log odds are divided by 1 + STRAY s + BOTH min(h, s) + sigma / spacing, where h and s are the fractions of source and
+# target without partners: where both sets have such points, a search has stopped before it paired all.
+STRAY, BOTH, MOST_SPACINGS = 3.0, 100.0, 1.5
+# Divided log odds beyond which they count by their logarithm, and do not count: a missed pose is likelier than a rival.
+LINEAR_SUPPORT, MOST_SUPPORT = 12.0, 30.0
 CONTRADICTED = 3.0  # log odds against an answer beyond which its distance from the best map counts
+LEAST_SHEAR = 0.3  # log ratio of the affine map's singular values from which it counts
 MOST_UNSUPPORTED = 0.99
-WEIGHTS = (2.117, 0.1231, 1.377, 0.07682, 0.6256, 0.5388)
+WEIGHTS = (2.269, 0.1515, 1.473, 0.03263, 0.4944, 1.372, 0.7121)
+SURE, SURE_CASES = 5.6, 1410  # log odds of being right above which none of so many answers was wrong
 
 
 def trust_measures(posterior: PosePosterior, moved: Floats) -> Floats:
-    """What the trust in an answer's points, shape (n, d), depends on, shape (6,).
+    """What the trust in an answer's points, shape (n, d), depends on, shape (7,).
 
     Log odds of the answer; loss of a wrong alignment of the source's outline with itself; fractions of source and
-    target without partner; log of the noise in spacings; distance from the best map, in tolerances.
+    target without partner; log of the noise in spacings; distance from the best map, in tolerances; log ratio of the
+    best affine map's singular values.
     """
     odds, best, search = posterior.log_odds(moved), posterior.best, posterior.search
     if best is None:
-        return np.array([odds, 0.0, 1.0, 1.0, MOST_NOISE, 1.0])
+        return np.array([odds, 0.0, 1.0, 1.0, MOST_NOISE, 1.0, 0.0])
     resemblance = min(posterior.resemblance, MOST_RESEMBLANCE)
     far = distance(best.moved, moved) / (TOLERANCE * _radius(moved))
     hidden, stray = 1 - best.paired / len(moved), 1 - best.paired / len(search.target)
-    return np.array([odds, resemblance, hidden, stray, math.log(best.sigma / search.step), far])
+    noise, stretch = math.log(best.sigma / search.step), size_and_stretch(best.affine[1:])[1]
+    return np.array([odds, resemblance, hidden, stray, noise, far, stretch])
 
 
 def trust_features(measures: Floats) -> Floats:
-    """Columns of the regression, shape (..., 6), from `trust_measures`, shape (..., 6)."""
-    odds, resemblance, hidden, stray, noise, far = np.moveaxis(np.asarray(measures), -1, 0)
+    """Columns of the regression, shape (..., 7), from `trust_measures`, shape (..., 7)."""
+    odds, resemblance, hidden, stray, noise, far, stretch = np.moveaxis(np.asarray(measures), -1, 0)
     support = np.maximum(np.minimum(odds, SELF_RESEMBLANCE * resemblance), 0.0)
-    support = support / (1 + HIDDEN * np.maximum(hidden, 0.0) + STRAY * np.maximum(stray, 0.0))
+    unpaired = np.maximum(np.stack([stray, np.minimum(hidden, stray)]), 0.0)
+    support = support / (1 + STRAY * unpaired[0] + BOTH * unpaired[1] + np.minimum(np.exp(noise), MOST_SPACINGS))
     columns = [
         np.ones_like(odds),
-        np.minimum(support, MOST_ODDS),
-        np.log1p(support),
+        np.minimum(support, LINEAR_SUPPORT),
+        np.log1p(np.minimum(support, MOST_SUPPORT)),
         -np.log1p(np.maximum(-odds, 0.0)),
         np.clip(noise, LEAST_NOISE, MOST_NOISE),
         -np.clip(-odds, 0.0, CONTRADICTED) / CONTRADICTED * np.log(np.maximum(far, 1.0)),
+        -np.maximum(stretch - LEAST_SHEAR, 0.0),
     ]
     return np.stack(columns, axis=-1)
 
@@ -302,10 +310,11 @@ def probability_right(posterior: PosePosterior, moved: Floats) -> float:
 
     It is at most the probability that the sets are related. It is at most `MOST_UNSUPPORTED` without posterior odds of
     `RELIABLE`, or where the source's outline could as well lie on itself in another way, as that of a symmetric shape.
+    Otherwise, above `SURE`, it is one less the mean rate of errors (Jeffreys' prior) after `SURE_CASES` without any.
     """
-    features = trust_features(trust_measures(posterior, moved))
-    chance = float(1 / (1 + math.exp(-float(np.clip(features @ np.array(WEIGHTS), -50.0, 50.0)))))
-    chance *= 1 - math.exp(min(posterior.unrelated, 0.0))
+    logit = float(trust_features(trust_measures(posterior, moved)) @ np.array(WEIGHTS))
+    chance = 1 / (1 + math.exp(-float(np.clip(logit, -50.0, 50.0))))
     odds = min(posterior.log_odds(moved), 0.5 * posterior.resemblance)
-    supported = odds >= math.log(RELIABLE / (1 - RELIABLE))
-    return chance if supported else min(chance, MOST_UNSUPPORTED)
+    supported = odds >= math.log(RELIABLE / (1 - RELIABLE)) and logit >= SURE
+    chance = max(chance, 1 - 0.5 / (SURE_CASES + 1)) if supported else min(chance, MOST_UNSUPPORTED)
+    return chance * (1 - math.exp(min(posterior.unrelated, 0.0)))

@@ -146,13 +146,16 @@ def chained(
                     POSITION * step,
                 )
         matches = _without_repeats(matches, ((moved - target[matches]) ** 2).sum(axis=1))
-        item = hard_evidence(field, target, matches)
+        item = hard_evidence(field, target, matches, width=current.width)
         if item is None:
             break
         current = item
         if item.log > best.log + 0.01:
             best = item
-    return best
+    if best is pose:
+        return pose
+    whole = hard_evidence(field, target, best.matches)
+    return best if whole is None else whole
 
 
 def _without_repeats(matches: Integers, cost: Floats) -> Integers:
@@ -297,11 +300,14 @@ class Ranking:
         return cls(design=np.column_stack([np.ones(len(factor)), field.points, factor]), target=target)
 
     def loss(self, normal: Floats, right: Floats, goal: Floats) -> Floats:
-        """Squared residuals and bending, shape (s,), of normal matrices (s, k, k) and right sides (s, k, d)."""
+        """Squared residuals and bending, shape (s,), of normal matrices (s, k, k) and right sides (s, k, d).
+
+        ``goal`` holds the partners, shape (l, d) for all or (s, l, d).
+        """
         ridge = np.full(self.design.shape[1], RANK_SIGMA**2)
         ridge[: self.target.shape[1] + 1] = 1e-9
         solution = np.linalg.solve(normal + np.diag(ridge), right)
-        return np.asarray(float((goal**2).sum()) - (right * solution).sum(axis=(1, 2)))
+        return np.asarray((goal**2).sum(axis=(-2, -1)) - (right * solution).sum(axis=(1, 2)))
 
 
 def one_to_one(moved: Floats, target: Floats, gate: float) -> Integers:

@@ -260,24 +260,33 @@ def confidence_and_posterior(
     *,
     rng: np.random.Generator | None = None,
     rotation_sd_deg: float | None = None,
+    searched: PosePosterior | None = None,
 ) -> tuple[MatchFit, PosePosterior, float]:
-    """The method's fit of normalised points, the posterior over poses that judges it, and its confidence."""
+    """The method's fit of normalised points, the posterior over poses that judges it, and its confidence.
+
+    A posterior of the same sets, ``searched``, saves the search.
+    """
     rng = np.random.default_rng(0) if rng is None else rng
-    fit, posterior = _fitted(method, source, target, rng, rotation_sd_deg)
+    fit, posterior = _fitted(method, source, target, rng, rotation_sd_deg, searched)
     return fit, posterior, _confidence(fit, posterior, source)
 
 
 def _fitted(
-    method: str, source: Floats, target: Floats, rng: np.random.Generator, rotation_sd_deg: float | None
+    method: str,
+    source: Floats,
+    target: Floats,
+    rng: np.random.Generator,
+    rotation_sd_deg: float | None,
+    searched: PosePosterior | None,
 ) -> tuple[MatchFit, PosePosterior]:
     """The method's fit, and the posterior over poses that judges it."""
     if METHODS.get(method) is tprl.fit:
-        posterior = pose_posterior(source, target, rng=rng, rotation_sd_deg=rotation_sd_deg)
+        posterior = searched or pose_posterior(source, target, rng=rng, rotation_sd_deg=rotation_sd_deg)
         return tprl.fit(source, target, rng=rng, posterior=posterior), posterior
     fit_method: MatchMethod = METHODS[method] if method in METHODS else load_plugin("matching", method)
     fit = fit_method(source, target, rng=rng)
     also = fit.move(source)
-    return fit, pose_posterior(source, target, rng=rng, rotation_sd_deg=rotation_sd_deg, also=also)
+    return fit, pose_posterior(source, target, rng=rng, rotation_sd_deg=rotation_sd_deg, also=also, searched=searched)
 
 
 def _confidence(fit: MatchFit, posterior: PosePosterior, source: Floats) -> float:

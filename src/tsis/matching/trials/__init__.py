@@ -1,5 +1,6 @@
 """Trials of matching methods: shapes, distortions, public data, runs and summaries."""
 
+from tsis.matching._posterior import trust_features
 from tsis.matching.trials._distort import (
     SHAPES,
     Distortion,
@@ -18,9 +19,10 @@ from tsis.matching.trials._summary import (
     TrialSummary,
     TrustCase,
     fit_trust,
+    ratio_of_means,
     summarise,
     summarise_pooled,
-    trust_case,
+    trust_cases,
 )
 from tsis.matching.trials._trials import (
     FAMILIES,
@@ -66,10 +68,12 @@ __all__ = [
     "matching_error",
     "public_distortion",
     "public_trials",
+    "ratio_of_means",
     "read_trial_rows",
     "run_trials",
     "strokes",
     "summarise",
     "summarise_pooled",
-    "trust_case",
+    "trust_cases",
+    "trust_features",
 ]

@@ -17,9 +17,10 @@ from tsis.matching.trials._trials import matching_error
 from tsis.model import require_number
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Sequence
+    from collections.abc import Collection, Iterable, Iterator, Sequence
 
     from tsis.matching._fit import Floats
+    from tsis.matching._posterior import PosePosterior
     from tsis.matching.trials._distort import Trial
     from tsis.matching.trials._runs import TrialRow
 
@@ -250,7 +251,7 @@ class TrustCase:
     second
         Posterior probability of all poses but the best.
     seconds
-        Duration.
+        Duration; of all but the first method of a trial without the search for poses, which they share.
     measures
         What the confidence depends on; empty for a folded or flat map.
     """
@@ -266,31 +267,39 @@ class TrustCase:
     measures: tuple[float, ...]
 
 
-def trust_case(trial: Trial, method: str, *, rotation_sd_deg: float | None = None) -> TrustCase:
-    """Match a trial by one of the methods of `tsis.matching.METHODS` and compare the answer with the truth."""
-    start = time.perf_counter()
+def trust_cases(trial: Trial, methods: Sequence[str], *, rotation_sd_deg: float | None = None) -> Iterator[TrustCase]:
+    """Match a trial by methods of `tsis.matching.METHODS` and compare the answers with the truth.
+
+    The search for poses is that of the first method.
+    """
     here, there = NormalFrame.of(trial.source), NormalFrame.of(trial.target)
     source, target = here.inward(trial.source), there.inward(trial.target)
-    fit, posterior, confidence = confidence_and_posterior(method, source, target, rotation_sd_deg=rotation_sd_deg)
-    moved = fit.move(source)
-    seconds = time.perf_counter() - start
-    poses = posterior.alternatives()
     centre = trial.target.mean(axis=0) - trial.source.mean(axis=0)
-    return TrustCase(
-        trial=trial.name,
-        method=method,
-        error=matching_error(trial, there.outward(moved)),
-        unmoved_error=matching_error(trial, trial.source + centre),
-        confidence=confidence,
-        reliable=confidence >= RELIABLE,
-        second=1 - poses[0].probability if poses else 1.0,
-        seconds=seconds,
-        measures=tuple(trust_measures(posterior, moved).tolist()) if is_sound(fit.move, source) else (),
-    )
+    searched: PosePosterior | None = None
+    for method in methods:
+        start = time.process_time()
+        fit, posterior, confidence = confidence_and_posterior(
+            method, source, target, rotation_sd_deg=rotation_sd_deg, searched=searched
+        )
+        moved = fit.move(source)
+        seconds = time.process_time() - start
+        searched = searched or posterior
+        poses = posterior.alternatives()
+        yield TrustCase(
+            trial=trial.name,
+            method=method,
+            error=matching_error(trial, there.outward(moved)),
+            unmoved_error=matching_error(trial, trial.source + centre),
+            confidence=confidence,
+            reliable=confidence >= RELIABLE,
+            second=1 - poses[0].probability if poses else 1.0,
+            seconds=seconds,
+            measures=tuple(trust_measures(posterior, moved).tolist()) if is_sound(fit.move, source) else (),
+        )
 
 
 def fit_trust(measures: Floats, right: Floats) -> Floats:
-    """Weights, shape (k,), of the logistic regression of being right, shape (n,), on measures, shape (n, 6).
+    """Weights, shape (k,), of the logistic regression of being right, shape (n,), on measures, shape (n, 7).
 
     A weak ridge on standardised columns bounds the weights, which are not negative but for the constant and the noise.
     """
