@@ -110,15 +110,14 @@ def _rounded(values: dict[str, Any]) -> dict[str, Any]:
     return {name: short(value) for name, value in values.items()}
 
 
-def own(name: str, ray_layers: int | None = None) -> list[dict[str, dict[str, Any]]]:
-    """A case by tsis, one entry a force: by `PressSeries`, or by load paths on so many layers around the sphere."""
+def own(name: str, finer: FiniteResolution | None = None) -> list[dict[str, dict[str, Any]]]:
+    """A case by tsis, one entry a force: by `PressSeries`, or by load paths on another mesh."""
     case = CASES[name]
-    if ray_layers is None:
+    if finer is None:
         series = PressSeries(PROBE)
         slabs = (replace(case.phantom, inclusion=None), case.phantom)
         pairs = [tuple(series.press(slab, force_n=force) for slab in slabs) for force in case.forces_n]
     else:
-        finer = FiniteResolution(ray_layers=ray_layers)
         both = press_pairs(PROBE, case.phantom, forces_n=case.forces_n, resolution=finer)
         pairs = [(without, with_it) for with_it, without in both]
     return [{"plain": _at_radii(plain), "full": _at_radii(full)} for plain, full in pairs]
@@ -202,20 +201,26 @@ def completed(names: list[str], mesh: str, *, again: bool) -> dict[str, list[dic
     return stored
 
 
+def _setting(text: str) -> tuple[str, Any]:
+    name, value = text.split("=")
+    return name, json.loads(value)
+
+
 def main() -> int:
     """Print a table; the exit code is 1 when a signal deviates by more than 1 % of its peak."""
     parser = argparse.ArgumentParser(description="Domed contact at finite strain by another code.")
     parser.add_argument("--states", nargs="+", choices=CASES, default=list(CASES), metavar="STATE")
     parser.add_argument("--mesh", choices=MESHES, default="usual", help="of the other code")
     parser.add_argument("--again", action="store_true", help="solve stored states again")
-    parser.add_argument("--ray-layers", type=int, help="tsis by load paths on so many layers around the sphere")
+    parser.add_argument("--resolution", nargs="+", metavar="NAME=VALUE", help="tsis by load paths on another mesh")
     parser.add_argument("--beside", choices=MESHES, help="compare with another mesh of the other code, not with tsis")
     options = parser.parse_args()
     stored = completed(options.states, options.mesh, again=options.again)
     beside = completed(options.states, options.beside, again=False) if options.beside else {}
+    finer = FiniteResolution(**dict(map(_setting, options.resolution))) if options.resolution else None
     rows, worst = [], 0.0
     for name in options.states:
-        ours = beside[name] if beside else own(name, options.ray_layers)
+        ours = beside[name] if beside else own(name, finer)
         for one, other in zip(ours, stored[name], strict=True):
             rows.append(row(name, one, other))
             fields = ("pressure_kpa", "displacement_mm")
