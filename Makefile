@@ -50,6 +50,7 @@ benchmark: $(VENV)/.dev  ## speed and accuracy beside those of other programs, o
 	$(BIN)/python -m benchmarks.held_out
 	$(BIN)/python -m benchmarks.mechanics
 	$(BIN)/python -m benchmarks.domed_second_code
+	$(BIN)/python -m benchmarks.domed_second_code_finite
 	$(BIN)/python -m benchmarks.slab_modes
 	$(BIN)/python -m benchmarks.propagation
 	$(BIN)/python -m benchmarks.rays
@@ -73,6 +74,9 @@ benchmark: $(VENV)/.dev  ## speed and accuracy beside those of other programs, o
 	$(BIN)/python -m benchmarks.killed_writers --cycles 1000  # ten thousand in the documents
 	$(BIN)/python -m benchmarks.full_disk
 	$(BIN)/python -m benchmarks.store_speed
+	$(BIN)/python -m benchmarks.crowd
+	$(BIN)/python -m benchmarks.throughput
+	$(BIN)/python -m benchmarks.peak_memory
 	$(BIN)/python -m benchmarks.api_fuzz --cases 10000
 	$(BIN)/python -m benchmarks.live_view
 	$(BIN)/python -m benchmarks.console_start

@@ -242,12 +242,11 @@ def computed(fine: Fineness, forces_n: tuple[float, ...] = FORCES_N) -> list[dic
     return cases
 
 
-def kernel(case: dict[str, Any], strain: str = "small") -> dict[str, Any]:
+def kernel(case: dict[str, Any]) -> dict[str, Any]:
     """The same case by `tsis.mechanics.press`."""
     sphere = tsis.Inclusion(**{name: case[name] for name in ("diameter_mm", "depth_mm", "young_kpa")})
     plain, full = (
-        press(PROBE, phantom, force_n=case["force_n"], strain=strain)
-        for phantom in (PLAIN, replace(PLAIN, inclusion=sphere))
+        press(PROBE, phantom, force_n=case["force_n"]) for phantom in (PLAIN, replace(PLAIN, inclusion=sphere))
     )
     radius = plain.radius_mm
     hats = np.maximum(0.0, 1 - np.abs(radius - RADIUS_MM[:, None]) / HAT_MM) * radius
@@ -266,11 +265,10 @@ def kernel(case: dict[str, Any], strain: str = "small") -> dict[str, Any]:
     }
 
 
-def deviations(found: dict[str, Any], reference: dict[str, Any], *, within_mm: float = np.inf) -> dict[str, float]:
-    """Largest deviation of every curve and value as a share of its largest value, at radii below ``within_mm``."""
+def deviations(found: dict[str, Any], reference: dict[str, Any]) -> dict[str, float]:
+    """Largest deviation of every curve and value as a share of its largest value."""
     names = ("plain_approach_mm", "approach_mm", "plain_w_mm", "plain_p_kpa", "dw_mm", "dp_kpa")
-    count = int(np.count_nonzero(within_mm > RADIUS_MM))
-    pairs = {name: (np.atleast_1d(found[name])[:count], np.atleast_1d(reference[name])[:count]) for name in names}
+    pairs = {name: (np.atleast_1d(found[name]), np.atleast_1d(reference[name])) for name in names}
     return {name: float(np.abs(one - other).max() / np.abs(other).max()) for name, (one, other) in pairs.items()}
 
 

@@ -3,8 +3,9 @@
     python -m benchmarks.gel_depth --seed 2026 --data ../shared/data/real
 
 Real: presses of a 4.00 mm ball on the GelSight of Taxim (stated, unchecked), calibrated on every fourth press. The odd
-ones are measured against the ball's cap, the press depth the only free number, inside .8 of the contact. Rendered: a
-ball of 6 mm, calibrated on nine presses; five others are measured against the true face, inside the contact.
+ones are measured against the ball's cap, the press depth the only free number, inside .8 of the contact; two further
+rows leave out what an error of the contact's centre, and of the curvature, makes. Rendered: a ball of 6 mm, calibrated
+on nine presses; five others are measured against the true face, inside the contact.
 """
 
 from __future__ import annotations
@@ -19,8 +20,8 @@ from rich.console import Console
 from rich.table import Table
 
 from tsis.catalog import load_sensor
-from tsis.imaging import contacts
-from tsis.imaging.depth import DepthMapper, calibrate_depth, cap_error_mm
+from tsis.imaging import GelContact, contacts
+from tsis.imaging.depth import DepthMap, DepthMapper, calibrate_depth, cap_error_mm
 from tsis.virtual import rendered_series
 
 
@@ -32,12 +33,30 @@ def real(path: Path, table: Table) -> None:
     calibration = calibrate_depth(presses[::4], sensor=sensor, reference=untouched, ball_mm=4.0)
     mapper = DepthMapper(calibration, sensor, untouched)
     found = contacts(presses[1::2], sensor=sensor, reference=untouched)
-    errors = [
-        cap_error_mm(mapper.map(frame), contact, 2.0)
-        for frame, contact in zip(presses[1::2], found, strict=True)
-        if contact.good
-    ]
+    good = [(mapper.map(frame), contact) for frame, contact in zip(presses[1::2], found, strict=True) if contact.good]
+    errors = [cap_error_mm(depth, contact, 2.0) for depth, contact in good]
     table.add_row("Taxim, real", calibration.method, str(len(errors)), *_numbers(errors))
+    parts = np.array([explained(depth, contact) for depth, contact in good])
+    for label, column in (("  the ball's place free too", 0), ("  its curvature free too", 1)):
+        table.add_row(label, "", str(len(parts)), *_numbers(list(parts[:, column])))
+
+
+def explained(depth: DepthMap, contact: GelContact, ball_radius_mm: float = 2.0) -> tuple[float, float]:
+    """What is left of `cap_error_mm` without the plane that an error of the centre makes, and without its curvature.
+
+    A cap whose centre lies d aside differs from the true one by the plane of slope d over the ball's radius.
+    """
+    rows, columns = depth.depth_mm.shape
+    y, x = np.mgrid[:rows, :columns]
+    scale = depth.mm_per_pixel
+    x, y = (x - contact.centre_px[0]) * scale[0], (y - contact.centre_px[1]) * scale[1]
+    squared = x**2 + y**2
+    inside = np.sqrt(squared) < 0.8 * min(contact.radius_px * float(np.sqrt(np.prod(scale))), 0.98 * ball_radius_mm)
+    off = (depth.depth_mm - np.sqrt(np.maximum(ball_radius_mm**2 - squared, 0.0)))[inside]
+    columns_of = [np.ones(off.size), x[inside], y[inside], squared[inside]]
+    left = [np.linalg.lstsq(np.stack(columns_of[:count], axis=1), off, rcond=None)[0] for count in (3, 4)]
+    first, second = (float(np.std(off - np.stack(columns_of[: len(c)], axis=1) @ c)) for c in left)
+    return first, second
 
 
 def rendered(name: str, seed: int, table: Table) -> None:

@@ -1,9 +1,10 @@
 """Shear force from markers of a bonded gel against finite elements in three dimensions.
 
-    python -m benchmarks.gel_shear --seed 2031 --gels 8
+    python -m benchmarks.gel_shear --seed 3204 --gels 8 --elements tetrahedra
 
-The elements are bricks with 8 nodes on a grid (B-bar, so that a nearly incompressible gel does not lock), written here:
-they share nothing with the Green's function of `tsis.mechanics.gel.gel_shear`. A disc is dragged along: an even shear
+Tetrahedra are quadratic, by NGSolve (extra fem3d), on a mesh that follows the contact's edge. Bricks have 8 nodes on a
+grid of 0.4 mm (B-bar, so that a nearly incompressible gel does not lock), written here. Both share nothing with the
+Green's function of `tsis.mechanics.gel.gel_shear`. A disc is dragged along: an even shear
 traction, or one that grows towards the edge, beside a normal pressure. Markers lie 0.9 mm apart and are read with an
 error of 5 µm. Linear elasticity; the gel's values are known to the estimate.
 """
@@ -11,6 +12,7 @@ error of 5 µm. Linear elasticity; the gel's values are known to the estimate.
 from __future__ import annotations
 
 import argparse
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -21,6 +23,7 @@ from tsis.mechanics.gel import gel_shear
 from tsis.model import BoundedValue, GelSensor
 
 WIDE_MM, CELL_MM, LAYERS = 24.0, 0.4, 5
+COARSE_MM = 1.4  # of tetrahedra
 MARKER_MM, READING_MM, GOAL = 0.9, 0.005, 0.15
 
 
@@ -78,11 +81,68 @@ class Layer:
         return np.stack([result[3 * self.top + axis] for axis in range(3)])
 
 
+@dataclass(frozen=True, kw_only=True)
+class Drag:
+    """Tractions on a disc: shear (x, y) in kPa, even or growing towards the edge, and pressure at the middle."""
+
+    centre: tuple[float, float]
+    radius: float
+    shear: tuple[float, float]
+    even: bool
+    peak: float
+
+
+def on_bricks(drag: Drag, layer: Layer, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Movement of the nodes at points, and the force of the tractions on nodes."""
+    x, y = np.meshgrid(layer.side, layer.side, indexing="ij")
+    distance = np.hypot(x - drag.centre[0], y - drag.centre[1]) / drag.radius
+    inside = distance <= 1.0
+    shape = np.where(inside, 1.0 if drag.even else 0.4 + distance**2, 0.0)
+    pressure = np.where(inside, drag.peak * np.sqrt(np.maximum(1 - distance**2, 0.0)), 0.0)
+    traction = np.stack([shape * drag.shear[0], shape * drag.shear[1], -pressure])
+    index = np.rint((points + WIDE_MM / 2) / CELL_MM).astype(int)
+    moved = layer.displaced(traction)[:2, index[:, 0], index[:, 1]].T
+    return moved, traction[:2].sum(axis=(1, 2)) * CELL_MM**2 / 1000
+
+
+def on_tetrahedra(drag: Drag, gel: tuple[float, float, float], points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The same by quadratic tetrahedra of NGSolve; ``gel`` is thickness, modulus and Poisson's ratio."""
+    import ngsolve as ng
+    from netgen.occ import Axes, Box, Glue, OCCGeometry, Pnt, WorkPlane, X, Z
+
+    (thickness, young, poisson), half = gel, WIDE_MM / 2
+    disc = WorkPlane(Axes(Pnt(*drag.centre, 0.0), n=Z, h=X)).Circle(drag.radius).Face()
+    disc.name, disc.maxh = "contact", drag.radius / 5
+    block = Box(Pnt(-half, -half, -thickness), Pnt(half, half, 0.0))
+    block.faces.Min(Z).name = "bottom"
+    geometry = OCCGeometry(Glue([block, disc]))
+    mesh = ng.Mesh(geometry.GenerateMesh(maxh=COARSE_MM, grading=0.3))
+    space = ng.VectorH1(mesh, order=2, dirichlet="bottom")
+    trial, test = space.TnT()
+    strain = [0.5 * (ng.Grad(part) + ng.Grad(part).trans) for part in (trial, test)]
+    shear, lame = young / 2 / (1 + poisson), young * poisson / (1 + poisson) / (1 - 2 * poisson)
+    form, load = ng.BilinearForm(space, symmetric=True), ng.LinearForm(space)
+    form += (2 * shear * ng.InnerProduct(*strain) + lame * ng.div(trial) * ng.div(test)) * ng.dx
+    squared = ((ng.x - drag.centre[0]) ** 2 + (ng.y - drag.centre[1]) ** 2) / drag.radius**2
+    shape = ng.CoefficientFunction(1.0) if drag.even else 0.4 + squared
+    left = ng.IfPos(1 - squared, 1 - squared, 0.0)
+    traction = ng.CoefficientFunction((shape * drag.shear[0], shape * drag.shear[1], -drag.peak * ng.sqrt(left)))
+    contact = mesh.Boundaries("contact")
+    load += traction * test * ng.ds(definedon=contact)
+    form.Assemble()
+    load.Assemble()
+    moved = ng.GridFunction(space)
+    moved.vec.data = form.mat.Inverse(space.FreeDofs(), inverse="sparsecholesky") * load.vec
+    force = [ng.Integrate(traction[axis], mesh, definedon=contact) / 1000 for axis in (0, 1)]
+    return np.array([moved(mesh(x, y, 0.0))[:2] for x, y in points]), np.array(force)
+
+
 def main() -> None:
     """Print one row a press."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seed", type=int, default=2031)
     parser.add_argument("--gels", type=int, default=8)
+    parser.add_argument("--elements", choices=("tetrahedra", "bricks"), default="tetrahedra")
     arguments = parser.parse_args()
     rng = np.random.default_rng(arguments.seed)
     print("gel kPa  nu     t mm  contact mm  shear N  estimate N        error  in 90 %")
@@ -90,22 +150,20 @@ def main() -> None:
     for number in range(arguments.gels):
         young, poisson = float(np.exp(rng.uniform(*np.log([60, 300])))), float(rng.uniform(0.45, 0.49))
         thickness, radius = float(rng.uniform(2.5, 4.5)), float(rng.uniform(1.5, 3.0))
-        layer = Layer(thickness, young, poisson)
-        x, y = np.meshgrid(layer.side, layer.side, indexing="ij")
         centre = rng.uniform(-1.5, 1.5, 2)
-        distance = np.hypot(x - centre[0], y - centre[1]) / radius
-        inside = distance <= 1.0
-        shape = np.where(inside, 1.0 if number % 2 == 0 else 0.4 + distance**2, 0.0)
         angle, strength = rng.uniform(0, 2 * np.pi), float(rng.uniform(0.03, 0.1)) * young
-        pressure = np.where(inside, 0.3 * young * np.sqrt(np.maximum(1 - distance**2, 0.0)), 0.0)
-        traction = np.stack([shape * strength * np.cos(angle), shape * strength * np.sin(angle), -pressure])
-        truth = traction[:2].sum(axis=(1, 2)) * CELL_MM**2 / 1000
-        moved = layer.displaced(traction)
+        drag = Drag(
+            centre=(float(centre[0]), float(centre[1])), radius=radius, even=number % 2 == 0, peak=0.3 * young,
+            shear=(float(strength * np.cos(angle)), float(strength * np.sin(angle))),
+        )  # fmt: skip
         places = np.arange(-7.2, 7.3, MARKER_MM)
-        picked = np.stack(np.meshgrid(places, places), axis=-1).reshape(-1, 2)
-        index = np.rint((picked + WIDE_MM / 2) / CELL_MM).astype(int)
-        points = layer.side[index]
-        shift = moved[:2, index[:, 0], index[:, 1]].T + rng.normal(0, READING_MM, points.shape)
+        points = np.stack(np.meshgrid(places, places), axis=-1).reshape(-1, 2)
+        if arguments.elements == "bricks":
+            points = np.rint(points / CELL_MM) * CELL_MM
+            moved, truth = on_bricks(drag, Layer(thickness, young, poisson), points)
+        else:
+            moved, truth = on_tetrahedra(drag, (thickness, young, poisson), points)
+        shift = moved + rng.normal(0, READING_MM, points.shape)
         sensor = GelSensor(
             name="drawn", width_mm=WIDE_MM, height_mm=WIDE_MM, thickness_mm=BoundedValue(value=thickness),
             young_kpa=BoundedValue(value=young), poisson=BoundedValue(value=poisson), image_px=(300, 300),
@@ -121,7 +179,8 @@ def main() -> None:
         text = f"{found.force_n[0]:+.3f}, {found.force_n[1]:+.3f}"
         print(
             f"{young:7.0f}  {poisson:.3f}  {thickness:.2f}  {radius:10.2f}  {size:7.3f}  {text}  {errors[-1]:10.3f}  "
-            f"{sum(inside_90)} of 2"
+            f"{sum(inside_90)} of 2",
+            flush=True,
         )
     print(f"shear: largest error {max(errors):.3f}, median {np.median(errors):.3f}; goal {GOAL}")
     print(f"interval (gel known): holds {sum(held)} of {len(held)} components")

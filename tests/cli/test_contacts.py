@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import csv
 import json
+import signal
+import subprocess
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 
+from tsis.catalog import load_sensor
 from tsis.cli._contacts import missing_frames_note
+from tsis.virtual import rendered_series
 
 if TYPE_CHECKING:
     from tests.cli.conftest import RunTsis
@@ -61,17 +66,74 @@ def test_dropped_frames_of_a_recording_are_said_in_one_sentence(tmp_path: Path) 
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (("--watch", "--camera", "virtual"), "--sensor needs --camera opencv:NUMBER or video:FILE, which have colours"),
-        (("--camera", "video:none.avi"), "--sensor needs --watch"),
-        (("--watch", "--camera", "video:none.avi"), "needs a frame of the untouched sensor"),
+        (("--watch", "--camera", "aravis:1"), "--sensor needs --camera virtual, opencv:NUMBER or video:FILE"),
+        (("--camera", "video:none.avi"), "--sensor needs --watch, or --frames or --seconds for a folder"),
+        (("--video", "--frames", "2"), "--sensor needs --watch, or --frames or --seconds for a folder"),
+        (("--watch", "--camera", "video:none.avi"), "--camera must be a camera that opens; video:none.avi does not"),
     ],
 )
-def test_a_live_gel_sensor_needs_a_camera_with_colours_and_a_reference(
-    run_tsis: RunTsis, options: tuple[str, ...], said: str
-) -> None:
+def test_a_live_gel_sensor_needs_a_camera_with_colours(run_tsis: RunTsis, options: tuple[str, ...], said: str) -> None:
+    pytest.importorskip("cv2")
     finished = run_tsis("acquire", "--sensor", "gelsight-mini", *options)
     assert finished.code == 2
     assert said in " ".join(finished.err.split())
+    assert finished.err.count("\n") == 1
+
+
+@pytest.fixture
+def small_sensor(run_tsis: RunTsis) -> tuple[str, str]:
+    finished = run_tsis("sensor", "new", "small", "--image-px", "160,120", "--scale-mm", "0.1264")
+    assert finished.code == 0, finished.err
+    return "--sensor", "sensor.toml"
+
+
+def test_a_recorded_gel_sensor_has_its_contacts(run_tsis: RunTsis, small_sensor: tuple[str, str]) -> None:
+    """From the camera to contacts: the first frame of the virtual sensor is untouched, the others are presses."""
+    recorded = run_tsis("acquire", *small_sensor, "--seed", "12", "--frames", "4", "--out", "rec", "--json")
+    assert recorded.code == 0, recorded.err
+    assert json.loads(recorded.out)["frames"] == 4
+    finished = run_tsis("contacts", "rec", *small_sensor, "--reference", "rec/frame-000000.png", "--json")
+    assert finished.code == 0, finished.err
+    found = json.loads(finished.out)["contacts"]
+    made = rendered_series(load_sensor("sensor.toml"), 6, ball_radius_mm=3.0, seed=12)
+    assert found[0]["reasons"] == ["no contact"]
+    for contact, press in zip(found[1:], made, strict=False):
+        assert np.hypot(*np.subtract(contact["centre_px"], press.centre_px)) < 1.0
+
+
+def test_the_live_view_of_the_virtual_sensor_has_contact_depth_and_force(
+    run_tsis: RunTsis, small_sensor: tuple[str, str]
+) -> None:
+    run_tsis("acquire", *small_sensor, "--seed", "12", "--frames", "6", "--out", "rec")
+    presses = [f"rec/frame-{number:06d}.png" for number in range(1, 6)]
+    common = (*small_sensor, "--reference", "rec/frame-000000.png")
+    made = run_tsis("depth", "calibrate", *presses, *common, "--ball-mm", "6", "--out", "depth.json")
+    assert made.code == 0, made.err
+    watched = ("acquire", "--watch", *small_sensor, "--seed", "12", "--depth", "depth.json", "--seconds", "0.02")
+    finished = run_tsis(*watched)
+    assert finished.code == 0, finished.err
+    assert "no good contact: no contact" in finished.out
+
+
+@pytest.mark.system
+def test_the_live_view_as_a_program_reads_contact_depth_and_force(
+    run_tsis: RunTsis, small_sensor: tuple[str, str], tmp_path: Path
+) -> None:
+    run_tsis("acquire", *small_sensor, "--seed", "12", "--frames", "6", "--out", "rec")
+    presses = [f"rec/frame-{number:06d}.png" for number in range(1, 6)]
+    common = (*small_sensor, "--reference", "rec/frame-000000.png")
+    run_tsis("depth", "calibrate", *presses, *common, "--ball-mm", "6", "--out", "depth.json")
+    words = ("acquire", "--watch", *small_sensor, "--seed", "12", "--depth", "depth.json", "--seconds", "30", "--json")
+    program = [sys.executable, "-c", "from tsis.cli import main; main()", *words]
+    with subprocess.Popen(program, cwd=tmp_path, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as live:
+        assert live.stderr is not None
+        lines = [line for line, _ in zip(live.stderr, range(3), strict=False)]
+        live.send_signal(signal.SIGINT)
+        out, _ = live.communicate()
+    assert lines[0].startswith("no good contact")
+    assert all("contact at" in line and "deepest" in line and " N (" in line for line in lines[1:])
+    assert live.returncode == 0
+    assert json.loads(out)["frames"] >= 3
 
 
 @pytest.mark.slow

@@ -123,3 +123,15 @@ def test_a_protocol_refuses_wrong_options(run_tsis: RunTsis, arguments: list[str
     finished = run_tsis("protocol", *arguments)
     assert finished.code == 2
     assert sentence in finished.err
+
+
+def test_the_careful_protocol_repeats_the_forces(run_tsis: RunTsis) -> None:
+    usual, careful = (
+        json.loads(run_tsis("protocol", "--tissue-kpa", "5", "--protocol", name, "--json").out)
+        for name in ("usual", "careful")
+    )
+    assert careful["forces_n"] == 4 * usual["forces_n"]
+    assert usual["operator_s"] < careful["operator_s"] <= 300
+    refused = run_tsis("protocol", "--tissue-kpa", "5", "--protocol", "quick")
+    assert refused.code == 2
+    assert "careful" in refused.err

@@ -13,7 +13,7 @@ from tsis.errors import ImageMismatchError, InputError
 from tsis.imaging import contacts
 from tsis.imaging._contact_fit import ContactFit, GelLayer, fit_contact, joined_fits, layer_hill
 from tsis.instrument import read_colour
-from tsis.virtual import RenderedPress, ball_press, random_gel_press
+from tsis.virtual import RenderedPress, ball_press, random_gel_light, random_gel_press, render_gel
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -107,6 +107,18 @@ def test_a_contact_that_is_cut_by_the_border_is_refused() -> None:
     frame, reference = (np.roll(part, -x, axis=1) for part in (MINI.frame, MINI.reference))
     (cut,) = contacts([frame], sensor=MINI.sensor, reference=reference)
     assert not cut.good
+
+
+def test_a_straight_edge_through_the_frame_is_no_good_contact() -> None:
+    """An ellipse explains it, and leaves the frame."""
+    rows, columns = MINI.depth_mm.shape
+    y, x = np.mgrid[:rows, :columns]
+    edge = 0.5 / (1.0 + np.exp((x - columns / 2 + 0.3 * (y - rows / 2)) / 3.0))
+    rng = np.random.default_rng(2)
+    light = random_gel_light((rows, columns), rng, size_px=12.0)
+    frames = [render_gel(depth, MINI.sensor, light, rng) for depth in (0.0 * edge, edge)]
+    (contact,) = contacts(frames[1:], sensor=MINI.sensor, reference=frames[0])
+    assert not contact.good
 
 
 @pytest.mark.slow

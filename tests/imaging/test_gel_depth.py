@@ -22,7 +22,7 @@ from tsis.imaging.depth import (
     integrate_gradients,
     parse_depth_calibration,
 )
-from tsis.virtual import rendered_series
+from tsis.virtual import marker_ink, rendered_series
 
 if TYPE_CHECKING:
     from tsis.model import GelSensor
@@ -109,3 +109,33 @@ def test_a_relative_calibration_divides_by_the_untouched_brightness() -> None:
         spread[method] = float(depth.std() / depth.mean())
     assert spread["relative"] < 0.02
     assert spread["grey"] > 0.15
+
+
+def test_markers_that_move_leave_no_trace_in_the_depth() -> None:
+    """A face 0.3 mm deep, with dots that moved by half of their size, beside the same face without dots."""
+    sensor = replace(load_sensor("9dtact"), image_px=(92, 69), mm_per_pixel=(0.25, 0.25), marker_pitch_mm=3.0)
+    y, x = np.mgrid[:69, :92]
+    levels = 150.0 - 30.0 * np.exp(-((x - 46) ** 2 + (y - 34) ** 2) / 100.0)
+    calibration = DepthCalibration(
+        sensor=sensor.name, light="white", method="grey", weights=np.array([-100.0]), ball_mm=4.0, presses=1,
+        sd_mm=0.01, sd_relative=0.0,
+    )  # fmt: skip
+    shift = np.stack([np.full(x.shape, 0.25), np.zeros(x.shape)])
+    dots = [1.0 - 0.8 * marker_ink(sensor, part) for part in (None, shift)]
+    frames = [np.repeat(part[..., None], 3, axis=2) for part in (150.0 * dots[0], levels * dots[1])]
+    with_dots = DepthMapper(calibration, sensor, frames[0]).map(frames[1]).depth_mm
+    expected = (150.0 - levels) / 100.0
+    assert np.sqrt(np.mean((with_dots - expected) ** 2)) < 0.01
+    blind = DepthMapper(calibration, replace(sensor, marker_pitch_mm=None), frames[0]).map(frames[1]).depth_mm
+    assert np.sqrt(np.mean((blind - expected) ** 2)) > 0.03
+
+
+def test_a_depth_by_three_terms_is_the_root_of_its_polynomial() -> None:
+    calibration = DepthCalibration(
+        sensor="9dtact", light="white", method="grey", weights=np.array([-80.0, 20.0, -2.0]), ball_mm=4.0, presses=1,
+        sd_mm=0.01, sd_relative=0.0,
+    )  # fmt: skip
+    for depth in (0.1, 0.5, 1.5):
+        change = -80.0 * depth + 20.0 * depth**2 - 2.0 * depth**3
+        assert calibration.depth_of_grey(np.array([change]))[0] == pytest.approx(depth, abs=2e-4)
+    assert calibration.depth_of_grey(np.array([10.0]))[0] == 0.0

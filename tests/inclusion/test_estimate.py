@@ -368,3 +368,20 @@ def test_the_error_of_the_press_model_counts_as_noise(lump: tuple[TactileImage, 
     frames, edges, even = list(lump), ring_edges(PROBE), np.ones(20)
     exact, coarse = (ring_profiles(frames, ANSWER, edges, light=even, model_error=error) for error in (0.0, 0.01))
     np.testing.assert_allclose(coarse.variance - exact.variance, (0.01 * exact.grey) ** 2, rtol=1e-9)
+
+
+def test_repeats_count_as_their_mean() -> None:
+    """Presses whose forces differ by a millionth are not averaged: the likelihood of all of them is the reference."""
+    virtual = VirtualProbe(PROBE, rng=np.random.default_rng(11), light=EVEN, strain="small")
+    frames = [
+        [virtual.press(phantom, force_n=1.0) for _ in range(3)] for phantom in (tsis.load_phantom("size-8"), PLAIN)
+    ]
+    apart = [[replace(frame, force_n=1 + 1e-6 * number) for number, frame in enumerate(site)] for site in frames]
+    mean, every, once = (
+        estimate(targets, probe=PROBE, calibration=ANSWER, reference=references, prior=EVEN_TISSUE).untrusted
+        for targets, references in (frames, apart, [site[:1] for site in frames])
+    )
+    for name in PARAMETERS:
+        assert mean.mean[name] == pytest.approx(every.mean[name], abs=0.2 * every.sd[name])
+        assert mean.sd[name] == pytest.approx(every.sd[name], rel=0.05)
+    assert mean.sd["diameter_mm"] < once.sd["diameter_mm"]

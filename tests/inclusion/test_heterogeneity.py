@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from benchmarks.layers import pressed
 from benchmarks.simulated_presses import PROTOCOLS
 from benchmarks.worlds import WORLDS, simulate_world
 from scipy.special import logsumexp
@@ -18,8 +19,10 @@ from tsis.imaging import Sensor, expose, render
 from tsis.inclusion import InclusionPrior, estimate, press_tables, read_frames, ring_edges
 from tsis.inclusion.checks import FieldHarmonics, heterogeneity_evidence
 from tsis.inclusion.posterior import HARMONICS, LENGTHS_MM, build_field_table, heterogeneity
+from tsis.inclusion.posterior._heterogeneity import LAYERS_MM
 from tsis.inclusion.posterior._likelihood import noise_covariance
 from tsis.mechanics import press
+from tsis.mechanics.tissue_field import FieldMesh, TissueFieldResponse
 from tsis.model import Inclusion, LightMap, Phantom, TactileImage
 from tsis.virtual import VirtualProbe, nominal_calibration
 
@@ -56,14 +59,16 @@ def test_the_likelihood_is_the_mixture_of_normal_densities() -> None:
     sd, use = model.nuisance_sd(means), np.flatnonzero(data.usable.ravel())
     assert model.correlation is not None
     noise = noise_covariance(data, calibration, model.correlation)
-    columns = model.field_columns(about, zero)
+    columns, layers = model.tissue_columns(about, zero)
     expected = []
     for inclusion in inclusions:
         grey, slopes = model.profiles(inclusion[None], zero)
         moved = slopes[0].reshape(-1, len(sd)) * sd
         parts = []
-        for one, length, weight in zip(hypotheses.sd, hypotheses.length, hypotheses.log_weight, strict=True):
+        every = zip(hypotheses.sd, hypotheses.length, hypotheses.layer_sd, hypotheses.log_weight, strict=True)
+        for one, length, layer_sd, weight in every:
             covariance = noise + one**2 * columns[length] @ columns[length].T + moved @ moved.T
+            covariance += layer_sd**2 * layers @ layers.T
             residual = (data.grey - grey[0]).ravel()[use]
             parts.append(weight + multivariate_normal(cov=covariance[np.ix_(use, use)]).logpdf(residual))
         expected.append(logsumexp(parts) + 0.5 * len(use) * np.log(2 * np.pi))
@@ -176,3 +181,42 @@ def test_intervals_hold_in_uneven_tissue() -> None:
 def test_blank_uneven_tissue_is_no_inclusion() -> None:
     lines = judged("uneven-10-5", 9002, 12, blank=True)
     assert (lines[:, 4] > 0.95).sum() <= 1
+
+
+@pytest.mark.parametrize("inclusion", [None, (8.0, 6.0, 80.0)])
+def test_layers_of_the_table_are_small_changes_of_solved_presses(
+    table: FieldTable, inclusion: tuple[float, float, float] | None
+) -> None:
+    """Presses of tissue with a layer a little stiffer and softer, solved on a finer mesh of another order."""
+    step, thickest = 0.02, LAYERS_MM[-2]
+    mesh = FieldMesh(order=4, growth=1.8, points=len(table.radius_mm))
+    softer, stiffer = (
+        np.array(
+            TissueFieldResponse(
+                PROBE,
+                young_kpa=5.0,
+                thickness_mm=30.0,
+                poisson=PRIOR.poisson,
+                inclusion=inclusion,
+                layer=(thickest, float(np.exp(sign * step))),
+                mesh=mesh,
+            ).press()
+        )
+        for sign in (-1, 1)
+    )
+    expected = (stiffer - softer) / (2 * step)  # pressure and displacement, each of unit and shape
+    about = None if inclusion is None else np.array(inclusion)
+    found = table.layers(about)[:, -2].reshape(2, 2, -1)
+    inner = table.radius_mm < 0.8 * PROBE.radius_mm
+    for part in range(2):
+        for kind in range(2):
+            here, there = found[part, kind][inner], expected[kind, part][inner]
+            assert np.abs(here - there).max() < 0.06 * np.abs(there).max()
+
+
+@pytest.mark.parametrize(("factor", "flag"), [(1.0, None), (10.0, "superficial_layer")])
+def test_a_strong_layer_is_the_cause_of_distrust(factor: float, flag: str | None) -> None:
+    _, virtual, (targets, references) = pressed((1.0, factor), seed=4, index=0, strain="small", blank=False)
+    result = estimate(targets, probe=PROBE, calibration=virtual.calibration, reference=references, strain="small")
+    assert ("superficial_layer" in result.flags) == (flag is not None)
+    assert result.trusted == (flag is None)

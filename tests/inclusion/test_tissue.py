@@ -14,7 +14,7 @@ import tsis
 from tsis.errors import InputError, TsisError
 from tsis.inclusion import InclusionPrior, prior_on_tissue, protocol_forces, tissue_modulus
 from tsis.mechanics import press
-from tsis.model import Calibration, LightMap, Phantom, TactileImage
+from tsis.model import Calibration, LightMap, Phantom, Probe, TactileImage
 from tsis.virtual import VirtualProbe
 
 DOMED, FLAT = (tsis.load_probe(name) for name in ("tsis-domed", "tsis-2011"))
@@ -82,6 +82,15 @@ def test_wrong_input_is_refused(change: dict[str, Any], options: dict[str, Any],
 def test_the_usual_forces_are_those_of_the_usual_tissue() -> None:
     assert protocol_forces(DOMED, tissue_young_kpa=5.0) == (0.5, 1.0)
     assert protocol_forces(FLAT, tissue_young_kpa=5.0) == (1.0,)
+
+
+@pytest.mark.parametrize("probe", [DOMED, FLAT])
+def test_the_careful_protocol_repeats_the_usual_one_within_five_minutes(probe: Probe) -> None:
+    """15 s a press and 30 s a site, on target and reference."""
+    usual = protocol_forces(probe, tissue_young_kpa=5.0)
+    careful = protocol_forces(probe, tissue_young_kpa=5.0, careful=True)
+    assert careful == len(careful) // len(usual) * usual
+    assert 2 * (30 + 15 * len(careful)) <= 300 < 2 * (30 + 15 * (len(careful) + len(usual)))
 
 
 @settings(max_examples=10)

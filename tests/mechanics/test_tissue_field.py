@@ -110,3 +110,21 @@ def test_a_weak_lump_beside_the_axis_is_that_of_the_solid_model(diameter: float,
     expected = (solid.pressure_kpa - plain.pressure_kpa)[inside]
     difference = change[inside] - expected
     assert np.sqrt((difference**2).mean()) < 0.08 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("probe", [FLAT, DOMED])
+def test_a_layer_through_the_whole_slab_is_another_slab(probe: tsis.Probe) -> None:
+    """The press of stiffer tissue is solved by condensation, on another mesh."""
+    kernel = PressKernel(probe, thickness_mm=30.0, poisson=0.49, points=61).covering(15.0)
+    slab = TissueFieldResponse(probe, young_kpa=5.0, thickness_mm=30.0, poisson=0.49, layer=(30.0, 3.0))
+    pressure, displacement = slab.press()
+    for part, expected in enumerate([kernel.unit, kernel.shape]):
+        if expected is None:
+            assert np.all(pressure[part] == 0)
+            continue
+        for found, reference in (
+            (pressure[part], expected.pressure_kpa),
+            (displacement[part], expected.face_displacement_mm),
+        ):
+            difference = (found - reference)[:INNER]
+            assert np.sqrt((difference**2).mean()) < 0.01 * np.abs(reference[:INNER]).max()

@@ -9,10 +9,11 @@ import pytest
 
 from tsis.catalog import load_sensor
 from tsis.errors import InputError
-from tsis.imaging import contacts
+from tsis.imaging import contacts, marker_shift
 from tsis.mechanics.finite_strain import SphereResolution
+from tsis.mechanics.gel import gel_shear
 from tsis.model import BoundedValue, GelSensor, Layer, SoftSphere
-from tsis.virtual import VirtualGelSensor
+from tsis.virtual import VirtualGelSensor, marker_ink
 
 COARSE = SphereResolution(order=3, cells=4, rings=2, face_cells=6)
 GEL = Layer(thickness_mm=8.0, young_kpa=150.0, poisson=0.45)
@@ -88,3 +89,41 @@ def test_calibration_presses_lie_inside_the_frame_at_several_depths() -> None:
 def test_a_sensor_that_is_no_layer_or_has_no_scale_is_refused(sensor: GelSensor, said: str) -> None:
     with pytest.raises(InputError, match=said):
         VirtualGelSensor(sensor, rng=np.random.default_rng(1))
+
+
+def test_a_marker_lies_where_it_moved() -> None:
+    sensor = replace(small_sensor(), marker_pitch_mm=2.0)
+    shift = np.zeros((2, 120, 160))
+    shift[0], shift[1] = 0.3, -0.2
+    still, moved = marker_ink(sensor), marker_ink(sensor, shift)
+    assert still.sum() * 0.1264**2 == pytest.approx(
+        10 * 7.7 * np.pi * 0.34**2, rel=0.05
+    )  # 10 x 8 dots, the last row cut
+    y, x = np.mgrid[:120, :160]
+    dot = (np.abs(x - 7.9) < 6) & (np.abs(y - 23.7) < 6)
+    places = [np.array([(part * axis)[dot].sum() / part[dot].sum() for axis in (x, y)]) for part in (still, moved)]
+    assert places[0] == pytest.approx([1.0 / 0.1264, 3.0 / 0.1264], abs=0.1)
+    assert (places[1] - places[0]) * 0.1264 == pytest.approx([0.3, -0.2], abs=0.02)
+    assert not marker_ink(small_sensor()).any()
+
+
+@pytest.mark.slow
+def test_a_dragged_ball_has_its_shear_force_from_frames_with_markers() -> None:
+    """From rendered frames to newtons along the face; the gel is known. Dots move up to 0.8 of their pitch."""
+    sensor = replace(
+        load_sensor("gelsight-mini"), thickness_mm=BoundedValue(value=4.0), young_kpa=BoundedValue(value=150.0),
+        poisson=BoundedValue(value=0.48), marker_pitch_mm=1.0,
+    )  # fmt: skip
+    gel = Layer(thickness_mm=4.0, young_kpa=150.0, poisson=0.48)
+    virtual = VirtualGelSensor(sensor, rng=np.random.default_rng(61), gel=gel, resolution=COARSE)
+    (press,) = virtual.presses(virtual.rigid_ball(3.0), forces_n=(0.8,), centre_px=(160.0, 120.0), shear=(0.4, -0.2))
+    (contact,) = contacts([press.frame], sensor=sensor, reference=virtual.reference)
+    assert contact.good
+    assert contact.centre_mm is not None
+    assert contact.radius_mm is not None
+    moved = marker_shift(press.frame, virtual.reference, sensor)
+    found = gel_shear(
+        moved.points_mm, moved.shift_mm, sensor=sensor, centre_mm=contact.centre_mm, radius_mm=contact.radius_mm
+    )
+    assert press.shear_n == pytest.approx((0.32, -0.16))
+    assert found.force_n == pytest.approx(press.shear_n, abs=0.15 * 0.36)

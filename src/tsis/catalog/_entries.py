@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import tomli_w
 
-from tsis.errors import FileInputError, InputError, PluginError
+from tsis.errors import FileInputError, InputError, PluginError, UnknownNameError
 from tsis.files import as_path, parse_toml, printable_path, read_parsed
 from tsis.model import (
     FOUR_LEDS,
@@ -244,7 +244,10 @@ def load_sensor(name: str | os.PathLike[str]) -> GelSensor:
     2.0
     """
     if isinstance(name, str) and not name.lower().endswith(ENDING):
-        known = require_one_of("sensor", name, list_sensors())
+        try:
+            known = require_one_of("sensor", name, list_sensors())
+        except UnknownNameError as error:
+            raise UnknownNameError(f"{error}, or a file in {ENDING}, which tsis sensor new makes") from None
         if known in list_probes():
             return gel_sensor_of_probe(load_probe(known))
         return parse_sensor(known, _shipped()[known])

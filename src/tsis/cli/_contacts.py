@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import itertools
-import signal
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,19 +12,19 @@ from rich.table import Table
 
 import tsis
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.cli._groups import DefaultCommand, ended_by
+from tsis.cli._groups import DefaultCommand
 from tsis.cli._options import AsJson
-from tsis.cli._output import leave, print_json, print_notice, print_tables, print_watched
+from tsis.cli._output import leave, print_json, print_tables
 from tsis.cli._progress import progress_bar
 from tsis.cli._sensor import SensorOption
-from tsis.errors import InputError, TsisError, import_extra
+from tsis.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
-    from tsis.imaging.depth import DepthMap, DepthMapper
+    from tsis.imaging.depth import DepthMap
     from tsis.model import GelSensor
 
 
@@ -141,66 +140,6 @@ def missing_frames_note(frames: Sequence[Path]) -> tuple[str, ...]:
     return (f"{text}.",)
 
 
-def watch_gel(
-    camera: str, *, sensor: str, reference: Path | None, depth: Path | None, seconds: float | None, as_json: bool
-) -> None:
-    """Contact, and with a depth calibration depth and force, of each newest frame, until Ctrl-C or the video's end."""
-    import time
-    from collections import Counter
-
-    from rich.console import Console
-
-    cv2 = import_extra("cv2", feature="the live view of a gel sensor", extra="camera")
-    kind, _, where = camera.partition(":")
-    if kind not in ("opencv", "video") or not where:
-        raise InputError(f"--sensor needs --camera opencv:NUMBER or video:FILE, which have colours; got {camera!r:.80}")
-    chosen, mapper = chosen_sensor(sensor), None
-    untouched = _reference(chosen, reference)
-    if depth is not None:
-        calibration = tsis.imaging.depth.parse_depth_calibration(tsis.files.read_object(depth, values=MOST_WEIGHTS))
-        mapper = tsis.imaging.depth.DepthMapper(calibration, chosen, untouched)
-    capture = cv2.VideoCapture(int(where) if kind == "opencv" and where.isdigit() else where)
-    if not capture.isOpened():
-        raise InputError(f"--camera must be a camera that opens; {camera} does not: tsis acquire --list shows them")
-    capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)  # the newest frame, not one of a second ago
-    console, counted, begun = Console(stderr=as_json, highlight=False), Counter[str](), time.monotonic()
-    with ended_by(signal.SIGINT) as ended:
-        while not ended.is_set() and not (seconds is not None and time.monotonic() - begun >= seconds):
-            there, frame = capture.read()
-            if not there:
-                break
-            counted["frames"] += 1
-            try:
-                line, reasons = _gel_line(frame[..., ::-1], chosen, untouched, mapper)
-            except TsisError as error:  # a black frame, a moved lamp: the next one may be good
-                line, reasons = f"! {error}", ("refused",)
-            counted.update(reasons)
-            console.print(line, markup=False, soft_wrap=True)
-    capture.release()
-    if as_json:
-        print_watched(counted)
-    else:
-        print_notice(console)
-
-
-def _gel_line(
-    frame: NDArray[Any], sensor: GelSensor, reference: NDArray[Any], mapper: DepthMapper | None
-) -> tuple[str, tuple[str, ...]]:
-    """One frame as a line of text, and the reasons against its contact."""
-    (contact,) = tsis.imaging.contacts([frame], sensor=sensor, reference=reference)
-    if not contact.good:
-        return "no good contact: " + ", ".join(contact.reasons), contact.reasons
-    text = "contact at {:.1f}, {:.1f} px".format(*contact.centre_px)
-    text += f", radius {contact.radius_mm:.3f} mm" if contact.radius_mm else f", radius {contact.radius_px:.1f} px"
-    if mapper is not None:
-        depth = mapper.map(frame)
-        force = tsis.mechanics.gel.gel_force(depth.depth_mm, sensor=sensor, sd_mm=depth.sd_mm, draws=20)
-        low, high = force.interval_n()
-        text += f", deepest {force.deepest_mm:.3f} mm, {force.force_n:.3g} N ({low:.3g} to {high:.3g})"
-        text += "".join(f"; {problem}" for problem in force.problems)
-    return text, ()
-
-
 def _sidecar_force(frame: Path) -> tuple[float | None, float | None]:
     """Force in newtons and its sd, where a JSON file beside the frame holds one."""
     beside = frame.with_suffix(".json")
@@ -261,7 +200,7 @@ def calibrate(
     """Calibrate depth from presses of a ball of known diameter; each is left out in turn to measure the error."""
     tsis.report.require_absent(out)
     chosen = chosen_sensor(sensor)
-    untouched = _reference(chosen, reference)
+    untouched = required_reference(chosen, reference)
     levels = [read_gel_frame(path) for path in gel_frame_paths(frames)]
     with progress_bar("reading presses") as advance:
         result = tsis.imaging.depth.calibrate_depth(
@@ -302,7 +241,7 @@ def depth_map(
     chosen = chosen_sensor(sensor)
     parse = tsis.imaging.depth.parse_depth_calibration
     document = tsis.files.read_object(calibration, values=MOST_WEIGHTS)
-    mapper = tsis.imaging.depth.DepthMapper(parse(document), chosen, _reference(chosen, reference))
+    mapper = tsis.imaging.depth.DepthMapper(parse(document), chosen, required_reference(chosen, reference))
     files: dict[str, bytes] = {}
     rows = []
     paths = gel_frame_paths(frames)
@@ -322,7 +261,7 @@ def depth_map(
     print_tables([table], [], where=f"Maps: {folder}")
 
 
-def _reference(sensor: GelSensor, reference: Path | None) -> NDArray[Any]:
+def required_reference(sensor: GelSensor, reference: Path | None) -> NDArray[Any]:
     levels = read_gel_reference(sensor, reference)
     if levels is None:
         raise InputError("a depth map needs a frame of the untouched sensor; give it as --reference")

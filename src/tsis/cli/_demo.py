@@ -20,10 +20,12 @@ from tsis.cli._options import (
     InclusionPriorChoice,
     PhantomName,
     ProbeOption,
+    ProtocolName,
     ShowPrior,
     YoungKpa,
     chosen_prior,
     chosen_probe,
+    is_careful,
     require_no_file,
 )
 from tsis.cli._output import CommandOutcome, estimate_table, surrogate_progress
@@ -49,6 +51,7 @@ def demo(
         float | None,
         typer.Option(help="Modulus of the tissue instead of 5 kPa; the inclusion's contrast and the prior's stay."),
     ] = None,
+    protocol_name: ProtocolName = "usual",
     diameter_mm: DiameterMm = None,
     depth_mm: DepthMm = None,
     young_kpa: YoungKpa = None,
@@ -88,7 +91,7 @@ def demo(
             first_seed=seed,
             probe=chosen,
             prior=assumed,
-            forces_n=force_n or _usual_forces(chosen, assumed.tissue_young_kpa),
+            forces_n=_forces(force_n, protocol_name, chosen, assumed.tissue_young_kpa),
             strain=strain,
             as_json=as_json,
         )
@@ -96,7 +99,7 @@ def demo(
     target = tsis.catalog.phantom_variant(phantom, diameter_mm, depth_mm, young_kpa)
     if tissue_kpa is not None:
         target = target.on_tissue(tissue_kpa) if young_kpa is None else replace(target, young_kpa=tissue_kpa)
-    force_n = force_n or _usual_forces(chosen, target.young_kpa)
+    force_n = _forces(force_n, protocol_name, chosen, target.young_kpa)
     truth, forces = _truth(target), _named(force_n)
     if save:
         require_no_file("--save", probe)
@@ -120,7 +123,7 @@ def demo(
             progress=advance,
         )
     provenance = {"simulated": {"seed": seed, "phantom": asdict(target), "command": "tsis demo"}}
-    pressed = f"{chosen.name}, {' and '.join(forces)}"
+    pressed = f"{chosen.name}, {_pressed(force_n)}"
     protocol = {"probe": chosen.name, "prior": prior_name(assumed), "forces_n": force_n, "strain": strain}
     page = tsis.report.inclusion_report(
         result,
@@ -175,22 +178,37 @@ def _require_only_seeds(context: typer.Context) -> None:
         raise InputError(f"--seeds draws every inclusion from the prior and writes nothing: leave out {option_names}")
 
 
-def _usual_forces(probe: Probe, tissue_kpa: float) -> list[float]:
-    return list(tsis.inclusion.protocol_forces(probe, tissue_young_kpa=tissue_kpa))
+def _forces(stated: list[float] | None, protocol_name: str, probe: Probe, tissue_kpa: float) -> list[float]:
+    """The forces of --force-n, or those of a protocol."""
+    careful = is_careful(protocol_name)
+    if not stated:
+        return list(tsis.inclusion.protocol_forces(probe, tissue_young_kpa=tissue_kpa, careful=careful))
+    if careful:
+        raise InputError("--protocol careful chooses the forces: leave out --force-n")
+    if len(set(stated)) < len(stated):
+        raise InputError(f"--force-n must name different forces; got {', '.join(f'{force:g}' for force in stated)}")
+    return stated
 
 
 def _named(force_n: list[float]) -> dict[str, float]:
-    """Forces by the names of their files."""
-    forces = {f"{force:g} N": force for force in force_n}
-    if len(forces) < len(force_n):
-        raise InputError(f"--force-n must name different forces; got {', '.join(f'{force:g}' for force in force_n)}")
-    return forces
+    """Forces by the names of their files; repeats are numbered."""
+    before = [force_n[:index].count(force) for index, force in enumerate(force_n)]
+    return {
+        f"{force:g} N{f' {count + 1}' if count else ''}": force for force, count in zip(force_n, before, strict=True)
+    }
+
+
+def _pressed(force_n: list[float]) -> str:
+    """Text of the forces."""
+    each = dict.fromkeys(force_n)
+    often = "" if len(each) == len(force_n) else f", {len(force_n) // len(each)} times each"
+    return " and ".join(f"{force:g} N" for force in each) + often
 
 
 def _presses(virtual: VirtualProbe, phantom: Phantom, forces: dict[str, float], what: str) -> list[TactileImage]:
     """One frame per force, named like its file."""
     return [
-        replace(virtual.press(phantom, force_n=force), name=f"{what}-{name.replace(' ', '')}.png")
+        replace(virtual.press(phantom, force_n=force), name=f"{what}-{name.replace(' N', 'N').replace(' ', '-')}.png")
         for name, force in forces.items()
     ]
 

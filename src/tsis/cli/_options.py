@@ -34,6 +34,10 @@ ForcesN = Annotated[
         show_default="those of tsis protocol: 0.5 and 1 on 5 kPa",
     ),
 ]
+ProtocolName = Annotated[
+    str,
+    typer.Option("--protocol", help="usual, or careful: repeats that fit into five minutes, for narrower intervals."),
+]
 DiameterMm = Annotated[float | None, typer.Option("--diameter-mm", help="Diameter of the inclusion instead.")]
 DepthMm = Annotated[float | None, typer.Option("--depth-mm", help="Depth of its top below the skin instead.")]
 YoungKpa = Annotated[float | None, typer.Option("--young-kpa", help="Young's modulus of the inclusion instead.")]
@@ -167,6 +171,11 @@ KEYS = ("radius_mm", "layers", "face_curvature_mm", "sides", "glass", "leds", "a
 def is_file(probe: str) -> bool:
     """Whether ``--probe`` names a file and not an entry of the catalog."""
     return probe.lower().endswith(ENDING)
+
+
+def is_careful(protocol: str) -> bool:
+    """Whether ``--protocol`` names the careful one."""
+    return tsis.model.require_one_of("protocol", protocol, ("usual", "careful")) == "careful"
 
 
 def chosen_probe(probe: str) -> Probe:

@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import tsis
-from tsis.cli._options import AsJson, calibrated_probe, chosen_probe, chosen_scale, read_frames
+from tsis.cli._options import (
+    AsJson,
+    ProtocolName,
+    calibrated_probe,
+    chosen_probe,
+    chosen_scale,
+    is_careful,
+    read_frames,
+)
 from tsis.cli._output import CommandResult, Out, show_result
 from tsis.errors import InputError
 
@@ -45,6 +53,7 @@ def protocol(
             help="Name in the catalog, or a file of your own.", show_default="the calibration's, else tsis-domed"
         ),
     ] = None,
+    protocol_name: ProtocolName = "usual",
     out: Out = None,
     as_json: AsJson = False,
 ) -> None:
@@ -58,7 +67,9 @@ def protocol(
     young_kpa = tissue_kpa if tissue is None else tissue.young_kpa if tissue.trusted else None
     forces: tuple[float, ...] = ()
     if young_kpa is not None:
-        forces = tsis.inclusion.protocol_forces(used, tissue_young_kpa=young_kpa, thickness_mm=thickness_mm)
+        forces = tsis.inclusion.protocol_forces(
+            used, tissue_young_kpa=young_kpa, thickness_mm=thickness_mm, careful=is_careful(protocol_name)
+        )
     document = tsis.report.envelope(
         "protocol",
         probe=used.name,
@@ -67,6 +78,8 @@ def protocol(
         if young_kpa is None
         else {"young_kpa": young_kpa, "interval_kpa": None if tissue is None else list(tissue.interval_kpa)},
         trusted=young_kpa is not None,
+        protocol=protocol_name,
+        operator_s=tsis.inclusion.operator_time_s(len(forces)) if forces else None,
         forces_n=list(forces),
     )
     result = CommandResult(document=document, tables=(), notes=_protocol_notes(young_kpa, tissue, forces))
@@ -103,9 +116,12 @@ def _protocol_notes(young_kpa: float | None, tissue: TissueModulus | None, force
     between = (
         "" if tissue is None else f", 90 % interval {tissue.interval_kpa[0]:.3g} to {tissue.interval_kpa[1]:.3g} kPa"
     )
-    shown = " and ".join(f"{force:g} N" for force in forces)
+    each = tuple(dict.fromkeys(forces))
+    shown = " and ".join(f"{force:g} N" for force in each)
+    often = "" if len(each) == len(forces) else f", {len(forces) // len(each)} times each in turn"
+    minutes = tsis.inclusion.operator_time_s(len(forces)) / 60
     return (
         f"Tissue: {young_kpa:.3g} kPa{between}.",
-        f"Press at {shown}, on the target and on tissue without an inclusion.",
+        f"Press at {shown}{often}, on the target and on tissue without an inclusion: about {minutes:.0f} minutes.",
         f"Then estimate with: tsis examine FRAME... --tissue-kpa {young_kpa:.3g}",
     )

@@ -47,6 +47,9 @@ def new(
     image_px: Annotated[str | None, typer.Option(help="Columns and rows of that scale's frames, as 320,240.")] = None,
     thickness_mm: Annotated[float | None, typer.Option(help="Thickness of the gel in mm, where you know it.")] = None,
     young_kpa: Annotated[float | None, typer.Option(help="Young's modulus of the gel in kPa, where known.")] = None,
+    marker_pitch_mm: Annotated[
+        float | None, typer.Option(help="Distance of printed markers, where the gel has them.")
+    ] = None,
     reference: Annotated[str | None, typer.Option(help="Frame of the untouched sensor, beside the file.")] = None,
     out: Annotated[Path, typer.Option(help="File to write; it must not exist.")] = Path("sensor.toml"),
     as_json: AsJson = False,
@@ -63,8 +66,11 @@ def new(
     for key, value in (("thickness_mm", thickness_mm), ("young_kpa", young_kpa)):
         if value is not None:
             changes[key] = tsis.model.BoundedValue(value=value)
-    if reference is not None:
-        changes["reference_file"] = reference
+    changes |= {
+        key: value
+        for key, value in (("reference_file", reference), ("marker_pitch_mm", marker_pitch_mm))
+        if value is not None
+    }
     changed = {key for key in changes if key in start.sources}
     changes["sources"] = {key: "given by the user" if key in changed else text for key, text in start.sources.items()}
     sensor = replace(start, **changes)

@@ -60,6 +60,12 @@ def simulate(
     calibration_presses: Annotated[
         int, typer.Option(help="Presses of a rigid ball of 6 mm before.", rich_help_panel=GEL)
     ] = 8,
+    drag: Annotated[
+        float,
+        typer.Option(
+            help="Shear force along x over the force; a file with marker_pitch_mm shows it.", rich_help_panel=GEL
+        ),
+    ] = 0.0,
     seed: Annotated[int, typer.Option(help="Seed of gel, lamps, places and noise.", rich_help_panel=GEL)] = 1,
     out: Annotated[
         Path, typer.Option(help="Folder to write; a number is added when it exists.", rich_help_panel=GEL)
@@ -71,7 +77,7 @@ def simulate(
         _catalog(as_json=as_json)
         return
     if sensor is not None:
-        order = GelOrder(ball_mm, ball_kpa, force_n, presses, calibration_presses, seed)
+        order = GelOrder(ball_mm, ball_kpa, force_n, presses, calibration_presses, seed, drag)
         write_gel_frames(sensor, order, out, as_json=as_json)
         return
     pressed = tsis.catalog.phantom_variant(phantom, diameter_mm, depth_mm, young_kpa)

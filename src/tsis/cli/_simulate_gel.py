@@ -30,6 +30,7 @@ class GelOrder(NamedTuple):
     presses: int
     calibration_presses: int
     seed: int
+    drag: float
 
     def check(self) -> None:
         """Refuse values out of range; `InputError`."""
@@ -37,6 +38,7 @@ class GelOrder(NamedTuple):
             tsis.model.require_number("--ball-kpa", self.ball_kpa, 1.0, 1e5, hint="kilopascals")
         tsis.model.require_number("--ball-mm", self.ball_mm, 1.0, 40.0, hint="millimetres")
         tsis.model.require_number("--force-n", self.force_n, 0.01, 50.0, hint="newtons")
+        tsis.model.require_number("--drag", self.drag, -2.0, 2.0)
         tsis.model.require_integer("--presses", self.presses, 1, 20)
         tsis.model.require_integer("--calibration-presses", self.calibration_presses, 0, 60)
 
@@ -55,7 +57,8 @@ def write_gel_frames(name: str, order: GelOrder, out: Path, *, as_json: bool) ->
         if order.ball_kpa is not None:
             ball = tsis.model.SoftSphere(radius_mm=order.ball_mm / 2, young_kpa=order.ball_kpa)
         forces = [order.force_n * (number + 1) / order.presses for number in range(order.presses)]
-        made = {f"press-{number}": press for number, press in enumerate(virtual.presses(ball, forces_n=forces), 1)}
+        dragged = virtual.presses(ball, forces_n=forces, shear=(order.drag, 0.0))
+        made = {f"press-{number}": press for number, press in enumerate(dragged, 1)}
         if order.calibration_presses:
             known = virtual.calibration_presses(order.calibration_presses, ball_radius_mm=CALIBRATION_BALL_MM / 2)
             made |= {f"ball-{number}": press for number, press in enumerate(known, 1)}
@@ -95,8 +98,8 @@ def write_gel_frames(name: str, order: GelOrder, out: Path, *, as_json: bool) ->
 def _truth(virtual: VirtualGelSensor, made: dict[str, RenderedPress], ball_kpa: float) -> dict[str, bytes]:
     """Files of the truth: gel, ball, contacts, and the depth map of each press."""
     contacts = [
-        {"frame": f"{stem}.png", "force_n": press.force_n, "centre_px": list(press.centre_px),
-         "radius_px": press.radius_px, "deepest_mm": float(press.depth_mm.max())}
+        {"frame": f"{stem}.png", "force_n": press.force_n, "shear_n": list(press.shear_n),
+         "centre_px": list(press.centre_px), "radius_px": press.radius_px, "deepest_mm": float(press.depth_mm.max())}
         for stem, press in made.items()
     ]  # fmt: skip
     values = {"gel": asdict(virtual.gel), "ball_kpa": ball_kpa, "contacts": contacts}

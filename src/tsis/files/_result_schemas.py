@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 # Results of each command; "" is that without a part.
 _RESULTS = {
-    "acquire": ("describe", "list", "record", "snapshot", "watch"),
+    "acquire": ("describe", "gel", "list", "record", "snapshot", "watch"),
     "calibrate": ("", "light", "seal", "show"),
     "console": ("",),
     "contacts": ("",),

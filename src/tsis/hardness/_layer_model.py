@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 FINITE_FORCE = (0.42, 0.055, 0.156, -0.066)
 FINITE_DENT = (-0.052, 0.289, 0.1045, -0.021)
 FORCE_MODEL_SD, DENT_MODEL_SD = 0.015, 0.02  # relative; RMS of those fits 0.011 and 0.016
-CYLINDER_MODEL_SD = 0.1  # times x²: nothing was fitted for cylinders
+CYLINDER_MODEL_SD = 0.7  # times x²: nothing was fitted; benchmarks/gel_shapes.py has errors of 0.7 to 1.4 x²
 SOFTNESS = np.concatenate([[0.0], 0.5 - 0.5 * np.cos(np.pi * (np.arange(20) + 0.5) / 20), [1.0 - 1e-9]])
 STEP = 0.02  # of the logarithm of the contact radius, for slopes
 DEPTH_RADII = 40  # contact radii of the table that is inverted where only the depth is known

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from scipy import fft
-from scipy.ndimage import binary_dilation, distance_transform_edt
+from scipy.ndimage import binary_dilation, distance_transform_edt, gaussian_filter
 
 from tsis.errors import InputError, import_extra
 from tsis.imaging._colour import require_pattern
-from tsis.imaging._gel_change import BLACK, GLARE, gel_levels
+from tsis.imaging._gel_change import BLACK, GLARE, gel_levels, marker_pixels
 from tsis.model import ContentValue, GelSensor, freeze_arrays, require_number, require_one_of
 
 if TYPE_CHECKING:
@@ -95,8 +95,8 @@ class DepthCalibration(ContentValue):
         ``"polynomial"`` or ``"table"`` for slopes; ``"grey"`` or ``"relative"`` for depth by the change of grey level
         or by that over the untouched brightness. Whichever erred less on presses left out.
     weights
-        Of the polynomial, shape (features, 2); the table, shape (bins, bins, bins, 2); or grey levels per mm and mm²,
-        shape (2,).
+        Of the polynomial, shape (features, 2); the table, shape (bins, bins, bins, 2); or grey levels per mm, mm² and
+        mm³, shape (3,).
     ball_mm, presses
         Diameter of the ball, and how many presses were used.
     sd_mm, sd_relative
@@ -127,16 +127,20 @@ class DepthCalibration(ContentValue):
 
     def depth_of_grey(self, change: NDArray[Any]) -> NDArray[np.float64]:
         """Depth of a change of grey level under white light, mm; 0 where the change has the other sign."""
-        linear, square = (float(part) for part in self.weights)
-        # change = linear d + square d²; the root that is 0 at 0, beyond the extreme the extreme
-        inside = np.maximum(linear**2 + 4.0 * square * np.asarray(change, dtype=float), 0.0)
-        return np.asarray(np.maximum(2.0 * change / (linear + np.sign(linear) * np.sqrt(inside)), 0.0))
+        depths = np.linspace(0.0, DEEPEST_GREY_MM, 4001)
+        sign = np.sign(float(self.weights[0])) or 1.0
+        levels = sign * depths * np.polynomial.polynomial.polyval(depths, self.weights)
+        turn = int(np.argmax(np.diff(levels) <= 0.0)) or depths.size  # beyond the extreme the extreme's depth
+        return np.asarray(np.interp(sign * np.asarray(change, dtype=float), levels[: turn + 1], depths[: turn + 1]))
 
 
 PATTERN_STEP = 4  # pixels between those that are compared with the reference's pattern
 LEVEL_PX, LEVEL_TOUCHED = 80, 0.12  # pixels along the longer side; fraction of the depth that counts as touched
 CLIPPED_SD = 3.0  # times the uncertainty where a pixel is clipped
 BORDER = 0.06  # of the frame: the strip whose median is the untouched face
+DEEPEST_GREY_MM = 10.0
+MARKER_FILL = 0.2  # of the markers' pitch: blur of the surroundings that fill a marker
+GREY_BLUR = 0.004  # of the columns: under white light a pixel's noise is a depth, as nothing integrates it away
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -262,9 +266,7 @@ class DepthMapper:
         self.mm_per_pixel = scale
         self.brightness = relative_brightness(self.reference)
         self.place = frame_places(rows, columns)
-        self.strip = np.ones((rows, columns), dtype=bool)
-        margin = max(round(BORDER * min(rows, columns)), 1)
-        self.strip[margin:-margin, margin:-margin] = False
+        self.strip = border_strip(rows, columns)
 
     def map(self, frame: Any, *, name: str = "") -> DepthMap:
         """The depth map of a frame; errors as `contacts`."""
@@ -274,12 +276,15 @@ class DepthMapper:
         coarse = np.s_[::PATTERN_STEP, ::PATTERN_STEP]
         require_pattern(levels[coarse], self.reference[coarse], name or "the frame", blur_px=0.5)
         change = levels - self.reference
+        if self.sensor.marker_pitch_mm is not None:
+            change = filled_markers(change, levels, self.reference, self.sensor)
         # The lamps' drift is the change of the strip along the border, where nothing presses most of the time.
         change -= np.median(change[self.strip], axis=0)
         if self.sensor.light == "white":
             if self.calibration.method == "relative":
                 change = change / self.brightness[..., None]
-            depth = self.calibration.depth_of_grey(change[..., 0])
+            grey = gaussian_filter(change[..., 0], GREY_BLUR * change.shape[1])
+            depth = self.calibration.depth_of_grey(grey)
         else:
             slope = self._slopes(change)
             depth = integrate_gradients(slope[..., 0], slope[..., 1], self.mm_per_pixel)
@@ -313,6 +318,27 @@ class DepthMapper:
         else:
             slope = polynomial_features(flat, self.place) @ self.calibration.weights.astype(np.float32)
         return np.asarray(slope.reshape(*change.shape[:2], 2))
+
+
+def filled_markers(
+    change: NDArray[Any], levels: NDArray[Any], reference: NDArray[Any], sensor: GelSensor
+) -> NDArray[np.float32]:
+    """The change with that of their surroundings where a marker lies or lay."""
+    lies, lay = (marker_pixels(part.astype(np.float64), sensor) for part in (levels, reference))
+    marker = binary_dilation(lies | lay, iterations=1)
+    side = (sensor.scale_of(marker.shape[1], marker.shape[0]) or (1.0, 1.0))[0]
+    blur = MARKER_FILL * (sensor.marker_pitch_mm or 0.0) / side
+    weight = gaussian_filter((~marker).astype(np.float32), blur)[..., None]
+    around = gaussian_filter(change * ~marker[..., None], (blur, blur, 0.0)) / np.maximum(weight, 1e-3)
+    return np.asarray(np.where(marker[..., None], around, change), dtype=np.float32)
+
+
+def border_strip(rows: int, columns: int) -> NDArray[np.bool_]:
+    """Pixels along the border, where nothing presses most of the time, shape (rows, columns)."""
+    strip = np.ones((rows, columns), dtype=bool)
+    margin = max(round(BORDER * min(rows, columns)), 1)
+    strip[margin:-margin, margin:-margin] = False
+    return strip
 
 
 def relative_brightness(reference: NDArray[Any]) -> NDArray[Any]:

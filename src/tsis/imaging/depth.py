@@ -16,6 +16,7 @@ from tsis.imaging._depth_map import (
     DepthCalibration,
     DepthMap,
     DepthMapper,
+    border_strip,
     cap_error_mm,
     fit_polynomial,
     fit_table,
@@ -51,6 +52,7 @@ USED, FLAT = 0.9, 2.2  # of the contact's radius: the ball's slope inside, an al
 UNTOUCHED = 3.0  # contact radii from the centre, beyond which a depth is an error
 DEEPEST = 0.97  # of the ball's radius
 FEWEST_SLOPE, FEWEST_GREY = 3, 1  # presses
+GREY_TERMS = 3  # of the polynomial of depth, without a constant
 FORMAT, VERSION = "tsis-depth-calibration", 1
 LEAST_SD_MM = 1e-3
 
@@ -153,6 +155,8 @@ def _press(
     rng = np.random.default_rng(0)  # as many flat pixels as touched ones
     flat &= rng.random(flat.shape) < inside.sum() / max(flat.sum(), 1)
     used = inside | flat
+    # As in a map: the median of the whole frame is not 0 where a deep press pulls the face down far around it.
+    change = change - np.median(change[border_strip(rows, columns)], axis=0)
     height = np.sqrt(np.maximum(ball**2 - distance**2, (0.1 * ball) ** 2))
     slope = np.where(inside[..., None], -np.stack([x_mm, y_mm], axis=-1) / height[..., None], 0.0)
     place = frame_places(rows, columns).reshape(rows, columns, 2)
@@ -182,21 +186,21 @@ def _fitted(presses: Sequence[_Press], method: str, sensor: GelSensor, ball_mm: 
 
 
 def _fit_grey(presses: Sequence[_Press], sensor: GelSensor, *, relative: bool) -> NDArray[np.float64]:
-    """Grey levels per mm and mm² of depth; the press depth of each press is free."""
+    """Grey levels per mm, mm² and mm³ of depth; the press depth of each press is free."""
     sign = -1.0 if sensor.pressed == "darker" else 1.0
     changes = [sign * press.change[:, 0] / (press.brightness if relative else 1.0) for press in presses]
     deepest = [float(press.shape_mm.max()) / USED**2 * 1.3 for press in presses]
-    start = [max(float(np.quantile(change, 0.95)) for change in changes) / max(deepest), 0.0, *deepest]
+    start = [max(float(np.quantile(change, 0.95)) for change in changes) / max(deepest), 0.0, 0.0, *deepest]
 
     def residual(values: NDArray[np.float64]) -> NDArray[np.float64]:
         parts = []
-        for press, change, depth in zip(presses, changes, values[2:], strict=True):
+        for press, change, depth in zip(presses, changes, values[GREY_TERMS:], strict=True):
             below = depth - press.shape_mm
-            parts.append(change - values[0] * below - values[1] * below**2)
+            parts.append(change - below * np.polynomial.polynomial.polyval(below, values[:GREY_TERMS]))
         return np.concatenate(parts)
 
     solution = least_squares(residual, start, x_scale=np.maximum(np.abs(start), 1.0), loss="soft_l1", f_scale=3.0)
-    return np.asarray(sign * solution.x[:2])
+    return np.asarray(sign * solution.x[:GREY_TERMS])
 
 
 def _left_out(

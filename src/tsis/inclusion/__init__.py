@@ -15,7 +15,7 @@ from tsis.inclusion._estimate import STRAINS, estimate, stated_strain
 from tsis.inclusion._frames import binary_image, depletion_per_n, ring_edges, ring_light
 from tsis.inclusion._prior import PARAMETERS, InclusionPrior
 from tsis.inclusion._reading import PressTables, press_tables, read_frames
-from tsis.inclusion._tissue import TissueModulus, prior_on_tissue, protocol_forces, tissue_modulus
+from tsis.inclusion._tissue import TissueModulus, operator_time_s, prior_on_tissue, protocol_forces, tissue_modulus
 from tsis.inclusion._verdict import INCLUSION_FLAGS, NEARLY_CERTAIN, UNTRUSTED_FLAGS, presence_caveats
 
 __all__ = [
@@ -32,6 +32,7 @@ __all__ = [
     "binary_image",
     "depletion_per_n",
     "estimate",
+    "operator_time_s",
     "presence_caveats",
     "press_tables",
     "prior_on_tissue",

@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.errors import InputError, NotCalibratedError
-from tsis.inclusion._frames import covering_force_n, require_valid_forces, with_gain_of_presses
+from tsis.inclusion._frames import covering_force_n, mean_of_repeats, require_valid_forces, with_gain_of_presses
 from tsis.inclusion._prior import PARAMETERS, InclusionPrior
 from tsis.inclusion._reading import FrameReading, PressTables, press_tables, read_frames
 from tsis.inclusion._verdict import (
@@ -19,6 +19,7 @@ from tsis.inclusion._verdict import (
     cramer_rao_sd,
     findings,
     identifiability,
+    layer_findings,
     light_findings,
     misfit_chance,
     misfit_finding,
@@ -109,7 +110,8 @@ def estimate(
     calibration
         Response of grey level to pressure, and the errors.
     reference
-        Reference presses of the same probe on tissue without inclusion nearby; they narrow size and depth.
+        Reference presses of the same probe on tissue without inclusion nearby; they narrow size and depth. Presses that
+        are all repeated equally often, each with the same force, count as their means.
     prior
         Ranges of the inclusion and distributions of the tissue; `InclusionPrior` by default.
     progress
@@ -175,8 +177,10 @@ def analyse(
     require_type("prior", prior, InclusionPrior)
     digests = require_image_series(targets + references)
     require_frames_of_probe(targets + references, probe)
+    frames = targets, references
     stated = stated_strain([frame.settings for frame in targets + references])
     strain = stated if strain is None else require_one_of("strain", strain, STRAINS)
+    targets, references, calibration = mean_of_repeats(targets, references, calibration)
     build = _tables if progress is None else partial(press_tables, progress=progress)
     tables = build(probe, prior, strain)
     surrogate, correction = tables.surrogate, tables.correction
@@ -191,7 +195,7 @@ def analyse(
         of_images = image_findings(targets, references, probe=probe, calibration=response, uneven=reading.uneven)
         result = explore_inclusion(reading.likelihood, prior)
         flagged = [*findings(result, prior, reading.data), *position_findings(reading.position), *of_images]
-        flagged += light_findings(calibration)
+        flagged += [*light_findings(calibration), *layer_findings(result.layer)]
         chance = misfit_chance(result, reading.data)
         if chance < IMPROBABLE:
             disagree = len(targets) > 1 and all(_fits(read([target]), prior) for target in targets)
@@ -210,7 +214,7 @@ def analyse(
         trusted=not causes,
         flags=tuple(flag for flag, _ in flagged),
         notes=tuple(note for _, note in flagged),
-        provenance=_provenance(probe, calibration, prior, targets, references, surrogate.key, digests)
+        provenance=_provenance(probe, calibration, prior, *frames, surrogate.key, digests)
         | {"strain": strain, "finite_strain_table": None if correction is None else correction.key},
     )
     return InclusionAnalysis(

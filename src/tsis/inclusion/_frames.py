@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
@@ -32,7 +33,7 @@ from tsis.model import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from numpy.typing import NDArray
 
@@ -312,3 +313,43 @@ def binary_features(image: TactileImage, threshold_grey: float) -> Features:
             "got one with all pixels above it (cropped, overexposed, or with the wrong reference)"
         )
     return features(binary, method="half")
+
+
+def averaged_errors(calibration: Calibration, frames: int) -> Calibration:
+    """Errors of the mean of repeats: independent errors fall, gain and pattern stay.
+
+    The likelihood is linear in the errors, so that the mean is sufficient.
+    """
+    fraction = 1 / np.sqrt(frames)
+    return replace(
+        calibration,
+        repeatability_sd=fraction * calibration.repeatability_sd,
+        force_sd=fraction * calibration.force_sd,
+        offset_sd=fraction * calibration.offset_sd,
+    )
+
+
+def mean_of_repeats(
+    targets: list[TactileImage], references: list[TactileImage], calibration: Calibration
+) -> tuple[list[TactileImage], list[TactileImage], Calibration]:
+    """Means of the frames of equal force of each site, where all are pressed equally often; else the same again.
+
+    A pixel that is clipped in one frame is clipped in the mean.
+    """
+    groups = [Counter(frame.force_n for frame in frames) for frames in (targets, references)]
+    counts = {count for group in groups for count in group.values()}
+    repeats = counts.pop()
+    if counts or repeats == 1:
+        return targets, references, calibration
+
+    def means(frames: list[TactileImage], forces: Iterable[float | None]) -> list[TactileImage]:
+        return [_mean([frame for frame in frames if frame.force_n == force]) for force in forces]
+
+    target_forces, reference_forces = groups
+    return means(targets, target_forces), means(references, reference_forces), averaged_errors(calibration, repeats)
+
+
+def _mean(frames: list[TactileImage]) -> TactileImage:
+    grey = np.array([frame.grey for frame in frames])
+    clipped = (grey >= frames[0].full_scale).any(axis=0)
+    return replace(frames[0], grey=np.where(clipped, frames[0].full_scale, grey.mean(axis=0)))

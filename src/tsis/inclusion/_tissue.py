@@ -47,6 +47,7 @@ POISSON = 0.49
 DOMED_LOADS = (1.28, 2.55)  # over the covering force; 0.5 and 1 N on 5 kPa
 FLAT_LOAD = 1.39  # over the tissue's modulus times radius squared; 1 N on 5 kPa
 SPREAD = 1.3  # of the tissue's modulus about its mean, which a table of finite strain holds
+EXAMINATION_S, PRESS_S, SITE_S = 300.0, 15.0, 30.0  # most time of an operator, a press with its hold, moving to a site
 MARGIN = 0.97  # of the largest load that the estimate's tables hold
 
 
@@ -185,7 +186,9 @@ class _Face:
         return hats(self.radius_mm, radius_mm)
 
 
-def protocol_forces(probe: Probe, *, tissue_young_kpa: float, thickness_mm: float = 30.0) -> tuple[float, ...]:
+def protocol_forces(
+    probe: Probe, *, tissue_young_kpa: float, thickness_mm: float = 30.0, careful: bool = False
+) -> tuple[float, ...]:
     """Forces in newtons that use a probe well on its tissue: two under a dome, one under a flat face.
 
     A dome loads the tissue differently at two forces: at the lower one it just touches with its whole face, at the
@@ -199,6 +202,9 @@ def protocol_forces(probe: Probe, *, tissue_young_kpa: float, thickness_mm: floa
         Modulus of the tissue, in [0.75, 65]; `tsis.inclusion.tissue_modulus` measures it.
     thickness_mm
         Thickness of the tissue, in [12.5, 72].
+    careful
+        Repeat the presses as often as fit into five minutes of an operator's time on two sites (`operator_time_s`).
+        Repeats at these forces tell more than as many presses at forces between (``python -m benchmarks.careful``).
 
     Raises
     ------
@@ -212,6 +218,8 @@ def protocol_forces(probe: Probe, *, tissue_young_kpa: float, thickness_mm: floa
     (0.5, 1.0)
     >>> protocol_forces(tsis.load_probe("tsis-domed"), tissue_young_kpa=10.0)
     (0.96, 1.9)
+    >>> protocol_forces(tsis.load_probe("tsis-domed"), tissue_young_kpa=5.0, careful=True)
+    (0.5, 1.0, 0.5, 1.0, 0.5, 1.0, 0.5, 1.0)
     """
     require_type("probe", probe, Probe)
     box, usual = wide_box(probe), correction_box(probe)
@@ -224,7 +232,20 @@ def protocol_forces(probe: Probe, *, tissue_young_kpa: float, thickness_mm: floa
     is_flat = probe.face_curvature_mm is None
     unit_n = young * probe.radius_mm**2 / MN_PER_N if is_flat else _kernel(probe, thickness).covering(young).force_n
     loads = (FLAT_LOAD,) if is_flat else DOMED_LOADS
-    return tuple(float(f"{min(load, most) * unit_n:.2g}") for load in loads)
+    forces = tuple(float(f"{min(load, most) * unit_n:.2g}") for load in loads)
+    repeats = int((EXAMINATION_S - operator_time_s(0)) / (operator_time_s(len(forces)) - operator_time_s(0)))
+    return repeats * forces if careful else forces
+
+
+def operator_time_s(presses: int) -> float:
+    """Time of an operator, s, for as many presses on the target and on a reference site: 15 s each, 30 s a site.
+
+    Examples
+    --------
+    >>> operator_time_s(2), operator_time_s(8)
+    (120.0, 300.0)
+    """
+    return 2 * (SITE_S + PRESS_S * presses)
 
 
 @lru_cache(maxsize=8)

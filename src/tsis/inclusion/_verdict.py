@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from tsis.inclusion._prior import InclusionPrior
     from tsis.inclusion.checks import InclusionPosition
-    from tsis.inclusion.posterior import InclusionPosterior, Profiles
+    from tsis.inclusion.posterior import InclusionPosterior, Profiles, SuperficialLayer
     from tsis.model import Calibration
 
     Finding = tuple[str, str]
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 MODULUS_SD_KPA = 20.0  # a modulus this uncertain is not reported as a number
 PILED_UP, EDGE = 0.3, 0.05  # fraction of the samples in this outer fraction of the prior's range that is flagged
 OFF_AXIS_MM = 3.0  # limit of the off-axis model
+LAYER_LIKELY = 0.5  # probability of a superficial layer from which it is stated
+LAYER_LIMIT_MM = 0.6  # size of the layer up to which its effect is linear enough in the logarithm of the modulus
 NEARLY_CERTAIN = 0.95  # probability of an inclusion below which presence is flagged
 UNITS = {"diameter_mm": "mm", "depth_mm": "mm", "young_kpa": "kPa"}
 NAMES = {"diameter_mm": "diameter", "depth_mm": "depth", "young_kpa": "modulus"}
@@ -35,6 +37,7 @@ UNTRUSTED_FLAGS = frozenset(  # the model is not valid, or nothing can be measur
         "not_one_round_inclusion",
         "off_axis",
         "contact_not_whole",
+        "superficial_layer",
         ABSENCE_FLAG,
     )
 )
@@ -102,6 +105,27 @@ def position_findings(inclusion: InclusionPosition | None) -> list[Finding]:
             )
         ]
     return []
+
+
+def layer_findings(layer: SuperficialLayer) -> list[Finding]:
+    """Findings for a superficial layer, which is corrected for up to a limit."""
+    if layer.probability < LAYER_LIKELY:
+        return []
+    if layer.size_mm <= LAYER_LIMIT_MM:
+        return [
+            (
+                "layer_corrected",
+                "The tissue has a superficial layer of another modulus: the intervals allow for it and are wider.",
+            )
+        ]
+    return [
+        (
+            "superficial_layer",
+            f"The tissue has a superficial layer of another modulus, too strong to be corrected for: depth times the "
+            f"logarithm of the ratio of the moduli is {layer.size_mm:.2g} mm, at most {LAYER_LIMIT_MM:g} is valid. "
+            "Remove a film or a dried skin, or press where there is none.",
+        )
+    ]
 
 
 def light_findings(calibration: Calibration) -> list[Finding]:
@@ -186,6 +210,8 @@ INCLUSION_FLAGS = MappingProxyType(
         "tilted": "a reference press is brighter on one side: the probe is tilted",
         "roundness_not_checked": "too few rings are visible to check whether the change is round",
         ABSENCE_FLAG: "tissue without inclusion explains the frames",
+        "layer_corrected": "a superficial layer of another modulus is allowed for",
+        "superficial_layer": "a superficial layer of another modulus is too strong to be corrected for",
         "off_axis": "the inclusion lies too far from the probe's axis",
         "contact_not_whole": "the dome touches the estimated inclusion only in part",
         "not_one_round_inclusion": "the change between target and reference is not round",

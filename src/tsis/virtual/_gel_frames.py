@@ -9,6 +9,7 @@ distances, or white light absorbed by the depth.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,13 +17,19 @@ from scipy.ndimage import gaussian_filter
 from scipy.special import gamma, j0, jv
 
 from tsis.errors import InputError
-from tsis.model import GelSensor, require_number, require_type
+from tsis.mechanics.gel import GelGrid
+from tsis.model import GelSensor, Layer, require_number, require_type
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from tsis.model import PressField
+
 
 PRESSURES = 5  # terms (1 - r²)^(1/2), (3/2), ... of the pressure
+LARGEST_POISSON = 0.494  # of the solver of finite strain
+MARGIN = 1.4  # contact radii between the centre of a contact and the border of the frame
+MARKER_RADIUS, MARKER_DARKNESS = 0.17, 0.85  # of the pitch, and of the light
 FINEST, WAVENUMBERS = 150.0, 3000  # largest wavenumber times the contact's radius, and their number
 
 
@@ -153,10 +160,41 @@ def gel_depth_mm(
     return np.asarray(np.interp(distance, press.radius_mm, press.face_mm, right=0.0))
 
 
+def marker_ink(sensor: GelSensor, shift_mm: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
+    """Ink of the printed markers at each pixel, from 0 to 1, shape (rows, columns); zeros without markers.
+
+    ``shift_mm`` is how far (x, y) each point of the untouched face moved along it, shape (2, rows, columns).
+    """
+    (columns, rows), scale, pitch = sensor.image_px, sensor.mm_per_pixel, sensor.marker_pitch_mm
+    ink = np.zeros((rows, columns))
+    if scale is None or pitch is None:
+        return ink
+    across, down = (
+        np.arange(pitch / 2, count * side, pitch) / side for count, side in zip((columns, rows), scale, strict=True)
+    )
+    reach = [int(2 * MARKER_RADIUS * pitch / side) + 2 for side in scale]
+    for row, column in product(down, across):
+        moved = np.zeros(2) if shift_mm is None else shift_mm[:, int(row), int(column)]
+        middle = column + moved[0] / scale[0], row + moved[1] / scale[1]
+        left, top = (max(int(part) - around, 0) for part, around in zip(middle, reach, strict=True))
+        part = ink[top : top + 2 * reach[1], left : left + 2 * reach[0]]
+        y, x = np.mgrid[: part.shape[0], : part.shape[1]]
+        distance = np.hypot((x + left - middle[0]) * scale[0], (y + top - middle[1]) * scale[1])
+        edge = (MARKER_RADIUS * pitch - distance) / scale[0] + 0.5  # a pixel on the edge is covered in part
+        np.maximum(part, np.clip(edge, 0.0, 1.0), out=part)
+    return ink
+
+
 def render_gel(
-    depth_mm: NDArray[np.float64], sensor: GelSensor, light: GelLight, rng: np.random.Generator, *, drift: bool = True
+    depth_mm: NDArray[np.float64],
+    sensor: GelSensor,
+    light: GelLight,
+    rng: np.random.Generator,
+    *,
+    drift: bool = True,
+    shift_mm: NDArray[np.float64] | None = None,
 ) -> NDArray[np.uint8]:
-    """The frame of a face of that depth, shape (rows, columns, 3), 8 bits."""
+    """The frame of a face of that depth, shape (rows, columns, 3), 8 bits; ``shift_mm`` as in `marker_ink`."""
     rows, columns = depth_mm.shape
     sx, sy = sensor.scale_of(columns, rows) or (1.0, 1.0)
     slope_y, slope_x = np.gradient(depth_mm, sy, sx)
@@ -181,6 +219,7 @@ def render_gel(
         base = 160.0 * (1.0 + light.texture) * np.exp(-light.near * (u**2 + v**2))
         change = np.tanh(light.absorption_per_mm * depth_mm * 1.2) / 1.2
         level += (base * np.maximum(1.0 + sign * change, 0.02))[..., None]
+    level *= 1.0 - MARKER_DARKNESS * marker_ink(sensor, shift_mm)[..., None]
     if drift:
         level *= 1.0 + light.drift
     level += light.ambient
@@ -204,8 +243,8 @@ class RenderedPress:
         The ball, and its contact.
     depth_mm
         Depth of the face, shape (rows, columns).
-    force_n
-        Force of the press; None where the modulus cancelled.
+    force_n, shear_n
+        Normal force of the press, None where the modulus cancelled; and shear force (x, y) on the gel.
     """
 
     sensor: GelSensor
@@ -216,6 +255,7 @@ class RenderedPress:
     radius_px: float
     depth_mm: NDArray[np.float64]
     force_n: float | None = None
+    shear_n: tuple[float, float] = (0.0, 0.0)
 
 
 def random_gel_press(
@@ -265,3 +305,35 @@ def rendered_series(sensor: GelSensor, count: int, *, ball_radius_mm: float, see
         random_gel_press(sensor, rng, ball_radius_mm=ball_radius_mm, light=light, thickness_mm=thickness)
         for _ in range(count)
     ]
+
+
+def random_gel(sensor: GelSensor, rng: np.random.Generator) -> Layer:
+    """A gel within the sensor's limits, the modulus even in its logarithm."""
+    thickness = float(rng.uniform(*sensor.thickness_mm.limits))
+    young, poisson = rng.uniform(*np.log(sensor.young_kpa.limits)), rng.uniform(*sensor.poisson.limits)
+    return Layer(thickness_mm=thickness, young_kpa=float(np.exp(young)), poisson=float(min(poisson, LARGEST_POISSON)))
+
+
+def random_place(sensor: GelSensor, radius_px: float, rng: np.random.Generator) -> tuple[float, float]:
+    """Where a contact of that radius lies well inside the frame, pixels."""
+    ends = [size - 1 for size in sensor.image_px]
+    margins = [min(MARGIN * radius_px, 0.5 * end) for end in ends]
+    x, y = (float(rng.uniform(margin, end - margin)) for margin, end in zip(margins, ends, strict=True))
+    return x, y
+
+
+def marker_drag_mm(
+    field: PressField, sensor: GelSensor, gel: Layer, centre_px: tuple[float, float], shear: tuple[float, float]
+) -> NDArray[np.float64] | None:
+    """Movement (x, y) of the face by a press and by drag, which follows the pressure, at small strain.
+
+    Shape (2, rows, columns); None without markers or scale. ``shear`` (x, y) is the drag over the pressure.
+    """
+    (columns, rows), scale = sensor.image_px, sensor.mm_per_pixel
+    if sensor.marker_pitch_mm is None or scale is None:
+        return None
+    y, x = np.mgrid[:rows, :columns]
+    distance = np.hypot((x - centre_px[0]) * scale[0], (y - centre_px[1]) * scale[1])
+    pressure = np.interp(distance, field.radius_mm, field.pressure_kpa, right=0.0)
+    grid = GelGrid((rows, columns), scale, gel.young_kpa, gel.poisson, gel.thickness_mm)
+    return grid.displacement_mm(pressure, np.multiply.outer(np.asarray(shear), pressure))[:2]

@@ -14,7 +14,16 @@ from tsis.errors import InputError
 from tsis.hardness import hertzian_radius_mm, press_fields
 from tsis.mechanics.finite_strain import WIDEST_CONTACT, SphereResolution
 from tsis.model import GelSensor, Layer, Probe, SoftSphere, require_number, require_type
-from tsis.virtual._gel_frames import GelBallPress, RenderedPress, gel_depth_mm, random_gel_light, render_gel
+from tsis.virtual._gel_frames import (
+    GelBallPress,
+    RenderedPress,
+    gel_depth_mm,
+    marker_drag_mm,
+    random_gel,
+    random_gel_light,
+    random_place,
+    render_gel,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,13 +32,12 @@ if TYPE_CHECKING:
 
     from tsis.model import PressField
 
+    Pair = tuple[float, float]
+
 
 MESH = SphereResolution(order=3, cells=8, rings=3, face_cells=26)  # with 12, shallow contacts were 2.8 % off
-LARGEST_POISSON = 0.494  # of the solver
 STEEL_OVER_GEL, STEEL_POISSON = 300.0, 0.3  # modulus of a ball that counts as rigid, over the gel's
-MARGIN = 1.4  # contact radii between the centre of a contact and the border of the frame
-SHALLOW, DEEP = 0.35, 0.8  # contact radius over the ball's of calibration presses
-DEEPEST = 0.22  # travel of calibration presses over the gel's thickness
+SHALLOW, DEEP, DEEPEST = 0.35, 0.8, 0.22  # calibration presses: contact over ball radius, travel over thickness
 
 
 class VirtualGelSensor:
@@ -72,7 +80,7 @@ class VirtualGelSensor:
         if scale is None:
             raise InputError(f"mm_per_pixel of {sensor.name} is not known; put it into the sensor's file")
         self.sensor, self._scale, self._rng, self._resolution = sensor, scale, rng, resolution
-        self.gel = _drawn_gel(sensor, rng) if gel is None else gel
+        self.gel = random_gel(sensor, rng) if gel is None else gel
         self._light = random_gel_light((rows, columns), rng, size_px=0.08 * columns)
         self.reference: NDArray[np.uint8] = render_gel(np.zeros((rows, columns)), sensor, self._light, rng, drift=False)
 
@@ -81,9 +89,11 @@ class VirtualGelSensor:
         return self.presses(ball, forces_n=(force_n,), centre_px=centre_px)[0]
 
     def presses(
-        self, ball: SoftSphere, *, forces_n: Sequence[float], centre_px: tuple[float, float] | None = None
+        self, ball: SoftSphere, *, forces_n: Sequence[float], centre_px: Pair | None = None, shear: Pair = (0.0, 0.0)
     ) -> tuple[RenderedPress, ...]:
         """Frames of a ball at ascending forces, each at another place unless one is given.
+
+        ``shear`` (x, y) is the drag over the force, which follows the pressure and only markers show.
 
         Raises
         ------
@@ -93,7 +103,7 @@ class VirtualGelSensor:
             When a press does not converge.
         """
         require_type("ball", ball, SoftSphere)
-        return tuple(self._rendered(field, ball, centre_px) for field in self._fields(ball, forces_n))
+        return tuple(self._rendered(field, ball, centre_px, shear) for field in self._fields(ball, forces_n))
 
     def rigid_ball(self, radius_mm: float) -> SoftSphere:
         """A ball that does not deform on this gel."""
@@ -109,7 +119,7 @@ class VirtualGelSensor:
         forces = [float(force) for force in 4.0 / 3.0 * modulus * contact**3 / radius / 1000.0]  # Hertz's, in N
         ball = self.rigid_ball(radius)
         fields = self._fields(ball, forces)
-        return tuple(self._rendered(fields[number % len(fields)], ball, None) for number in range(count))
+        return tuple(self._rendered(fields[number % len(fields)], ball, None, (0.0, 0.0)) for number in range(count))
 
     def _fields(self, ball: SoftSphere, forces_n: Sequence[float]) -> tuple[PressField, ...]:
         # The gel goes on beyond the frame, and the bulge of its free rim must lie outside it.
@@ -117,34 +127,24 @@ class VirtualGelSensor:
         probe = Probe(radius_mm=max(half, 1.01 * ball.radius_mm / WIDEST_CONTACT), layers=(self.gel,))
         return press_fields(probe, ball, forces_n=forces_n, resolution=self._resolution)
 
-    def _rendered(self, field: PressField, ball: SoftSphere, centre_px: tuple[float, float] | None) -> RenderedPress:
+    def _rendered(self, field: PressField, ball: SoftSphere, centre_px: Pair | None, shear: Pair) -> RenderedPress:
         contact = hertzian_radius_mm(field)
         press = GelBallPress(
             contact_radius_mm=contact, depth_mm=float(field.face_displacement_mm[0]),
             radius_mm=field.radius_mm, face_mm=field.face_displacement_mm,
         )  # fmt: skip
         radius_px = contact / float(np.sqrt(np.prod(self._scale)))
-        centre = self._place(radius_px) if centre_px is None else centre_px
+        centre = random_place(self.sensor, radius_px, self._rng) if centre_px is None else centre_px
         depth = gel_depth_mm(press, self.sensor, *self.sensor.image_px, centre)
+        shift = marker_drag_mm(field, self.sensor, self.gel, centre, shear)
         return RenderedPress(
             sensor=self.sensor,
             reference=self.reference,
-            frame=render_gel(depth, self.sensor, self._light, self._rng),
+            frame=render_gel(depth, self.sensor, self._light, self._rng, shift_mm=shift),
             ball_radius_mm=ball.radius_mm,
             centre_px=centre,
             radius_px=radius_px,
             depth_mm=depth,
             force_n=field.force_n,
+            shear_n=(shear[0] * field.force_n, shear[1] * field.force_n),
         )
-
-    def _place(self, radius_px: float) -> tuple[float, float]:
-        ends = [size - 1 for size in self.sensor.image_px]
-        margins = [min(MARGIN * radius_px, 0.5 * end) for end in ends]
-        x, y = (float(self._rng.uniform(margin, end - margin)) for margin, end in zip(margins, ends, strict=True))
-        return x, y
-
-
-def _drawn_gel(sensor: GelSensor, rng: np.random.Generator) -> Layer:
-    thickness = float(rng.uniform(*sensor.thickness_mm.limits))
-    young, poisson = rng.uniform(*np.log(sensor.young_kpa.limits)), rng.uniform(*sensor.poisson.limits)
-    return Layer(thickness_mm=thickness, young_kpa=float(np.exp(young)), poisson=float(min(poisson, LARGEST_POISSON)))

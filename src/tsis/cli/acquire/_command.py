@@ -2,30 +2,42 @@
 
 from __future__ import annotations
 
+import signal
+import time
+from collections import Counter
 from dataclasses import dataclass
 from functools import partial
+from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 import typer
+from rich.console import Console
 
 import tsis
 from tsis.__about__ import LARGEST_SEED, LARGEST_TARGET
-from tsis.cli._contacts import GelReference, watch_gel
+from tsis.cli._contacts import MOST_GEL_FRAMES, MOST_WEIGHTS, GelReference, chosen_sensor, required_reference
 from tsis.cli._force_gauge import GaugeBaud, GaugeLatency, GaugePort, GaugeSends, GaugeUnit, gauge_log
+from tsis.cli._groups import ended_by
 from tsis.cli._options import AsJson, ForceN, PhantomName, ProbeName
+from tsis.cli._output import print_json, print_notice, print_watched
 from tsis.cli._progress import waiting
 from tsis.cli._saving import KindOption, StoreOption, chosen_destination
 from tsis.cli.acquire._listing import list_cameras, show_camera
 from tsis.cli.acquire._sequence import take_sequence
 from tsis.cli.acquire._snapshots import ROLES, SnapshotDestination, take_snapshot
 from tsis.cli.acquire._watching import watch_presses
-from tsis.errors import InputError
+from tsis.errors import InputError, TsisError, import_extra
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
+    from numpy.typing import NDArray
+
+    from tsis.imaging.depth import DepthMapper
     from tsis.instrument import Camera
+    from tsis.model import GelSensor
 
 
 VIRTUAL = "virtual"
@@ -43,8 +55,6 @@ class VirtualPress:
 
 def connector(spec: str, press: VirtualPress) -> Callable[[], Camera]:
     """A function that returns a new handle of the camera, not yet open."""
-    import numpy as np
-
     if spec != VIRTUAL:
         return live_connector(spec)
     rng = np.random.default_rng(press.seed)
@@ -130,7 +140,7 @@ def acquire(
     gauge_sends: GaugeSends = False,
     gauge_latency_ms: GaugeLatency = 0.0,
     sensor: Annotated[
-        str | None, typer.Option(help="With --watch: the contact on a gel sensor, a name or a file, in colour.")
+        str | None, typer.Option(help="A gel sensor, a name or a file: frames in colour; with --watch its contact.")
     ] = None,
     reference: GelReference = None,
     depth: Annotated[
@@ -171,9 +181,13 @@ def acquire(
     if save and (sequence or watch):
         raise InputError("--save works for snapshots; import a sequence into a store by tsis records import")
     if sensor is not None:
-        if not watch:
-            raise InputError("--sensor needs --watch; record frames of a gel sensor with the program of its camera")
-        watch_gel(camera, sensor=sensor, reference=reference, depth=depth, seconds=seconds, as_json=as_json)
+        live = GelCamera(camera=camera, sensor=sensor, reference=reference, seed=seed)
+        if watch:
+            watch_gel(live, depth=depth, seconds=seconds, as_json=as_json)
+        elif sequence and not video:
+            record_gel(live, out or Path("tsis-sequence"), frames=frames, seconds=seconds, as_json=as_json)
+        else:
+            raise InputError("--sensor needs --watch, or --frames or --seconds for a folder of frames in colour")
         return
     tsis.model.require_one_of("role", role, ROLES)
     tsis.model.require_one_of("picture format", picture, tsis.instrument.FORMATS)
@@ -228,3 +242,137 @@ def acquire(
                 where=where,
                 as_json=as_json,
             )
+
+
+VIRTUAL_PRESSES, VIRTUAL_BALL_MM = 6, 6.0  # of the virtual gel sensor, which presses them again and again
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GelCamera:
+    """A live gel sensor: camera, sensor, and where they are read from.
+
+    Attributes
+    ----------
+    camera
+        ``opencv:NUMBER``, ``video:FILE`` or ``virtual``.
+    sensor
+        Name or file of the sensor.
+    reference
+        Frame of the untouched sensor; the virtual sensor has its own.
+    seed
+        Of the virtual sensor.
+    """
+
+    camera: str
+    sensor: str
+    reference: Path | None
+    seed: int
+
+    def frames(self) -> Iterator[NDArray[Any]]:
+        """The newest frame in colour, again and again; `InputError` where the camera does not open."""
+        kind, _, where = self.camera.partition(":")
+        if kind == "virtual":
+            yield from self._virtual()
+            return
+        if kind not in ("opencv", "video") or not where:
+            raise InputError(
+                f"--sensor needs --camera virtual, opencv:NUMBER or video:FILE, which have colours; got "
+                f"{self.camera!r:.80}"
+            )
+        cv2 = import_extra("cv2", feature="the live view of a gel sensor", extra="camera")
+        capture = cv2.VideoCapture(int(where) if kind == "opencv" and where.isdigit() else where)
+        if not capture.isOpened():
+            raise InputError(
+                f"--camera must be a camera that opens; {self.camera} does not: tsis acquire --list shows them"
+            )
+        capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)  # the newest frame, not one of a second ago
+        try:
+            while (read := capture.read())[0]:
+                yield read[1][..., ::-1]
+        finally:
+            capture.release()
+
+    def _virtual(self) -> Iterator[NDArray[Any]]:
+        made = tsis.virtual.rendered_series(
+            chosen_sensor(self.sensor), VIRTUAL_PRESSES, ball_radius_mm=VIRTUAL_BALL_MM / 2, seed=self.seed
+        )
+        yield made[0].reference
+        for number in count():
+            yield made[number % len(made)].frame
+
+    def untouched(self) -> NDArray[Any]:
+        """A frame of the untouched sensor; `InputError` where none is known."""
+        if self.camera == "virtual" and self.reference is None:
+            return next(self.frames())
+        return required_reference(chosen_sensor(self.sensor), self.reference)
+
+
+def watch_gel(live: GelCamera, *, depth: Path | None, seconds: float | None, as_json: bool) -> None:
+    """Contact, and with a depth calibration depth and force, of each newest frame, until Ctrl-C or the video's end."""
+    chosen, mapper, frames = chosen_sensor(live.sensor), None, live.frames()
+    first = next(frames, None)  # a camera that does not open is said before anything else
+    untouched = live.untouched()
+    if depth is not None:
+        calibration = tsis.imaging.depth.parse_depth_calibration(tsis.files.read_object(depth, values=MOST_WEIGHTS))
+        mapper = tsis.imaging.depth.DepthMapper(calibration, chosen, untouched)
+    console, counted, begun = Console(stderr=as_json, highlight=False), Counter[str](), time.monotonic()
+    with ended_by(signal.SIGINT) as ended:
+        while first is not None and not ended.is_set():
+            counted["frames"] += 1
+            try:
+                line, reasons = _gel_line(first, chosen, untouched, mapper)
+            except TsisError as error:  # a black frame, a moved lamp: the next one may be good
+                line, reasons = f"! {error}", ("refused",)
+            counted.update(reasons)
+            console.print(line, markup=False, soft_wrap=True)
+            over = seconds is not None and time.monotonic() - begun >= seconds
+            first = None if over else next(frames, None)
+    if as_json:
+        print_watched(counted)
+    else:
+        print_notice(console)
+
+
+def _gel_line(
+    frame: NDArray[Any], sensor: GelSensor, reference: NDArray[Any], mapper: DepthMapper | None
+) -> tuple[str, tuple[str, ...]]:
+    """One frame as a line of text, and the reasons against its contact."""
+    (contact,) = tsis.imaging.contacts([frame], sensor=sensor, reference=reference)
+    if not contact.good:
+        return "no good contact: " + ", ".join(contact.reasons), contact.reasons
+    text = "contact at {:.1f}, {:.1f} px".format(*contact.centre_px)
+    text += f", radius {contact.radius_mm:.3f} mm" if contact.radius_mm else f", radius {contact.radius_px:.1f} px"
+    if mapper is not None:
+        depth = mapper.map(frame)
+        force = tsis.mechanics.gel.gel_force(depth.depth_mm, sensor=sensor, sd_mm=depth.sd_mm, draws=20)
+        low, high = force.interval_n()
+        text += f", deepest {force.deepest_mm:.3f} mm, {force.force_n:.3g} N ({low:.3g} to {high:.3g})"
+        text += "".join(f"; {problem}" for problem in force.problems)
+    return text, ()
+
+
+def record_gel(live: GelCamera, out: Path, *, frames: int | None, seconds: float | None, as_json: bool) -> None:
+    """Record at most 2000 frames in colour, as PNG files with an index of times, for ``tsis contacts FOLDER``."""
+    sensor, folder = chosen_sensor(live.sensor), tsis.report.free_folder(out)
+    files: dict[str, bytes] = {}
+    rows = [",".join(tsis.instrument.recording.RECORDING_COLUMNS)]
+    begun = time.monotonic()
+    with ended_by(signal.SIGINT) as ended:
+        for number, frame in enumerate(live.frames()):
+            passed = time.monotonic() - begun
+            if ended.is_set() or number in (frames, MOST_GEL_FRAMES) or (seconds is not None and passed >= seconds):
+                break
+            sensor.require_frame(frame.shape[1], frame.shape[0])
+            name = f"frame-{number:06d}.png"
+            files[name] = tsis.files.encode_picture(np.ascontiguousarray(frame), level=tsis.files.QUICK_PNG)
+            rows.append(f"{number},{name},0,{number},{passed:.6f},{passed:.6f}")
+    if not files:
+        raise InputError(f"--camera must deliver frames; {live.camera} gave none")
+    index = {tsis.instrument.recording.RECORDING_INDEX: ("\n".join(rows) + "\n").encode()}
+    written = tsis.report.write_folder(folder, files | index)
+    if as_json:
+        print_json(tsis.report.envelope("acquire", "gel", sensor=sensor.name, frames=len(files), folder=str(written)))
+        return
+    console = Console(highlight=False)
+    console.print(f"{len(files)} frames in colour\nFolder: {written}", markup=False, soft_wrap=True)
+    print_notice(console)

@@ -18,19 +18,21 @@ from tsis.compiled import one_blas_thread
 from tsis.errors import InputError
 from tsis.imaging import Sensor, radial_profile
 from tsis.inclusion._estimate import check_calibration
-from tsis.inclusion._frames import depletion_per_n, ring_edges, ring_light
+from tsis.inclusion._frames import averaged_errors, depletion_per_n, ring_edges, ring_light
 from tsis.inclusion._prior import PARAMETERS, Floats, InclusionPrior
 from tsis.inclusion._verdict import MODULUS_SD_KPA
 from tsis.inclusion.posterior import (
     ForwardModel,
     InclusionLikelihood,
     Profiles,
+    build_field_table,
+    heterogeneity,
     least_sd,
     ring_correlation,
     ring_responses,
 )
 from tsis.mechanics.surrogate import Degrees, build_full_contact_surrogate, contrast_factor
-from tsis.model import Calibration, TactileImage, require_array, require_integer, require_type
+from tsis.model import Calibration, TactileImage, require_array, require_integer, require_number, require_type
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -171,6 +173,7 @@ def protocol_information(
     sensor: Sensor | None = None,
     inclusions: Floats | None = None,
     degrees: Degrees | None = None,
+    unevenness: tuple[float, float] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> ProtocolInformation:
     """Compute the information of a protocol.
@@ -189,6 +192,8 @@ def protocol_information(
         Diameter in mm, depth in mm and modulus in kPa, shape (n, 3); 64 spread evenly over the prior by default.
     degrees
         Of the press's surrogate; a third of the solves of an estimate's by default.
+    unevenness
+        Standard deviation of the log of the tissue's modulus and its correlation length in mm; even tissue by default.
     progress
         Called with (slabs solved, all slabs) while the surrogate is built.
 
@@ -202,7 +207,23 @@ def protocol_information(
     view = planned_view(
         protocol, prior=prior, calibration=calibration, sensor=sensor, degrees=degrees, progress=progress
     )
+    view = view if unevenness is None else _uneven(view, *unevenness)
     return information_of(view, even_inclusions(prior) if inclusions is None else inclusions)
+
+
+def _uneven(view: PlannedView, sd: float, length_mm: float) -> PlannedView:
+    """The view on uneven tissue, with what an estimate allows for a superficial layer."""
+    model, probe = view.model, view.protocol.probe
+    require_number("standard deviation of unevenness", sd, 0.0, 0.45)
+    require_number("length of unevenness", length_mm, 0.1, 100.0, hint="millimetres")
+    hypotheses = heterogeneity(
+        build_field_table(probe, model.prior),
+        model.prior,
+        ring_edges(probe),
+        model.level,
+        is_domed=probe.face_curvature_mm is not None,
+    )
+    return replace(view, model=replace(model, heterogeneity=hypotheses.alone(sd, length_mm)))
 
 
 def information_of(view: PlannedView, inclusions: Floats) -> ProtocolInformation:
@@ -254,7 +275,7 @@ def view_of(
         rings=ring_responses(surrogate, edges, light.level),
         level=light.level,
         shading=light.shading,
-        calibration=_averaged(observed, protocol.frames_each),
+        calibration=averaged_errors(observed, protocol.frames_each),
         prior=prior,
         force_n=np.array(targets + references),
         is_reference=np.array([False] * len(targets) + [True] * len(references)),
@@ -264,20 +285,6 @@ def view_of(
     )
     count = radial_profile(blank, edges_mm=edges).count
     return PlannedView(model=model, count=count, protocol=protocol, surrogate=surrogate, sensor=sensor)
-
-
-def _averaged(calibration: Calibration, frames: int) -> Calibration:
-    """Errors of the mean of repeats: independent errors fall, gain and pattern stay.
-
-    The likelihood is linear in the errors, so that the mean is sufficient.
-    """
-    fraction = 1 / np.sqrt(frames)
-    return replace(
-        calibration,
-        repeatability_sd=fraction * calibration.repeatability_sd,
-        force_sd=fraction * calibration.force_sd,
-        offset_sd=fraction * calibration.offset_sd,
-    )
 
 
 def even_inclusions(prior: InclusionPrior, count: int = SPREAD) -> Floats:

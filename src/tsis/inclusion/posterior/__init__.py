@@ -10,7 +10,13 @@ from tsis.inclusion.posterior._heterogeneity import (
     build_field_table,
     heterogeneity,
 )
-from tsis.inclusion.posterior._likelihood import ErrorSources, InclusionLikelihood, Profiles, least_sd
+from tsis.inclusion.posterior._likelihood import (
+    ErrorSources,
+    InclusionLikelihood,
+    Profiles,
+    SuperficialLayer,
+    least_sd,
+)
 from tsis.inclusion.posterior._rings import (
     FARTHEST,
     SHIFTED,
@@ -41,6 +47,7 @@ __all__ = [
     "Profiles",
     "RingShading",
     "ShadingUncertainty",
+    "SuperficialLayer",
     "build_field_table",
     "explore_inclusion",
     "heterogeneity",

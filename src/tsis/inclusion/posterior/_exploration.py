@@ -22,7 +22,12 @@ if TYPE_CHECKING:
 
     from tsis.inclusion._prior import Booleans, Floats, InclusionPrior
     from tsis.inclusion.posterior._grid import SlantedBox
-    from tsis.inclusion.posterior._likelihood import InclusionLikelihood, LikelihoodFit, LinearisedLikelihood
+    from tsis.inclusion.posterior._likelihood import (
+        InclusionLikelihood,
+        LikelihoodFit,
+        LinearisedLikelihood,
+        SuperficialLayer,
+    )
 
 
 ROUNDING = 1e-9  # of a range: a grid's end at the prior's end counts as inside
@@ -121,6 +126,8 @@ class InclusionPosterior:
         Probability of an inclusion.
     information
         Fisher information of the three parameters at the middle, shape (3, 3).
+    layer
+        What the frames tell of a superficial layer.
     """
 
     samples: Floats
@@ -129,6 +136,7 @@ class InclusionPosterior:
     log_bayes_factor: float
     presence: float
     information: Floats
+    layer: SuperficialLayer
 
 
 def explore_inclusion(likelihood: InclusionLikelihood, prior: InclusionPrior) -> InclusionPosterior:
@@ -159,6 +167,7 @@ def explore_inclusion(likelihood: InclusionLikelihood, prior: InclusionPrior) ->
         log_bayes_factor=log_bayes_factor,
         presence=float(expit(logit(prior.presence) + log_bayes_factor)),
         information=information,
+        layer=likelihood.layer(middle, nuisance),
     )
 
 

@@ -163,33 +163,32 @@ class ForwardModel:
             )
         return grey, slopes
 
-    def field_columns(self, about: Floats | None, nuisance: Floats) -> Floats:
-        """Factors of the covariance of the grey profiles by uneven tissue of unit standard deviation.
+    def tissue_columns(self, about: Floats | None, nuisance: Floats) -> tuple[Floats, Floats]:
+        """Factors of the covariance of the grey profiles by uneven tissue and by a layer of unit standard deviation.
 
-        ``about`` is the inclusion (3,) at the target site, or None. The shape is (lengths, frames * rings, columns);
-        the two sites have columns of their own.
+        ``about`` is the inclusion (3,) at the target site, or None. The shapes are (lengths, frames * rings, columns),
+        where the two sites have columns of their own, and (frames * rings, layers), which they have in common.
         """
         if self.heterogeneity is None:
             raise AssertionError("only called for uneven tissue")
-        shown = self._shown()
-        factors = {
-            reference: np.swapaxes(self.heterogeneity.responses(None if reference else about), 1, 2)
-            for reference in shown
-        }
-        place = np.cumsum([0, *(factors[reference].shape[1] for reference in sorted(shown))])
-        columns = np.zeros((len(factors[next(iter(shown))]), len(self.force_n), self.rings.count, place[-1]))
+        shown, layers = sorted(self._shown()), self.heterogeneity.layer_count
+        changes = {reference: self.heterogeneity.responses(None if reference else about) for reference in shown}
+        last = np.cumsum([changes[reference].shape[1] - layers for reference in shown]).tolist()
+        columns = np.zeros((len(changes[shown[0]]), len(self.force_n), self.rings.count, last[-1] + layers))
         inclusions = None if about is None else about[None]
         presses = {reference: self._press(inclusions, nuisance, reference=reference) for reference in shown}
         finite = self._finite(inclusions, nuisance)
         for frame, (push, _) in enumerate(self._pushes(nuisance)):
             reference = bool(self.is_reference[frame])
-            first = int(place[sorted(shown).index(reference)])
             gain = np.exp(nuisance[GAIN]) * self._remaining(push, nuisance)
             press = self.rings.under(push, presses[reference]) + finite[frame]
             _, by_answer, _, _ = self._light(press, nuisance)
-            change = gain * _along(by_answer, self.rings.under(push, factors[reference]))
-            columns[:, frame, :, first : first + change.shape[1]] = np.swapaxes(change, 1, 2)
-        return columns.reshape(len(columns), -1, columns.shape[-1])
+            change = np.swapaxes(gain * _along(by_answer, self.rings.under(push, changes[reference])), 1, 2)
+            end = last[shown.index(reference)]
+            columns[:, frame, :, end - change.shape[2] + layers : end] = change[..., :-layers]
+            columns[:, frame, :, last[-1] :] = change[..., -layers:]
+        columns = columns.reshape(len(columns), -1, columns.shape[-1])
+        return columns[..., :-layers], columns[0, :, -layers:]
 
     def bounds(self) -> tuple[Floats, Floats]:
         """Range of each nuisance in which the model can be linearised.

@@ -2,7 +2,9 @@
 
 The logarithm of the modulus is a Gaussian field (`tsis.mechanics.tissue_field`), the same for all forces at one site,
 independent between target and reference site, and zero inside the inclusion. Its standard deviation and its correlation
-length are unknown: each pair of values is a hypothesis, and the likelihood is their mixture.
+length are unknown: each pair of values is a hypothesis, and the likelihood is their mixture. A superficial layer is a
+change of the log modulus down to a depth that all sites have in common; its standard deviation is a third value of a
+hypothesis, and without one it is 0.
 """
 
 from __future__ import annotations
@@ -28,7 +30,7 @@ if TYPE_CHECKING:
     from tsis.inclusion._prior import Floats, InclusionPrior, Integers
     from tsis.model import Probe
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 LENGTHS_MM = (2.0, 3.2, 5.0, 8.0, 13.0)
 SDS = (0.0, 0.01, 0.02, 0.04, 0.07, 0.1, 0.15, 0.2, 0.3, 0.45)
 DIAMETERS, DEPTHS = 5, 4  # states with an inclusion, evenly spaced in the logarithm
@@ -36,6 +38,10 @@ HARMONICS = (1, 2, 3, 4)  # that the checks of the frames use
 RANK = 10
 RADII = 41  # of the profiles
 PARTS = 4  # pressure and displacement of the unit press, then of the dome's shape
+LAYERS_MM = (0.5, 0.72, 1.02, 1.47, 2.1, 3.0)  # thickness of a superficial layer, each equally probable
+LAYER_SDS = (0.05, 0.25, 1.0)  # of the logarithm of its modulus over the tissue's; the least is hardly a layer
+LAYER_WEIGHTS = (0.6, 0.25, 0.15)  # probability of each
+LAYER_EDGE_MM = 0.2  # depth over which its modulus changes, so that no integration point jumps
 IMPROBABLE_HYPOTHESIS = 1e-2  # of the most probable; such hypotheses are left out
 
 
@@ -58,6 +64,9 @@ class FieldTable:
         Factors without inclusion, shape (lengths, 4 n, rank).
     harmonics
         The same of `HARMONICS` around the axis, shape (harmonics, lengths, 4 n, rank).
+    layers_around, layers_blank
+        Response to layers of `LAYERS_MM`, by a unit of the log modulus: around inclusions, shape (diameters, depths,
+        4 n, layers), and without one, shape (4 n, layers).
     """
 
     radius_mm: Floats
@@ -66,6 +75,8 @@ class FieldTable:
     around: Floats
     blank: Floats
     harmonics: Floats
+    layers_around: Floats
+    layers_blank: Floats
 
     def interpolation(self, radius_mm: Floats) -> Floats:
         """Matrix from profiles to values at ``radius_mm``, linear between its radii."""
@@ -78,14 +89,23 @@ class FieldTable:
         """
         if inclusion is None:
             return self.blank
+        return np.concatenate([np.sqrt(weight) * self.around[at] for at, weight in self._corners(inclusion)], axis=-1)
+
+    def layers(self, inclusion: Floats | None) -> Floats:
+        """Responses (4 n, layers) to layers, around an inclusion (3,) or without one; bilinear as `factor`."""
+        if inclusion is None:
+            return self.layers_blank
+        return np.asarray(sum(weight * self.layers_around[at] for at, weight in self._corners(inclusion)))
+
+    def _corners(self, inclusion: Floats) -> list[tuple[tuple[int, int], float]]:
+        """Inclusions of the table around one, and their weights."""
         low_d, part_d = _between(np.log(self.diameter_mm), float(np.log(inclusion[0])))
         low_h, part_h = _between(np.log(self.depth_mm), float(np.log(inclusion[1])))
-        corners = [
-            np.sqrt(weight_d * weight_h) * self.around[low_d + d, low_h + h]
+        return [
+            ((low_d + d, low_h + h), weight_d * weight_h)
             for d, weight_d in enumerate((1 - part_d, part_d))
             for h, weight_h in enumerate((1 - part_h, part_h))
         ]
-        return np.concatenate(corners, axis=-1)
 
 
 def _between(grid: Floats, value: float) -> tuple[int, float]:
@@ -111,6 +131,7 @@ def build_field_table(
         "tissue": [prior.tissue_young_kpa, prior.thickness_mm, prior.poisson],
         "inclusions": [diameter.tolist(), depth.tolist(), young],
         "fields": [list(LENGTHS_MM), list(HARMONICS), RANK, RADII],
+        "layers": [list(LAYERS_MM), LAYER_EDGE_MM],
     }
 
     def slab(inclusion: tuple[float, float, float] | None) -> TissueFieldResponse:
@@ -128,17 +149,22 @@ def build_field_table(
         done, even = itertools.count(1), slab(None)
         with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor(os.cpu_count()) as pool:
             features = _features(even, 0)
-            tasks = [pool.submit(lambda state: _factors(slab(state), 0, features), state) for state in around]
-            factors = []
+            tasks = [pool.submit(lambda state: _round_factors(slab(state), features), state) for state in around]
+            factors, layers = [], []
             for task in tasks:
-                factors.append(task.result())
+                of_fields, of_layers = task.result()
+                factors.append(of_fields)
+                layers.append(of_layers)
                 if progress is not None:
                     progress(next(done), len(around))
             harmonics = list(pool.map(lambda order: _factors(even, order, _features(even, order)), HARMONICS))
+            blank, layers_blank = _round_factors(even, features)
             return {
                 "around": np.array(factors),
-                "blank": _factors(even, 0, features),
+                "blank": blank,
                 "harmonics": np.array(harmonics),
+                "layers_around": np.array(layers),
+                "layers_blank": layers_blank,
             }
 
     arrays = cached_arrays("heterogeneity", content_key(content), solve) if cached else solve()
@@ -151,6 +177,10 @@ def build_field_table(
         around=around.reshape(len(diameter), len(depth), *blank.shape),
         blank=blank,
         harmonics=np.asarray(arrays["harmonics"], dtype=float),
+        layers_around=np.asarray(arrays["layers_around"], dtype=float).reshape(
+            len(diameter), len(depth), *arrays["layers_blank"].shape
+        ),
+        layers_blank=np.asarray(arrays["layers_blank"], dtype=float),
     )
 
 
@@ -161,11 +191,25 @@ def _features(slab: TissueFieldResponse, harmonic: int) -> list[tuple[Floats, Fl
 
 def _factors(slab: TissueFieldResponse, harmonic: int, features: list[tuple[Floats, Floats]]) -> Floats:
     """Factors of one state, shape (lengths, 4 n, rank), in single precision."""
+    outputs, _ = _outputs(slab, harmonic)
+    return np.asarray(field_factors(outputs, features, rank=RANK), dtype=np.float32)
+
+
+def _round_factors(slab: TissueFieldResponse, features: list[tuple[Floats, Floats]]) -> tuple[Floats, Floats]:
+    """Factors of the mean around the axis, and responses (4 n, layers) to layers, in single precision."""
+    outputs, depth = _outputs(slab, 0)
+    layers = np.clip((np.array(LAYERS_MM) - depth[:, None]) / LAYER_EDGE_MM + 0.5, 0.0, 1.0)
+    factors = field_factors(outputs, features, rank=RANK)
+    return np.asarray(factors, dtype=np.float32), np.asarray(outputs @ layers, dtype=np.float32)
+
+
+def _outputs(slab: TissueFieldResponse, harmonic: int) -> tuple[Floats, Floats]:
+    """Response (4 n, points) to a unit of the field at each point, none in the inclusion, and the points' depths."""
     response = slab.response(harmonic)
     parts = zip(response.pressure_kpa, response.face_displacement_mm, strict=True)
     outputs = np.concatenate([part for pair in parts for part in pair])
     outputs[:, slab.inside(response.radius_mm, response.depth_mm)] = 0.0
-    return np.asarray(field_factors(outputs, features, rank=RANK), dtype=np.float32)
+    return outputs, response.depth_mm
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -180,6 +224,8 @@ class Heterogeneity:
         Matrix from the table's outputs to ring responses (`RingResponses`), shape (responses, 4 n).
     sd, length
         Standard deviation of the log modulus and index in `LENGTHS_MM` of each hypothesis, shape (hypotheses,).
+    layer_sd
+        Standard deviation of the log modulus of a superficial layer over the tissue's, shape (hypotheses,).
     log_weight
         Logarithm of the probability of each hypothesis before the ring means are seen.
     """
@@ -188,11 +234,38 @@ class Heterogeneity:
     to_rings: Floats
     sd: Floats
     length: Integers
+    layer_sd: Floats
     log_weight: Floats
 
+    @property
+    def layer_count(self) -> int:
+        """Number of the layers, the last of the `responses`."""
+        return len(LAYERS_MM)
+
+    def layer_log_factor(self, factors: Floats) -> Floats:
+        """Log modulus over the tissue's above each of `LAYERS_MM`, from the `responses`' standard normal factors."""
+        return np.asarray(np.cumsum(factors[::-1])[::-1] / np.sqrt(self.layer_count))
+
     def responses(self, inclusion: Floats | None) -> Floats:
-        """Factors (lengths, responses, k) of the ring responses around an inclusion (3,), or without one."""
-        return np.asarray(self.to_rings @ self.table.factor(inclusion))
+        """Factors (lengths, k, responses) of the ring responses around an inclusion (3,), or without one.
+
+        The last are the responses to layers, which do not depend on the length.
+        """
+        factor = self.table.factor(inclusion)
+        layers = self.table.layers(inclusion) / np.sqrt(self.layer_count)
+        every = np.concatenate([factor, np.broadcast_to(layers, (len(factor), *layers.shape))], axis=2)
+        return np.swapaxes(self.to_rings @ every, 1, 2)
+
+    def alone(self, sd: float, length_mm: float) -> Heterogeneity:
+        """The one hypothesis of a standard deviation and the nearest length, with hardly a layer."""
+        length = int(np.abs(np.log(np.array(LENGTHS_MM) / length_mm)).argmin())
+        return replace(
+            self,
+            sd=np.array([sd]),
+            length=np.array([length]),
+            layer_sd=np.array([LAYER_SDS[0]]),
+            log_weight=np.zeros(1),
+        )
 
     def informed(self, log_evidence: Floats) -> Heterogeneity:
         """The hypotheses after other data of ``log_evidence`` (hypotheses,), without the improbable ones."""
@@ -203,7 +276,8 @@ class Heterogeneity:
     def selected(self, log_weight: Floats) -> Heterogeneity:
         """The hypotheses that ``log_weight`` (hypotheses,) does not make improbable, with their weights as before."""
         probable = log_weight > log_weight.max() + np.log(IMPROBABLE_HYPOTHESIS)
-        return replace(self, sd=self.sd[probable], length=self.length[probable], log_weight=self.log_weight[probable])
+        parts = {name: getattr(self, name)[probable] for name in ("sd", "length", "layer_sd", "log_weight")}
+        return replace(self, **parts)
 
 
 def heterogeneity(
@@ -216,14 +290,16 @@ def heterogeneity(
     sds = np.array([sd for sd in SDS if sd < prior.heterogeneity_sd] + [prior.heterogeneity_sd])
     width = np.gradient(sds) if len(sds) > 1 else np.ones(1)
     width[0], width[-1] = (width[0] / 2, width[-1] / 2) if len(sds) > 1 else (1.0, 1.0)
-    sd, length = (part.ravel() for part in np.meshgrid(sds, np.arange(len(LENGTHS_MM)), indexing="ij"))
+    every = np.meshgrid(sds, np.arange(len(LENGTHS_MM)), LAYER_SDS, indexing="ij")
+    sd, length, layer_sd = (part.ravel() for part in every)
     weight = np.repeat(width / width.sum(), len(LENGTHS_MM)) / len(LENGTHS_MM)
     return Heterogeneity(
         table=table,
         to_rings=_to_rings(table, edges_mm, level, is_domed=is_domed),
         sd=sd,
         length=length,
-        log_weight=np.log(weight),
+        layer_sd=layer_sd,
+        log_weight=np.log(np.outer(weight, LAYER_WEIGHTS).ravel()),
     )
 
 

@@ -82,6 +82,8 @@ class TissueFieldResponse:
         The tissue.
     inclusion
         Diameter, depth and modulus of a sphere of the tissue's Poisson's ratio, or None.
+    layer
+        Thickness in mm of a superficial layer and its modulus over the tissue's, or None; the inclusion has none.
     mesh
         Mesh density; the sphere's surface need not follow it.
     """
@@ -94,13 +96,15 @@ class TissueFieldResponse:
         thickness_mm: float,
         poisson: float,
         inclusion: tuple[float, float, float] | None = None,
+        layer: tuple[float, float] | None = None,
         mesh: FieldMesh | None = None,
     ) -> None:
         self.probe, self.mesh = probe, mesh or FieldMesh()
         self._young_kpa, self._poisson, self._inclusion = young_kpa, poisson, inclusion
+        self._layer = (0.0, 1.0) if layer is None else layer
         self.face = _face(probe, self.mesh)
         self.radius_mm = np.linspace(0.0, probe.radius_mm, self.mesh.points)
-        self._slab = _slab_mesh(probe, thickness_mm, self.mesh)
+        self._slab = _slab_mesh(probe, thickness_mm, self.mesh, self._layer[0])
         self._cached: dict[int, tuple[HarmonicBody, Floats]] = {}
 
     def response(self, harmonic: int) -> FieldResponse:
@@ -120,6 +124,11 @@ class TissueFieldResponse:
             radius_mm=tissue.radius_mm,
             depth_mm=tissue.depth_mm,
         )
+
+    def press(self) -> tuple[Floats, Floats]:
+        """Pressures in kPa and displacements in mm at the radii, shape (2, radii): unit press per newton, and shape."""
+        pressure, displacement = self._outputs(0, self._bodies(0)[1])
+        return (pressure @ self._round_forces).T, (displacement @ self._round_forces).T
 
     def points_mm(self, harmonic: int) -> tuple[Floats, Floats]:
         """Radius and depth of the points, as in `response`."""
@@ -147,7 +156,8 @@ class TissueFieldResponse:
         """The tissue under a harmonic, and the probe's compliance."""
         if harmonic not in self._cached:
             points = _points(self._slab, harmonic)
-            young = np.full(points.radius_mm.shape, self._young_kpa)
+            thickness, factor = self._layer
+            young = np.where(points.depth_mm < thickness, factor, 1.0) * self._young_kpa
             if self._inclusion is not None:
                 young = np.where(self.inside(points.radius_mm, points.depth_mm), self._inclusion[2], young)
             tissue = solve_body(
@@ -198,10 +208,10 @@ def _face(probe: Probe, mesh: FieldMesh) -> Face:
     return Face(lines=lines, order=mesh.order)
 
 
-def _slab_mesh(probe: Probe, thickness_mm: float, mesh: FieldMesh) -> RectangleMesh:
+def _slab_mesh(probe: Probe, thickness_mm: float, mesh: FieldMesh, layer_mm: float) -> RectangleMesh:
     edge, face = probe.radius_mm, _face(probe, mesh)
     beyond = outer_lines(edge, max(5 * edge, 3 * thickness_mm), finest=mesh.finest * edge, growth=mesh.growth)
-    depths = graded(thickness_mm, mesh.finest * edge, 1.35, 0.25 * edge)
+    depths = np.union1d(graded(thickness_mm, mesh.finest * edge, 1.35, 0.25 * edge), layer_mm)
     return RectangleMesh((*face.lines.tolist(), *beyond[1:].tolist()), tuple(depths.tolist()), mesh.order)
 
 
