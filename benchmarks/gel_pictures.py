@@ -107,7 +107,7 @@ def refused(rng: np.random.Generator) -> list[Shown]:
     faint = 0.004 * np.exp(-(np.hypot(right - 160, down - 120) ** 2) / (2.0 * 15.0**2))
     letter = np.zeros((rows, columns))
     letter[60:180, 110:130] = letter[160:180, 110:210] = 0.4
-    noisy = np.clip(first.frame + rng.normal(0.0, 40.0, first.frame.shape), 0, 255).astype(np.uint8)
+    ring = 0.4 * np.exp(-(((np.hypot(right - 160, down - 120) - 45.0) / 6.0) ** 2))
     aside = np.roll(first.depth_mm, -x, axis=1)
     aside[:, columns // 2 :] = 0.0
     return [
@@ -119,7 +119,7 @@ def refused(rng: np.random.Generator) -> list[Shown]:
         taken("straight edge", frame_of(edge), sensor, untouched),
         taken("very faint", frame_of(faint), sensor, untouched),
         taken("a letter L", frame_of(gaussian_filter(letter, 2.0)), sensor, untouched),
-        taken("strong noise", noisy, sensor, untouched, circle_of(first)),
+        taken("a ring", frame_of(ring), sensor, untouched),
         taken("ridges", frame_of(0.03 + 0.03 * np.sin(right / 8.0)), sensor, untouched),
     ]
 

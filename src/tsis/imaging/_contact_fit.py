@@ -324,3 +324,21 @@ def _correlated_pixels(residual: NDArray[np.float64]) -> float:
     down = float((residual[1:] * residual[:-1]).sum()) / total
     lags = [min(max(lag, 0.0), 0.95) for lag in (across, down)]
     return float(np.prod([(1.0 + lag) / (1.0 - lag) for lag in lags]))
+
+
+def rescaled_point(point: tuple[float, float], step: int, new: int) -> tuple[float, float]:
+    """A point in pixels of another step."""
+    x, y = ((part + 0.5) * step / new - 0.5 for part in point)
+    return x, y
+
+
+def rescaled_fit(fit: ContactFit, step: int, new: int) -> ContactFit:
+    """The fit in pixels of another step."""
+    times = step / new
+    return replace(
+        fit,
+        centre=rescaled_point(fit.centre, step, new),
+        semi_axes=(fit.semi_axes[0] * times, fit.semi_axes[1] * times),
+        centre_sd=(fit.centre_sd[0] * times, fit.centre_sd[1] * times),
+        radius_sd=fit.radius_sd * times,
+    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from heapq import heappop, heappush
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from scipy import ndimage
 
 from tsis.compiled import one_blas_thread
 from tsis.errors import InputError
-from tsis.imaging._contact_fit import ContactFit, GelLayer, fit_contact
+from tsis.imaging._contact_fit import ContactFit, GelLayer, fit_contact, rescaled_fit, rescaled_point
 from tsis.imaging._filters import block_means
 from tsis.imaging._gel_change import GelChange, gel_change, gel_levels, gel_reference, marker_pixels
 
@@ -173,14 +174,14 @@ def _find(change: GelChange, sensor: GelSensor, name: str) -> GelContact:
     fine = max(1, int(fit.radius * step / FITTED_RADIUS_PX))
     if fine != step:
         coarse, usable = _reduced(change, fine)
-        fit, layer = _scaled(fit, step, fine), None if gel is None else gel.scaled(1.0 / fine)
+        fit, layer = rescaled_fit(fit, step, fine), None if gel is None else gel.scaled(1.0 / fine)
     starts = (1.0,) if gel is None else AGAIN
     fit = fit_contact(coarse, usable.astype(float), fit.centre, fit.radius, gel=layer, starts=starts) or fit
     oval = fit_contact(coarse, usable.astype(float), fit.centre, fit.radius, gel=layer, ellipse=True)
     if oval is not None and _is_oval(fit, oval):
         fit = oval
-    fit = _scaled(fit, fine, 1)
-    reasons = _reasons(change, fit, others=[_again(other, step, 1) for other in others])
+    fit = rescaled_fit(fit, fine, 1)
+    reasons = _reasons(change, fit, others=[rescaled_point(other, step, 1) for other in others])
     return _contact(name, fit, reasons, sensor, columns, rows, change)
 
 
@@ -202,23 +203,6 @@ def _reduced(change: GelChange, step: int) -> tuple[NDArray[np.float64], NDArray
     part = np.s_[: rows * step, : columns * step]
     blocks = [block_means(channel, (rows, columns)) for channel in np.moveaxis(change.change[part], 2, 0)]
     return np.stack(blocks, axis=-1), block_means(change.usable[part], (rows, columns)) > 0.99
-
-
-def _again(point: tuple[float, float], step: int, new: int) -> tuple[float, float]:
-    x, y = ((part + 0.5) * step / new - 0.5 for part in point)
-    return x, y
-
-
-def _scaled(fit: ContactFit, step: int, new: int) -> ContactFit:
-    """The fit in pixels of another step."""
-    times = step / new
-    return replace(
-        fit,
-        centre=_again(fit.centre, step, new),
-        semi_axes=(fit.semi_axes[0] * times, fit.semi_axes[1] * times),
-        centre_sd=(fit.centre_sd[0] * times, fit.centre_sd[1] * times),
-        radius_sd=fit.radius_sd * times,
-    )
 
 
 def _search(
@@ -339,7 +323,8 @@ def _none(name: str) -> GelContact:
     )  # fmt: skip
 
 
-LARGEST_SHIFT = 0.75  # of the markers' pitch, beyond which a marker may be taken for its neighbour
+LARGEST_SHIFT = 0.45  # of the markers' pitch, from the movement of the neighbours: beyond it another may be meant
+NEIGHBOURS = 1.6  # pitches
 FEWEST_MARKER_PX, MOST_MARKER = 4, 0.5  # pixels of a marker, and its size over the pitch
 
 
@@ -354,7 +339,7 @@ class MarkerShift:
 def marker_shift(frame: Any, reference: Any, sensor: GelSensor) -> MarkerShift:
     """How far the markers of a gel moved against the untouched sensor.
 
-    Dark dots of both frames are paired where each is the other's nearest.
+    Dark dots of both frames are paired from where nothing moved inwards, each near the movement of its neighbours.
 
     Raises
     ------
@@ -366,11 +351,33 @@ def marker_shift(frame: Any, reference: Any, sensor: GelSensor) -> MarkerShift:
     now, before = (gel_levels(part, sensor, what=what) for part, what in ((frame, "frame"), (reference, "reference")))
     rows, columns = before.shape[:2]
     points, moved = (sensor.face_mm(_marker_places(part, sensor), columns, rows) for part in (before, now))
+    partner = _partners(points, moved, sensor.marker_pitch_mm)
+    pair = partner >= 0
+    return MarkerShift(points_mm=points[pair], shift_mm=moved[partner[pair]] - points[pair])
+
+
+def _partners(points: NDArray[np.float64], moved: NDArray[np.float64], pitch: float) -> NDArray[np.intp]:
+    """Index in ``moved`` of each marker, -1 for none: from where nothing moved to its neighbours, the surest first.
+
+    A marker lies near the mean movement of its neighbours, however far that is; the nearest may be another marker.
+    """
     gaps = np.hypot(*(points[:, None] - moved[None]).transpose(2, 0, 1))
-    nearest = gaps.argmin(axis=1)
-    own = np.arange(len(points))
-    pair = (gaps.argmin(axis=0)[nearest] == own) & (gaps[own, nearest] < LARGEST_SHIFT * sensor.marker_pitch_mm)
-    return MarkerShift(points_mm=points[pair], shift_mm=(moved[nearest] - points)[pair])
+    near = np.hypot(*(points[:, None] - points[None]).transpose(2, 0, 1)) < NEIGHBOURS * pitch
+    partner, free = np.full(len(points), -1), np.ones(len(moved), dtype=bool)
+    still = int(np.argmin([np.median(gaps[around].min(axis=1)) for around in near]))
+    queue = [(float(gaps[still].min()), still, int(gaps[still].argmin()))]
+    while queue:
+        _, marker, other = heappop(queue)
+        if partner[marker] >= 0 or not free[other]:
+            continue
+        partner[marker], free[other] = other, False
+        for following in np.flatnonzero(near[marker] & (partner < 0)):
+            done = near[following] & (partner >= 0)
+            expected = points[following] + (moved[partner[done]] - points[done]).mean(axis=0)
+            off = np.hypot(*(moved - expected).T)
+            if off.min() < LARGEST_SHIFT * pitch:
+                heappush(queue, (float(off.min()), int(following), int(off.argmin())))
+    return partner
 
 
 def _marker_places(levels: NDArray[np.float64], sensor: GelSensor) -> NDArray[np.float64]:

@@ -240,16 +240,16 @@ MOST_RESEMBLANCE = 1e4
 MOST_NOISE, LEAST_NOISE = 0.5, -3.0  # log of the standard deviation in spacings, in the calibration
 COLLAPSED = -0.05  # unpaired fraction below which points of one set share partners
 SELF_RESEMBLANCE = 0.3  # log odds count up to this fraction of the loss of a wrong alignment of the outline with itself
-# Log odds are divided by 1 + STRAY s + BOTH min(h, s) + sigma / spacing, where h and s are the fractions of source and
-# target without partners: where both sets have such points, a search has stopped before it paired all.
-STRAY, BOTH, MOST_SPACINGS = 3.0, 100.0, 1.5
+# Log odds are divided by 1 + HIDDEN h + STRAY s + BOTH min(h, s) + sigma / spacing, where h and s are the fractions of
+# source and target without partners: a search misses more poses there, and has stopped early where both sets have such.
+HIDDEN, STRAY, BOTH, MOST_SPACINGS = 20.0, 3.0, 80.0, 1.5
 # Divided log odds beyond which they count by their logarithm, and do not count: a missed pose is likelier than a rival.
 LINEAR_SUPPORT, MOST_SUPPORT = 12.0, 30.0
 CONTRADICTED = 3.0  # log odds against an answer beyond which its distance from the best map counts
 LEAST_SHEAR = 0.3  # log ratio of the affine map's singular values from which it counts
 MOST_UNSUPPORTED = 0.99
-WEIGHTS = (2.269, 0.1515, 1.473, 0.03263, 0.4944, 1.372, 0.7121)
-SURE, SURE_CASES = 5.6, 1410  # log odds of being right above which none of so many answers was wrong
+WEIGHTS = (2.255, 0.1097, 1.707, 0.04453, 0.4666, 1.374, 0.7343)
+SURE, SURE_CASES = 5.6, 1369  # log odds of being right above which none of so many answers was wrong
 
 
 def trust_measures(posterior: PosePosterior, moved: Floats) -> Floats:
@@ -273,8 +273,9 @@ def trust_features(measures: Floats) -> Floats:
     """Columns of the regression, shape (..., 7), from `trust_measures`, shape (..., 7)."""
     odds, resemblance, hidden, stray, noise, far, stretch = np.moveaxis(np.asarray(measures), -1, 0)
     support = np.maximum(np.minimum(odds, SELF_RESEMBLANCE * resemblance), 0.0)
-    unpaired = np.maximum(np.stack([stray, np.minimum(hidden, stray)]), 0.0)
-    support = support / (1 + STRAY * unpaired[0] + BOTH * unpaired[1] + np.minimum(np.exp(noise), MOST_SPACINGS))
+    hidden, stray = np.maximum(hidden, 0.0), np.maximum(stray, 0.0)
+    unpaired = HIDDEN * hidden + STRAY * stray + BOTH * np.minimum(hidden, stray)
+    support = support / (1 + unpaired + np.minimum(np.exp(noise), MOST_SPACINGS))
     columns = [
         np.ones_like(odds),
         np.minimum(support, LINEAR_SUPPORT),
