@@ -14,9 +14,11 @@ from tsis.calibration import UsableCalibration, read_usable_calibration
 from tsis.calibration.file import ProbeCalibration, calibration_sha256
 from tsis.calibration.session import SessionFolder, SessionSetup
 from tsis.catalog import load_probe
+from tsis.console.pages.components import drawings
 from tsis.console.services.calibrating._sessions import folder_name
 from tsis.errors import CalibrationError, ControlError, InputError
 from tsis.model import Calibration
+from tsis.report import calibration_page
 from tsis.virtual import VirtualBench, VirtualProbe, bench_name
 
 if TYPE_CHECKING:
@@ -203,6 +205,7 @@ def test_a_session_ends_in_an_active_calibration_under_which_estimates_are_right
         assert job.wait(HANGS_S)
         assert job.state().status == "done", job.state().sentence
         used = read_usable_calibration(job.result.file)
+        assert len(drawings(calibration_page(job.result.measured, job.result.findings, provenance={}))) == 3
         instrument.use_calibration(used, by=ANN)
         assert instrument.state().calibration_identity == used.identity
         instrument.start(by=ANN)

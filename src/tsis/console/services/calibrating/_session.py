@@ -120,9 +120,13 @@ class TypedLoadings:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CalibrationResult:
-    """A calibration that was made from a session's frames, with what stands behind it and its file."""
+    """A calibration that was made from a session's frames, with what stands behind it.
 
-    calibration: ProbeCalibration
+    ``measured`` is at the exposure of the session, which a report shows; ``file`` holds the one that the rig will use,
+    and ``identity`` is its hash.
+    """
+
+    measured: ProbeCalibration
     findings: SessionResult
     identity: str
     file: Path
@@ -257,7 +261,7 @@ class CalibrationSession:
             given = self.rig.finished(measured)
             file = save_calibration(self.folder, given)
             self.result = CalibrationResult(
-                calibration=given, findings=findings, identity=calibration_sha256(given), file=file
+                measured=measured, findings=findings, identity=calibration_sha256(given), file=file
             )
             job.say(f"The calibration is in {file}")
             return self.result
