@@ -97,6 +97,17 @@ def choose_target(page: Page, number: str) -> None:
     field.press("Enter")
 
 
+def follow(page: Page, name: str, address: str) -> None:
+    """Click a link until its page is there: on a busy machine a click while the page is redrawn may be lost."""
+    link = page.get_by_role("link", name=name, exact=True)
+    for _ in range(5):
+        with suppress(Late):
+            link.click(timeout=BY_ITSELF_MS)
+            page.wait_for_url(address, timeout=BY_ITSELF_MS)
+            return
+    page.wait_for_url(address)
+
+
 def press_with(page: Page, force: str) -> None:
     """Have the virtual probe press so hard, and wait until the frames show it."""
     field = page.get_by_label("Force", exact=True)

@@ -9,7 +9,7 @@ from urllib.parse import urlsplit
 
 import pytest
 from tests.console.browser import needs_browser, picture
-from tests.console.operator import INSTRUMENT, PATIENCE_MS, choose_target, hold, requested, run
+from tests.console.operator import INSTRUMENT, PATIENCE_MS, choose_target, follow, hold, requested, run
 from tests.console.running import running_console
 from tests.console.services.test_own_images import disc
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
     from tests.console.running import RunningConsole
 
-pytestmark = [pytest.mark.system, needs_browser]
+pytestmark = [pytest.mark.system, pytest.mark.slow, needs_browser]
 ROLES = ("on the target", "reference (no inclusion)")
 
 
@@ -107,7 +107,7 @@ def examined(page: Page, target: int) -> None:
 
 
 def compared(page: Page) -> None:
-    page.get_by_role("link", name="Report", exact=True).click()
+    follow(page, "Report", "**/records/5")
     page.get_by_text("Target 5", exact=True).wait_for()
     page.get_by_role("button", name="Compare", exact=True).click()
     page.get_by_label("Number of the other target").fill("4")

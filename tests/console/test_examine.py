@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 from playwright.sync_api import expect
 from tests.console.browser import needs_browser, picture
-from tests.console.operator import TABLET, choose_target, operating, press_with, requested, run
+from tests.console.operator import TABLET, choose_target, follow, operating, press_with, requested, run
 
 from tsis.files import target_folder
 
@@ -267,8 +267,7 @@ def test_press_estimate_and_what_it_tells(console: RunningConsole, browser: Brow
         diameter = reported["parameters"]["diameter_mm"]
         assert f"{diameter['mean']:.3g} mm" in cards
         assert abs(diameter["mean"] - 10.0) < SURE * diameter["sd"]
-        page.get_by_role("link", name="Report", exact=True).click()
-        page.wait_for_url("**/records/50")
+        follow(page, "Report", "**/records/50")
 
 
 @pytest.mark.slow
