@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
-from threadpoolctl import threadpool_limits
 
+from tsis.compiled import one_blas_thread
 from tsis.errors import InputError, NotIdentifiedError, UntrustedError
 from tsis.inclusion._estimate import analyse, estimate
 from tsis.inclusion._prior import PARAMETERS
@@ -127,7 +127,7 @@ def uncertainty_budget(
     shown = [name for name in PARAMETERS if not estimate.withheld_reason(name)]
     if not shown:
         return UncertaintyBudget(estimate=estimate, quantities={})
-    with threadpool_limits(limits=1, user_api="blas"):  # threads slow down matrices this small
+    with one_blas_thread():  # threads slow down matrices this small
         parts = _components(analysis)
     return UncertaintyBudget(
         estimate=estimate,

@@ -7,9 +7,9 @@ from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
+from tsis.compiled import one_blas_thread
 from tsis.errors import InputError, NotCalibratedError
 from tsis.inclusion._frames import covering_force_n, mean_of_repeats, require_valid_forces, with_gain_of_presses
 from tsis.inclusion._prior import PARAMETERS, InclusionPrior
@@ -186,7 +186,7 @@ def analyse(
     surrogate, correction = tables.surrogate, tables.correction
     require_valid_forces(targets + references, surrogate, probe=probe, prior=prior, correction=correction)
     response = with_gain_of_presses(references or targets, calibration, surrogate, probe=probe, prior=prior)
-    with threadpool_limits(limits=1, user_api="blas"):  # threads slow down matrices this small
+    with one_blas_thread():  # threads slow down matrices this small
 
         def read(frames: list[TactileImage]) -> FrameReading:
             return read_frames(frames, references, tables, probe=probe, calibration=response, prior=prior)

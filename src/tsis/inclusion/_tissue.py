@@ -14,8 +14,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 from scipy.stats import chi2
-from threadpoolctl import threadpool_limits
 
+from tsis.compiled import one_blas_thread
 from tsis.errors import InputError
 from tsis.imaging import rough_contact
 from tsis.inclusion._frames import GENERIC_GAIN_SD, ring_edges, ring_light, ring_profiles
@@ -124,7 +124,7 @@ def tissue_modulus(
         shade = light.shading.factor(displacement, slope, np.zeros(3))
         return rough_contact(pressure, calibration) * shade
 
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         model = expected(image.force_n, thickness_mm)
         by_force = (expected(image.force_n * (1 + STEP), thickness_mm) - model) / STEP
         by_thickness = (expected(image.force_n, thickness_mm * (1 + STEP)) - model) / STEP

@@ -16,8 +16,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
+from tsis.compiled import one_blas_thread
 from tsis.files import content_key
 from tsis.inclusion.posterior._rings import ring_means
 from tsis.mechanics import hats
@@ -147,7 +147,7 @@ def build_field_table(
     def solve() -> dict[str, Floats]:
         around = [(d, h, young) for d in diameter.tolist() for h in depth.tolist()]
         done, even = itertools.count(1), slab(None)
-        with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor(os.cpu_count()) as pool:
+        with one_blas_thread(), ThreadPoolExecutor(os.cpu_count()) as pool:
             features = _features(even, 0)
             tasks = [pool.submit(lambda state: _round_factors(slab(state), features), state) for state in around]
             factors, layers = [], []
