@@ -19,7 +19,6 @@ from scipy.optimize import minimize
 from scipy.stats import qmc
 
 from tsis.errors import InputError
-from tsis.mechanics._face import hats
 from tsis.mechanics.surrogate._polynomial import Box, chebyshev_weights_at, contrast_factor, signal_scale
 
 if TYPE_CHECKING:
@@ -84,11 +83,20 @@ class CorrectionBox:
 
     def unit(self, states: Floats) -> Floats:
         """States of a `design` in unit coordinates, shape (n, 6); outside [0, 1] beyond the box."""
-        low, high = self.coordinates
-        ranges = states.copy()
-        ranges[:, [0, 1, 3, 4]] = np.log(states[:, [0, 1, 3, 4]])
-        ranges[:, 5] = (states[:, 5] - self.load[0]) / (self.largest_load(states[:, 3]) - self.load[0])
-        return np.asarray((ranges - low) / (high - low))
+        return np.hstack([self.unit_spheres(*states[:, :3].T), self.unit_slabs(*states[:, 3:].T)])
+
+    def unit_spheres(self, diameter_mm: Floats, depth_mm: Floats, factor: Floats) -> Floats:
+        """Diameters, depths and factors of contrast in unit coordinates, shape (n, 3)."""
+        low, high = self.coordinates[:, :3]
+        return np.asarray((np.column_stack([np.log(diameter_mm), np.log(depth_mm), factor]) - low) / (high - low))
+
+    def unit_slabs(self, tissue_young_kpa: Floats, thickness_mm: Floats, load: Floats) -> Floats:
+        """Moduli, thicknesses and loads in unit coordinates, shape (n, 3)."""
+        low, high = self.coordinates[:, 3:]
+        part = (load - self.load[0]) / (self.largest_load(tissue_young_kpa) - self.load[0])
+        return np.asarray(
+            (np.column_stack([np.log(tissue_young_kpa), np.log(thickness_mm), part]) - low) / (high - low)
+        )
 
     def holds(self, box: Box) -> bool:
         """Whether it covers the inclusions and slabs of another box.
@@ -312,10 +320,6 @@ class FiniteCorrection:
     signal_error: tuple[float, float]
     key: str
 
-    def interpolation(self, radius_mm: Floats) -> Floats:
-        """Matrix from profiles to values at ``radius_mm``, linear between its radii; (len(radius_mm), n)."""
-        return hats(self.radius_mm, radius_mm)
-
     def error_in(self, box: Box) -> float:
         """Root mean square error of the pressure over the mean pressure, in and near another box."""
         low, high = self.box.coordinates
@@ -364,9 +368,7 @@ class FiniteCorrection:
         ``signal`` (m, n, outputs) is that at small strain.
         """
         factor = contrast_factor(contrast)
-        low, high = self.box.coordinates
-        ranges = np.column_stack([np.log(diameter_mm), np.log(depth_mm), factor])
-        inclusions = np.clip((ranges - low[:3]) / (high - low)[:3], 0.0, 1.0)
+        inclusions = np.clip(self.box.unit_spheres(diameter_mm, depth_mm, factor), 0.0, 1.0)
         positions, share = self._states(states)
         found = np.concatenate([process(inclusions, positions) for process in self.processes], axis=-1)
         of_modes, of_outputs = (which.astype(int) for which in self.of_displacement)
@@ -391,10 +393,6 @@ class FiniteCorrection:
 
         A flat face has no least force: below the box the correction falls in proportion to the force.
         """
-        low, high = self.box.coordinates[:, 3:]
         load = np.array([force / self._unit(tissue, thickness) for tissue, thickness, force in states.tolist()])
-        least = self.box.load[0]
-        place = (load - least) / (self.box.largest_load(states[:, 0]) - least)
-        ranges = np.column_stack([np.log(states[:, 0]), np.log(states[:, 1]), place])
-        share = np.ones(len(states)) if self.is_domed else np.minimum(load / least, 1.0)
-        return np.asarray(np.clip((ranges - low) / (high - low), 0.0, 1.0)), share
+        share = np.ones(len(states)) if self.is_domed else np.minimum(load / self.box.load[0], 1.0)
+        return np.clip(self.box.unit_slabs(states[:, 0], states[:, 1], load), 0.0, 1.0), share
