@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
@@ -12,6 +12,7 @@ from tsis.errors import InputError, MechanicsError
 from tsis.mechanics._face import hat_areas, hats
 from tsis.mechanics._mesh import block_radius_mm, central_cell_mm
 from tsis.mechanics.finite_strain import (
+    NARROW,
     FiniteResolution,
     PressContinuation,
     SlabPress,
@@ -36,8 +37,6 @@ if TYPE_CHECKING:
 FACE_POINTS = 121  # of each profile, which is linear between them
 OUTPUTS = 2 * FACE_POINTS  # pressures and displacements
 PRESS_OUTPUTS = OUTPUTS + 1  # and the approach
-NARROW = 1.25  # see `narrow_mm`, over the face's radius
-WIDE_LAYERS = 2  # in the block around a wider sphere, over those around a narrow one
 
 
 class Slabs(Protocol):
@@ -172,13 +171,12 @@ class SlabPresses:
     def of(cls, probe: Probe, box: CorrectionBox, poisson: float, mesh: FiniteResolution | None = None) -> SlabPresses:
         """Presses on slabs of a box."""
         fine = mesh or FiniteResolution()
-        finer = replace(fine, ray_layers=WIDE_LAYERS * fine.ray_layers)
         continuations = []
-        for diameter, lines in ((narrow_mm(probe, box), fine), (box.diameter_mm[1], finer)):
+        for diameter in (narrow_mm(probe, box), box.diameter_mm[1]):
             sphere = Inclusion(diameter_mm=diameter, depth_mm=1.0, young_kpa=1.0)
             thickness = max(30.0, diameter + 2, 0.6 * box.thickness_mm[1])
             like = Phantom(young_kpa=1.0, poisson=poisson, thickness_mm=thickness, inclusion=sphere)
-            continuations.append(PressContinuation(probe, like, lines))
+            continuations.append(PressContinuation(probe, like, fine))
         narrow, wide = continuations
         return cls(probe=probe, box=box, poisson=poisson, narrow=narrow, wide=wide)
 
@@ -240,10 +238,7 @@ class SlabPresses:
 
 
 def narrow_mm(probe: Probe, box: CorrectionBox) -> float:
-    """Diameter of the widest sphere whose mesh leaves the tissue under the rim alone.
-
-    The block around a wider one takes that tissue in: in four layers, pressures near the rim come out 7 % low.
-    """
+    """Diameter of the widest sphere whose mesh leaves the tissue under the rim alone."""
     return min(box.diameter_mm[1], NARROW * probe.radius_mm)
 
 
