@@ -11,6 +11,7 @@ one mesh. Finite-strain meshes have a rounded rim; the correction contains its e
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,7 +20,7 @@ from scipy.optimize import minimize
 from scipy.stats import qmc
 
 from tsis.errors import InputError
-from tsis.mechanics.surrogate._polynomial import Box, chebyshev_weights_at, contrast_factor, signal_scale
+from tsis.mechanics.surrogate._polynomial import Box, chebyshev_weights, contrast_factor, signal_scale
 
 if TYPE_CHECKING:
     from tsis.mechanics._element import Booleans, Floats
@@ -65,15 +66,7 @@ class CorrectionBox:
     @property
     def coordinates(self) -> Floats:
         """Ends of the six coordinates, shape (2, 6)."""
-        ends = [
-            np.log(self.diameter_mm),
-            np.log(self.depth_mm),
-            contrast_factor(np.array(self.contrast)),
-            np.log(self.tissue_young_kpa),
-            np.log(self.thickness_mm),
-            (0.0, 1.0),  # of the way from the least to the largest load
-        ]
-        return np.array(ends, dtype=float).T
+        return _coordinates(self)
 
     def largest_load(self, tissue_young_kpa: Floats) -> Floats:
         """Largest load on tissues of a modulus in kPa; it changes with the modulus's logarithm."""
@@ -114,6 +107,21 @@ class CorrectionBox:
         least = self.contrast[0] if self.contrast[0] > WEAK else 1.0
         within = all(own[0] <= other[0] and other[1] <= own[1] for own, other in pairs)
         return within and least <= weakest and strongest <= self.contrast[1]
+
+
+@lru_cache(maxsize=64)  # an estimate asks some hundred times
+def _coordinates(box: CorrectionBox) -> Floats:
+    ends = [
+        np.log(box.diameter_mm),
+        np.log(box.depth_mm),
+        contrast_factor(np.array(box.contrast)),
+        np.log(box.tissue_young_kpa),
+        np.log(box.thickness_mm),
+        (0.0, 1.0),  # of the way from the least to the largest load
+    ]
+    result = np.array(ends, dtype=float).T
+    result.flags.writeable = False
+    return result
 
 
 def correction_box(probe: Probe, box: Box | None = None) -> CorrectionBox:
@@ -345,22 +353,17 @@ class FiniteCorrection:
 
     def forces_n(self, tissue_young_kpa: float, thickness_mm: float) -> tuple[float, float]:
         """Least and largest force in newtons on tissue of a modulus in kPa and a thickness in mm."""
-        unit = self._unit(tissue_young_kpa, thickness_mm)
+        unit = float(self._unit(np.array([tissue_young_kpa]), np.array([thickness_mm]))[0])
         most = float(self.box.largest_load(np.array(tissue_young_kpa)))
         return (self.box.load[0] if self.is_domed else 0.0) * unit, most * unit
 
     def without_inclusion(self, states: Floats) -> Floats:
         """Correction without inclusion; ``states`` (m, 3): modulus in kPa, thickness in mm, force in N."""
         positions, share = self._states(states)
-        rows = []
-        for unit in positions:
-            by_tissue, by_thickness, by_load = (
-                chebyshev_weights_at((0.0, 1.0), count, float(position))
-                for position, count in zip(unit, self.baseline.shape[:3], strict=True)
-            )
-            weights = np.outer(np.outer(by_tissue, by_thickness), by_load)
-            rows.append(np.tensordot(weights, self.baseline.reshape(*weights.shape, -1)))
-        return np.asarray(share[:, None] * np.array(rows))
+        *points, outputs = self.baseline.shape
+        by = [chebyshev_weights((0.0, 1.0), count, at) for count, at in zip(points, positions.T, strict=True)]
+        weights = by[0][:, :, None, None] * by[1][:, None, :, None] * by[2][:, None, None, :]
+        return np.asarray(share[:, None] * (weights.reshape(len(states), -1) @ self.baseline.reshape(-1, outputs)))
 
     def change(self, diameter_mm: Floats, depth_mm: Floats, contrast: Floats, states: Floats, signal: Floats) -> Floats:
         """Correction of the signal of n inclusions in m states (see `without_inclusion`), shape (m, n, outputs).
@@ -377,22 +380,24 @@ class FiniteCorrection:
         rest = (norms[..., of_modes] * coefficients) @ self.modes
         return np.asarray(multiples[..., of_outputs] * signal + rest)
 
-    def _unit(self, tissue_young_kpa: float, thickness_mm: float) -> float:
-        low, high = self.box.coordinates[:, 3:5]
-        place = np.clip((np.log([tissue_young_kpa, thickness_mm]) - low) / (high - low), 0.0, 1.0)
-        weights = [
-            chebyshev_weights_at((0.0, 1.0), count, float(at))
-            for at, count in zip(place, self.unit_force_n.shape, strict=True)
-        ]
+    def _unit(self, tissue_young_kpa: Floats, thickness_mm: Floats) -> Floats:
+        """Force of a unit load on slabs, N."""
+        inside = np.clip(tissue_young_kpa, *self.box.tissue_young_kpa)
+        place = np.clip(self.box.unit_slabs(inside, thickness_mm, np.full(len(inside), self.box.load[0])), 0.0, 1.0)
+        by_tissue, by_thickness = (
+            chebyshev_weights((0.0, 1.0), count, at)
+            for count, at in zip(self.unit_force_n.shape, place.T, strict=False)
+        )
         # In proportion to the tissue outside the box.
-        beyond = tissue_young_kpa / float(np.exp(low[0] + place[0] * (high - low)[0]))
-        return float(np.exp(weights[0] @ self.unit_force_n @ weights[1])) * beyond
+        return np.asarray(
+            np.exp(((by_tissue @ self.unit_force_n) * by_thickness).sum(axis=1)) * tissue_young_kpa / inside
+        )
 
     def _states(self, states: Floats) -> tuple[Floats, Floats]:
         """States in unit coordinates, (m, 3), at the ends of the box where they lie outside, and a factor (m,).
 
         A flat face has no least force: below the box the correction falls in proportion to the force.
         """
-        load = np.array([force / self._unit(tissue, thickness) for tissue, thickness, force in states.tolist()])
+        load = states[:, 2] / self._unit(states[:, 0], states[:, 1])
         share = np.ones(len(states)) if self.is_domed else np.minimum(load / self.box.load[0], 1.0)
         return np.clip(self.box.unit_slabs(states[:, 0], states[:, 1], load), 0.0, 1.0), share
