@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
+from tsis.calibration import read_usable_calibration
+from tsis.calibration.file import calibration_bytes
 from tsis.calibration.guard import guard_reference
-from tsis.errors import CalibrationError
+from tsis.errors import CalibrationError, TsisError
+from tsis.files import content_sha256, write_durably
 from tsis.virtual import bench_seed
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from tsis.calibration import UsableCalibration
     from tsis.calibration.guard import GuardReference
     from tsis.console.services._camera import CameraController
@@ -47,19 +53,19 @@ class ActiveCalibrationCheck:
     """
 
     def __init__(self, camera_controller: CameraController, given: UsableCalibration | None) -> None:
-        self._camera, self._chosen = camera_controller, given
+        self._camera, self.chosen = camera_controller, given
         self._checked: tuple[UsableCalibration | None, VirtualSubject | None, GuardReference] | None = None
 
     def use(self, given: UsableCalibration | None) -> None:
         """Choose another one, or None; `CalibrationError` when it does not fit, and the one before stays."""
         if given is not None:
             _require_fit(given, self._camera)
-        self._chosen = given
+        self.chosen = given
 
     def now(self) -> ActiveCalibration:
         """Check once with the camera's present settings."""
         subject, choice = self._camera.subject, self._camera.choice
-        given, why = self._check(self._chosen or (None if subject is None else subject.calibration))
+        given, why = self._check(self.chosen or (None if subject is None else subject.calibration))
         measured = None if given is None else given.calibration.scale
         scale = None if subject is None else subject.mm_per_pixel
         return ActiveCalibration(
@@ -92,6 +98,37 @@ class ActiveCalibrationCheck:
             )
             self._checked = saved = calibration, virtual_subject, created
         return saved[2]
+
+
+class CalibrationMemory:
+    """Keeps in a folder which calibration was activated for each camera, and for the virtual probe of each seed."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def of(self, choice: CameraChoice) -> tuple[UsableCalibration | None, str]:
+        """The calibration of a camera's last run, and a message about it; None and empty where none was active."""
+        file = self._file(choice)
+        if not file.exists():
+            return None, ""
+        try:
+            given = read_usable_calibration(file)
+        except TsisError as error:
+            return None, f"The calibration of the last run is not active again: {error}."
+        return given, f"Calibration {given.calibration.name!r} of the last run is active again."
+
+    def keep(self, choice: CameraChoice, given: UsableCalibration | None) -> None:
+        """Keep the one that was activated, or that none is; a disk that refuses it stops nothing."""
+        file = self._file(choice)
+        with suppress(OSError):
+            file.unlink(missing_ok=True)
+            if given is not None:
+                file.parent.mkdir(parents=True, exist_ok=True)
+                write_durably(file, calibration_bytes(given.calibration))
+
+    def _file(self, choice: CameraChoice) -> Path:
+        own = [choice.probe, choice.seed, choice.is_sphere] if choice.is_virtual else []
+        return self._folder / f"{content_sha256([choice.spec, *own])[:16]}.json"
 
 
 def _require_fit(cited: UsableCalibration, camera_controller: CameraController) -> None:
