@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
-from tsis.calibration import read_usable_calibration
-from tsis.calibration.file import calibration_bytes
 from tsis.calibration.guard import guard_reference
-from tsis.errors import CalibrationError, TsisError
-from tsis.files import content_sha256, write_durably
+from tsis.errors import CalibrationError
 from tsis.virtual import bench_seed
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from tsis.calibration import UsableCalibration
     from tsis.calibration.guard import GuardReference
     from tsis.console.services._camera import CameraController
@@ -98,37 +92,6 @@ class ActiveCalibrationCheck:
             )
             self._checked = saved = calibration, virtual_subject, created
         return saved[2]
-
-
-class CalibrationMemory:
-    """Keeps in a folder which calibration was activated for each camera, and for the virtual probe of each seed."""
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-
-    def of(self, choice: CameraChoice) -> tuple[UsableCalibration | None, str]:
-        """The calibration of a camera's last run, and a message about it; None and empty where none was active."""
-        file = self._file(choice)
-        if not file.exists():
-            return None, ""
-        try:
-            given = read_usable_calibration(file)
-        except TsisError as error:
-            return None, f"The calibration of the last run is not active again: {error}."
-        return given, f"Calibration {given.calibration.name!r} of the last run is active again."
-
-    def keep(self, choice: CameraChoice, given: UsableCalibration | None) -> None:
-        """Keep the one that was activated, or that none is; a disk that refuses it stops nothing."""
-        file = self._file(choice)
-        with suppress(OSError):
-            file.unlink(missing_ok=True)
-            if given is not None:
-                file.parent.mkdir(parents=True, exist_ok=True)
-                write_durably(file, calibration_bytes(given.calibration))
-
-    def _file(self, choice: CameraChoice) -> Path:
-        own = [choice.probe, choice.seed, choice.is_sphere] if choice.is_virtual else []
-        return self._folder / f"{content_sha256([choice.spec, *own])[:16]}.json"
 
 
 def _require_fit(cited: UsableCalibration, camera_controller: CameraController) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from tsis.__about__ import LARGEST_TARGET
 from tsis.calibration import read_usable_calibration
-from tsis.console.services._active_calibration import ActiveCalibrationCheck, CalibrationMemory
+from tsis.console.services._active_calibration import ActiveCalibrationCheck
 from tsis.console.services._camera import CameraController, CameraSearch
 from tsis.console.services._control import Commands, ControlLock
 from tsis.console.services._estimates import estimate_target, require_estimable
@@ -23,7 +23,15 @@ from tsis.console.services._reading import (
 from tsis.console.services._sequences import SequenceRequest, begin_sequence
 from tsis.console.services._snapshots import PressToSave, save_press
 from tsis.console.services._state import InstrumentState, camera_state
-from tsis.console.services._subject import LIGHT_N, PLAIN, TissueReadings, estimate_title, read_tissue, tissue_title
+from tsis.console.services._subject import (
+    LIGHT_N,
+    PLAIN,
+    CalibrationMemory,
+    TissueReadings,
+    estimate_title,
+    read_tissue,
+    tissue_title,
+)
 from tsis.console.services._sweeps import Sweeps
 from tsis.console.services._watcher import Watcher
 from tsis.console.services.calibrating import CalibrationSessions
