@@ -62,7 +62,7 @@ class JobList:
     """The header's button, which says how far running jobs are, and its list."""
 
     def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
-        self._button = ui.button(tr("Jobs")).props('flat dense no-caps aria-haspopup="dialog"')
+        self._button = ui.button(tr("Jobs")).props('flat dense no-caps aria-haspopup="dialog"').classes("jobs")
         with self._button, ui.menu().props('anchor="bottom right" self="top right" role=dialog') as menu:
             menu.props["aria-label"] = tr("Jobs")
             ui.link(tr("All jobs and their history"), "/jobs").classes("link job-history").on("click", menu.close)
