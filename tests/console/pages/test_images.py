@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def test_own_images_are_opened_measured_and_saved(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(images, "name_parts", lambda *_: None)  # which asks a browser
+    monkeypatch.setattr(images.kit, "name_parts", lambda *_: None)  # which asks a browser
     (mine := tmp_path / "mine").mkdir()
     disc(mine, "press.png")
     (mine / "broken.png").write_bytes(b"no image")
