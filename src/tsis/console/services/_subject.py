@@ -16,7 +16,16 @@ from tsis.__about__ import LARGEST_SEED
 from tsis.calibration import UsableCalibration, apply_calibration
 from tsis.calibration.file import ProbeCalibration, calibration_sha256
 from tsis.calibration.guard import GuardReference
-from tsis.catalog import list_phantoms, list_probes, list_spheres, load_probe, load_sphere, phantom_variant
+from tsis.catalog import (
+    list_phantoms,
+    list_probes,
+    list_sensors,
+    list_spheres,
+    load_probe,
+    load_sensor,
+    load_sphere,
+    phantom_variant,
+)
 from tsis.errors import InputError, MechanicsError
 from tsis.files import from_json_value, to_json_value, write_durably
 from tsis.imaging import Sensor
@@ -35,6 +44,7 @@ if TYPE_CHECKING:
 
 
 VIRTUAL, OPENCV = "virtual", "opencv"
+VIRTUAL_GEL = "virtual-gel"  # with the name of a sensor of the catalog: virtual-gel:gelsight-mini
 OPENCV_SPEC = re.compile("opencv(:[0-9]{0,4})?")  # without a number it is the first
 TARGET, PLAIN, BALL, UNTOUCHED = "target", "plain", "ball", "untouched"  # roles of presses
 TISSUE_N, SPHERE_N = 1.0, 0.7  # forces with which the virtual probe begins
@@ -56,7 +66,8 @@ class CameraChoice:
     Parameters
     ----------
     spec
-        ``"virtual"``, or ``SOURCE:ID`` of a live camera as `tsis.instrument.find_cameras` names it.
+        ``"virtual"``, ``virtual-gel:SENSOR``, or ``SOURCE:ID`` of a live camera as `tsis.instrument.find_cameras` names
+        it.
     mode
         Label of the mode to start in; the camera's first when None.
     probe
@@ -66,7 +77,7 @@ class CameraChoice:
     diameter_mm, depth_mm, young_kpa
         Of the phantom's inclusion instead of the catalog's.
     seed
-        Of the virtual probe's errors.
+        Of the virtual probe's errors, and of the virtual gel sensor's lamps and presses.
 
     Raises
     ------
@@ -100,7 +111,10 @@ class CameraChoice:
         require_integer("seed", self.seed, 0, LARGEST_SEED)
 
     def _require_live(self) -> None:
-        source = self.spec.partition(":")[0]
+        source, _, name = self.spec.partition(":")
+        if source == VIRTUAL_GEL:
+            load_sensor(require_one_of("sensor", name, list_sensors()))
+            return
         if source in STORED_SOURCES:
             raise InputError(
                 f"camera must be a live one; got {self.spec!r:.80}, which is stored (estimate from stored frames with "
@@ -120,6 +134,12 @@ class CameraChoice:
     def is_virtual(self) -> bool:
         """Whether there is no hardware."""
         return self.spec == VIRTUAL
+
+    @property
+    def gel_sensor(self) -> str:
+        """Name of the virtual gel sensor; empty for other cameras."""
+        source, _, name = self.spec.partition(":")
+        return name if source == VIRTUAL_GEL else ""
 
     @property
     def is_sphere(self) -> bool:

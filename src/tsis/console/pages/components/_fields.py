@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import re
+import tempfile
 from contextlib import contextmanager
 from functools import partial
+from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, ParamSpec, TypeVar
 
 from nicegui import ui
@@ -22,7 +24,7 @@ if TYPE_CHECKING:
     from nicegui.client import Client
     from nicegui.element import Element
     from nicegui.elements.choice_element import ChoiceElement
-    from nicegui.events import ValueChangeEventArguments
+    from nicegui.events import UploadEventArguments, ValueChangeEventArguments
 
     from tsis.console.pages.components._viewer import Viewer
 
@@ -317,12 +319,27 @@ def one_file(
     ``accept`` are endings that the browser offers, as ``".csv,text/csv"``; ``refused`` is said of other files.
     """
     field = FileField(
-        label=label,
+        label=tr(label),
         auto_upload=True,
         max_files=1,
         max_file_size=most_bytes,
         on_rejected=lambda: viewer.complain(refused),
     ).props("flat bordered")
     field.props["accept"] = accept
-    name_parts(field, f"Choose: {label}")
-    return explain(field)
+    name_parts(field, tr("Choose: {label}", label=tr(label)))
+    return explain(field, label)
+
+
+def file_field(viewer: Viewer, label: str, *, accept: str, act: Callable[..., object]) -> FileField:
+    """A field that hands an uploaded file to ``act`` as a path, ``by`` this client; the copy is then removed."""
+    field = one_file(viewer, label, accept=accept, refused=tr("a file of another kind, or one too large"))
+
+    async def uploaded(event: UploadEventArguments) -> None:
+        with tempfile.TemporaryDirectory(prefix="tsis-upload-") as folder:
+            file = Path(folder) / (PurePosixPath(event.file.name.replace("\\", "/")).name or "unnamed")
+            await event.file.save(file)
+            field.reset()
+            await viewer.attempt(act, file, by=viewer.identity)
+
+    field.on_upload(uploaded)
+    return field
