@@ -275,16 +275,16 @@ class VirtualGelCamera:
         A sensor with a known scale.
     seed
         Of lamps, places, depths and noise.
-    clock
-        Seconds, monotonic.
+    per_s
+        Frames a second.
     """
 
-    def __init__(self, sensor: GelSensor, *, seed: int = 1, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, sensor: GelSensor, *, seed: int = 1, per_s: float = GEL_PER_S) -> None:
         require_type("sensor", sensor, GelSensor)
-        self._sensor, self._seed, self._clock = sensor, seed, clock
+        self._sensor, self._seed = sensor, seed
         self._press = Setting(name=GEL_PRESS_SETTING, value=0.0, low=0.0, high=float(GEL_PRESSES))
         columns, rows = sensor.image_px
-        self._mode = Mode(width_px=columns, height_px=rows, frames_per_s=GEL_PER_S, pixel_format="RGB8")
+        self._mode = Mode(width_px=columns, height_px=rows, frames_per_s=per_s, pixel_format="RGB8")
         self._made: list[RenderedPress] = []
         self._running, self._stopped = threading.Event(), threading.Event()
 
@@ -329,7 +329,7 @@ class VirtualGelCamera:
         """Yield frames at their rate, until stopped."""
         if not self._running.is_set():
             raise CameraError(f"{self.name} must be started before frames are read; call start()")
-        start_s, sequence = self._clock(), 0
+        start_s, sequence = time.monotonic(), 0
         while self._running.is_set():
             number = int(self._press.value)
             colour = self._made[number - 1].frame if number else self._made[0].reference
@@ -337,12 +337,12 @@ class VirtualGelCamera:
                 pixels=np.rint(luma(colour)).astype(np.uint8),
                 colour=colour,
                 sequence=sequence,
-                time_s=self._clock() - start_s,
+                time_s=time.monotonic() - start_s,
                 name=f"{self.name}#{sequence}",
                 settings={GEL_PRESS_SETTING: self._press.value, "source": "virtual gel sensor"},
             )
             sequence += 1
-            if self._stopped.wait(1.0 / GEL_PER_S):
+            if self._stopped.wait(1.0 / (self._mode.frames_per_s or GEL_PER_S)):
                 return
 
     def stop(self) -> None:

@@ -20,6 +20,7 @@ from tsis.model import require_integer
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
+    from typing import Self
 
     from nicegui.client import Client
     from nicegui.element import Element
@@ -290,11 +291,6 @@ _NAME = """
 """  # the field may come a moment after this
 
 
-def name_parts(upload: Upload, name: str) -> None:
-    """Name the field's button and input for screen readers: its library gives them icons alone."""
-    upload.client.run_javascript(_NAME % (upload.id, json.dumps(name)))
-
-
 LARGEST_MIB = 31  # limit of the authentication for a request, less the parts around the file
 
 
@@ -304,6 +300,19 @@ class FileField(Upload):
     FastAPI remembers the last few thousand functions that ever answered an address; through the callbacks of a deleted
     field they would keep the whole page of its browser tab in memory.
     """
+
+    _named = ""
+
+    def name_parts(self, name: str) -> None:
+        """Name the field's button and input for screen readers: its library gives them icons alone."""
+        self._named = name
+        self.client.run_javascript(_NAME % (self.id, json.dumps(name)))
+
+    def reset(self) -> Self:
+        """Forget the files; the library makes the button anew."""
+        super().reset()
+        self.name_parts(self._named)
+        return self
 
     def _handle_delete(self) -> None:
         super()._handle_delete()
@@ -326,7 +335,7 @@ def one_file(
         on_rejected=lambda: viewer.complain(refused),
     ).props("flat bordered")
     field.props["accept"] = accept
-    name_parts(field, tr("Choose: {label}", label=tr(label)))
+    field.name_parts(tr("Choose: {label}", label=tr(label)))
     return explain(field, label)
 
 
