@@ -24,7 +24,15 @@ from tsis.console.services._reading import (
 from tsis.console.services._sequences import SequenceRequest, begin_sequence
 from tsis.console.services._snapshots import PressToSave, save_press
 from tsis.console.services._state import InstrumentState, camera_state
-from tsis.console.services._subject import LIGHT_N, PLAIN, TissueReadings, estimate_title, read_tissue, tissue_title
+from tsis.console.services._subject import (
+    LIGHT_N,
+    PLAIN,
+    CalibrationMemory,
+    TissueReadings,
+    estimate_title,
+    read_tissue,
+    tissue_title,
+)
 from tsis.console.services._sweeps import Sweeps
 from tsis.console.services._watcher import Watcher
 from tsis.console.services.calibrating import CalibrationSessions
@@ -84,9 +92,11 @@ class Instrument:
         self._tissues = TissueReadings(terms.workspace / "tissues.json")
         self._memory = InstrumentMemory(terms.workspace / "last-run.state")
         restored = self._memory.begin(terms.choice)
-        self._interruption = interruption_message(self.jobs.history.interrupted, restored)
         self._commands, self.search = Commands(self.control), CameraSearch(self.jobs)
         choice, number = restored or (terms.choice, 1)
+        self._calibrations = CalibrationMemory(terms.workspace / "active-calibrations")
+        given, brought_back = (given, "") if given else self._calibrations.of(choice)
+        self._notices: tuple[str, ...] = (interruption_message(self.jobs.history.interrupted, restored), brought_back)
         self.terms, self._target = terms, number
         self._gauge: ForceLog | None = None
         self.before_estimates: Callable[[str], None] = lambda _: None
@@ -159,7 +169,7 @@ class Instrument:
                 active.why,
                 self._watcher.failure,
                 store_gone=self._store_check.trouble(),
-                interruption=self._interruption,
+                notices=self._notices,
             ),
             busy=self._commands.busy,
             gauge="" if gauge is None else gauge.name,
@@ -168,9 +178,11 @@ class Instrument:
         )
 
     def choose(self, choice: CameraChoice, *, by: str) -> None:
-        """Choose another camera, not yet started; a chosen calibration stays active where it fits."""
+        """Choose another camera, not yet started, with its last calibration; the chosen one stays where it has none."""
         with self._commands.run(by, "choosing a camera", instead="another camera can be chosen"):
             self.camera_controller.choose(choice)
+            if (before := self._calibrations.of(choice)[0]) is not None:
+                self._active.chosen = before
             self._keep()
             self._watcher.begin_anew()
 
@@ -178,7 +190,7 @@ class Instrument:
         """Start the camera; errors as `CameraController.start`. When it runs already, nothing happens."""
         with self._commands.run(by, "starting the camera"):
             self.camera_controller.start()
-            self._interruption = ""  # it was read, and work goes on
+            self._notices = ()  # they were read, and work goes on
             self.before_estimates(self._active.now().probe)
 
     def stop(self, *, by: str) -> None:
@@ -238,6 +250,7 @@ class Instrument:
         """
         with self._commands.run(by, "activating a calibration", instead="another calibration can be activated"):
             self._active.use(calibration)
+            self._calibrations.keep(self.camera_controller.choice, calibration)
             self._watcher.begin_anew()
 
     def use_gauge(self, log: ForceLog | None, *, by: str) -> None:

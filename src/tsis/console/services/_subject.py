@@ -1,4 +1,4 @@
-"""The chosen camera, the virtual subject, the settings of a console, and the tissue that a light press shows."""
+"""The chosen camera, its calibration, the virtual subject, a console's settings, and the tissue of a light press."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.__about__ import LARGEST_SEED
-from tsis.calibration import UsableCalibration, apply_calibration
-from tsis.calibration.file import ProbeCalibration, calibration_sha256
+from tsis.calibration import UsableCalibration, apply_calibration, read_usable_calibration
+from tsis.calibration.file import ProbeCalibration, calibration_bytes, calibration_sha256
 from tsis.calibration.guard import GuardReference
 from tsis.catalog import (
     list_phantoms,
@@ -26,8 +26,8 @@ from tsis.catalog import (
     load_sphere,
     phantom_variant,
 )
-from tsis.errors import InputError, MechanicsError
-from tsis.files import from_json_value, to_json_value, write_durably
+from tsis.errors import InputError, MechanicsError, TsisError
+from tsis.files import content_sha256, from_json_value, to_json_value, write_durably
 from tsis.imaging import Sensor
 from tsis.inclusion import protocol_forces, tissue_modulus
 from tsis.instrument import STORED_SOURCES, live_sources
@@ -383,3 +383,34 @@ def tissue_title(number: int) -> str:
 def estimate_title(number: int) -> str:
     """Title of an estimate's job, by which pages find the one of their target."""
     return f"estimate of target {number}"
+
+
+class CalibrationMemory:
+    """Keeps in a folder which calibration was activated for each camera, and for the virtual probe of each seed."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def of(self, choice: CameraChoice) -> tuple[UsableCalibration | None, str]:
+        """The calibration of a camera's last run, and a message about it; None and empty where none was active."""
+        file = self._file(choice)
+        if not file.exists():
+            return None, ""
+        try:
+            given = read_usable_calibration(file)
+        except TsisError as error:
+            return None, f"The calibration of the last run is not active again: {error}."
+        return given, f"Calibration {given.calibration.name!r} of the last run is active again."
+
+    def keep(self, choice: CameraChoice, given: UsableCalibration | None) -> None:
+        """Keep the one that was activated, or that none is; a disk that refuses it stops nothing."""
+        file = self._file(choice)
+        with suppress(OSError):
+            file.unlink(missing_ok=True)
+            if given is not None:
+                file.parent.mkdir(parents=True, exist_ok=True)
+                write_durably(file, calibration_bytes(given.calibration))
+
+    def _file(self, choice: CameraChoice) -> Path:
+        own = [choice.probe, choice.seed, choice.is_sphere] if choice.is_virtual else []
+        return self._folder / f"{content_sha256([choice.spec, *own])[:16]}.json"
