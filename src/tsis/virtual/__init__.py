@@ -11,6 +11,7 @@ from tsis.virtual._camera import (
     VirtualCamera,
     VirtualGelCamera,
     camera_settings,
+    virtual_gel_sensor,
     virtual_mode,
 )
 from tsis.virtual._direct_contact import DIRECT_CONTACT_RESOLUTION, DirectContactRig, direct_contact_calibration
@@ -91,5 +92,6 @@ __all__ = [
     "surround",
     "tissue_calibration",
     "untouched_frame",
+    "virtual_gel_sensor",
     "virtual_mode",
 ]

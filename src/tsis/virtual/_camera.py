@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from tsis.catalog import list_sensors
 from tsis.errors import CameraError, InputError
 from tsis.imaging import expose
 from tsis.instrument import Frame, Mode, Setting, luma
@@ -259,8 +260,23 @@ class VirtualCamera:
         self._opened = False
 
 
+VIRTUAL_GEL = "virtual-gel"
 GEL_PRESS_SETTING = "press"  # of the virtual gel sensor: 0 is untouched
 GEL_PRESSES, GEL_BALL_MM, GEL_PER_S = 6, 6.0, 10.0
+
+
+def virtual_gel_sensor(spec: str) -> str:
+    """Name of the sensor in ``virtual-gel:SENSOR``, of the catalog; empty for another camera.
+
+    Raises `UnknownNameError` when the catalog has no such sensor.
+
+    Examples
+    --------
+    >>> virtual_gel_sensor("virtual-gel:digit"), virtual_gel_sensor("opencv:0")
+    ('digit', '')
+    """
+    source, _, name = spec.partition(":")
+    return require_one_of("sensor", name, list_sensors()) if source == VIRTUAL_GEL else ""
 
 
 class VirtualGelCamera:

@@ -25,7 +25,7 @@ from tsis.console.pages.components import (
 )
 from tsis.console.services import CameraChoice
 from tsis.imaging import REASONS
-from tsis.virtual import GEL_PRESS_SETTING, GEL_PRESSES
+from tsis.virtual import GEL_PRESS_SETTING, GEL_PRESSES, virtual_gel_sensor
 
 if TYPE_CHECKING:
     from tsis.console.pages.components import Viewer
@@ -85,7 +85,7 @@ class GelPage:
         self.view.update_state(replace(state, camera=replace(camera, mm_per_pixel=scale)))
         self._run.show(camera)
         self._camera.text = camera_line(state)
-        self._press.element.set_visibility(bool(camera.choice.gel_sensor) and camera.running)
+        self._press.element.set_visibility(bool(virtual_gel_sensor(camera.choice.spec)) and camera.running)
         place = next((item.value for item in camera.settings if item.name == GEL_PRESS_SETTING), 0.0)
         presses = {str(number): tr("press {number}", number=number) for number in range(1, GEL_PRESSES + 1)}
         self._press.show(f"{place:.0f}", {UNTOUCHED: tr("untouched")} | presses)

@@ -16,16 +16,7 @@ from tsis.__about__ import LARGEST_SEED
 from tsis.calibration import UsableCalibration, apply_calibration, read_usable_calibration
 from tsis.calibration.file import ProbeCalibration, calibration_bytes, calibration_sha256
 from tsis.calibration.guard import GuardReference
-from tsis.catalog import (
-    list_phantoms,
-    list_probes,
-    list_sensors,
-    list_spheres,
-    load_probe,
-    load_sensor,
-    load_sphere,
-    phantom_variant,
-)
+from tsis.catalog import list_phantoms, list_probes, list_spheres, load_probe, load_sphere, phantom_variant
 from tsis.errors import InputError, MechanicsError, TsisError
 from tsis.files import content_sha256, from_json_value, to_json_value, write_durably
 from tsis.imaging import Sensor
@@ -43,8 +34,7 @@ if TYPE_CHECKING:
     from tsis.records import TargetRecord
 
 
-VIRTUAL, OPENCV = "virtual", "opencv"
-VIRTUAL_GEL = "virtual-gel"  # with the name of a sensor of the catalog: virtual-gel:gelsight-mini
+VIRTUAL, VIRTUAL_GEL, OPENCV = "virtual", "virtual-gel", "opencv"
 OPENCV_SPEC = re.compile("opencv(:[0-9]{0,4})?")  # without a number it is the first
 TARGET, PLAIN, BALL, UNTOUCHED = "target", "plain", "ball", "untouched"  # roles of presses
 TISSUE_N, SPHERE_N = 1.0, 0.7  # forces with which the virtual probe begins
@@ -66,8 +56,7 @@ class CameraChoice:
     Parameters
     ----------
     spec
-        ``"virtual"``, ``virtual-gel:SENSOR``, or ``SOURCE:ID`` of a live camera as `tsis.instrument.find_cameras` names
-        it.
+        ``"virtual"``, ``virtual-gel:SENSOR``, or ``SOURCE:ID`` of a live camera as `tsis.instrument.find_cameras` does.
     mode
         Label of the mode to start in; the camera's first when None.
     probe
@@ -111,16 +100,13 @@ class CameraChoice:
         require_integer("seed", self.seed, 0, LARGEST_SEED)
 
     def _require_live(self) -> None:
-        source, _, name = self.spec.partition(":")
-        if source == VIRTUAL_GEL:
-            load_sensor(require_one_of("sensor", name, list_sensors()))
-            return
+        source = self.spec.partition(":")[0]
         if source in STORED_SOURCES:
             raise InputError(
                 f"camera must be a live one; got {self.spec!r:.80}, which is stored (estimate from stored frames with "
                 "tsis examine, or enter them with tsis records import)"
             )
-        require_one_of("camera source", source, (VIRTUAL, *live_sources()))
+        require_one_of("camera source", source, (VIRTUAL, VIRTUAL_GEL, *live_sources()))
         if source == VIRTUAL and self.spec != VIRTUAL:
             raise InputError(f"the virtual probe is called virtual and nothing more; got {self.spec!r:.80}")
         if source == OPENCV and not OPENCV_SPEC.fullmatch(self.spec):
@@ -134,12 +120,6 @@ class CameraChoice:
     def is_virtual(self) -> bool:
         """Whether there is no hardware."""
         return self.spec == VIRTUAL
-
-    @property
-    def gel_sensor(self) -> str:
-        """Name of the virtual gel sensor; empty for other cameras."""
-        source, _, name = self.spec.partition(":")
-        return name if source == VIRTUAL_GEL else ""
 
     @property
     def is_sphere(self) -> bool:
