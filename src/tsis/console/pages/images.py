@@ -19,7 +19,6 @@ from tsis.console.pages.components import (
     list_message,
     loading,
     message_list,
-    name_parts,
     panel_title,
     rows_under,
     table,
@@ -88,7 +87,7 @@ class OwnImagesPage:
                 ),
             ).props("flat bordered")
             field.props["accept"] = ",".join(OPENABLE)
-            name_parts(field, "Choose images")
+            field.name_parts("Choose images")
             explain(field, "Choose images")
             with ui.element("div").classes("row"):
                 self.path_field = unit_field("File or folder on the console's machine", "").classes("path")
