@@ -70,7 +70,7 @@ class OwnImagesPage:
                 ),
             ).props("flat bordered")
             field.props["accept"] = ",".join(OPENABLE)
-            kit.name_parts(field, "Choose images")
+            field.name_parts("Choose images")
             kit.explain(field, "Choose images")
             with ui.element("div").classes("row"):
                 self.path_field = kit.unit_field("File or folder on the console's machine", "").classes("path")

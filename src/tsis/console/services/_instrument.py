@@ -11,6 +11,7 @@ from tsis.console.services._active_calibration import ActiveCalibrationCheck
 from tsis.console.services._camera import CameraController, CameraSearch
 from tsis.console.services._control import Commands, ControlLock
 from tsis.console.services._estimates import estimate_target, require_estimable
+from tsis.console.services._gel import GelAnalysis
 from tsis.console.services._jobs import Jobs
 from tsis.console.services._reading import (
     InstrumentMemory,
@@ -110,8 +111,12 @@ class Instrument:
             camera_controller=self.camera_controller,
             gauge=lambda: self._gauge,
         )
+        self.gel = GelAnalysis(self.control, self._newest, lambda: self._watcher.begin_anew())
         self._watcher = Watcher(
-            lambda: self.camera_controller.acquisition, lambda: self._active.now().compared, self._force
+            lambda: self.camera_controller.acquisition,
+            lambda: self._active.now().compared,
+            self._force,
+            self.gel.analyse,
         )
 
     def __enter__(self) -> Self:
@@ -379,3 +384,7 @@ class Instrument:
 
     def _force(self, frame: ReceivedFrame) -> PressForce | None:
         return force_at(frame, self._gauge, self.camera_controller.force_n)
+
+    def _newest(self) -> ReceivedFrame | None:
+        acquisition = self.camera_controller.acquisition
+        return None if acquisition is None else acquisition.latest()

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from tsis.records import TargetRecord
 
 
-VIRTUAL, OPENCV = "virtual", "opencv"
+VIRTUAL, VIRTUAL_GEL, OPENCV = "virtual", "virtual-gel", "opencv"
 OPENCV_SPEC = re.compile("opencv(:[0-9]{0,4})?")  # without a number it is the first
 TARGET, PLAIN, BALL, UNTOUCHED = "target", "plain", "ball", "untouched"  # roles of presses
 TISSUE_N, SPHERE_N = 1.0, 0.7  # forces with which the virtual probe begins
@@ -56,7 +56,7 @@ class CameraChoice:
     Parameters
     ----------
     spec
-        ``"virtual"``, or ``SOURCE:ID`` of a live camera as `tsis.instrument.find_cameras` names it.
+        ``"virtual"``, ``virtual-gel:SENSOR``, or ``SOURCE:ID`` of a live camera as `tsis.instrument.find_cameras` does.
     mode
         Label of the mode to start in; the camera's first when None.
     probe
@@ -66,7 +66,7 @@ class CameraChoice:
     diameter_mm, depth_mm, young_kpa
         Of the phantom's inclusion instead of the catalog's.
     seed
-        Of the virtual probe's errors.
+        Of the virtual probe's errors, and of the virtual gel sensor's lamps and presses.
 
     Raises
     ------
@@ -106,7 +106,7 @@ class CameraChoice:
                 f"camera must be a live one; got {self.spec!r:.80}, which is stored (estimate from stored frames with "
                 "tsis examine, or enter them with tsis records import)"
             )
-        require_one_of("camera source", source, (VIRTUAL, *live_sources()))
+        require_one_of("camera source", source, (VIRTUAL, VIRTUAL_GEL, *live_sources()))
         if source == VIRTUAL and self.spec != VIRTUAL:
             raise InputError(f"the virtual probe is called virtual and nothing more; got {self.spec!r:.80}")
         if source == OPENCV and not OPENCV_SPEC.fullmatch(self.spec):
