@@ -20,7 +20,13 @@ from scipy.optimize import minimize
 from scipy.stats import qmc
 
 from tsis.errors import InputError
-from tsis.mechanics.surrogate._polynomial import Box, chebyshev_weights, contrast_factor, signal_scale
+from tsis.mechanics.surrogate._polynomial import (
+    Box,
+    chebyshev_weights,
+    chebyshev_weights_at,
+    contrast_factor,
+    signal_scale,
+)
 
 if TYPE_CHECKING:
     from tsis.mechanics._element import Booleans, Floats
@@ -353,7 +359,7 @@ class FiniteCorrection:
 
     def forces_n(self, tissue_young_kpa: float, thickness_mm: float) -> tuple[float, float]:
         """Least and largest force in newtons on tissue of a modulus in kPa and a thickness in mm."""
-        unit = float(self._unit(np.array([tissue_young_kpa]), np.array([thickness_mm]))[0])
+        unit = self._unit(tissue_young_kpa, thickness_mm)
         most = float(self.box.largest_load(np.array(tissue_young_kpa)))
         return (self.box.load[0] if self.is_domed else 0.0) * unit, most * unit
 
@@ -380,24 +386,24 @@ class FiniteCorrection:
         rest = (norms[..., of_modes] * coefficients) @ self.modes
         return np.asarray(multiples[..., of_outputs] * signal + rest)
 
-    def _unit(self, tissue_young_kpa: Floats, thickness_mm: Floats) -> Floats:
-        """Force of a unit load on slabs, N."""
-        inside = np.clip(tissue_young_kpa, *self.box.tissue_young_kpa)
-        place = np.clip(self.box.unit_slabs(inside, thickness_mm, np.full(len(inside), self.box.load[0])), 0.0, 1.0)
-        by_tissue, by_thickness = (
-            chebyshev_weights((0.0, 1.0), count, at)
-            for count, at in zip(self.unit_force_n.shape, place.T, strict=False)
-        )
+    def _unit(self, tissue_young_kpa: float, thickness_mm: float) -> float:
+        low, high = self.box.coordinates[:, 3:5]
+        place = np.clip((np.log([tissue_young_kpa, thickness_mm]) - low) / (high - low), 0.0, 1.0)
+        weights = [
+            chebyshev_weights_at((0.0, 1.0), count, float(at))
+            for at, count in zip(place, self.unit_force_n.shape, strict=True)
+        ]
         # In proportion to the tissue outside the box.
-        return np.asarray(
-            np.exp(((by_tissue @ self.unit_force_n) * by_thickness).sum(axis=1)) * tissue_young_kpa / inside
-        )
+        beyond = tissue_young_kpa / float(np.exp(low[0] + place[0] * (high - low)[0]))
+        return float(np.exp(weights[0] @ self.unit_force_n @ weights[1])) * beyond
 
     def _states(self, states: Floats) -> tuple[Floats, Floats]:
         """States in unit coordinates, (m, 3), at the ends of the box where they lie outside, and a factor (m,).
 
         A flat face has no least force: below the box the correction falls in proportion to the force.
         """
-        load = states[:, 2] / self._unit(states[:, 0], states[:, 1])
+        slabs = [(tissue, thickness) for tissue, thickness, _ in states.tolist()]
+        units = {slab: self._unit(*slab) for slab in dict.fromkeys(slabs)}
+        load = states[:, 2] / np.array([units[slab] for slab in slabs])
         share = np.ones(len(states)) if self.is_domed else np.minimum(load / self.box.load[0], 1.0)
         return np.clip(self.box.unit_slabs(states[:, 0], states[:, 1], load), 0.0, 1.0), share
