@@ -24,7 +24,6 @@ from tsis.mechanics.surrogate._finite_correction import (
     CorrectionProcess,
     FiniteCorrection,
     correction_box,
-    design,
     fit_lengths,
     left_out,
     wide_box,
@@ -40,6 +39,7 @@ from tsis.mechanics.surrogate._presses import (
     FACE_POINTS,
     OUTPUTS,
     SlabPresses,
+    design,
     narrow_mm,
     row_of_field,
 )
