@@ -3,7 +3,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tsis.__about__ import __version__
+from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
@@ -31,6 +31,7 @@ napoleon_use_rtype = False
 napoleon_use_ivar = True
 
 html_theme = "furo"
+html_theme_options = {"announcement": RESEARCH_USE_ONLY}
 html_math_renderer = "mathtext"
 html_static_path = ["_static"]
 html_css_files = ["tables.css"]

@@ -44,10 +44,9 @@ def test_a_day_s_work(tmp_path: Path, browser: Browser) -> None:
     with running_console(tmp_path, "--port", str(urlsplit(morning.address).port)) as afternoon:
         page.get_by_role("button", name="Release the camera").wait_for()  # the page is back by itself
         page.get_by_text("2 presses").wait_for()
-        reactivated(page)
-        assert requested(afternoon, "/state")["calibration_identity"] == active
-        _open(page, "Examine")
+        page.get_by_text("Calibration 'morning' of the last run is active again.").wait_for()
         run(page)
+        assert requested(afternoon, "/state")["calibration_identity"] == active
         for target in (4, 5):
             examined(page, target)
         compared(page)
@@ -82,14 +81,6 @@ def calibrated(page: Page) -> None:
     page.get_by_role("button", name="Take all open steps").click()
     page.get_by_text("Every step is done or left out.").wait_for()
     page.get_by_role("button", name="Make the calibration").click()
-    page.get_by_role("button", name="Activate").click()
-    page.get_by_text("It is active.").wait_for()
-
-
-def reactivated(page: Page) -> None:
-    """A console that starts uses no calibration; the one of the morning is still there."""
-    _open(page, "Calibrate")
-    page.get_by_role("link", name="morning").click()
     page.get_by_role("button", name="Activate").click()
     page.get_by_text("It is active.").wait_for()
 

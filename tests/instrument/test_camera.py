@@ -5,7 +5,7 @@ from dataclasses import FrozenInstanceError
 import numpy as np
 import pytest
 
-from tsis.errors import InputError
+from tsis.errors import ImageMismatchError, InputError
 from tsis.instrument import Camera, Frame, Mode, Setting
 from tsis.instrument.drivers import ImageFiles, OpenCVDevice, VideoFile
 
@@ -25,6 +25,18 @@ def test_a_frame_keeps_a_read_only_copy_of_its_own_dtype() -> None:
         frame.pixels[0, 0] = 1
     with pytest.raises(FrozenInstanceError):
         frame.sequence = 1  # type: ignore[misc]
+
+
+def test_a_frame_keeps_its_colours_beside_the_grey_levels() -> None:
+    colour = np.zeros((3, 4, 3), np.uint8)
+    frame = Frame(pixels=np.zeros((3, 4), np.uint8), colour=colour, sequence=0)
+    colour[:] = 9
+    assert frame.colour is not None
+    assert frame.colour.dtype == np.uint8
+    assert (int(frame.colour.max()), frame.nbytes) == (0, 48)
+    assert Frame(pixels=np.zeros((3, 4), np.uint8), sequence=0).nbytes == 12
+    with pytest.raises(ImageMismatchError, match=r"shape \(4, 4, 3\), as the grey levels; got \(3, 4, 3\)"):
+        Frame(pixels=np.zeros((4, 4)), colour=colour, sequence=0)
 
 
 def test_a_frame_becomes_a_tactile_image() -> None:

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from tsis.catalog import load_sensor
-from tsis.errors import InputError
+from tsis.errors import CameraError, InputError
 from tsis.imaging import contacts, marker_shift
+from tsis.instrument import Camera
 from tsis.mechanics.finite_strain import SphereResolution
 from tsis.mechanics.gel import gel_shear
 from tsis.model import BoundedValue, GelSensor, Layer, SoftSphere
-from tsis.virtual import VirtualGelSensor, marker_ink
+from tsis.virtual import GEL_PRESS_SETTING, VirtualGelCamera, VirtualGelSensor, marker_ink, rendered_series
 
 COARSE = SphereResolution(order=3, cells=4, rings=2, face_cells=6)
 GEL = Layer(thickness_mm=8.0, young_kpa=150.0, poisson=0.45)
@@ -127,3 +128,26 @@ def test_a_dragged_ball_has_its_shear_force_from_frames_with_markers() -> None:
     )
     assert press.shear_n == pytest.approx((0.32, -0.16))
     assert found.force_n == pytest.approx(press.shear_n, abs=0.15 * 0.36)
+
+
+def test_the_camera_shows_the_presses_of_a_series_in_colour() -> None:
+    made = rendered_series(small_sensor(), 6, ball_radius_mm=3.0, seed=5)
+    camera = VirtualGelCamera(small_sensor(), seed=5, per_s=1000.0)
+    assert isinstance(camera, Camera)
+    with pytest.raises(CameraError, match="must be opened first"):
+        camera.start()
+    camera.open()
+    camera.start(camera.modes()[0])
+    stream = camera.frames()
+    untouched = next(stream)
+    assert untouched.colour is not None
+    np.testing.assert_array_equal(untouched.colour, made[0].reference)
+    camera.adjust(GEL_PRESS_SETTING, 3)
+    pressed = next(stream)
+    assert pressed.colour is not None
+    np.testing.assert_array_equal(pressed.colour, made[2].frame)
+    assert (untouched.sequence, pressed.sequence, camera.settings()[0].value, camera.lost) == (0, 1, 3.0, False)
+    with pytest.raises(InputError, match="press must lie in"):
+        camera.adjust(GEL_PRESS_SETTING, 7)
+    camera.stop()
+    assert list(stream) == []

@@ -95,7 +95,7 @@ COMMANDS = {
         "tsis force --demo --sensor gelsight-mini --out first-force",
     ),
     "serve": CommandEntry(
-        "tsis.cli._serve",
+        "tsis.cli._console",
         "serve",
         "Serve the virtual probe's frames as a GigE Vision camera, until Ctrl-C.",
         "tsis serve --phantom size-8 --force-n 0.7",

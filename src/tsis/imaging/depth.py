@@ -26,7 +26,8 @@ from tsis.imaging._depth_map import (
     relative_brightness,
 )
 from tsis.imaging._gel_change import gel_change, gel_levels
-from tsis.imaging._gel_contacts import GelContact, find_gel_contact
+from tsis.imaging._gel_contacts import GelContact, contacts, find_gel_contact
+from tsis.mechanics.gel import gel_force
 from tsis.model import GelSensor, require_number
 
 if TYPE_CHECKING:
@@ -41,9 +42,11 @@ __all__ = [
     "DepthCalibration",
     "DepthMap",
     "DepthMapper",
+    "GelReading",
     "calibrate_depth",
     "cap_error_mm",
     "depth_calibration_json",
+    "gel_reading",
     "integrate_gradients",
     "parse_depth_calibration",
     "polynomial_features",
@@ -245,3 +248,78 @@ def parse_depth_calibration(document: Any) -> DepthCalibration:
         return DepthCalibration(**values | {"weights": np.asarray(values.get("weights"), dtype=float)})
     except TypeError as error:
         raise InputError(f"a depth calibration must hold its values and no others; got: {error}") from error
+
+
+LIVE_DRAWS = 20  # of the force's interval, which a live view computes for each frame
+OUTLINE_POINTS = 64
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GelReading:
+    """What a live view of a gel sensor shows of one frame.
+
+    Attributes
+    ----------
+    good, quality, reasons
+        Whether the contact can be used, its quality from 0 to 1, and names of what is wrong.
+    centre_px, radius_px, outline_px
+        Centre (x, y), radius and points (x, y) of the contact's outline in pixels; None, None and empty without one.
+    radius_mm, radius_sd_mm
+        Radius and its standard deviation; None without a contact, or where the scale is not known.
+    deepest_mm, force_n, force_interval_n
+        Deepest point of the face, and the normal force in newtons with its 90 % interval; None without a depth
+        calibration, or where the contact is not good.
+    problems
+        What speaks against the force, one message each.
+    """
+
+    good: bool
+    quality: float
+    reasons: tuple[str, ...]
+    centre_px: tuple[float, float] | None = None
+    radius_px: float | None = None
+    outline_px: tuple[tuple[float, float], ...] = ()
+    radius_mm: float | None = None
+    radius_sd_mm: float | None = None
+    deepest_mm: float | None = None
+    force_n: float | None = None
+    force_interval_n: tuple[float, float] | None = None
+    problems: tuple[str, ...] = ()
+
+
+def gel_reading(frame: Any, *, sensor: GelSensor, reference: Any, mapper: DepthMapper | None = None) -> GelReading:
+    """Contact of one frame, and with the mapper of a depth calibration depth and force of a good contact.
+
+    Errors as `contacts`, `DepthMapper.map` and `tsis.mechanics.gel.gel_force`.
+    """
+    (contact,) = contacts([frame], sensor=sensor, reference=reference)
+    reading = GelReading(good=contact.good, quality=contact.quality, reasons=contact.reasons)
+    if not np.isfinite(contact.radius_px):
+        return reading
+    reading = replace(
+        reading,
+        centre_px=contact.centre_px,
+        radius_px=contact.radius_px,
+        outline_px=_outline(contact),
+        radius_mm=contact.radius_mm,
+        radius_sd_mm=contact.radius_sd_mm,
+    )
+    if mapper is None or not contact.good:
+        return reading
+    depth = mapper.map(frame)
+    force = gel_force(depth.depth_mm, sensor=sensor, sd_mm=depth.sd_mm, draws=LIVE_DRAWS)
+    return replace(
+        reading,
+        deepest_mm=force.deepest_mm,
+        force_n=force.force_n,
+        force_interval_n=force.interval_n(),
+        problems=force.problems,
+    )
+
+
+def _outline(contact: GelContact) -> tuple[tuple[float, float], ...]:
+    turn, along = np.radians(contact.angle_deg), 2 * np.pi * np.arange(OUTLINE_POINTS) / OUTLINE_POINTS
+    long, short = contact.semi_axes_px[0] * np.cos(along), contact.semi_axes_px[1] * np.sin(along)
+    x = contact.centre_px[0] + long * np.cos(turn) - short * np.sin(turn)
+    y = contact.centre_px[1] + long * np.sin(turn) + short * np.cos(turn)
+    return tuple((round(float(across), 2), round(float(down), 2)) for across, down in zip(x, y, strict=True))

@@ -15,7 +15,7 @@ from tsis.instrument._discovery import (
     find_cameras,
     live_sources,
 )
-from tsis.instrument._image_files import png_bytes, read_colour, read_image, read_levels, whole_levels
+from tsis.instrument._image_files import luma, png_bytes, read_colour, read_image, read_levels, whole_levels
 from tsis.instrument._quiet import quiet_decoders
 from tsis.instrument._snapshot import FORMATS, RAW_ENDINGS, SIDECAR_FORMAT, SIDECAR_VERSION, Snapshot, save_snapshot
 
@@ -39,6 +39,7 @@ __all__ = [
     "connect",
     "find_cameras",
     "live_sources",
+    "luma",
     "named_mode",
     "png_bytes",
     "preset",

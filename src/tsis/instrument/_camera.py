@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from tsis.errors import CameraError
+from tsis.errors import CameraError, ImageMismatchError
 from tsis.model import ContentValue, TactileImage, require_array, require_number, require_one_of, require_type
 
 if TYPE_CHECKING:
@@ -146,6 +146,9 @@ class Frame(ContentValue):
         Name in reports, e.g. the file's name.
     settings
         Settings of the camera.
+    colour
+        Levels in red-green-blue as the source gave them, shape (rows, columns, 3), for gel sensors; None of a grey
+        source. ``pixels`` are the grey levels of the same frame.
     """
 
     pixels: NDArray[Any]
@@ -154,6 +157,7 @@ class Frame(ContentValue):
     full_scale: float = 255.0
     name: str = ""
     settings: Mapping[str, Any] = field(default_factory=dict)
+    colour: NDArray[Any] | None = None
 
     def __post_init__(self) -> None:
         pixels = np.asarray(self.pixels)
@@ -161,6 +165,18 @@ class Frame(ContentValue):
         require_number("sequence", self.sequence, 0, 2**63)
         require_number("full_scale", self.full_scale, 1.0, 65535.0)
         object.__setattr__(self, "settings", MappingProxyType(dict(self.settings)))
+        if self.colour is not None:
+            colour = require_array("colour", self.colour, ndim=3, dtype=np.asarray(self.colour).dtype.type)
+            if colour.shape != (*self.pixels.shape, 3):
+                raise ImageMismatchError(
+                    f"colour must have the shape {(*self.pixels.shape, 3)}, as the grey levels; got {colour.shape}"
+                )
+            object.__setattr__(self, "colour", colour)
+
+    @property
+    def nbytes(self) -> int:
+        """Size of the levels in bytes."""
+        return int(self.pixels.nbytes + (0 if self.colour is None else self.colour.nbytes))
 
     def tactile_image(
         self, *, mm_per_pixel: tuple[float, float] | None = None, force_n: float | None = None

@@ -1,7 +1,19 @@
 """The virtual probe: mechanics, light and camera without hardware."""
 
 from tsis.virtual._calibration_bench import VirtualBench, bench_name, bench_seed
-from tsis.virtual._camera import FORCE_SETTING, LARGEST_FORCE_N, USUAL_MS, VirtualCamera, camera_settings, virtual_mode
+from tsis.virtual._camera import (
+    FORCE_SETTING,
+    GEL_BALL_MM,
+    GEL_PRESS_SETTING,
+    GEL_PRESSES,
+    LARGEST_FORCE_N,
+    USUAL_MS,
+    VirtualCamera,
+    VirtualGelCamera,
+    camera_settings,
+    virtual_gel_sensor,
+    virtual_mode,
+)
 from tsis.virtual._direct_contact import DIRECT_CONTACT_RESOLUTION, DirectContactRig, direct_contact_calibration
 from tsis.virtual._gel_frames import (
     GelBallPress,
@@ -38,6 +50,9 @@ __all__ = [
     "FINE_RESOLUTION",
     "FLAT_LEVELS",
     "FORCE_SETTING",
+    "GEL_BALL_MM",
+    "GEL_PRESSES",
+    "GEL_PRESS_SETTING",
     "LARGEST_DRAWN_POISSON",
     "LARGEST_FORCE_N",
     "PROBE_PAD_SD",
@@ -51,6 +66,7 @@ __all__ = [
     "RepeatedExamination",
     "VirtualBench",
     "VirtualCamera",
+    "VirtualGelCamera",
     "VirtualGelSensor",
     "VirtualLoadingMachine",
     "VirtualProbe",
@@ -76,5 +92,6 @@ __all__ = [
     "surround",
     "tissue_calibration",
     "untouched_frame",
+    "virtual_gel_sensor",
     "virtual_mode",
 ]

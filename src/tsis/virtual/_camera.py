@@ -1,4 +1,4 @@
-"""A virtual rig behind the camera protocol: a stream of frames of a constant press."""
+"""A virtual rig, or a virtual gel sensor, behind the camera protocol: a stream of frames of a constant press."""
 
 from __future__ import annotations
 
@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from tsis.catalog import list_sensors
 from tsis.errors import CameraError, InputError
 from tsis.imaging import expose
-from tsis.instrument import Frame, Mode, Setting
-from tsis.model import require_number, require_one_of
+from tsis.instrument import Frame, Mode, Setting, luma
+from tsis.model import GelSensor, require_number, require_one_of, require_type
+from tsis.virtual._gel_frames import rendered_series
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
 
     from tsis.imaging import Sensor
     from tsis.model import Phantom, SoftSphere
+    from tsis.virtual._gel_frames import RenderedPress
 
 
 LARGEST_FORCE_N = 5.0
@@ -255,6 +258,113 @@ class VirtualCamera:
         self._running.clear()
         self._stopped.set()
         self._opened = False
+
+
+VIRTUAL_GEL = "virtual-gel"
+GEL_PRESS_SETTING = "press"  # of the virtual gel sensor: 0 is untouched
+GEL_PRESSES, GEL_BALL_MM, GEL_PER_S = 6, 6.0, 10.0
+
+
+def virtual_gel_sensor(spec: str) -> str:
+    """Name of the sensor in ``virtual-gel:SENSOR``, of the catalog; empty for another camera.
+
+    Raises `UnknownNameError` when the catalog has no such sensor.
+
+    Examples
+    --------
+    >>> virtual_gel_sensor("virtual-gel:digit"), virtual_gel_sensor("opencv:0")
+    ('digit', '')
+    """
+    source, _, name = spec.partition(":")
+    return require_one_of("sensor", name, list_sensors()) if source == VIRTUAL_GEL else ""
+
+
+class VirtualGelCamera:
+    """The camera of a virtual gel sensor in colour: a ball pressed at one of some places, or the untouched sensor.
+
+    Its setting ``press`` chooses: 0 is the untouched sensor, where it begins. Frames are those of `rendered_series`
+    with the same seed, as ``tsis sensor frames`` writes them, so that a depth calibration of those holds here.
+
+    Parameters
+    ----------
+    sensor
+        A sensor with a known scale.
+    seed
+        Of lamps, places, depths and noise.
+    per_s
+        Frames a second.
+    """
+
+    def __init__(self, sensor: GelSensor, *, seed: int = 1, per_s: float = GEL_PER_S) -> None:
+        require_type("sensor", sensor, GelSensor)
+        self._sensor, self._seed = sensor, seed
+        self._press = Setting(name=GEL_PRESS_SETTING, value=0.0, low=0.0, high=float(GEL_PRESSES))
+        columns, rows = sensor.image_px
+        self._mode = Mode(width_px=columns, height_px=rows, frames_per_s=per_s, pixel_format="RGB8")
+        self._made: list[RenderedPress] = []
+        self._running, self._stopped = threading.Event(), threading.Event()
+
+    @property
+    def name(self) -> str:
+        """Display name."""
+        return f"virtual {self._sensor.name}"
+
+    @property
+    def lost(self) -> bool:
+        """Always False: a virtual camera cannot be unplugged."""
+        return False
+
+    def open(self) -> None:
+        """Render the presses, once."""
+        if not self._made:
+            self._made = rendered_series(self._sensor, GEL_PRESSES, ball_radius_mm=GEL_BALL_MM / 2, seed=self._seed)
+
+    def modes(self) -> tuple[Mode, ...]:
+        """The sensor's one mode."""
+        return (self._mode,)
+
+    def settings(self) -> tuple[Setting, ...]:
+        """The press."""
+        return (self._press,)
+
+    def adjust(self, name: str, value: float) -> None:
+        """Choose a press from the next frame on; `UnknownNameError` or `InputError` for another name or value."""
+        require_one_of("setting", name, (GEL_PRESS_SETTING,))
+        self._press = replace(self._press, value=float(round(self._press.checked(value))))
+
+    def start(self, mode: Mode | None = None) -> None:
+        """Begin to deliver frames."""
+        if not self._made:
+            raise CameraError(f"{self.name} must be opened first; call open()")
+        if mode not in (None, self._mode):
+            raise InputError(f"mode must be {self._mode}; got {mode}")
+        self._stopped.clear()
+        self._running.set()
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield frames at their rate, until stopped."""
+        if not self._running.is_set():
+            raise CameraError(f"{self.name} must be started before frames are read; call start()")
+        start_s, sequence = time.monotonic(), 0
+        while self._running.is_set():
+            number = int(self._press.value)
+            colour = self._made[number - 1].frame if number else self._made[0].reference
+            yield Frame(
+                pixels=np.rint(luma(colour)).astype(np.uint8),
+                colour=colour,
+                sequence=sequence,
+                time_s=time.monotonic() - start_s,
+                name=f"{self.name}#{sequence}",
+                settings={GEL_PRESS_SETTING: self._press.value, "source": "virtual gel sensor"},
+            )
+            sequence += 1
+            if self._stopped.wait(1.0 / (self._mode.frames_per_s or GEL_PER_S)):
+                return
+
+    def stop(self) -> None:
+        """End the stream."""
+        self._running.clear()
+        self._stopped.set()
 
 
 def camera_settings(sensor: Sensor, *, exposure: float = 1.0) -> dict[str, float]:

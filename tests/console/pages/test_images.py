@@ -11,6 +11,7 @@ from tests.console.services.instruments import lit_instrument
 from tests.console.services.test_own_images import disc
 
 from tsis.console.pages import images
+from tsis.console.pages.components import FileField
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def test_own_images_are_opened_measured_and_saved(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(images, "name_parts", lambda *_: None)  # which asks a browser
+    monkeypatch.setattr(FileField, "name_parts", lambda *_: None)  # which asks a browser
     (mine := tmp_path / "mine").mkdir()
     disc(mine, "press.png")
     (mine / "broken.png").write_bytes(b"no image")

@@ -31,7 +31,7 @@ def test_the_copy_goes_also_when_the_import_is_ended_before_it_begins(
     (copies := tmp_path / "copies").mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(copies))
     monkeypatch.setattr(FileField, "reset", lambda _: None)  # which asks a browser, as the next does
-    monkeypatch.setattr("tsis.console.pages.components._fields.name_parts", lambda *_: None)
+    monkeypatch.setattr(FileField, "name_parts", lambda *_: None)
     with lit_instrument(tmp_path) as instrument:
         owned = [FixedGauge() for _ in range(AT_ONCE)]
 

@@ -17,6 +17,7 @@ from tests.waiting import until
 from tsis.calibration import MeasuredValue, UsableCalibration
 from tsis.calibration.file import calibration_sha256, write_calibration
 from tsis.calibration.scale import PixelScale
+from tsis.console.services import CameraChoice
 from tsis.errors import CalibrationError, FileInputError
 
 if TYPE_CHECKING:
@@ -151,3 +152,46 @@ def test_the_parts_of_one_judgement_belong_together_though_the_camera_is_set_ane
         state = instrument.state()
         result.append((state.calibration == "", state.camera.mm_per_pixel is None, bool(state.trouble)))
     assert set(result) == {(False, False, False), (True, True, True)}
+
+
+def test_the_next_run_activates_it_again_for_its_camera(tmp_path: Path) -> None:
+    fits = calibration_with()
+    with lit_instrument(tmp_path) as first:
+        first.use_calibration(fits, by=ANN)
+    with lit_instrument(tmp_path) as again:
+        assert again.state().trouble == ("Calibration 'bench' of the last run is active again.",)
+        again.start(by=ANN)
+        state = again.state()
+        assert (state.calibration_identity, state.trouble) == (fits.identity, ())
+        assert again.snapshot(by=ANN).press.calibration == fits.identity
+        again.choose(CameraChoice(), by=ANN)
+        again.use_calibration(None, by=ANN)
+        again.choose(CameraChoice(spec=LIT), by=ANN)
+        assert again.state().calibration_identity == fits.identity
+    with lit_instrument(tmp_path, camera="virtual") as other:
+        assert other.state().trouble == ()
+    with lit_instrument(tmp_path) as last:
+        last.use_calibration(None, by=ANN)
+    with lit_instrument(tmp_path) as without:
+        assert (without.state().calibration, without.state().trouble) == ("", ())
+
+
+@pytest.mark.parametrize("damage", [b"", b"{}"])
+def test_a_calibration_that_cannot_be_read_again_says_so(tmp_path: Path, damage: bytes) -> None:
+    with lit_instrument(tmp_path) as first:
+        first.use_calibration(calibration_with(), by=ANN)
+    (file,) = (tmp_path / "workspace" / "active-calibrations").iterdir()
+    file.write_bytes(damage)
+    with lit_instrument(tmp_path) as again:
+        (message,) = again.state().trouble
+        assert message.startswith("The calibration of the last run is not active again: ")
+        assert again.calibration is None
+
+
+def test_one_that_was_given_at_the_start_comes_first(tmp_path: Path) -> None:
+    with lit_instrument(tmp_path) as first:
+        first.use_calibration(calibration_with(), by=ANN)
+    other = calibration_with(name="other")
+    write_calibration(other.calibration, tmp_path / "other.json")
+    with lit_instrument(tmp_path, calibration=tmp_path / "other.json") as again:
+        assert (again.state().calibration_identity, again.state().trouble) == (other.identity, ())

@@ -81,6 +81,8 @@ def test_frames_until_the_camera_is_lost() -> None:
     assert [frame.time_s for frame in frames] == [0.0, 0.5, 1.0]
     assert frames[0].settings == {"brightness": 0.5, "exposure": 100.0}
     np.testing.assert_array_equal(frames[0].pixels, round(0.2126 * 30 + 0.7152 * 20 + 0.0722 * 10))
+    assert frames[0].colour is not None
+    np.testing.assert_array_equal(frames[0].colour, np.full((6, 8, 3), (30, 20, 10)))  # red, green, blue
 
 
 def test_opening_again_builds_a_new_handle() -> None:

@@ -337,17 +337,15 @@ def _gel_line(
     frame: NDArray[Any], sensor: GelSensor, reference: NDArray[Any], mapper: DepthMapper | None
 ) -> tuple[str, tuple[str, ...]]:
     """One frame as a line of text, and the reasons against its contact."""
-    (contact,) = tsis.imaging.contacts([frame], sensor=sensor, reference=reference)
-    if not contact.good:
-        return "no good contact: " + ", ".join(contact.reasons), contact.reasons
-    text = "contact at {:.1f}, {:.1f} px".format(*contact.centre_px)
-    text += f", radius {contact.radius_mm:.3f} mm" if contact.radius_mm else f", radius {contact.radius_px:.1f} px"
-    if mapper is not None:
-        depth = mapper.map(frame)
-        force = tsis.mechanics.gel.gel_force(depth.depth_mm, sensor=sensor, sd_mm=depth.sd_mm, draws=20)
-        low, high = force.interval_n()
-        text += f", deepest {force.deepest_mm:.3f} mm, {force.force_n:.3g} N ({low:.3g} to {high:.3g})"
-        text += "".join(f"; {problem}" for problem in force.problems)
+    reading = tsis.imaging.depth.gel_reading(frame, sensor=sensor, reference=reference, mapper=mapper)
+    if not reading.good or reading.centre_px is None:
+        return "no good contact: " + ", ".join(reading.reasons), reading.reasons
+    text = "contact at {:.1f}, {:.1f} px".format(*reading.centre_px)
+    text += f", radius {reading.radius_mm:.3f} mm" if reading.radius_mm else f", radius {reading.radius_px:.1f} px"
+    if reading.force_interval_n is not None:
+        low, high = reading.force_interval_n
+        text += f", deepest {reading.deepest_mm:.3f} mm, {reading.force_n:.3g} N ({low:.3g} to {high:.3g})"
+        text += "".join(f"; {problem}" for problem in reading.problems)
     return text, ()
 
 

@@ -26,8 +26,8 @@ class CameraChoiceRequest(RequestModel):
     spec: str = Field(
         default=USUAL.spec,
         max_length=LONGEST_SPEC,
-        description="virtual, or SOURCE:ID of a camera that a search found",
-        examples=["virtual", "aravis:Fake_1", "opencv:0"],
+        description="virtual, virtual-gel:SENSOR of the catalog, or SOURCE:ID of a camera that a search found",
+        examples=["virtual", "virtual-gel:gelsight-mini", "aravis:Fake_1", "opencv:0"],
     )
     mode: str | None = Field(
         default=None, max_length=LONGEST_SPEC, description="label of the mode to start in; null for the camera's first"

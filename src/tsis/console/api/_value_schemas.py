@@ -13,6 +13,7 @@ from pydantic_core import CoreSchema, core_schema
 from tsis.calibration.guard import GuardFlag
 from tsis.console.services import CameraChoice, CameraState, ContactView, FrameAnalysis, JobState, PressForce
 from tsis.files import free_to_json
+from tsis.imaging.depth import GelReading
 from tsis.instrument import CameraInfo, Setting
 from tsis.instrument.recording import RecordingReport
 from tsis.records import Shift, StoredPress, Target
@@ -52,7 +53,7 @@ UNBOUNDED = {  # numbers that may be infinite, which JSON writes as null
     Setting: ("value", "low", "high"),
 }
 VALUES = (
-    *(CameraChoice, CameraInfo, CameraState, ContactView, FrameAnalysis, GuardFlag, JobState, PressForce),
+    *(CameraChoice, CameraInfo, CameraState, ContactView, FrameAnalysis, GelReading, GuardFlag, JobState, PressForce),
     *(RecordingReport, Setting, Shift, StoredPress, Target),
 )
 

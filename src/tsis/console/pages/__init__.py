@@ -4,7 +4,20 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from tsis.console.pages import about, calibrate, camera, design, examine, hardness, images, jobs, records, study, sweeps
+from tsis.console.pages import (
+    about,
+    calibrate,
+    camera,
+    design,
+    examine,
+    gel,
+    hardness,
+    images,
+    jobs,
+    records,
+    study,
+    sweeps,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -15,6 +28,7 @@ UNLISTED = ("/jobs",)  # reached by a button of the header
 PAGES: dict[str, tuple[str, Callable[..., object]]] = {
     "/": ("Examine", examine.examine_page),
     "/camera": ("Camera", camera.camera_page),
+    "/gel": ("Gel sensor", gel.GelPage),
     "/calibrate": ("Calibrate", calibrate.calibrate_page),
     "/calibrate/{name}": ("Calibrate", calibrate.session_page),
     "/images": ("My images", images.images_page),

@@ -11,6 +11,7 @@ from tsis.console.services._control import (
 )
 from tsis.console.services._estimates import newest_presses, warm_up
 from tsis.console.services._frame_analysis import ContactView, FrameAnalysis
+from tsis.console.services._gel import GelAnalysis, GelSetup
 from tsis.console.services._instrument import Instrument
 from tsis.console.services._jobs import DONE, ENDED, FAILED, RESULTS, Job, JobCancelled, Jobs, JobState
 from tsis.console.services._own_images import (
@@ -63,6 +64,8 @@ __all__ = [
     "ContactView",
     "ControlLock",
     "FrameAnalysis",
+    "GelAnalysis",
+    "GelSetup",
     "Instrument",
     "InstrumentSettings",
     "InstrumentState",

@@ -47,19 +47,19 @@ class ActiveCalibrationCheck:
     """
 
     def __init__(self, camera_controller: CameraController, given: UsableCalibration | None) -> None:
-        self._camera, self._chosen = camera_controller, given
+        self._camera, self.chosen = camera_controller, given
         self._checked: tuple[UsableCalibration | None, VirtualSubject | None, GuardReference] | None = None
 
     def use(self, given: UsableCalibration | None) -> None:
         """Choose another one, or None; `CalibrationError` when it does not fit, and the one before stays."""
         if given is not None:
             _require_fit(given, self._camera)
-        self._chosen = given
+        self.chosen = given
 
     def now(self) -> ActiveCalibration:
         """Check once with the camera's present settings."""
         subject, choice = self._camera.subject, self._camera.choice
-        given, why = self._check(self._chosen or (None if subject is None else subject.calibration))
+        given, why = self._check(self.chosen or (None if subject is None else subject.calibration))
         measured = None if given is None else given.calibration.scale
         scale = None if subject is None else subject.mm_per_pixel
         return ActiveCalibration(

@@ -7,13 +7,14 @@ import time
 from functools import partial
 from typing import TYPE_CHECKING
 
+from tsis.catalog import load_sensor
 from tsis.console.services._jobs import RUNNING
 from tsis.console.services._subject import VirtualSubject
 from tsis.errors import CameraError, ControlError, InputError, TsisError
 from tsis.instrument import LATE_FRAMES, connect, find_cameras, preset
 from tsis.instrument.acquisition import LOST_AFTER_S, Acquisition
 from tsis.model import require_number, require_one_of
-from tsis.virtual import FORCE_SETTING, LARGEST_FORCE_N
+from tsis.virtual import FORCE_SETTING, LARGEST_FORCE_N, VirtualGelCamera, virtual_gel_sensor
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -283,6 +284,9 @@ class CameraController:
             raise ControlError("the console is being ended; the camera was not started (start the console again)")
 
     def _connector(self) -> Callable[[], Camera]:
+        if sensor := virtual_gel_sensor(self.choice.spec):
+            gel_camera = VirtualGelCamera(load_sensor(sensor), seed=self.choice.seed)
+            return lambda: gel_camera  # rendered once
         if not self.choice.is_virtual:
             return partial(self._connect_to, self.choice.spec)
         subject = VirtualSubject(self.choice) if self.subject is None else self.subject

@@ -10,6 +10,7 @@ import numpy as np
 from tsis.calibration.guard import GuardFlag
 from tsis.console.services._subject import PressForce
 from tsis.imaging import block_means, segment
+from tsis.imaging.depth import GelReading
 from tsis.model import TactileImage
 
 if TYPE_CHECKING:
@@ -18,12 +19,10 @@ if TYPE_CHECKING:
     from tsis.calibration.guard import PressWatch, WatchState
     from tsis.instrument import Frame
 
-
-BINS = 64  # of the histogram
-OUTLINE_POINTS = 96
+BINS, OUTLINE_POINTS = 64, 96  # of the histogram, and of a contact
 LARGEST_SIDE_PX = 192  # to which a frame is reduced before the search for its contact
-CLIPPED, DIM = 0.001, 0.15  # shares: of pixels at full scale, and of the scale that the brightest hundredth reaches
-BRIGHT_QUANTILE = 0.99
+CLIPPED = 0.001  # share of pixels at full scale
+DIM, BRIGHT_QUANTILE = 0.15, 0.99  # of the scale, which the brightest hundredth reaches
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,6 +63,8 @@ class FrameAnalysis:
         Of the pixels at full scale.
     warnings
         A message for each problem of the exposure.
+    gel
+        What a gel sensor before the camera shows; None without one.
     """
 
     number: int
@@ -74,6 +75,7 @@ class FrameAnalysis:
     histogram: tuple[int, ...]
     clipped_share: float
     warnings: tuple[str, ...]
+    gel: GelReading | None = None
 
 
 def analyse_frame(
@@ -132,10 +134,8 @@ def contact(frame: Frame, untouched: NDArray[np.float64] | None) -> ContactView 
     if untouched is not None and untouched.shape == small.shape:
         small -= untouched
     patch = segment(TactileImage(grey=small, full_scale=frame.full_scale))
-    if not patch.is_contact:
-        return None
     weight = np.where(patch.mask, np.maximum(small - patch.background_grey, 0.0), 0.0)
-    if (total := float(weight.sum())) <= 0.0:
+    if not patch.is_contact or (total := float(weight.sum())) <= 0.0:
         return None
     down, span = (np.arange(count, dtype=float) for count in small.shape)
     back = frame.pixels.shape[1] / small.shape[1], frame.pixels.shape[0] / small.shape[0]

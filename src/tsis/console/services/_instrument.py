@@ -11,6 +11,7 @@ from tsis.console.services._active_calibration import ActiveCalibrationCheck
 from tsis.console.services._camera import CameraController, CameraSearch
 from tsis.console.services._control import Commands, ControlLock
 from tsis.console.services._estimates import estimate_target, require_estimable
+from tsis.console.services._gel import GelAnalysis
 from tsis.console.services._jobs import Jobs
 from tsis.console.services._reading import (
     InstrumentMemory,
@@ -23,7 +24,15 @@ from tsis.console.services._reading import (
 from tsis.console.services._sequences import SequenceRequest, begin_sequence
 from tsis.console.services._snapshots import PressToSave, save_press
 from tsis.console.services._state import InstrumentState, camera_state
-from tsis.console.services._subject import LIGHT_N, PLAIN, TissueReadings, estimate_title, read_tissue, tissue_title
+from tsis.console.services._subject import (
+    LIGHT_N,
+    PLAIN,
+    CalibrationMemory,
+    TissueReadings,
+    estimate_title,
+    read_tissue,
+    tissue_title,
+)
 from tsis.console.services._sweeps import Sweeps
 from tsis.console.services._watcher import Watcher
 from tsis.console.services.calibrating import CalibrationSessions
@@ -83,9 +92,11 @@ class Instrument:
         self._tissues = TissueReadings(terms.workspace / "tissues.json")
         self._memory = InstrumentMemory(terms.workspace / "last-run.state")
         restored = self._memory.begin(terms.choice)
-        self._interruption = interruption_message(self.jobs.history.interrupted, restored)
         self._commands, self.search = Commands(self.control), CameraSearch(self.jobs)
         choice, number = restored or (terms.choice, 1)
+        self._calibrations = CalibrationMemory(terms.workspace / "active-calibrations")
+        given, brought_back = (given, "") if given else self._calibrations.of(choice)
+        self._notices: tuple[str, ...] = (interruption_message(self.jobs.history.interrupted, restored), brought_back)
         self.terms, self._target = terms, number
         self._gauge: ForceLog | None = None
         self.before_estimates: Callable[[str], None] = lambda _: None
@@ -100,8 +111,12 @@ class Instrument:
             camera_controller=self.camera_controller,
             gauge=lambda: self._gauge,
         )
+        self.gel = GelAnalysis(self.control, self._newest, lambda: self._watcher.begin_anew())
         self._watcher = Watcher(
-            lambda: self.camera_controller.acquisition, lambda: self._active.now().compared, self._force
+            lambda: self.camera_controller.acquisition,
+            lambda: self._active.now().compared,
+            self._force,
+            self.gel.analyse,
         )
 
     def __enter__(self) -> Self:
@@ -154,7 +169,7 @@ class Instrument:
                 active.why,
                 self._watcher.failure,
                 store_gone=self._store_check.trouble(),
-                interruption=self._interruption,
+                notices=self._notices,
             ),
             busy=self._commands.busy,
             gauge="" if gauge is None else gauge.name,
@@ -163,9 +178,11 @@ class Instrument:
         )
 
     def choose(self, choice: CameraChoice, *, by: str) -> None:
-        """Choose another camera, not yet started; a chosen calibration stays active where it fits."""
+        """Choose another camera, not yet started, with its last calibration; the chosen one stays where it has none."""
         with self._commands.run(by, "choosing a camera", instead="another camera can be chosen"):
             self.camera_controller.choose(choice)
+            if (before := self._calibrations.of(choice)[0]) is not None:
+                self._active.chosen = before
             self._keep()
             self._watcher.begin_anew()
 
@@ -173,7 +190,7 @@ class Instrument:
         """Start the camera; errors as `CameraController.start`. When it runs already, nothing happens."""
         with self._commands.run(by, "starting the camera"):
             self.camera_controller.start()
-            self._interruption = ""  # it was read, and work goes on
+            self._notices = ()  # they were read, and work goes on
             self.before_estimates(self._active.now().probe)
 
     def stop(self, *, by: str) -> None:
@@ -233,6 +250,7 @@ class Instrument:
         """
         with self._commands.run(by, "activating a calibration", instead="another calibration can be activated"):
             self._active.use(calibration)
+            self._calibrations.keep(self.camera_controller.choice, calibration)
             self._watcher.begin_anew()
 
     def use_gauge(self, log: ForceLog | None, *, by: str) -> None:
@@ -366,3 +384,7 @@ class Instrument:
 
     def _force(self, frame: ReceivedFrame) -> PressForce | None:
         return force_at(frame, self._gauge, self.camera_controller.force_n)
+
+    def _newest(self) -> ReceivedFrame | None:
+        acquisition = self.camera_controller.acquisition
+        return None if acquisition is None else acquisition.latest()

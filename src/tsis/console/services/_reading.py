@@ -13,7 +13,7 @@ from tsis.files import from_json_value, printable_path, to_json_value
 from tsis.virtual import FORCE_SETTING
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
     from pathlib import Path
 
     from tsis.console.services._jobs import JobState
@@ -67,12 +67,12 @@ def trouble_messages(
     watching: str,
     *,
     store_gone: str = "",
-    interruption: str = "",
+    notices: Sequence[str] = (),
 ) -> tuple[str, ...]:
     """Messages of problems, the most urgent first.
 
     ``unfit`` says why the calibration is inactive, ``watching`` why frames cannot be analysed, and ``store_gone`` where
-    the store was; each is empty without that problem. ``log`` is the gauge in use, if any.
+    the store was; each is empty without that problem. ``log`` is the gauge in use, if any. ``notices`` come last.
     """
     results = []
     if store_gone:
@@ -90,9 +90,7 @@ def trouble_messages(
         results.append(f"The calibration is inactive, and presses are saved without one: {unfit}.")
     if watching:
         results.append(f"The press cannot be judged: {watching}.")
-    if interruption:
-        results.append(interruption)
-    return tuple(results)
+    return (*results, *filter(None, notices))
 
 
 class InstrumentMemory:

@@ -1,4 +1,4 @@
-"""The chosen camera, the virtual subject, the settings of a console, and the tissue that a light press shows."""
+"""The chosen camera, its calibration, the virtual subject, a console's settings, and the tissue of a light press."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.__about__ import LARGEST_SEED
-from tsis.calibration import UsableCalibration, apply_calibration
-from tsis.calibration.file import ProbeCalibration, calibration_sha256
+from tsis.calibration import UsableCalibration, apply_calibration, read_usable_calibration
+from tsis.calibration.file import ProbeCalibration, calibration_bytes, calibration_sha256
 from tsis.calibration.guard import GuardReference
 from tsis.catalog import list_phantoms, list_probes, list_spheres, load_probe, load_sphere, phantom_variant
-from tsis.errors import InputError, MechanicsError
-from tsis.files import from_json_value, to_json_value, write_durably
+from tsis.errors import InputError, MechanicsError, TsisError
+from tsis.files import content_sha256, from_json_value, to_json_value, write_durably
 from tsis.imaging import Sensor
 from tsis.inclusion import protocol_forces, tissue_modulus
 from tsis.instrument import STORED_SOURCES, live_sources
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from tsis.records import TargetRecord
 
 
-VIRTUAL, OPENCV = "virtual", "opencv"
+VIRTUAL, VIRTUAL_GEL, OPENCV = "virtual", "virtual-gel", "opencv"
 OPENCV_SPEC = re.compile("opencv(:[0-9]{0,4})?")  # without a number it is the first
 TARGET, PLAIN, BALL, UNTOUCHED = "target", "plain", "ball", "untouched"  # roles of presses
 TISSUE_N, SPHERE_N = 1.0, 0.7  # forces with which the virtual probe begins
@@ -56,7 +56,7 @@ class CameraChoice:
     Parameters
     ----------
     spec
-        ``"virtual"``, or ``SOURCE:ID`` of a live camera as `tsis.instrument.find_cameras` names it.
+        ``"virtual"``, ``virtual-gel:SENSOR``, or ``SOURCE:ID`` of a live camera as `tsis.instrument.find_cameras` does.
     mode
         Label of the mode to start in; the camera's first when None.
     probe
@@ -66,7 +66,7 @@ class CameraChoice:
     diameter_mm, depth_mm, young_kpa
         Of the phantom's inclusion instead of the catalog's.
     seed
-        Of the virtual probe's errors.
+        Of the virtual probe's errors, and of the virtual gel sensor's lamps and presses.
 
     Raises
     ------
@@ -106,7 +106,7 @@ class CameraChoice:
                 f"camera must be a live one; got {self.spec!r:.80}, which is stored (estimate from stored frames with "
                 "tsis examine, or enter them with tsis records import)"
             )
-        require_one_of("camera source", source, (VIRTUAL, *live_sources()))
+        require_one_of("camera source", source, (VIRTUAL, VIRTUAL_GEL, *live_sources()))
         if source == VIRTUAL and self.spec != VIRTUAL:
             raise InputError(f"the virtual probe is called virtual and nothing more; got {self.spec!r:.80}")
         if source == OPENCV and not OPENCV_SPEC.fullmatch(self.spec):
@@ -363,3 +363,34 @@ def tissue_title(number: int) -> str:
 def estimate_title(number: int) -> str:
     """Title of an estimate's job, by which pages find the one of their target."""
     return f"estimate of target {number}"
+
+
+class CalibrationMemory:
+    """Keeps in a folder which calibration was activated for each camera, and for the virtual probe of each seed."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def of(self, choice: CameraChoice) -> tuple[UsableCalibration | None, str]:
+        """The calibration of a camera's last run, and a message about it; None and empty where none was active."""
+        file = self._file(choice)
+        if not file.exists():
+            return None, ""
+        try:
+            given = read_usable_calibration(file)
+        except TsisError as error:
+            return None, f"The calibration of the last run is not active again: {error}."
+        return given, f"Calibration {given.calibration.name!r} of the last run is active again."
+
+    def keep(self, choice: CameraChoice, given: UsableCalibration | None) -> None:
+        """Keep the one that was activated, or that none is; a disk that refuses it stops nothing."""
+        file = self._file(choice)
+        with suppress(OSError):
+            file.unlink(missing_ok=True)
+            if given is not None:
+                file.parent.mkdir(parents=True, exist_ok=True)
+                write_durably(file, calibration_bytes(given.calibration))
+
+    def _file(self, choice: CameraChoice) -> Path:
+        own = [choice.probe, choice.seed, choice.is_sphere] if choice.is_virtual else []
+        return self._folder / f"{content_sha256([choice.spec, *own])[:16]}.json"

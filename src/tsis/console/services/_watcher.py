@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
 from typing import TYPE_CHECKING
 
 from tsis.calibration.guard import FrameShape, PressWatch, WatchState
@@ -31,7 +32,8 @@ class Watcher:
     """A thread that analyses frames until it is closed.
 
     ``acquisition`` gives the running acquisition, ``reference`` the press guard's reference and its scale (x, y) in mm
-    per pixel, ``force`` the force at a frame; acquisition, scale and force may be None.
+    per pixel, ``force`` the force at a frame; acquisition, scale and force may be None. ``gel`` analyses a frame of
+    a gel sensor, with its number and force, and returns None where there is no such sensor.
     """
 
     def __init__(
@@ -39,8 +41,9 @@ class Watcher:
         acquisition: Callable[[], Acquisition | None],
         reference: Callable[[], tuple[GuardReference, tuple[float, float] | None]],
         force: Callable[[ReceivedFrame], PressForce | None],
+        gel: Callable[[ReceivedFrame, int, PressForce | None], FrameAnalysis | None] = lambda *_: None,
     ) -> None:
-        self._acquisition, self._reference, self._force = acquisition, reference, force
+        self._acquisition, self._reference, self._force, self._gel = acquisition, reference, force, gel
         self.frame_analysis: FrameAnalysis | None = None  # of the newest frame
         self.failure = ""  # why frames cannot be analysed
         self._anew, self._closing = threading.Event(), threading.Event()
@@ -60,7 +63,8 @@ class Watcher:
         watch: PressWatch | None = None
         state, untouched, position = WatchState(), None, 0
         followed: Acquisition | None = None
-        while not self._closing.wait(EVERY_S):
+        spent_s = 0.0
+        while not self._closing.wait(max(EVERY_S, spent_s)):  # half of a core at most
             acquisition = self._acquisition()
             away = acquisition is not None and (acquisition.lost or acquisition.ended)
             if acquisition is not followed or away or self._anew.is_set():
@@ -75,17 +79,22 @@ class Watcher:
             received, position = acquisition.latest(), acquisition.ring.end
             if received is None:
                 continue
+            begun_s = time.monotonic()
             try:
-                if watch is None:
-                    watch, untouched = self._guard(received)
-                self.frame_analysis, state = analyse_frame(
-                    watch, state, received.frame, number=position, force=self._force(received), untouched=untouched
-                )
-                self.failure = ""
+                force = self._force(received)
+                analysis = self._gel(received, position, force)
+                if analysis is None:
+                    if watch is None:
+                        watch, untouched = self._guard(received)
+                    analysis, state = analyse_frame(
+                        watch, state, received.frame, number=position, force=force, untouched=untouched
+                    )
+                self.frame_analysis, self.failure = analysis, ""
             except TsisError as error:  # e.g. a calibration of another size; the live view goes on without flags
                 self.frame_analysis, self.failure = None, str(error)
             except Exception as error:
                 self._fail(error)
+            spent_s = time.monotonic() - begun_s
 
     def _fail(self, error: Exception) -> None:
         """Go on with the live view, and log the error once."""

@@ -90,9 +90,9 @@ class FrameRing:
         """Add a frame and wake waiting readers."""
         with self._changed:
             self._stored.append(frame)
-            self._bytes += frame.frame.pixels.nbytes
+            self._bytes += frame.frame.nbytes
             while len(self._stored) > self.capacity or (len(self._stored) > 1 and self._bytes > self._most_bytes):
-                self._bytes -= self._stored.popleft().frame.pixels.nbytes
+                self._bytes -= self._stored.popleft().frame.nbytes
             self._put += 1
             self._changed.notify_all()
 

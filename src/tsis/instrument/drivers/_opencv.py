@@ -82,8 +82,9 @@ _UNSUPPORTED = -1.0  # OpenCV's value of a property that the driver does not hav
 class OpenCVDevice(OpenCVCapture):
     """A live camera that OpenCV can open.
 
-    Colour becomes grey by the Rec. 709 luma, rounded to whole levels. OpenCV gives neither modes, ranges nor dropped
-    frames: the list contains the present mode only, ranges are infinite, and sequence numbers count received frames.
+    Colour becomes grey by the Rec. 709 luma, rounded to whole levels, and the frame keeps it beside the grey levels.
+    OpenCV gives neither modes, ranges nor dropped frames: the list contains the present mode only, ranges are infinite,
+    and sequence numbers count received frames.
 
     Parameters
     ----------
@@ -174,6 +175,7 @@ class OpenCVDevice(OpenCVCapture):
                 time_s=now_s - first_s,
                 name=f"{self.name}#{sequence}",
                 settings=settings,
+                colour=pixels[..., 2::-1] if pixels.ndim == 3 and pixels.shape[2] >= 3 else None,
             )
             sequence += 1
 

@@ -9,7 +9,7 @@
 """
 
 from tsis.records.dicom._association import c_store, stow_rs
-from tsis.records.dicom._export import dicom_files, write_dicom
 from tsis.records.dicom._files import DicomFile
+from tsis.records.dicom._report import dicom_files, write_dicom
 
 __all__ = ["DicomFile", "c_store", "dicom_files", "stow_rs", "write_dicom"]

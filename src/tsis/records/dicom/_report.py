@@ -1,19 +1,22 @@
-"""The structured report: estimates and presses as measurement groups of TID 1501."""
+"""Export of a target: its frames, and the structured report with measurement groups of TID 1501."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
+from tsis.errors import RecordsError
 from tsis.model import INTERVAL_LEVEL
 from tsis.records._values import ROLE_NAMES
 from tsis.records.dicom import _modules as codes
-from tsis.records.dicom._files import deterministic_uid, highdicom
-from tsis.records.dicom._identity import dicom_line
+from tsis.records.dicom._capture import capture, stacks
+from tsis.records.dicom._files import DicomFile, deterministic_uid, highdicom, sealed, write_files
+from tsis.records.dicom._identity import dicom_line, export_identity
 from tsis.records.dicom._modules import Series, describe
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
+    from pathlib import Path
 
     from pydicom.dataset import Dataset
 
@@ -196,3 +199,42 @@ def _observer() -> Any:
     )
     context = sr.ObserverContext(observer_type=codes.concept(codes.DEVICE), observer_identifying_attributes=device)
     return sr.ObservationContext(observer_device_context=context)
+
+
+def dicom_files(record: TargetRecord, *, identified: bool = False) -> tuple[DicomFile, ...]:
+    """The instances of a target: Secondary Captures by role and probe of its presses, then a report.
+
+    Equal records give equal bytes and UIDs with the same version. There is a report when there is an estimate, a force,
+    or a flag of a press.
+
+    Parameters
+    ----------
+    record
+        The target with its presses and estimates.
+    identified
+        Whether to include the label of the target, the names of frames and the times. Otherwise the record is
+        de-identified (`tsis.records._deidentify`). Notes and camera settings are never exported.
+
+    Raises
+    ------
+    RecordsError
+        When there is no press, or a frame does not match its press.
+    MissingExtraError
+        When the libraries of the extra ``dicom`` are not installed.
+    """
+    if not record.presses:
+        raise RecordsError(f"target {record.target.number} must have at least one press to be exported; got none")
+    exported, cover = export_identity(record, identified=identified)
+    images, files = [], []
+    for stack in stacks(exported):
+        image = capture(stack, cover)
+        files.append(sealed(image, f"{cover.file_stem}-{stack.series}-{stack.role}-{stack.number:02d}.dcm"))
+        images.append((stack, image))
+    if has_report(exported):
+        files.append(sealed(report(exported, cover, images), f"{cover.file_stem}-9-report-01.dcm"))
+    return tuple(files)
+
+
+def write_dicom(record: TargetRecord, folder: Path, *, identified: bool = False) -> tuple[Path, ...]:
+    """Write the instances of `dicom_files` into a folder and return the paths; errors as these two functions."""
+    return write_files(dicom_files(record, identified=identified), folder)

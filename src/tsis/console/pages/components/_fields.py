@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import re
+import tempfile
 from contextlib import contextmanager
 from functools import partial
+from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, ParamSpec, TypeVar
 
 from nicegui import ui
@@ -18,11 +20,12 @@ from tsis.model import require_integer
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
+    from typing import Self
 
     from nicegui.client import Client
     from nicegui.element import Element
     from nicegui.elements.choice_element import ChoiceElement
-    from nicegui.events import ValueChangeEventArguments
+    from nicegui.events import UploadEventArguments, ValueChangeEventArguments
 
     from tsis.console.pages.components._viewer import Viewer
 
@@ -121,10 +124,13 @@ def explained_fields(client: Client) -> list[tuple[str, str]]:
 
 
 def explaining(kind: Callable[Arguments, Field]) -> Callable[Arguments, Field]:
-    """Fields of a kind of the pages' library, explained by the help."""
+    """Fields of a kind of the pages' library, outlined, with a translated label, and explained by the help."""
 
     def placed(*given: Arguments.args, **named: Arguments.kwargs) -> Field:
-        return explain(kind(*given, **named))
+        field = kind(*given, **named).props("dense outlined")
+        if label := str(field.props.get("label") or ""):
+            field.props["label"] = tr(label)
+        return explain(field, label)
 
     return placed
 
@@ -288,11 +294,6 @@ _NAME = """
 """  # the field may come a moment after this
 
 
-def name_parts(upload: Upload, name: str) -> None:
-    """Name the field's button and input for screen readers: its library gives them icons alone."""
-    upload.client.run_javascript(_NAME % (upload.id, json.dumps(name)))
-
-
 LARGEST_MIB = 31  # limit of the authentication for a request, less the parts around the file
 
 
@@ -302,6 +303,19 @@ class FileField(Upload):
     FastAPI remembers the last few thousand functions that ever answered an address; through the callbacks of a deleted
     field they would keep the whole page of its browser tab in memory.
     """
+
+    _named = ""
+
+    def name_parts(self, name: str) -> None:
+        """Name the field's button and input for screen readers: its library gives them icons alone."""
+        self._named = name
+        self.client.run_javascript(_NAME % (self.id, json.dumps(name)))
+
+    def reset(self) -> Self:
+        """Forget the files; the library makes the button anew."""
+        super().reset()
+        self.name_parts(self._named)
+        return self
 
     def _handle_delete(self) -> None:
         super()._handle_delete()
@@ -317,12 +331,27 @@ def one_file(
     ``accept`` are endings that the browser offers, as ``".csv,text/csv"``; ``refused`` is said of other files.
     """
     field = FileField(
-        label=label,
+        label=tr(label),
         auto_upload=True,
         max_files=1,
         max_file_size=most_bytes,
         on_rejected=lambda: viewer.complain(refused),
     ).props("flat bordered")
     field.props["accept"] = accept
-    name_parts(field, f"Choose: {label}")
-    return explain(field)
+    field.name_parts(tr("Choose: {label}", label=tr(label)))
+    return explain(field, label)
+
+
+def file_field(viewer: Viewer, label: str, *, accept: str, act: Callable[..., object]) -> FileField:
+    """A field that hands an uploaded file to ``act`` as a path, ``by`` this client; the copy is then removed."""
+    field = one_file(viewer, label, accept=accept, refused=tr("a file of another kind, or one too large"))
+
+    async def uploaded(event: UploadEventArguments) -> None:
+        with tempfile.TemporaryDirectory(prefix="tsis-upload-") as folder:
+            file = Path(folder) / (PurePosixPath(event.file.name.replace("\\", "/")).name or "unnamed")
+            await event.file.save(file)
+            field.reset()
+            await viewer.attempt(act, file, by=viewer.identity)
+
+    field.on_upload(uploaded)
+    return field

@@ -1,0 +1,130 @@
+"""The page Gel sensor: contact, depth and force of a gel sensor before the camera, live."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from nicegui import ui
+
+from tsis.catalog import list_probes, list_sensors
+from tsis.console.live import LiveView
+from tsis.console.pages import components as kit
+from tsis.console.pages.camera import choose_and_start
+from tsis.console.pages.components import tr
+from tsis.console.services import CameraChoice
+from tsis.imaging import REASONS
+from tsis.virtual import GEL_PRESS_SETTING, GEL_PRESSES, virtual_gel_sensor
+
+if TYPE_CHECKING:
+    from tsis.console.services import GelSetup, Instrument, InstrumentState
+    from tsis.imaging.depth import GelReading
+
+__all__ = ["GelPage"]
+NONE, UNTOUCHED, USUAL, SEED = "none", "0", "gelsight-mini", 1
+PICTURES = ".png,.bmp,.tif,.tiff,.jpg,.jpeg"
+
+
+class GelPage:
+    """The live image with the contact, what it shows in numbers, and the files that this needs."""
+
+    def __init__(self, instrument: Instrument, viewer: kit.Viewer) -> None:
+        self._instrument, self._viewer, self._gel = instrument, viewer, instrument.gel
+        self._controls = kit.OperatorControls(viewer)
+        with ui.element("div").classes("split camera-columns"):
+            with ui.element("section").classes("panel stack"):
+                with ui.element("div").classes("row"):
+                    self._run = kit.RunButton(instrument, viewer)
+                    self._virtual = kit.button(tr("Use a virtual sensor"), self.use_virtual)
+                    press = kit.select_field({UNTOUCHED: tr("untouched")}, value=UNTOUCHED, label="Virtual press")
+                    self._press = kit.ChoiceField(viewer, press, self._pressed)
+                    ui.element("div").classes("spring")
+                    ui.link(tr("Another camera"), "/camera")
+                self.view = LiveView(map_name="grey")
+                self._camera = ui.label().classes("muted camera-line")
+                self._controls.why()
+            with ui.element("div").classes("stack"):
+                with kit.panel(tr("Contact"), style="panel stack tight"):
+                    self._message = ui.label().props("role=status")
+                    self.facts = kit.FactList()
+                with kit.panel(tr("Gel sensor"), style="panel stack tight"):
+                    sensor = kit.select_field({NONE: tr("none: a probe")}, value=NONE, label="Sensor")
+                    self._sensor = kit.ChoiceField(viewer, sensor, self._chosen)
+                    files = [kit.file_field(viewer, "Sensor file", accept=".toml", act=self._gel.use_sensor)]
+                    take = kit.button(tr("Take the untouched frame now"), viewer.command(self._gel.use_reference))
+                    files += [
+                        kit.file_field(viewer, "Untouched frame", accept=PICTURES, act=self._gel.use_reference),
+                        kit.file_field(viewer, "Depth calibration", accept=".json", act=self._gel.use_calibration),
+                    ]
+        self._controls.add(self._run.element, self._virtual, take, press, sensor, *files)
+        viewer.follow(self.show)
+
+    def show(self, state: InstrumentState) -> None:
+        """Show the instrument's state and the reading of the newest frame."""
+        setup, camera = self._gel.setup, state.camera
+        scale = None if setup.sensor is None or not camera.rows else setup.sensor.scale_of(camera.columns, camera.rows)
+        self.view.update_state(replace(state, camera=replace(camera, mm_per_pixel=scale)))
+        self._run.show(camera)
+        self._camera.text = kit.camera_line(state)
+        self._press.element.set_visibility(bool(virtual_gel_sensor(camera.choice.spec)) and camera.running)
+        place = next((item.value for item in camera.settings if item.name == GEL_PRESS_SETTING), 0.0)
+        presses = {str(number): tr("press {number}", number=number) for number in range(1, GEL_PRESSES + 1)}
+        self._press.show(f"{place:.0f}", {UNTOUCHED: tr("untouched")} | presses)
+        name = NONE if setup.sensor is None else setup.sensor.name
+        listed = {item: item for item in (*list_sensors(), name) if item not in list_probes()}
+        self._sensor.show(name, listed | {NONE: tr("none: a probe")})
+        analysis = state.frame_analysis if camera.running and not camera.lost else None
+        reading = None if analysis is None else analysis.gel
+        self._message.text = next_step(setup, state) if reading is None else verdict(reading)
+        self.facts.show(() if reading is None else reading_facts(reading, setup))
+        self._controls.show(state)
+
+    async def use_virtual(self) -> None:
+        """Choose and start the virtual sensor: the chosen one, else the usual one."""
+        present, by = self._gel.setup.sensor, self._viewer.identity
+        name = present.name if present is not None and present.name in list_sensors() else USUAL
+
+        def started() -> None:
+            choose_and_start(self._instrument, CameraChoice(spec=f"virtual-gel:{name}", seed=SEED), by=by)
+            self._gel.use_sensor(name, by=by)
+
+        with kit.loading(self._virtual):
+            await self._viewer.attempt(started)
+
+    def _chosen(self, name: str) -> None:
+        self._gel.use_sensor(None if name == NONE else name, by=self._viewer.identity)
+
+    def _pressed(self, place: str) -> None:
+        self._instrument.adjust(GEL_PRESS_SETTING, float(place), by=self._viewer.identity)
+
+
+def next_step(setup: GelSetup, state: InstrumentState) -> str:
+    """What to do before contacts are shown."""
+    if setup.sensor is None:
+        return tr("Choose the sensor, or its file.")
+    if not state.camera.running:
+        return tr("Start the camera.")
+    return tr("Lift everything off the sensor, and take its untouched frame.") if setup.reference is None else ""
+
+
+def verdict(reading: GelReading) -> str:
+    """Whether the contact can be used, else what to do."""
+    advice = " ".join(f"{tr(reason)}: {tr(REASONS[reason])}." for reason in reading.reasons)
+    return tr("The contact is good.") if reading.good else advice
+
+
+def reading_facts(reading: GelReading, setup: GelSetup) -> tuple[tuple[str, str], ...]:
+    """The reading in numbers, with their units."""
+    facts = [(tr("Quality"), f"{reading.quality:.2f}")]
+    if reading.centre_px is not None:
+        facts += [(tr("Centre"), "{:.1f}, {:.1f} px".format(*reading.centre_px))]
+        mm = reading.radius_mm
+        facts += [
+            (tr("Radius"), f"{reading.radius_px:.1f} px" if mm is None else f"{mm:.3f} ± {reading.radius_sd_mm:.3f} mm")
+        ]
+    if reading.force_interval_n is not None:
+        force = f"{reading.force_n:.3g} N " + "({:.3g} … {:.3g} N)".format(*reading.force_interval_n)
+        facts += [(tr("Deepest point"), f"{reading.deepest_mm:.3f} mm"), (tr("Force"), force)]
+    elif setup.calibration is None:
+        facts += [(tr("Depth and force"), tr("need a depth calibration: tsis depth calibrate writes one"))]
+    return (*facts, *((tr("Note"), problem) for problem in reading.problems))
