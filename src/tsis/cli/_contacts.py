@@ -219,7 +219,7 @@ def calibrate(
     table.add_row("good presses", f"{result.presses} of {len(levels)}")
     table.add_row("distance from the ball, presses left out / mm", f"{result.sd_mm:.4f}")
     if result.other_sd_mm is not None:
-        table.add_row("that of the other method / mm", f"{result.other_sd_mm:.4f}")
+        table.add_row("that of the best other method / mm", f"{result.other_sd_mm:.4f}")
     print_tables([table], [], where=f"Calibration: {out}")
 
 
