@@ -11,6 +11,7 @@ import argparse
 import sys
 import tempfile
 import time
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -82,6 +83,13 @@ def measured(page: Page, count: int, number: int) -> dict[str, float]:
     found["searched (200 ms of it the wait for the next letter)"] = timed(searched)
     found["a target"] = timed(opened)
     found[f"its {SHEET} pictures, from then on"] = timed(lambda: page.wait_for_function(LOADED, arg=SHEET))
+
+    def visited(name: str) -> None:
+        navigation.get_by_role("link", name=name, exact=True).click()
+        page.get_by_role("heading", level=1, name=name, exact=True).wait_for()
+
+    for name in navigation.get_by_role("link").all_inner_texts():
+        found[f"page {name}"] = timed(partial(visited, name))
     return found
 
 

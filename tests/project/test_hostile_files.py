@@ -150,7 +150,8 @@ def test_no_loader_opens_what_is_no_regular_file(loaders: tuple[Loader, ...], tm
 
 
 def _calls(tree: ast.AST) -> list[tuple[str, ast.Call]]:
-    return [(ast.unparse(node.func), node) for node in ast.walk(tree) if isinstance(node, ast.Call)]
+    calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call)]
+    return [(ast.unparse(node.func), node) for node in calls if isinstance(node.func, ast.Name | ast.Attribute)]
 
 
 @pytest.mark.parametrize("source", SOURCES, ids=lambda path: str(path.relative_to(ROOT)))

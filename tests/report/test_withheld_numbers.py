@@ -293,7 +293,8 @@ def test_withheld_numbers_are_read_nowhere_else() -> None:
     readers = {
         str(path.relative_to(SOURCE))
         for path in SOURCE.rglob("*.py")
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if ".untrusted" in (source := path.read_text(encoding="utf-8"))
+        for node in ast.walk(ast.parse(source))
         if isinstance(node, ast.Attribute) and node.attr == "untrusted"
     }
     assert readers <= READS_WITHHELD

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 from nicegui import ui
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.console.pages.components import FactList, panel_title, time_label, tr
+from tsis.console.pages import components as kit
+from tsis.console.pages.components import tr
 from tsis.records import environment
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from tsis.calibration import UsableCalibration
-    from tsis.console.pages.components import Viewer
     from tsis.console.services import Instrument, InstrumentState
 
 
@@ -59,7 +59,7 @@ def calibration_facts(state: InstrumentState, cited: UsableCalibration | None) -
     given = cited.calibration
     dates: Facts = (("Made", "with the virtual probe; it does not age"),)
     if given.made is not None and given.expires is not None:
-        dates = (("Made", time_label(given.made)), ("Good until", time_label(given.expires)))
+        dates = (("Made", kit.time_label(given.made)), ("Good until", kit.time_label(given.expires)))
     return (
         ("Active", given.name),
         ("Identity", f"SHA-256 {cited.identity[:SHORT]}…"),
@@ -102,20 +102,20 @@ FINDINGS = (
 )
 
 
-async def about_page(instrument: Instrument, viewer: Viewer) -> None:
+async def about_page(instrument: Instrument, viewer: kit.Viewer) -> None:
     """Build the page."""
     with ui.element("div").classes("about"):
         with _panel("Research use only"):
             ui.label(RESEARCH_USE_ONLY).classes("strong")
             ui.label(FINDINGS)
         with _panel("Calibration"):
-            calibration = FactList()
+            calibration = kit.FactList()
         with _panel("Camera"):
-            camera = FactList()
+            camera = kit.FactList()
         with _panel("Where data are stored"):
-            positions = FactList()
+            positions = kit.FactList()
         with _panel("Versions"):
-            versions = FactList()
+            versions = kit.FactList()
         with _panel("For scripts"):
             ui.label(
                 tr("What pages do, scripts can do by HTTP and JSON, with the same rights and behind the same key.")
@@ -138,8 +138,7 @@ async def about_page(instrument: Instrument, viewer: Viewer) -> None:
 
 @contextmanager
 def _panel(title: str) -> Iterator[None]:
-    with ui.element("section").classes("panel"):
-        panel_title(title)
+    with kit.panel(title, style="panel"):
         yield
 
 

@@ -13,26 +13,8 @@ from tsis.__about__ import LARGEST_SEED
 from tsis.calibration import parse_usable_calibration
 from tsis.calibration.file import LARGEST_BYTES
 from tsis.catalog import list_phantoms, list_probes, list_spheres
-from tsis.console.pages.components import (
-    ChoiceField,
-    OperatorControls,
-    ProgressBar,
-    Redrawn,
-    RunButton,
-    cell,
-    field_messages,
-    loading,
-    number_text_of_field,
-    one_file,
-    panel_title,
-    rows_under,
-    select_field,
-    time_label,
-    tr,
-    typed_integer,
-    typed_number,
-    unit_field,
-)
+from tsis.console.pages import components as kit
+from tsis.console.pages.components import tr
 from tsis.console.services import DONE, CameraChoice
 from tsis.errors import GaugeError
 from tsis.instrument.gauge import BAUD, connected_gauge, find_ports
@@ -41,7 +23,6 @@ if TYPE_CHECKING:
     from nicegui.events import UploadEventArguments
 
     from tsis.calibration import UsableCalibration
-    from tsis.console.pages.components import Viewer
     from tsis.console.services import CameraState, Instrument, InstrumentState, JobState
     from tsis.instrument import CameraInfo, CameraListing
 
@@ -58,19 +39,18 @@ SHORT = 12
 class CalibrationPanel:
     """Show and change the active calibration."""
 
-    def __init__(self, instrument: Instrument, viewer: Viewer, controls: OperatorControls) -> None:
+    def __init__(self, instrument: Instrument, viewer: kit.Viewer, controls: kit.OperatorControls) -> None:
         self._instrument, self._viewer = instrument, viewer
-        with ui.element("section").classes("panel stack tight"):
-            panel_title(tr("Active calibration"))
+        with kit.panel(tr("Active calibration"), style="panel stack tight"):
             self._name = ui.label()
             self._identity = ui.label().classes("muted wordy")
             refused = f"a calibration file must end in .json and hold at most {LARGEST_BYTES // 2**20} MiB"
-            self._upload = one_file(
+            self._upload = kit.one_file(
                 viewer, "Calibration file", accept=".json", refused=refused, most_bytes=LARGEST_BYTES
             )
             self._upload.on_upload(self._uploaded)
-            self._none = ui.button(tr("Use none"), on_click=viewer.command(instrument.use_calibration, None))
-            controls.add(self._upload, self._none.props("no-caps outline"))
+            self._none = kit.button(tr("Use none"), viewer.command(instrument.use_calibration, None))
+            controls.add(self._upload, self._none)
 
     def show(self, state: InstrumentState) -> None:
         """Show which it is."""
@@ -99,8 +79,8 @@ def calibration_text(usable: UsableCalibration | None) -> str:
     if usable is None:
         return "Without one presses are saved, but nothing can be estimated from them."
     created, expires = usable.calibration.made, usable.calibration.expires
-    when = "" if created is None else f", made {time_label(created)}"
-    until = "" if expires is None else f", expires {time_label(expires)}"
+    when = "" if created is None else f", made {kit.time_label(created)}"
+    until = "" if expires is None else f", expires {kit.time_label(expires)}"
     left = "" if expires is None else f" ({max(0, (expires - datetime.now(UTC)).days)} days left)"
     return f"{usable.identity[:SHORT]}{when}{until}{left}"
 
@@ -113,22 +93,19 @@ FASTEST = 4_000_000
 class GaugePanel:
     """Connect and disconnect a gauge; only there for real cameras."""
 
-    def __init__(self, instrument: Instrument, viewer: Viewer, controls: OperatorControls) -> None:
+    def __init__(self, instrument: Instrument, viewer: kit.Viewer, controls: kit.OperatorControls) -> None:
         self._instrument, self._viewer = instrument, viewer
-        with ui.element("section").classes("panel stack tight") as self._panel:
-            panel_title(tr("Force gauge"))
+        with kit.panel(tr("Force gauge"), style="panel stack tight") as self._panel:
             self._in_use = ui.label().props("role=status")
             with ui.element("div").classes("row"):
-                self._port = select_field([], label="Serial port", with_input=True, new_value_mode="add-unique")
-                self._unit = select_field(list(UNITS), value=ITS_OWN, label="Unit")
-                self._baud = unit_field("Bits per second", str(BAUD), keys="numeric")
+                self._port = kit.select_field([], label="Serial port", with_input=True, new_value_mode="add-unique")
+                self._unit = kit.select_field(list(UNITS), value=ITS_OWN, label="Unit")
+                self._baud = kit.unit_field("Bits per second", str(BAUD), keys="numeric")
             self._sends = ui.switch(tr("It sends on its own and is not to be asked"))
             with ui.element("div").classes("row"):
-                self._connect = ui.button(tr("Connect"), on_click=self._begin).props("no-caps outline")
-                leave = ui.button(tr("Use no gauge"), on_click=viewer.command(instrument.use_gauge, None))
-            for item in (self._port, self._unit, self._baud):
-                controls.add(item.props("dense outlined"))
-            controls.add(self._sends, self._connect, leave.props("no-caps outline"))
+                self._connect = kit.button(tr("Connect"), self._begin)
+                leave = kit.button(tr("Use no gauge"), viewer.command(instrument.use_gauge, None))
+            controls.add(self._port, self._unit, self._baud, self._sends, self._connect, leave)
         self._panel.set_visibility(False)
         ui.timer(0.0, self._ports, once=True)
 
@@ -148,11 +125,11 @@ class GaugePanel:
         self._port.set_options([port.device for port in ports], value=ports[0].device if ports else None)
 
     async def _begin(self) -> None:
-        with loading(self._connect):
+        with kit.loading(self._connect):
             await self._viewer.attempt(self._connected)
 
     def _connected(self) -> None:
-        baud = typed_integer("baud", self._baud.value, 50, FASTEST, hint="bits per second")
+        baud = kit.typed_integer("baud", self._baud.value, 50, FASTEST, hint="bits per second")
         unit = None if self._unit.value == ITS_OWN else str(self._unit.value)
         self._instrument.control.require(self._viewer.identity)
         log = connected_gauge(str(self._port.value or ""), unit=unit, baud=baud, sends=bool(self._sends.value))
@@ -169,29 +146,28 @@ CHANGED = {"diameter_mm": ("Diameter", "mm"), "depth_mm": ("Depth", "mm"), "youn
 class VirtualPanel:
     """Choose the virtual probe and its subject; a button applies the choice."""
 
-    def __init__(self, instrument: Instrument, viewer: Viewer, controls: OperatorControls) -> None:
+    def __init__(self, instrument: Instrument, viewer: kit.Viewer, controls: kit.OperatorControls) -> None:
         self._instrument, self._viewer = instrument, viewer
         choice = instrument.camera_controller.choice
-        with ui.element("section").classes("panel stack tight"):
-            panel_title(tr("Virtual probe"))
-            ui.label(tr("No hardware: mechanics, light and camera are calculated.")).classes("muted")
+        with kit.panel(tr("Virtual probe"), style="panel stack tight"):
+            kit.muted(tr("No hardware: mechanics, light and camera are calculated."))
             with ui.element("div").classes("row"):
-                self._probe = select_field(list(list_probes()), value=choice.probe, label="Probe")
-                self._phantom = select_field(subjects(), value=choice.phantom, label="Pressed object")
+                self._probe = kit.select_field(list(list_probes()), value=choice.probe, label="Probe")
+                self._phantom = kit.select_field(subjects(), value=choice.phantom, label="Pressed object")
                 self._phantom.on_value_change(self._show_changes)
-                self._seed = unit_field("Seed", str(choice.seed), keys="numeric").classes("seed")
+                self._seed = kit.unit_field("Seed", str(choice.seed), keys="numeric").classes("seed")
             self._changes = ui.element("div").classes("row")
             with self._changes:
                 ui.label(tr("Inclusion other than the catalog's:")).classes("muted whole-line")
                 self._values = {
-                    name: unit_field(label, number_text_of_field(getattr(choice, name)), unit=unit).classes(
+                    name: kit.unit_field(label, kit.number_text_of_field(getattr(choice, name)), unit=unit).classes(
                         "number-field"
                     )
                     for name, (label, unit) in CHANGED.items()
                 }
             for select in (self._probe, self._phantom):
                 controls.add(select).props("dense outlined")
-            self._use = ui.button(tr("Use the virtual probe"), on_click=self._chosen).props("no-caps unelevated")
+            self._use = kit.button(tr("Use the virtual probe"), self._chosen, look="unelevated")
             controls.add(self._seed, *self._values.values(), self._use)
         self._show_changes()
 
@@ -204,22 +180,22 @@ class VirtualPanel:
         self._changes.set_visibility(self._phantom.value not in list_spheres())
 
     async def _chosen(self) -> None:
-        with loading(self._use):
+        with kit.loading(self._use):
             await self._viewer.attempt(self._apply)
 
     def _apply(self) -> None:
         changed: dict[str, Any] = {}
         if self._phantom.value not in list_spheres():
             changed = {
-                name: typed_number(CHANGED[name][0].lower(), text)
+                name: kit.typed_number(CHANGED[name][0].lower(), text)
                 for name, field in self._values.items()
                 if (text := (field.value or "").strip())
             }
-        with field_messages({name: label.lower() for name, (label, _) in CHANGED.items()}):
+        with kit.field_messages({name: label.lower() for name, (label, _) in CHANGED.items()}):
             choice = CameraChoice(
                 probe=self._probe.value,
                 phantom=self._phantom.value,
-                seed=typed_integer("seed", self._seed.value, 0, LARGEST_SEED),
+                seed=kit.typed_integer("seed", self._seed.value, 0, LARGEST_SEED),
                 **changed,
             )
         choose_and_start(self._instrument, choice, by=self._viewer.identity)
@@ -235,17 +211,17 @@ def subjects() -> dict[str, str]:
 class ChosenPanel:
     """The present camera."""
 
-    def __init__(self, instrument: Instrument, viewer: Viewer, controls: OperatorControls) -> None:
+    def __init__(self, instrument: Instrument, viewer: kit.Viewer, controls: kit.OperatorControls) -> None:
         self._instrument, self._viewer = instrument, viewer
         with ui.element("div").classes("row"):
             with ui.element("div"):
-                panel_title(tr("Camera in use"))
+                kit.panel_title(tr("Camera in use"))
                 self._name = ui.label()
-                self._how = ui.label().classes("muted")
+                self._how = kit.muted()
             ui.element("div").classes("spring")
-            select = select_field({}, label="Mode").props("dense outlined").classes("mode")
-            self._mode = ChoiceField(viewer, select, self._in_mode)
-            self._run = RunButton(instrument, viewer)
+            select = kit.select_field({}, label="Mode").classes("mode")
+            self._mode = kit.ChoiceField(viewer, select, self._in_mode)
+            self._run = kit.RunButton(instrument, viewer)
             ui.link(tr("Examine"), "/")
         controls.add(select, self._run.element)
 
@@ -284,16 +260,16 @@ def streaming_text(camera: CameraState) -> str:
 class SearchPanel:
     """Search for cameras, and use one of them."""
 
-    def __init__(self, instrument: Instrument, viewer: Viewer, controls: OperatorControls) -> None:
+    def __init__(self, instrument: Instrument, viewer: kit.Viewer, controls: kit.OperatorControls) -> None:
         self._instrument, self._viewer, self._controls = instrument, viewer, controls
         with ui.element("section").classes("panel stack tight"):
             with ui.element("div").classes("row"):
-                panel_title(tr("Cameras"))
+                kit.panel_title(tr("Cameras"))
                 ui.element("div").classes("spring")
-                self._search = ui.button(tr("Search"), icon="search", on_click=self._begin).props("no-caps outline")
-            self._bar = ProgressBar("Search")
-            self._message = ui.label().classes("muted").props("role=status")
-            self._cameras = Redrawn(ui.element("div").classes("stack"))
+                self._search = kit.button(tr("Search"), self._begin, icon="search")
+            self._bar = kit.ProgressBar("Search")
+            self._message = kit.status()
+            self._cameras = kit.Redrawn(ui.element("div").classes("stack"))
 
     def show(self, _: InstrumentState) -> None:
         """Show the last search."""
@@ -312,7 +288,7 @@ class SearchPanel:
 
     def _show_cameras(self, findings: CameraListing) -> None:
         if findings.cameras:
-            with ui.element("div").classes("scroll"), rows_under(("Camera", "Source", "About it", "")):
+            with ui.element("div").classes("scroll"), kit.rows_under(("Camera", "Source", "About it", "")):
                 for camera in findings.cameras:
                     self._line(camera)
         if findings.missing:
@@ -324,17 +300,19 @@ class SearchPanel:
                 for source, message in findings.missing.items():
                     with ui.element("p"):
                         ui.label(source).classes("strong")
-                        ui.label(message).classes("muted")
+                        kit.muted(message)
 
     def _line(self, camera: CameraInfo) -> None:
         with ui.element("tr"):
-            cell(" ".join(filter(None, (camera.maker, camera.model))) or camera.identity)
-            cell(camera.source)
-            cell(", ".join(filter(None, (camera.identity, camera.note)))).classes("muted")
+            kit.cell(" ".join(filter(None, (camera.maker, camera.model))) or camera.identity)
+            kit.cell(camera.source)
+            kit.cell(", ".join(filter(None, (camera.identity, camera.note)))).classes("muted")
             with ui.element("td"):
-                use = ui.button(tr("Use"), on_click=partial(self._use, camera)).props("no-caps outline dense")
-                use.props["aria-label"] = f"Use {camera.identity}"
-                self._controls.add(use)
+                self._controls.add(
+                    kit.button(
+                        tr("Use"), partial(self._use, camera), look="outline dense", label=f"Use {camera.identity}"
+                    )
+                )
 
     async def _use(self, camera: CameraInfo) -> None:
         await self._viewer.attempt(
@@ -349,9 +327,9 @@ def search_text(job: JobState | None) -> str:
     return "Searching all sources; this takes some seconds." if job.running else job.sentence
 
 
-def camera_page(instrument: Instrument, viewer: Viewer) -> None:
+def camera_page(instrument: Instrument, viewer: kit.Viewer) -> None:
     """Build the page."""
-    controls = OperatorControls(viewer)
+    controls = kit.OperatorControls(viewer)
     with ui.element("div").classes("panel stack"):
         chosen = ChosenPanel(instrument, viewer, controls)
         controls.why()

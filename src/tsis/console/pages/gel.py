@@ -9,26 +9,14 @@ from nicegui import ui
 
 from tsis.catalog import list_probes, list_sensors
 from tsis.console.live import LiveView
+from tsis.console.pages import components as kit
 from tsis.console.pages.camera import choose_and_start
-from tsis.console.pages.components import (
-    ChoiceField,
-    FactList,
-    OperatorControls,
-    RunButton,
-    camera_line,
-    explain,
-    file_field,
-    loading,
-    panel_title,
-    select_field,
-    tr,
-)
+from tsis.console.pages.components import tr
 from tsis.console.services import CameraChoice
 from tsis.imaging import REASONS
 from tsis.virtual import GEL_PRESS_SETTING, GEL_PRESSES, virtual_gel_sensor
 
 if TYPE_CHECKING:
-    from tsis.console.pages.components import Viewer
     from tsis.console.services import GelSetup, Instrument, InstrumentState
     from tsis.imaging.depth import GelReading
 
@@ -40,42 +28,35 @@ PICTURES = ".png,.bmp,.tif,.tiff,.jpg,.jpeg"
 class GelPage:
     """The live image with the contact, what it shows in numbers, and the files that this needs."""
 
-    def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
+    def __init__(self, instrument: Instrument, viewer: kit.Viewer) -> None:
         self._instrument, self._viewer, self._gel = instrument, viewer, instrument.gel
-        self._controls = OperatorControls(viewer)
+        self._controls = kit.OperatorControls(viewer)
         with ui.element("div").classes("split camera-columns"):
             with ui.element("section").classes("panel stack"):
                 with ui.element("div").classes("row"):
-                    self._run = RunButton(instrument, viewer)
-                    self._virtual = ui.button(tr("Use a virtual sensor"), on_click=self.use_virtual)
-                    press = select_field({UNTOUCHED: tr("untouched")}, value=UNTOUCHED, label=tr("Virtual press"))
-                    self._press = ChoiceField(viewer, press, self._pressed)
+                    self._run = kit.RunButton(instrument, viewer)
+                    self._virtual = kit.button(tr("Use a virtual sensor"), self.use_virtual)
+                    press = kit.select_field({UNTOUCHED: tr("untouched")}, value=UNTOUCHED, label="Virtual press")
+                    self._press = kit.ChoiceField(viewer, press, self._pressed)
                     ui.element("div").classes("spring")
                     ui.link(tr("Another camera"), "/camera")
                 self.view = LiveView(map_name="grey")
                 self._camera = ui.label().classes("muted camera-line")
                 self._controls.why()
             with ui.element("div").classes("stack"):
-                with ui.element("section").classes("panel stack tight"):
-                    panel_title(tr("Contact"))
+                with kit.panel(tr("Contact"), style="panel stack tight"):
                     self._message = ui.label().props("role=status")
-                    self.facts = FactList()
-                with ui.element("section").classes("panel stack tight"):
-                    panel_title(tr("Gel sensor"))
-                    sensor = select_field({NONE: tr("none: a probe")}, value=NONE, label=tr("Sensor"))
-                    self._sensor = ChoiceField(viewer, sensor, self._chosen)
-                    files = [file_field(viewer, "Sensor file", accept=".toml", act=self._gel.use_sensor)]
-                    take = ui.button(tr("Take the untouched frame now"))
-                    self._take = take.on_click(viewer.command(self._gel.use_reference))
+                    self.facts = kit.FactList()
+                with kit.panel(tr("Gel sensor"), style="panel stack tight"):
+                    sensor = kit.select_field({NONE: tr("none: a probe")}, value=NONE, label="Sensor")
+                    self._sensor = kit.ChoiceField(viewer, sensor, self._chosen)
+                    files = [kit.file_field(viewer, "Sensor file", accept=".toml", act=self._gel.use_sensor)]
+                    take = kit.button(tr("Take the untouched frame now"), viewer.command(self._gel.use_reference))
                     files += [
-                        file_field(viewer, "Untouched frame", accept=PICTURES, act=self._gel.use_reference),
-                        file_field(viewer, "Depth calibration", accept=".json", act=self._gel.use_calibration),
+                        kit.file_field(viewer, "Untouched frame", accept=PICTURES, act=self._gel.use_reference),
+                        kit.file_field(viewer, "Depth calibration", accept=".json", act=self._gel.use_calibration),
                     ]
-        explain(press, "Virtual press")
-        explain(sensor, "Sensor")
-        for item, style in ((self._virtual, "no-caps outline"), (take, "no-caps outline"), (press, "dense outlined")):
-            item.props(style)
-        self._controls.add(self._run.element, self._virtual, take, press, sensor.props("dense outlined"), *files)
+        self._controls.add(self._run.element, self._virtual, take, press, sensor, *files)
         viewer.follow(self.show)
 
     def show(self, state: InstrumentState) -> None:
@@ -84,7 +65,7 @@ class GelPage:
         scale = None if setup.sensor is None or not camera.rows else setup.sensor.scale_of(camera.columns, camera.rows)
         self.view.update_state(replace(state, camera=replace(camera, mm_per_pixel=scale)))
         self._run.show(camera)
-        self._camera.text = camera_line(state)
+        self._camera.text = kit.camera_line(state)
         self._press.element.set_visibility(bool(virtual_gel_sensor(camera.choice.spec)) and camera.running)
         place = next((item.value for item in camera.settings if item.name == GEL_PRESS_SETTING), 0.0)
         presses = {str(number): tr("press {number}", number=number) for number in range(1, GEL_PRESSES + 1)}
@@ -107,7 +88,7 @@ class GelPage:
             choose_and_start(self._instrument, CameraChoice(spec=f"virtual-gel:{name}", seed=SEED), by=by)
             self._gel.use_sensor(name, by=by)
 
-        with loading(self._virtual):
+        with kit.loading(self._virtual):
             await self._viewer.attempt(started)
 
     def _chosen(self, name: str) -> None:

@@ -11,23 +11,8 @@ from typing import TYPE_CHECKING
 from nicegui import ui
 
 from tsis.__about__ import LARGEST_TARGET
-from tsis.console.pages.components import (
-    LARGEST_MIB,
-    FileField,
-    cell,
-    explain,
-    list_message,
-    loading,
-    message_list,
-    panel_title,
-    rows_under,
-    table,
-    tr,
-    typed_integer,
-    typed_number,
-    typed_numbers,
-    unit_field,
-)
+from tsis.console.pages import components as kit
+from tsis.console.pages.components import tr
 from tsis.console.services import (
     IMAGE_ROLES,
     MOST_OWN_FRAMES,
@@ -49,18 +34,17 @@ if TYPE_CHECKING:
 
     from nicegui.events import UploadEventArguments
 
-    from tsis.console.pages.components import Viewer
     from tsis.console.services import Instrument
 
 __all__ = ["images_page"]
 
 SAYS = (
     f"Drop images (PNG, BMP, TIFF, JPEG), videos and the sidecars of tsis acquire here: at most {MOST_OWN_FRAMES} "
-    f"frames, {LARGEST_MIB} MiB a file. They stay on this machine; nothing is stored before you save them."
+    f"frames, {kit.LARGEST_MIB} MiB a file. They stay on this machine; nothing is stored before you save them."
 )
 
 
-def images_page(instrument: Instrument, viewer: Viewer) -> None:
+def images_page(instrument: Instrument, viewer: kit.Viewer) -> None:
     """Build the page."""
     OwnImagesPage(instrument, viewer)
 
@@ -68,46 +52,41 @@ def images_page(instrument: Instrument, viewer: Viewer) -> None:
 class OwnImagesPage:
     """The opened frames with their roles and forces, what they measure, and the button that saves them."""
 
-    def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
+    def __init__(self, instrument: Instrument, viewer: kit.Viewer) -> None:
         self._instrument, self._viewer = instrument, viewer
         self._folder = Path(tempfile.mkdtemp(prefix="tsis-images-"))
         ui.context.client.on_delete(lambda: shutil.rmtree(self._folder, ignore_errors=True))
         self.rows: list[FrameRow] = []
-        with ui.element("section").classes("panel stack"):
-            panel_title(tr("My images"))
-            ui.label(SAYS).classes("muted")
-            field = FileField(
+        with kit.panel(tr("My images")):
+            kit.muted(SAYS)
+            field = kit.FileField(
                 label="Drop files here, or choose them",
                 multiple=True,
                 auto_upload=True,
-                max_file_size=LARGEST_MIB * 2**20,
+                max_file_size=kit.LARGEST_MIB * 2**20,
                 on_upload=self.uploaded,
                 on_rejected=lambda: viewer.complain(
-                    tr("a file is larger than {most} MiB or of another kind", most=LARGEST_MIB)
+                    tr("a file is larger than {most} MiB or of another kind", most=kit.LARGEST_MIB)
                 ),
             ).props("flat bordered")
             field.props["accept"] = ",".join(OPENABLE)
             field.name_parts("Choose images")
-            explain(field, "Choose images")
+            kit.explain(field, "Choose images")
             with ui.element("div").classes("row"):
-                self.path_field = unit_field("File or folder on the console's machine", "").classes("path")
-                ui.button(tr("Open"), icon="folder_open", on_click=self.open_path).props("no-caps outline")
-            self._refused = message_list()
-        with ui.element("section").classes("panel stack") as self._panel:
-            panel_title(tr("Frames"))
+                self.path_field = kit.unit_field("File or folder on the console's machine", "").classes("path")
+                kit.button(tr("Open"), self.open_path, icon="folder_open")
+            self._refused = kit.message_list()
+        with kit.panel(tr("Frames")) as self._panel:
             with ui.element("div").classes("scroll"):
-                self._rows = rows_under(("File", "Size", "Pressed on", "Force", ""), caption="Frames")
+                self._rows = kit.rows_under(("File", "Size", "Pressed on", "Force", ""), caption="Frames")
             with ui.element("div").classes("row"):
-                self.scale_field = unit_field("Scale, or x,y", "", unit="mm/pixel")
+                self.scale_field = kit.unit_field("Scale, or x,y", "", unit="mm/pixel")
                 self._invert = ui.switch(tr("Light falls where pressed"), value=False)
                 self._calibrated = ui.switch(tr("Taken with the active calibration"), value=False)
             with ui.element("div").classes("row"):
-                self._measure = ui.button(tr("Measure contact"), icon="straighten", on_click=self.measure)
-                self._measure.props("no-caps outline")
-                self.number_field = unit_field("Target (empty: a new one)", "")
-                self._save = ui.button(tr("Save as target"), icon="save", on_click=self.save).props(
-                    "no-caps unelevated"
-                )
+                self._measure = kit.button(tr("Measure contact"), self.measure, icon="straighten")
+                self.number_field = kit.unit_field("Target (empty: a new one)", "")
+                self._save = kit.button(tr("Save as target"), self.save, icon="save", look="unelevated")
         self._panel.set_visibility(False)
         self._results = ui.element("section").classes("stack").props('role="status"')
 
@@ -136,7 +115,7 @@ class OwnImagesPage:
             return
         with self._refused:
             for message in opened.refused:
-                list_message(message, "flag")
+                kit.list_message(message, "flag")
         with self._rows:
             self.rows += [FrameRow(image, self._remove) for image in opened.images[: MOST_OWN_FRAMES - len(self.rows)]]
         self._panel.set_visibility(bool(self.rows))
@@ -148,12 +127,12 @@ class OwnImagesPage:
 
     def scale(self) -> tuple[float, float] | None:
         """The typed scale (x, y) in millimetres per pixel; `InputError` when it is no scale."""
-        parts = typed_numbers("scale", self.scale_field.value)
+        parts = kit.typed_numbers("scale", self.scale_field.value)
         return require_pixel_scale((parts[0], parts[-1])) if parts else None
 
     async def measure(self) -> None:
         """Measure the contact in each frame, and show the features and their limits."""
-        with loading(self._measure):
+        with kit.loading(self._measure):
             findings = await self._viewer.attempt(
                 lambda: measure_images(
                     [row.frame() for row in self.rows], mm_per_pixel=self.scale(), invert=bool(self._invert.value)
@@ -165,8 +144,8 @@ class OwnImagesPage:
         with self._results, ui.element("div").classes("panel stack"):
             for finding in findings[0]:
                 name = finding.image.name
-                table(Table(title=f"Contact in {name}", headings=("quantity", "value"), rows=finding_rows(finding)))
-                message_list(finding_notes(finding))
+                kit.table(Table(title=f"Contact in {name}", headings=("quantity", "value"), rows=finding_rows(finding)))
+                kit.message_list(finding_notes(finding))
             for message in findings[1]:
                 ui.label(message).classes("flag")
 
@@ -181,12 +160,14 @@ class OwnImagesPage:
             own_scale = given is not None and given.scale is not None
             options = ImportOptions(mm_per_pixel=None if own_scale else self.scale(), calibration=given)
             number = (
-                typed_integer("target", self.number_field.value, 1, LARGEST_TARGET) if self.number_field.value else None
+                kit.typed_integer("target", self.number_field.value, 1, LARGEST_TARGET)
+                if self.number_field.value
+                else None
             )
             images = [row.frame() for row in self.rows]
             return save_images(self._instrument.store, images, number=number, options=options)
 
-        with loading(self._save):
+        with kit.loading(self._save):
             result = await self._viewer.attempt(saved)
         if result is not None:
             number, added = result
@@ -205,16 +186,16 @@ class FrameRow:
     def __init__(self, image: OwnImage, remove: Callable[[FrameRow], None]) -> None:
         self._image = image
         with ui.element("tr") as self.element:
-            cell(image.name)
-            cell(f"{image.columns} x {image.rows}")
+            kit.cell(image.name)
+            kit.cell(f"{image.columns} x {image.rows}")
             with ui.element("td"):
                 self.role = ui.select({role: ROLE_NAMES[role] for role in IMAGE_ROLES}, value=image.role)
                 self.role.props("dense outlined").props["aria-label"] = f"Pressed on, {image.name}"
-                explain(self.role, "Pressed on")
+                kit.explain(self.role, "Pressed on")
             with ui.element("td"):
-                self.force = unit_field("", unit="N")
+                self.force = kit.unit_field("", unit="N")
                 self.force.props["aria-label"] = f"Force in newtons, {image.name}"
-                explain(self.force, "Force in newtons")
+                kit.explain(self.force, "Force in newtons")
             with ui.element("td"):
                 button = ui.button(icon="close", on_click=lambda: remove(self)).props("flat dense round")
                 button.props["aria-label"] = f"Remove {image.name}"
@@ -222,5 +203,5 @@ class FrameRow:
     def frame(self) -> OwnImage:
         """The frame as its fields say; `InputError` when the force is no number."""
         force = self.force.value
-        force_n = typed_number(f"force of {self._image.name}", force) if force else None
+        force_n = kit.typed_number(f"force of {self._image.name}", force) if force else None
         return replace(self._image, role=self.role.value, force_n=force_n)

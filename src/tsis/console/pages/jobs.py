@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from tsis.console.pages.components import ProgressBar, panel_title, tr
+from tsis.console.pages import components as kit
+from tsis.console.pages.components import tr
 from tsis.console.services import DONE, ENDED, FAILED
 from tsis.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Sequence
 
-    from tsis.console.pages.components import Viewer
     from tsis.console.services import Instrument, InstrumentState, JobState
 
 
@@ -26,7 +26,7 @@ SHOWN = 8  # the newest
 class JobRows:
     """A list of jobs with their progress; the camera's owner may end them."""
 
-    def __init__(self, instrument: Instrument, viewer: Viewer, place: ui.element, nothing: str) -> None:
+    def __init__(self, instrument: Instrument, viewer: kit.Viewer, place: ui.element, nothing: str) -> None:
         self._instrument, self._viewer, self._list = instrument, viewer, place
         self._rows: dict[str, _Row] = {}
         with place:
@@ -61,8 +61,8 @@ class JobRows:
 class JobList:
     """The header's button, which says how far running jobs are, and its list."""
 
-    def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
-        self._button = ui.button(tr("Jobs")).props('flat dense no-caps aria-haspopup="dialog"')
+    def __init__(self, instrument: Instrument, viewer: kit.Viewer) -> None:
+        self._button = ui.button(tr("Jobs")).props('flat dense aria-haspopup="dialog"').classes("jobs")
         with self._button, ui.menu().props('anchor="bottom right" self="top right" role=dialog') as menu:
             menu.props["aria-label"] = tr("Jobs")
             ui.link(tr("All jobs and their history"), "/jobs").classes("link job-history").on("click", menu.close)
@@ -84,15 +84,16 @@ class _Row:
             with ui.element("div").classes("row"):
                 ui.label(state.title).classes("strong")
                 ui.element("div").classes("spring")
-                self._text = ui.label().classes("muted")
-                self._end = ui.button(tr("End"), on_click=lambda: end(state.identity)).props("flat dense no-caps")
-                self._end.props["aria-label"] = f"End {state.title}"
-            self._bar = ProgressBar(f"Progress of {state.title}")
+                self._text = kit.muted()
+                self._end = kit.button(
+                    tr("End"), lambda: end(state.identity), look="flat dense", label=f"End {state.title}"
+                )
+            self._bar = kit.ProgressBar(f"Progress of {state.title}")
             with ui.element("div").classes("row"):
-                self._when = ui.label().classes("muted")
+                self._when = kit.muted()
                 if address := job_address(state.title):
                     ui.link(tr("Open target"), address).classes("link")
-            self._message = ui.label().classes("muted")
+            self._message = kit.muted()
 
     def show(self, state: JobState) -> None:
         """Show how far it is."""
@@ -115,15 +116,13 @@ LINK = """<q-td :props="props">
 </q-td>"""
 
 
-def jobs_page(instrument: Instrument, viewer: Viewer) -> None:
+def jobs_page(instrument: Instrument, viewer: kit.Viewer) -> None:
     """Build the page: what runs, and what was done by this run of the program and those before."""
     with ui.element("div").classes("stack"):
-        with ui.element("section").classes("panel stack"):
-            panel_title(tr("Under way"))
+        with kit.panel(tr("Under way")):
             running = JobRows(instrument, viewer, ui.element("ul").classes("job-list wide"), "Nothing is under way.")
-        with ui.element("section").classes("panel stack"):
-            panel_title(tr("History"))
-            ui.label(tr("Of this run of the console and those before; a target's job opens its page.")).classes("muted")
+        with kit.panel(tr("History")):
+            kit.muted(tr("Of this run of the console and those before; a target's job opens its page."))
             columns = [{"name": name, "label": label, "field": name, "align": "left"} for name, label in COLUMNS]
             table = ui.table(rows=[], columns=columns, row_key="identity", pagination=25).props("flat dense")
             table.add_slot("body-cell-title", LINK)

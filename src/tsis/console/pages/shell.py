@@ -15,22 +15,8 @@ from nicegui.translations import translations
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.console.auth import LOGOUT
 from tsis.console.pages import PAGES, UNLISTED
-from tsis.console.pages.components import (
-    ENGLISH,
-    FactList,
-    Redrawn,
-    StatePoller,
-    Tabs,
-    Viewer,
-    address_of,
-    chosen_language,
-    explained_fields,
-    help_texts,
-    language_choice,
-    open_dialog,
-    panel_title,
-    tr,
-)
+from tsis.console.pages import components as kit
+from tsis.console.pages.components import tr
 from tsis.console.pages.examine import SHORTCUTS
 from tsis.console.pages.jobs import JobList
 from tsis.errors import ControlError
@@ -136,7 +122,7 @@ class Navigation:
             self._heading.text = tr(title_of(path))
 
     def _mark(self) -> None:
-        here = address_of(self._path)
+        here = kit.address_of(self._path)
         for address, link in self._links.items():
             if address == here:
                 link.classes(add="here").props('aria-current="page"')
@@ -147,16 +133,16 @@ class Navigation:
 
 def title_of(path: str) -> str:
     """Title of a path's page."""
-    return PAGES[address_of(path)][0] if address_of(path) in PAGES else NOWHERE
+    return PAGES[kit.address_of(path)][0] if kit.address_of(path) in PAGES else NOWHERE
 
 
 class Notices:
     """The banner below the header; empty without problems."""
 
-    def __init__(self, viewer: Viewer) -> None:
+    def __init__(self, viewer: kit.Viewer) -> None:
         self._viewer = viewer
-        self._trouble = Redrawn(ui.element("div").classes("banner").props('role="alert"').mark("banner"))
-        self._calm = Redrawn(ui.element("div").classes("banner").props('role="status"').mark("watching"))
+        self._trouble = kit.Redrawn(ui.element("div").classes("banner").props('role="alert"').mark("banner"))
+        self._calm = kit.Redrawn(ui.element("div").classes("banner").props('role="status"').mark("watching"))
 
     def show(self, now: InstrumentState) -> None:
         """Show changes only."""
@@ -173,7 +159,7 @@ class Notices:
 class PageVisibility(Element, component="presence.js"):
     """Reports to the viewer when the page becomes visible or hidden, and the operator's name that the browser keeps."""
 
-    def __init__(self, viewer: Viewer) -> None:
+    def __init__(self, viewer: kit.Viewer) -> None:
         super().__init__()
 
         def changed(event: GenericEventArguments) -> None:
@@ -193,21 +179,21 @@ class ControlButtons:
     They are two, so that a click does what the button said when it was clicked, whatever changes meanwhile.
     """
 
-    def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
+    def __init__(self, instrument: Instrument, viewer: kit.Viewer) -> None:
         self._instrument, self._viewer = instrument, viewer
         self._released = self._in_control = False
-        self._take = ui.button(tr(TAKE), on_click=self._take_control).props("flat dense no-caps")
-        self._release = ui.button(tr(RELEASE), on_click=self._release_control).props("flat dense no-caps")
+        self._take = kit.button(tr(TAKE), self._take_control, look="flat dense")
+        self._release = kit.button(tr(RELEASE), self._release_control, look="flat dense")
         self._release.set_visibility(False)
         with (
             ui.dialog().props('role="alertdialog" aria-label="Take the camera over?"') as self._dialog,
             ui.element("div").classes("panel question"),
         ):
-            panel_title(tr("Take the camera over?"))
+            kit.panel_title(tr("Take the camera over?"))
             self._question = ui.label()
             with ui.element("div").classes("row"):
-                ui.button(tr("Take it over"), on_click=self._take_over).props("dense no-caps")
-                ui.button(tr("Leave it"), on_click=self._dialog.close).props("dense no-caps outline")
+                kit.button(tr("Take it over"), self._take_over, look="unelevated dense")
+                kit.button(tr("Leave it"), self._dialog.close, look="outline dense")
 
     def show(self, now: InstrumentState) -> None:
         """Show the applicable button; notify when somebody else has taken the camera."""
@@ -284,11 +270,11 @@ class Help:
         """Open the help of the page that is open; once."""
         if self._open is not None and self._open.value:
             return
-        address = address_of(self._client.sub_pages_router.current_path)
-        page, meanings = help_texts().get(address, {"text": (), "terms": ()}), help_texts()["terms"]
-        fields = explained_fields(self._client)
+        address = kit.address_of(self._client.sub_pages_router.current_path)
+        page, meanings = kit.help_texts().get(address, {"text": (), "terms": ()}), kit.help_texts()["terms"]
+        fields = kit.explained_fields(self._client)
         title = tr("Help: {page}", page=tr(title_of(address)))
-        with open_dialog(self._client.layout, title, style="dialog-card help") as self._open:
+        with kit.open_dialog(self._client.layout, title, style="dialog-card help") as self._open:
             for text in page["text"]:
                 ui.label(tr(text))
             keys = [(item.cap, item.does) for item in SHORTCUTS] if address == "/" else []
@@ -298,9 +284,9 @@ class Help:
                 (tr("Terms"), [(tr(term), tr(meanings[term])) for term in page["terms"]]),
             ):
                 if facts:
-                    panel_title(heading, level=3)
-                    FactList().show(facts)
-            ui.button(tr("Close"), on_click=self._open.close).props("no-caps outline")
+                    kit.panel_title(heading, level=3)
+                    kit.FactList().show(facts)
+            kit.button(tr("Close"), self._open.close)
 
 
 OPEN_EVERY_S = 2.0  # between two reports that a page is still open
@@ -311,11 +297,11 @@ class Shell:
     """Builds the page of every tab of a console."""
 
     def __init__(self, instrument: Instrument) -> None:
-        self._instrument, self._poller, self._tabs = instrument, StatePoller(instrument), Tabs()
+        self._instrument, self._poller, self._tabs = instrument, kit.StatePoller(instrument), kit.Tabs()
 
     def build(self) -> None:
         """Build the page of the tab that opens now."""
-        viewer = Viewer(ui.context.client, self._instrument, self._poller, self._tabs)
+        viewer = kit.Viewer(ui.context.client, self._instrument, self._poller, self._tabs)
         if viewer.logged_in:
             viewer.operator = viewer.name
         with ui.header(elevated=False).classes("bar"):
@@ -334,14 +320,14 @@ class Shell:
             Subpages({address: partial(build, self._instrument, viewer) for address, (_, build) in PAGES.items()})
         with ui.footer(elevated=False).classes("foot"):
             ui.label(tr(RESEARCH_USE_ONLY))
-            language_choice()
+            kit.language_choice()
             if viewer.logged_in:
                 with ui.element("form").props(f'method="post" action="{LOGOUT}"').classes("logout"):
                     ui.label(tr("You are in as {name}.", name=viewer.name))
                     with ui.element("button").props('type="submit"'):
                         ui.label(tr("Log out"))
         PageVisibility(viewer)
-        if (language := chosen_language()) != ENGLISH:
+        if (language := kit.chosen_language()) != kit.ENGLISH:
             ui.run_javascript(f"document.documentElement.lang = {json.dumps(language)}")
 
         def show(now: InstrumentState) -> None:

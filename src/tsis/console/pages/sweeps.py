@@ -8,17 +8,8 @@ from typing import TYPE_CHECKING
 
 from nicegui import run, ui
 
-from tsis.console.pages.components import (
-    Redrawn,
-    cell,
-    loading,
-    panel_title,
-    rows_under,
-    select_field,
-    text_area,
-    tr,
-    unit_field,
-)
+from tsis.console.pages import components as kit
+from tsis.console.pages.components import tr
 from tsis.console.pages.jobs import JobRows
 from tsis.console.services import sweep_title, varying_columns
 from tsis.sweep import EXAMPLE
@@ -27,7 +18,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from typing import Any
 
-    from tsis.console.pages.components import Viewer
     from tsis.console.services import Instrument, SweepState
 
 SAYS = "A process of its own computes the presses of the plan. A sweep that was ended resumes with its finished files."
@@ -38,37 +28,33 @@ GREY = "#7a8794"  # read on light and on dark ground
 class SweepsPage:
     """The sweeps of the workspace with their progress, the form of a new one, and a plot of one."""
 
-    def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
+    def __init__(self, instrument: Instrument, viewer: kit.Viewer) -> None:
         self._sweeps, self._viewer = instrument.sweeps, viewer
         self._shown = ""  # name of the sweep in the plot
         self._rows: Mapping[str, Any] = {}
         with ui.element("div").classes("sweeps"):
-            with ui.element("section").classes("panel stack"):
-                panel_title(tr("Sweeps"))
-                self._list = Redrawn(ui.element("div").classes("scroll"))
+            with kit.panel(tr("Sweeps")):
+                self._list = kit.Redrawn(ui.element("div").classes("scroll"))
                 running = JobRows(
                     instrument, viewer, ui.element("ul").classes("job-list wide"), tr("None is under way.")
                 )
                 with ui.element("div").classes("stack") as self._plot:
-                    self._title = panel_title("", level=3)
+                    self._title = kit.panel_title("", level=3)
                     with ui.element("div").classes("row"):
                         self._x, self._y = (
-                            select_field([], label=label, on_change=self._draw).props("dense outlined")
+                            kit.select_field([], label=label, on_change=self._draw)
                             for label in ("Horizontal axis", "Vertical axis")
                         )
                     self._chart = ui.echart(plot((), "", "")).classes("sweep-chart").props("role=img")
                 self._plot.set_visibility(False)
-            with ui.element("section").classes("panel stack"):
-                panel_title(tr("New sweep"))
-                ui.label(tr(SAYS)).classes("muted")
-                self._name = unit_field("Name", "first", keys="text")
-                self._text = text_area("Plan", value=EXAMPLE).props("outlined input-class=sweep-plan")
+            with kit.panel(tr("New sweep")):
+                kit.muted(tr(SAYS))
+                self._name = kit.unit_field("Name", "first", keys="text")
+                self._text = kit.text_area("Plan", value=EXAMPLE).props("input-class=sweep-plan")
                 with ui.element("div").classes("row"):
-                    self._cost = ui.button(tr("How long?"), icon="timer", on_click=self._ask_cost)
-                    self._cost.props("no-caps outline")
-                    self._start = ui.button(tr("Start the sweep"), icon="play_arrow", on_click=self._begin)
-                    self._start.props("no-caps unelevated")
-                self._answer = ui.label().classes("muted").props("role=status")
+                    self._cost = kit.button(tr("How long?"), self._ask_cost, icon="timer")
+                    self._start = kit.button(tr("Start the sweep"), self._begin, icon="play_arrow", look="unelevated")
+                self._answer = kit.status()
 
         viewer.follow(lambda now: running.show([job for job in now.jobs if job.running and SWEEP in job.title]))
         viewer.every(2.0, self._refresh)
@@ -82,12 +68,12 @@ class SweepsPage:
                 await self._open(self._shown)
 
     def _list_sweeps(self, found: Sequence[SweepState]) -> None:
-        with rows_under((tr("Sweep"), tr("Presses"), tr("Files"), ""), label=tr("Sweeps of the workspace")):
+        with kit.rows_under((tr("Sweep"), tr("Presses"), tr("Files"), ""), label=tr("Sweeps of the workspace")):
             for item in found:
                 with ui.element("tr"):
-                    cell(item.name)
-                    cell(item.trouble or f"{item.presses:,}")
-                    cell(f"{item.finished} of {item.shards}")
+                    kit.cell(item.name)
+                    kit.cell(item.trouble or f"{item.presses:,}")
+                    kit.cell(f"{item.finished} of {item.shards}")
                     resume = partial(self._viewer.attempt, self._sweeps.resume, item.name)
                     with ui.element("td"), ui.element("div").classes("row"):
                         for text, act, useful in (
@@ -95,11 +81,10 @@ class SweepsPage:
                             ("Resume", resume, not item.complete and not item.trouble),
                         ):
                             if useful:
-                                button = ui.button(text, on_click=act).props("no-caps dense outline")
-                                button.props["aria-label"] = f"{text} {item.name}"
+                                kit.button(text, act, look="outline dense", label=f"{text} {item.name}")
 
     async def _ask_cost(self) -> None:
-        with loading(self._cost):
+        with kit.loading(self._cost):
             found = await self._viewer.attempt(self._sweeps.cost, self._text.value or "")
         if found is not None:
             plan, lasts = found[0], timedelta(seconds=round(found[1]))
@@ -107,7 +92,7 @@ class SweepsPage:
 
     async def _begin(self) -> None:
         name = (self._name.value or "").strip()
-        with loading(self._start):
+        with kit.loading(self._start):
             job = await self._viewer.attempt(self._sweeps.begin, name, self._text.value or "")
         if job is not None:
             self._viewer.notify(tr("The sweep {name} is under way.", name=name))

@@ -12,6 +12,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.interpolate import RBFInterpolator
 from scipy.special import expit, logit
 
 from tsis.inclusion.posterior._grid import Grid, box_around, refine
@@ -102,7 +103,8 @@ class SignalChart:
 
 LINEARISATIONS = 3  # before that of the result
 COARSE, CLOSE, CELLS = 12, 10, 16  # cells along an axis: first search, search near an earlier grid, result
-LEFT = 0.1  # largest residual of the log likelihood's parabola
+LEFT = 0.1  # largest residual of a correction to the log likelihood
+SMOOTHING = 1e-6  # samples may nearly coincide
 CHUNK = 256  # inclusions whose likelihood is evaluated at a time
 CHECKED = 64  # points at which the fast likelihood is compared
 SAMPLES = 8192
@@ -189,9 +191,14 @@ def _corrected(
     grid: Grid, likelihood: Callable[[Floats], LikelihoodFit], nearby: LinearisedLikelihood, chart: SignalChart
 ) -> Grid:
     """The grid with the difference to the exact likelihood, a parabola through comparisons at samples."""
+
+    def missing(points: Floats) -> Floats:
+        inclusions = chart.inclusions(points)
+        parts = np.array_split(inclusions, max(1, len(inclusions) // CHUNK))
+        return np.concatenate([likelihood(part).log_evidence for part in parts]) - nearby(inclusions)
+
     points = grid.samples(CHECKED)
-    inclusions = chart.inclusions(points)
-    missing = likelihood(inclusions).log_evidence - nearby(inclusions)
+    at_points = missing(points)
     middle, spread = points.mean(axis=0), points.std(axis=0)
 
     def parabola(at: Floats) -> Floats:
@@ -199,21 +206,31 @@ def _corrected(
         products = [x[:, i] * x[:, j] for i in range(3) for j in range(i, 3)]
         return np.column_stack([np.ones(len(x)), x, *products])
 
-    factors, *_ = np.linalg.lstsq(parabola(points), missing, rcond=None)
-    if np.std(missing - parabola(points) @ factors) > LEFT:
-        return _exact(grid, likelihood, chart)
+    factors, *_ = np.linalg.lstsq(parabola(points), at_points, rcond=None)
+    if np.std(at_points - parabola(points) @ factors) > LEFT:
+        return _interpolated(grid, missing, points, at_points)
     # Extrapolation beyond the samples is limited to the largest correction among them.
-    correction = np.clip(parabola(grid.cells.points) @ factors, missing.min(), missing.max())
+    correction = np.clip(parabola(grid.cells.points) @ factors, at_points.min(), at_points.max())
     return grid.with_density(grid.log_density + correction)
 
 
-def _exact(grid: Grid, likelihood: Callable[[Floats], LikelihoodFit], chart: SignalChart) -> Grid:
-    """The grid under the exact likelihood, for wide posteriors that no parabola fits; a tenth of a second."""
-    points = grid.cells.points
-    inclusions = chart.inclusions(points)
-    parts = np.array_split(inclusions, max(1, len(inclusions) // CHUNK))
-    log_evidence = np.concatenate([likelihood(part).log_evidence for part in parts])
-    return grid.with_density(log_evidence + chart.log_volume(points))
+def _interpolated(grid: Grid, missing: Callable[[Floats], Floats], points: Floats, at_points: Floats) -> Grid:
+    """The grid corrected by a spline, for wide posteriors that no parabola fits.
+
+    The spline goes through samples of the grid that it corrected before, until it predicts those still to come.
+    """
+    middle, spread = points.mean(axis=0), points.std(axis=0)
+    while len(points) < len(grid.cells.points):
+        spline = RBFInterpolator((points - middle) / spread, at_points, kernel="cubic", degree=1, smoothing=SMOOTHING)
+        correction = np.minimum(spline((grid.cells.points - middle) / spread), at_points.max())
+        corrected = grid.with_density(grid.log_density + correction)
+        further = corrected.samples(2 * len(points))[len(points) :]
+        at_further = missing(further)
+        wrong = at_further - spline((further - middle) / spread)
+        if np.std(wrong) < LEFT:
+            return corrected
+        points, at_points = np.concatenate([points, further]), np.concatenate([at_points, at_further])
+    return grid.with_density(grid.log_density + missing(grid.cells.points))
 
 
 def _blank_evidence(likelihood: InclusionLikelihood) -> float:

@@ -13,20 +13,9 @@ from tsis.calibration.force import TIPS_MM
 from tsis.calibration.session import SessionSetup
 from tsis.catalog import list_probes
 from tsis.console.live import LiveView
+from tsis.console.pages import components as kit
 from tsis.console.pages.calibrate._steps import CalibrationResultPanel, MakePanel, SavedFrame, StepCard
-from tsis.console.pages.components import (
-    OperatorControls,
-    Redrawn,
-    field_messages,
-    number_text_of_field,
-    panel_title,
-    select_field,
-    tr,
-    typed_integer,
-    typed_number,
-    typed_numbers,
-    unit_field,
-)
+from tsis.console.pages.components import tr
 from tsis.errors import InputError, TsisError
 from tsis.model import require_integer
 from tsis.virtual import bench_name
@@ -34,7 +23,6 @@ from tsis.virtual import bench_name
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Sequence
 
-    from tsis.console.pages.components import Viewer
     from tsis.console.services import Instrument, InstrumentState
     from tsis.console.services.calibrating import CalibrationSession, SessionSummary, StepState
 
@@ -42,15 +30,13 @@ if TYPE_CHECKING:
 LIST_EVERY_S, SESSION_EVERY_S = 2.0, 0.3  # between two readings
 
 
-def calibrate_page(instrument: Instrument, viewer: Viewer) -> None:
+def calibrate_page(instrument: Instrument, viewer: kit.Viewer) -> None:
     """Build the page."""
-    controls = OperatorControls(viewer)
+    controls = kit.OperatorControls(viewer)
     with ui.element("div").classes("split calibrate-choosing"):
-        with ui.element("section").classes("panel"):
-            panel_title(tr("Sessions"))
-            listed = Redrawn(ui.element("div").classes("stack"))
-        with ui.element("section").classes("panel stack"):
-            panel_title(tr("Begin a calibration"))
+        with kit.panel(tr("Sessions"), style="panel"):
+            listed = kit.Redrawn(ui.element("div").classes("stack"))
+        with kit.panel(tr("Begin a calibration")):
             form = TermsForm(instrument, viewer, controls)
             controls.why()
 
@@ -71,12 +57,12 @@ def calibrate_page(instrument: Instrument, viewer: Viewer) -> None:
 def session_list(sessions: Sequence[SessionSummary]) -> None:
     """Links to all sessions with their progress."""
     if not sessions:
-        ui.label(
+        kit.muted(
             tr(
                 "None yet. A calibration converts grey levels to newtons and pixels to millimetres; begin one, and "
                 "it leads through its steps. It can be interrupted at any time and goes on where it was left."
             )
-        ).classes("muted")
+        )
         return
     with ui.element("ul").classes("calibrate-sessions"):
         for item in sessions:
@@ -88,12 +74,12 @@ def session_list(sessions: Sequence[SessionSummary]) -> None:
                 ui.link(item.title or item.name, f"/calibrate/{quote(item.name)}").classes("strong").mark(
                     f"session {item.name}"
                 )
-                ui.label(tr("{probe}, {camera}", probe=item.probe, camera=item.camera)).classes("muted")
+                kit.muted(tr("{probe}, {camera}", probe=item.probe, camera=item.camera))
                 ui.element("div").classes("spring")
                 if item.made:
                     ui.label(tr("calibration made")).classes("good")
                 else:
-                    ui.label(tr("{done} of {total} steps", done=item.done, total=item.total)).classes("muted")
+                    kit.muted(tr("{done} of {total} steps", done=item.done, total=item.total))
 
 
 ICONS = {"open": "radio_button_unchecked", "under way": "hourglass_top", "done": "check_circle", "left out": "remove"}
@@ -104,20 +90,18 @@ class StepList:
 
     def __init__(
         self,
-        viewer: Viewer,
+        viewer: kit.Viewer,
         session: CalibrationSession,
-        controls: OperatorControls,
+        controls: kit.OperatorControls,
         choose: Callable[[str], Awaitable[None]],
     ) -> None:
         self._choose = choose
-        self._title = panel_title(tr("Steps"))
-        self._list = Redrawn(ui.element("ol").classes("calibrate-steps"))
-        self._all = ui.button(
-            tr("Take all open steps"), icon="fast_forward", on_click=viewer.command(session.take_all)
-        ).classes("calibrate-all")
+        self._title = kit.panel_title(tr("Steps"))
+        self._list = kit.Redrawn(ui.element("ol").classes("calibrate-steps"))
+        take_all = kit.button(tr("Take all open steps"), viewer.command(session.take_all), icon="fast_forward")
+        self._all = controls.add(take_all.classes("calibrate-all"))
         self._automatic = session.rig.by_itself
         self._all.set_visibility(self._automatic)
-        controls.add(self._all.props("no-caps outline"))
 
     def show(self, steps: Sequence[StepState], present: str | None) -> None:
         """Show the progress of each step and mark the present one."""
@@ -134,15 +118,15 @@ class StepList:
     def _item(self, state: StepState, *, here: bool) -> None:
         name = state.step.name
         with ui.element("li"):
-            button = ui.button(on_click=partial(self._choose, name)).props("flat no-caps align=left")
-            button.classes("calibrate-step here" if here else "calibrate-step")
-            button.props["aria-label"] = f"Step {name}: {status_text(state)}"
+            label = f"Step {name}: {status_text(state)}"
+            button = kit.button("", partial(self._choose, name), look="flat", label=label)
+            button.props("align=left").classes("calibrate-step here" if here else "calibrate-step")
             if here:
                 button.props('aria-current="step"')
             with button:
                 ui.icon(ICONS[state.status]).classes(state.status.replace(" ", "-"))
                 ui.label(name).classes("calibrate-step-name")
-                ui.label(status_text(state)).classes("muted")
+                kit.muted(status_text(state))
 
 
 def status_text(state: StepState) -> str:
@@ -156,7 +140,7 @@ def status_text(state: StepState) -> str:
     return state.status
 
 
-async def session_page(instrument: Instrument, viewer: Viewer, name: str) -> None:
+async def session_page(instrument: Instrument, viewer: kit.Viewer, name: str) -> None:
     """Build the page of the session of that name."""
     position = ui.element("div").classes("stack")
     try:
@@ -175,17 +159,17 @@ async def session_page(instrument: Instrument, viewer: Viewer, name: str) -> Non
 class _Guide:
     """The parts of a session's page, and the present step."""
 
-    def __init__(self, instrument: Instrument, viewer: Viewer, session: CalibrationSession) -> None:
+    def __init__(self, instrument: Instrument, viewer: kit.Viewer, session: CalibrationSession) -> None:
         self._session = session
-        self._controls = OperatorControls(viewer)
+        self._controls = kit.OperatorControls(viewer)
         self._chosen: str | None = None
         self._steps: tuple[StepState, ...] = ()
         self._view: LiveView | None = None
         self._state: InstrumentState | None = None
         with ui.element("div").classes("row calibrate-head"):
             ui.link(tr("Sessions"), "/calibrate")
-            panel_title(session.terms.name)
-            ui.label(setup_text(session)).classes("muted")
+            kit.panel_title(session.terms.name)
+            kit.muted(setup_text(session))
         with ui.element("div").classes("calibrate-guide"):
             with ui.element("section").classes("panel").props('aria-label="Steps"'):
                 self._list = StepList(viewer, session, self._controls, self._choose)
@@ -275,32 +259,28 @@ LABELS = {
 class TermsForm:
     """Asks for the terms and begins the session."""
 
-    def __init__(self, instrument: Instrument, viewer: Viewer, controls: OperatorControls) -> None:
+    def __init__(self, instrument: Instrument, viewer: kit.Viewer, controls: kit.OperatorControls) -> None:
         self._instrument, self._viewer = instrument, viewer
         choice = instrument.camera_controller.choice
         self._virtual = choice.is_virtual
         tips, pads = (PROBE_TIPS_MM, PROBE_PADS_KPA) if self._virtual else (TIPS_MM, ())
         with ui.element("div").classes("stack"):
-            self._with = ui.label().classes("muted")
+            self._with = kit.muted()
             with ui.element("div").classes("calibrate-terms"):
-                self._name = unit_field("Name", "bench", keys="text")
-                self._probe = select_field(list(list_probes()), value=choice.probe, label="Probe").props(
-                    "dense outlined"
-                )
-                self._pitch = unit_field("Pitch of the dot board", "2.5", unit="mm")
-                self._pitch_sd = unit_field("Its standard uncertainty", "0", unit="mm")
-                self._tips = unit_field("Radii of the tips", _listed(tips), unit="mm", keys="text")
-                self._pads = unit_field("Moduli of the soft pads", _listed(pads), unit="kPa", keys="text")
+                self._name = kit.unit_field("Name", "bench", keys="text")
+                self._probe = kit.select_field(list(list_probes()), value=choice.probe, label="Probe")
+                self._pitch = kit.unit_field("Pitch of the dot board", "2.5", unit="mm")
+                self._pitch_sd = kit.unit_field("Its standard uncertainty", "0", unit="mm")
+                self._tips = kit.unit_field("Radii of the tips", _listed(tips), unit="mm", keys="text")
+                self._pads = kit.unit_field("Moduli of the soft pads", _listed(pads), unit="kPa", keys="text")
                 self._pads.props('hint="they measure the light on dents; without pads estimates on tissue are wide"')
-                self._repeats = unit_field("Loadings of each tip", "1")
-                self._gauge_uncertainty = unit_field("Relative uncertainty of the gauge", "0.001")
-                self._seed = unit_field("Seed of the virtual rig", str(choice.seed), keys="numeric")
-                self._patch = unit_field("Lamps seen past the probe", unit="pixels", keys="text")
+                self._repeats = kit.unit_field("Loadings of each tip", "1")
+                self._gauge_uncertainty = kit.unit_field("Relative uncertainty of the gauge", "0.001")
+                self._seed = kit.unit_field("Seed of the virtual rig", str(choice.seed), keys="numeric")
+                self._patch = kit.unit_field("Lamps seen past the probe", unit="pixels", keys="text")
                 self._patch.props('hint="left, top, right, bottom; empty where they are seen nowhere" ')
             with ui.element("div").classes("row"):
-                self._button = ui.button(tr("Begin"), icon="play_arrow", on_click=self._begin).props(
-                    "no-caps unelevated"
-                )
+                self._button = kit.button(tr("Begin"), self._begin, icon="play_arrow", look="unelevated")
         controls.add(self._button)
 
     def show(self, state: InstrumentState) -> None:
@@ -323,18 +303,18 @@ class TermsForm:
             ui.navigate.to(f"/calibrate/{quote(session.name)}")
 
     def _begun(self) -> CalibrationSession:
-        with field_messages(LABELS):
+        with kit.field_messages(LABELS):
             return self._instrument.calibrating.begin(self._terms(), by=self._viewer.identity)
 
     def _terms(self) -> SessionSetup:
-        tips = typed_numbers(LABELS["tips_mm"], self._tips.value)
-        repeats = typed_integer("loadings of each tip", self._repeats.value, 1, 20)
+        tips = kit.typed_numbers(LABELS["tips_mm"], self._tips.value)
+        repeats = kit.typed_integer("loadings of each tip", self._repeats.value, 1, 20)
         if len(tips) * repeats < LEAST_LOADINGS:
             raise InputError(
                 f"a calibration needs at least {LEAST_LOADINGS} loadings, of two tips or of one twice; got {len(tips)} "
                 f"tip and {repeats} loading of it (add a tip, or load it twice)"
             )
-        seed = typed_integer("seed", self._seed.value, 0, LARGEST_SEED)
+        seed = kit.typed_integer("seed", self._seed.value, 0, LARGEST_SEED)
         name = (self._name.value or "").strip()
         if not name:
             raise InputError("name must be given: what the calibration will be called; got none")
@@ -342,18 +322,20 @@ class TermsForm:
             name=name,
             probe=self._probe.value or "",
             camera=bench_name(seed) if self._virtual else self._instrument.camera_controller.name or "camera",
-            pitch_mm=typed_number(LABELS["pitch_mm"], self._pitch.value),
-            pitch_sd_mm=typed_number(LABELS["pitch_sd_mm"], self._pitch_sd.value),
-            gauge_share=typed_number(LABELS["gauge_share"], self._gauge_uncertainty.value),
+            pitch_mm=kit.typed_number(LABELS["pitch_mm"], self._pitch.value),
+            pitch_sd_mm=kit.typed_number(LABELS["pitch_sd_mm"], self._pitch_sd.value),
+            gauge_share=kit.typed_number(LABELS["gauge_share"], self._gauge_uncertainty.value),
             patch_px=None if self._virtual else typed_patch(self._patch.value or ""),
             tips_mm=tips,
             repeats=repeats,
-            pads_kpa=typed_numbers(LABELS["pads_kpa"], self._pads.value) if (self._pads.value or "").strip() else (),
+            pads_kpa=kit.typed_numbers(LABELS["pads_kpa"], self._pads.value)
+            if (self._pads.value or "").strip()
+            else (),
         )
 
 
 def _listed(numbers: Sequence[float]) -> str:
-    return ", ".join(number_text_of_field(number) for number in numbers)
+    return ", ".join(kit.number_text_of_field(number) for number in numbers)
 
 
 def typed_patch(text: str) -> tuple[int, int, int, int] | None:
@@ -366,7 +348,7 @@ def typed_patch(text: str) -> tuple[int, int, int, int] | None:
     """
     if not text.strip():
         return None
-    result = typed_numbers("lamps seen past the probe", text)
+    result = kit.typed_numbers("lamps seen past the probe", text)
     if len(result) != SIDES:
         raise InputError(f"lamps seen past the probe must be left, top, right, bottom in pixels; got {text!r:.60}")
     left, top, right, bottom = (require_integer("lamps seen past the probe", side, 0, 100_000) for side in result)

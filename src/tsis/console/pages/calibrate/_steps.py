@@ -11,24 +11,8 @@ from tsis.__about__ import VALID_DAYS
 from tsis.calibration import read_usable_calibration
 from tsis.calibration.file import read_calibration
 from tsis.console.files import GREY, thumbnail_png
-from tsis.console.pages.components import (
-    FORCE,
-    ProgressBar,
-    Redrawn,
-    cards,
-    drawings,
-    field_messages,
-    figure,
-    is_confirmed,
-    message_list,
-    panel_title,
-    set_class,
-    show_drawing,
-    table,
-    tr,
-    typed_number,
-    unit_field,
-)
+from tsis.console.pages import components as kit
+from tsis.console.pages.components import tr
 from tsis.console.services import DONE, ENDED, FAILED
 from tsis.files import to_json_value
 from tsis.report import Table, calibration_page, content_rows
@@ -39,7 +23,6 @@ if TYPE_CHECKING:
 
     from tsis.calibration.file import ProbeCalibration
     from tsis.calibration.session import CalibrationStep
-    from tsis.console.pages.components import OperatorControls, Viewer
     from tsis.console.services import Instrument, InstrumentState, JobState
     from tsis.console.services.calibrating import CalibrationResult, CalibrationSession, StepState
     from tsis.report import Page
@@ -51,13 +34,13 @@ SIZE_PX = 560  # of its longer side
 class SavedFrame:
     """The frame in the middle of a step, in loadings near the largest force."""
 
-    def __init__(self, viewer: Viewer, session: CalibrationSession) -> None:
+    def __init__(self, viewer: kit.Viewer, session: CalibrationSession) -> None:
         self._viewer, self._session = viewer, session
         self._shown: str | None = None
         with ui.element("figure").classes("calibrate-frame") as self._figure:
             self._image = ui.element("img")
             with ui.element("figcaption"):
-                self._caption = ui.label().classes("muted")
+                self._caption = kit.muted()
         self._figure.set_visibility(False)
 
     async def show(self, state: StepState | None) -> None:
@@ -75,7 +58,7 @@ class SavedFrame:
         content, caption = result
         self._caption.text = caption
         source = f"data:image/png;base64,{base64.b64encode(content).decode()}"
-        show_drawing(self._image, source, f"Frame of step {name}")
+        kit.show_drawing(self._image, source, f"Frame of step {name}")
         self._figure.set_visibility(True)
 
     def _read(self, step: CalibrationStep) -> tuple[bytes, str]:
@@ -88,30 +71,30 @@ class SavedFrame:
 class TypedLoading:
     """The field for the next force, and the table of those so far."""
 
-    def __init__(self, viewer: Viewer, session: CalibrationSession, controls: OperatorControls, step: str) -> None:
+    def __init__(
+        self, viewer: kit.Viewer, session: CalibrationSession, controls: kit.OperatorControls, step: str
+    ) -> None:
         self._viewer, self._session, self._step = viewer, session, step
         with ui.element("div").classes("stack"):
-            ui.label(tr("Begin untouched with the force that the gauge shows then, usually 0.")).classes("muted")
+            kit.muted(tr("Begin untouched with the force that the gauge shows then, usually 0."))
             with ui.element("div").classes("row"):
-                self._force = unit_field("Force that the gauge shows", unit="N").props("autofocus")
+                self._force = kit.unit_field("Force that the gauge shows", unit="N").props("autofocus")
                 self._force.on("keydown.enter", self._press)
-                take = ui.button(tr("Take a frame"), icon="photo_camera", on_click=self._press).props(
-                    "no-caps unelevated"
-                )
-            self._table = Redrawn(ui.element("div").classes("calibrate-forces"))
+                take = kit.button(tr("Take a frame"), self._press, icon="photo_camera", look="unelevated")
+            self._table = kit.Redrawn(ui.element("div").classes("calibrate-forces"))
             with ui.element("div").classes("row"):
-                save = ui.button(
-                    tr("It is back at 0: save it"), icon="check", on_click=viewer.command(session.save_presses, step)
+                save = kit.button(
+                    tr("It is back at 0: save it"), viewer.command(session.save_presses, step), icon="check"
                 )
-                undo = ui.button(tr("Remove the last"), icon="undo", on_click=viewer.command(session.unpress, step))
-        controls.add(self._force, take, save.props("no-caps outline"), undo.props("no-caps outline"))
+                undo = kit.button(tr("Remove the last"), viewer.command(session.unpress, step), icon="undo")
+        controls.add(self._force, take, save, undo)
 
     def show(self, forces_n: Sequence[float]) -> None:
         """Show the forces so far."""
         if not self._table.changes_to(forces_n):
             return
         with self._table.element:
-            ui.label(f"{len(forces_n)} frames" if forces_n else "No frame yet.").classes("muted")
+            kit.muted(f"{len(forces_n)} frames" if forces_n else "No frame yet.")
             for force in forces_n:
                 ui.label(tr("{force} N", force=f"{force:g}")).classes("chip")
 
@@ -119,8 +102,8 @@ class TypedLoading:
         text = str(self._force.value or "")
 
         def pressed() -> int:
-            force = typed_number("force", text.replace(",", "."))
-            with field_messages(FORCE):
+            force = kit.typed_number("force", text.replace(",", "."))
+            with kit.field_messages(kit.FORCE):
                 return self._session.press(self._step, force, by=self._viewer.identity)
 
         if await self._viewer.attempt(pressed) is not None:
@@ -130,11 +113,11 @@ class TypedLoading:
 class StepCard:
     """Shows the present step."""
 
-    def __init__(self, viewer: Viewer, session: CalibrationSession, controls: OperatorControls) -> None:
+    def __init__(self, viewer: kit.Viewer, session: CalibrationSession, controls: kit.OperatorControls) -> None:
         self._viewer, self._session, self._controls = viewer, session, controls
-        self._container = Redrawn(ui.element("div").classes("stack"))
-        self._bar = ProgressBar("Frames taken")
-        self._text = ui.label().classes("muted").props("role=status")
+        self._container = kit.Redrawn(ui.element("div").classes("stack"))
+        self._bar = kit.ProgressBar("Frames taken")
+        self._text = kit.status()
         self._typed: TypedLoading | None = None
 
     def show(self, steps: Sequence[StepState], present: str | None) -> None:
@@ -154,38 +137,37 @@ class StepCard:
 
     def _build(self, state: StepState | None, number: int, total: int) -> None:
         if state is None:
-            panel_title(tr("Every step is done or left out."))
-            ui.label(tr("Make the calibration below, or choose a step to repeat it.")).classes("muted")
+            kit.panel_title(tr("Every step is done or left out."))
+            kit.muted(tr("Make the calibration below, or choose a step to repeat it."))
             return
         step, session, command = state.step, self._session, self._viewer.command
-        panel_title(tr("Step {number} of {total}: {name}", number=number, total=total, name=step.name))
+        kit.panel_title(tr("Step {number} of {total}: {name}", number=number, total=total, name=step.name))
         ui.label(f"{step.instruction}.").classes("calibrate-instruction")
         if session.rig.by_itself and state.status != "done":
-            ui.label(tr("Instructions for an operator; the virtual rig does this step.")).classes("muted")
+            kit.muted(tr("Instructions for an operator; the virtual rig does this step."))
         with ui.element("div").classes("row"):
             if state.status == "under way":
                 self._under_way(state)
             elif state.status == "done":
                 ui.label(tr("Done: {frames} frames are saved.", frames=state.frames)).classes("good")
-                self._button("Repeat this step", "replay", lambda: self._repeat(step.name), outline=True)
+                self._button("Repeat this step", "replay", lambda: self._repeat(step.name), look="outline")
             elif step.is_loading and not session.rig.has_gauge:
                 self._typed = TypedLoading(self._viewer, session, self._controls, step.name)
             else:
                 text = "Begin the loading" if step.is_loading else f"Take {step.frames} frames"
                 self._button(text, "photo_camera", command(session.take, step.name))
             if step.optional and state.status == "open":
-                self._button("Leave it out", "skip_next", command(session.leave_out, step.name), outline=True)
+                self._button("Leave it out", "skip_next", command(session.leave_out, step.name), look="outline")
 
     def _under_way(self, state: StepState) -> None:
         session, command = self._session, self._viewer.command
         if state.step.is_loading and not session.rig.by_itself:
             ui.label(tr("Load now, slowly, and back to 0.")).classes("strong")
             self._button("It is back at 0: save it", "check", command(session.end_loading))
-        self._button("Cancel", "stop", command(session.end_step), outline=True)
+        self._button("Cancel", "stop", command(session.end_step), look="outline")
 
-    def _button(self, text: str, icon: str, act: Callable[[], Awaitable[object]], *, outline: bool = False) -> None:
-        button = ui.button(text, icon=icon, on_click=act)
-        self._controls.add(button.props("no-caps outline" if outline else "no-caps unelevated"))
+    def _button(self, text: str, icon: str, act: Callable[[], Awaitable[object]], look: str = "unelevated") -> None:
+        self._controls.add(kit.button(text, act, icon=icon, look=look))
 
     def _progress(self) -> None:
         """How far the frames of a step are, and what became of the last step."""
@@ -193,11 +175,13 @@ class StepCard:
         state = None if job is None else job.state()
         self._bar.show(state)
         self._text.text = "" if state is None else frames_text(state)
-        set_class(self._text, "doubtful", state is not None and state.status == FAILED)
+        kit.set_class(self._text, "doubtful", state is not None and state.status == FAILED)
 
     async def _repeat(self, name: str) -> None:
         question = f"Remove the frames of step {name!r} and take it again?"
-        if await is_confirmed(question, yes="Remove and repeat", why="A calibration computed from them is set aside."):
+        if await kit.is_confirmed(
+            question, yes="Remove and repeat", why="A calibration computed from them is set aside."
+        ):
             await self._viewer.command(self._session.repeat, name)()
 
 
@@ -211,11 +195,11 @@ def frames_text(job: JobState) -> str:
 class CalibrationResultPanel:
     """Shows the calibration, also one from before the program's start; ``identity`` is empty without one."""
 
-    def __init__(self, viewer: Viewer, session: CalibrationSession) -> None:
+    def __init__(self, viewer: kit.Viewer, session: CalibrationSession) -> None:
         self._viewer, self._session = viewer, session
         self.identity = ""
         panel = ui.element("section").classes("panel stack").props('aria-label="What was measured"')
-        self._panel = Redrawn(panel.set_visibility(False))
+        self._panel = kit.Redrawn(panel.set_visibility(False))
 
     async def refresh(self, file: Path | None) -> None:
         """Show changes; ``file`` is the calibration's, None before it exists."""
@@ -236,7 +220,7 @@ class CalibrationResultPanel:
     async def _show_result(self, result: CalibrationResult) -> None:
         provenance = {"session": str(self._session.folder.path), "terms": to_json_value(self._session.terms)}
         page = calibration_page(result.measured, result.findings, provenance=provenance)
-        sources = await self._viewer.attempt(drawings, page)
+        sources = await self._viewer.attempt(kit.drawings, page)
         if sources is not None:
             self.identity = result.identity
             with self._panel.element:
@@ -245,49 +229,44 @@ class CalibrationResultPanel:
 
 def result_content(page: Page, sources: Sequence[str]) -> None:
     """Cards, figures beside each other, notes, and tables beside each other."""
-    cards(page.cards)
+    kit.cards(page.cards)
     with ui.element("div").classes("calibrate-figures"):
         ordered = sorted(zip(page.pictures, sources, strict=True), key=lambda item: item[0].wide)
         for picture, source in ordered:
-            figure(picture, source)
-    message_list(page.notes)
+            kit.figure(picture, source)
+    kit.message_list(page.notes)
     with ui.element("div").classes("calibrate-tables"):
         for item in page.tables:
-            table(item)
+            kit.table(item)
 
 
 def calibration_content(calibration: ProbeCalibration) -> None:
     """Contents of the file of an earlier calibration."""
-    ui.label(
-        tr("It was computed before. Compute it again from the same frames to see the residuals of its fits.")
-    ).classes("muted")
-    table(Table(title="Measured", headings=("quantity", "value", "95 % interval"), rows=content_rows(calibration)))
+    kit.muted(tr("It was computed before. Compute it again from the same frames to see the residuals of its fits."))
+    kit.table(Table(title="Measured", headings=("quantity", "value", "95 % interval"), rows=content_rows(calibration)))
 
 
 class MakePanel:
     """Buttons that compute the calibration, activate it and download it."""
 
     def __init__(
-        self, instrument: Instrument, viewer: Viewer, session: CalibrationSession, controls: OperatorControls
+        self, instrument: Instrument, viewer: kit.Viewer, session: CalibrationSession, controls: kit.OperatorControls
     ) -> None:
         self._instrument, self._viewer, self._session = instrument, viewer, session
         self._identity = ""
         with ui.element("section").classes("panel stack").props('aria-label="Calibration"'):
             with ui.element("div").classes("row"):
-                panel_title(tr("Calibration"))
+                kit.panel_title(tr("Calibration"))
                 ui.element("div").classes("spring")
-                self._days = unit_field("Good for", str(VALID_DAYS), unit="days").classes("calibrate-days")
-                self._make = ui.button(tr("Make the calibration"), icon="calculate", on_click=self._begin)
-                self._make.props("no-caps unelevated")
-            self._bar = ProgressBar("Progress of the calibration")
-            self._text = ui.label().classes("muted").props("role=status")
+                self._days = kit.unit_field("Good for", str(VALID_DAYS), unit="days").classes("calibrate-days")
+                self._make = kit.button(tr("Make the calibration"), self._begin, icon="calculate", look="unelevated")
+            self._bar = kit.ProgressBar("Progress of the calibration")
+            self._text = kit.status()
             with ui.element("div").classes("row") as self._commands:
-                self._use = ui.button(tr("Activate"), icon="verified", on_click=self._activate)
-                controls.add(self._use.props("no-caps unelevated"))
+                self._use = controls.add(kit.button(tr("Activate"), self._activate, icon="verified", look="unelevated"))
                 self._active = ui.label(tr("It is active.")).classes("good")
-                file = ui.button(tr("Download the file"), icon="download", on_click=self._download)
-                file.props("no-caps outline")
-                self._cited = ui.label().classes("muted")
+                kit.button(tr("Download the file"), self._download, icon="download")
+                self._cited = kit.muted()
         self._commands.set_visibility(False)
 
     def show(self, state: InstrumentState) -> None:
@@ -311,7 +290,7 @@ class MakePanel:
             text = job.sentence
         self._text.text = text
         self._text.set_visibility(bool(text))
-        set_class(self._text, "doubtful", failed)
+        kit.set_class(self._text, "doubtful", failed)
 
     def cites(self, identity: str) -> None:
         """Set the identity of the calibration; empty without one."""
@@ -320,7 +299,7 @@ class MakePanel:
         self._commands.set_visibility(bool(identity))
 
     async def _begin(self) -> None:
-        await self._viewer.attempt(lambda: self._session.make(days=typed_number("days", self._days.value)))
+        await self._viewer.attempt(lambda: self._session.make(days=kit.typed_number("days", self._days.value)))
 
     async def _activate(self) -> None:
         def activated() -> str:

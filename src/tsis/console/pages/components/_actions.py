@@ -122,7 +122,7 @@ class RunButton:
     def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
         self._instrument, self._viewer = instrument, viewer
         self._runs: bool | None = None  # as the button says; None before anything is known
-        self.element = ui.button(tr("Start"), on_click=self._clicked).props("no-caps outline").classes("run")
+        self.element = ui.button(tr("Start"), on_click=self._clicked).props("outline").classes("run")
 
     def show(self, camera: CameraState, *, main: bool = True) -> None:
         """Say what a click would do; filled when starting is the ``main`` thing to do."""

@@ -124,10 +124,13 @@ def explained_fields(client: Client) -> list[tuple[str, str]]:
 
 
 def explaining(kind: Callable[Arguments, Field]) -> Callable[Arguments, Field]:
-    """Fields of a kind of the pages' library, explained by the help."""
+    """Fields of a kind of the pages' library, outlined, with a translated label, and explained by the help."""
 
     def placed(*given: Arguments.args, **named: Arguments.kwargs) -> Field:
-        return explain(kind(*given, **named))
+        field = kind(*given, **named).props("dense outlined")
+        if label := str(field.props.get("label") or ""):
+            field.props["label"] = tr(label)
+        return explain(field, label)
 
     return placed
 

@@ -95,6 +95,6 @@ def language_choice() -> None:
     for code, name in languages().items():
         if code != chosen_language():
             cookie = f"{COOKIE}={code}; path=/; max-age={YEAR_S}; samesite=strict"
-            button = ui.button(name).props("flat dense no-caps").classes("language")
+            button = ui.button(name).props("flat dense").classes("language")
             button.props["lang"] = code
             button.on("click", js_handler=f"() => {{ document.cookie = {json.dumps(cookie)}; location.reload(); }}")

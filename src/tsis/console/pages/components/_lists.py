@@ -32,6 +32,41 @@ def panel_title(text: str, *, level: int = 2) -> Label:
 
 
 @contextmanager
+def panel(title: str, *, style: str = "panel stack") -> Iterator[Element]:
+    """A panel under its title."""
+    with ui.element("section").classes(style) as place:
+        panel_title(title)
+        yield place
+
+
+def muted(text: str = "") -> Label:
+    """A label that says less than others."""
+    return ui.label(text).classes("muted")
+
+
+def status(style: str = "muted") -> Label:
+    """A label whose changes readers of the screen say."""
+    return ui.label().classes(style).props("role=status")
+
+
+def button(
+    text: str,
+    act: Callable[..., object] | None = None,
+    *,
+    icon: str | None = None,
+    look: str = "outline",
+    label: str = "",
+) -> ui.button:
+    """A button; its look is ``"unelevated"`` for the next step; ``label`` is what readers of the screen say."""
+    made = ui.button(text, icon=icon, on_click=act)
+    for word in look.split():
+        made.props[word] = True
+    if label:
+        made.props["aria-label"] = label
+    return made
+
+
+@contextmanager
 def titled_dialog(title: str, *, style: str = "dialog-card", opened: bool = False) -> Iterator[ui.dialog]:
     """A dialog that screen readers know by its title."""
     with ui.dialog(value=opened) as dialog, ui.card().classes(style):
@@ -51,9 +86,9 @@ def open_dialog(place: Element, title: str, *, style: str = "dialog-card") -> It
 def dialog_buttons(dialog: ui.dialog, text: str, act: Callable[[], object], *, leave: str = "Cancel") -> ui.button:
     """Place the button of a dialog, which is returned, and the one that closes it."""
     with ui.element("div").classes("row"):
-        button = ui.button(text, on_click=act).props("no-caps dense unelevated")
-        ui.button(leave, on_click=dialog.close).props("no-caps dense flat")
-    return button
+        made = button(text, act, look="unelevated dense")
+        button(leave, dialog.close, look="flat dense")
+    return made
 
 
 async def is_confirmed(question: str, *, yes: str, why: str) -> bool:
@@ -62,8 +97,8 @@ async def is_confirmed(question: str, *, yes: str, why: str) -> bool:
         ui.label(why).classes("muted")
         with ui.element("div").classes("row"):
             ui.element("div").classes("spring")
-            ui.button(tr("Cancel"), on_click=lambda: dialog.submit(False)).props("flat no-caps")
-            ui.button(yes, on_click=lambda: dialog.submit(True)).props("unelevated no-caps")
+            button(tr("Cancel"), lambda: dialog.submit(False), look="flat")
+            button(yes, lambda: dialog.submit(True), look="unelevated")
     response = bool(await dialog)
     dialog.delete()
     return response

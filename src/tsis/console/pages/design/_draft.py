@@ -9,17 +9,8 @@ from typing import TYPE_CHECKING
 from nicegui import ui
 
 from tsis.catalog import load_probe
-from tsis.console.pages.components import (
-    FORCE,
-    Redrawn,
-    explain,
-    field_messages,
-    number_text_of_field,
-    typed_forces,
-    typed_integer,
-    typed_number,
-    with_field_labels,
-)
+from tsis.console.pages import components as kit
+from tsis.console.pages.components import tr
 from tsis.errors import InputError
 from tsis.inclusion.design import MOST_EVALUATIONS, MOST_FRAMES_PER_PRESS
 from tsis.model import Layer, Led, Probe
@@ -36,7 +27,7 @@ class FieldMessages:
 
     def __init__(self) -> None:
         self._messages: dict[str, str] = {}
-        self._list = Redrawn(ui.element("div").classes("faults").props('role="status"'))
+        self._list = kit.Redrawn(ui.element("div").classes("faults").props('role="status"'))
 
     def say(self, field: str, message: str) -> None:
         """Set the message of a field; an empty one removes it."""
@@ -71,13 +62,13 @@ def typed_field(
         element.props["aria-invalid"] = "true" if wrong else "false"
         return wrong or None
 
-    element = ui.input(label if shown else None, value=text, validation=validate)
+    element = ui.input(tr(label) if shown else None, value=text, validation=validate)
     element.props("dense outlined hide-bottom-space inputmode=decimal no-error-icon autocomplete=off debounce=150")
     if empty:
         element.props("stack-label").props["placeholder"] = empty
     if not shown:
         element.props["aria-label"] = label
-    explain(element, label.rpartition(", ")[2])
+    kit.explain(element, label.rpartition(", ")[2])
     element.validate()  # a draft that came back with the tab may be wrong
 
 
@@ -104,26 +95,28 @@ class ProbeDraft:
 
     def __post_init__(self) -> None:
         probe, led = self.start, self.start.leds[0]
-        self.radius_mm = number_text_of_field(probe.radius_mm)
+        self.radius_mm = kit.number_text_of_field(probe.radius_mm)
         self.domed = probe.face_curvature_mm is not None
-        self.curvature_mm = number_text_of_field(probe.face_curvature_mm or 40.0)
-        self.layers = [{name: number_text_of_field(getattr(layer, name)) for name in LAYER} for layer in probe.layers]
+        self.curvature_mm = kit.number_text_of_field(probe.face_curvature_mm or 40.0)
+        self.layers = [
+            {name: kit.number_text_of_field(getattr(layer, name)) for name in LAYER} for layer in probe.layers
+        ]
         self.lamps = str(len(probe.leds))
         self.lamp = {
-            "height_mm": number_text_of_field(probe.led_height_mm(led)),
-            "aim_deg": number_text_of_field(led.aim_deg),
-            "half_angle_deg": number_text_of_field(led.half_angle_deg),
+            "height_mm": kit.number_text_of_field(probe.led_height_mm(led)),
+            "aim_deg": kit.number_text_of_field(led.aim_deg),
+            "half_angle_deg": kit.number_text_of_field(led.half_angle_deg),
         }
 
     def probe(self) -> Probe:
         """The probe of the fields; the catalog's probe when nothing was changed. `InputError` for an invalid field."""
-        with field_messages(LABELS):
+        with kit.field_messages(LABELS):
             created = replace(
                 self.start,
-                radius_mm=typed_number("radius", self.radius_mm),
-                face_curvature_mm=typed_number(DOME, self.curvature_mm) if self.domed else None,
+                radius_mm=kit.typed_number("radius", self.radius_mm),
+                face_curvature_mm=kit.typed_number(DOME, self.curvature_mm) if self.domed else None,
                 layers=tuple(
-                    Layer(**{name: typed_number(text, texts[name]) for name, text in LAYER.items()})
+                    Layer(**{name: kit.typed_number(text, texts[name]) for name, text in LAYER.items()})
                     for texts in self.layers
                 ),
                 leds=self._leds(),
@@ -135,33 +128,33 @@ class ProbeDraft:
         before = ProbeDraft(self.start)
         if (self.lamps, self.lamp) == (before.lamps, before.lamp):
             return self.start.leds
-        count = typed_number("lamps", self.lamps)
+        count = kit.typed_number("lamps", self.lamps)
         if not count.is_integer() or not 1 <= count <= MOST_LAMPS:
             raise InputError(f"lamps must be a whole number in [1, {MOST_LAMPS}]; got {self.lamps.strip()}")
-        values = {name: typed_number(text, self.lamp[name]) for name, text in LAMP.items()}
+        values = {name: kit.typed_number(text, self.lamp[name]) for name, text in LAMP.items()}
         first = self.start.leds[0]
         return tuple(replace(first, azimuth_deg=360.0 * number / count, **values) for number in range(int(count)))
 
     def layer_fault(self, texts: Mapping[str, str], name: str) -> str:
         """Error of a field of a layer; empty without one."""
-        return draft_message(lambda: Layer(**{**ANY_LAYER, name: typed_number(LAYER[name], texts[name])}))
+        return draft_message(lambda: Layer(**{**ANY_LAYER, name: kit.typed_number(LAYER[name], texts[name])}))
 
     def lamp_fault(self, name: str) -> str:
         """Error of a field of the lamps; empty without one."""
         if name == "lamps":
-            return draft_message(partial(typed_number, "lamps", self.lamps)) or draft_message(self._leds)
-        return draft_message(lambda: Led(**{name: typed_number(LAMP[name], self.lamp[name])}))
+            return draft_message(partial(kit.typed_number, "lamps", self.lamps)) or draft_message(self._leds)
+        return draft_message(lambda: Led(**{name: kit.typed_number(LAMP[name], self.lamp[name])}))
 
     def face_fault(self, name: str) -> str:
         """Error of ``"radius_mm"`` or ``"curvature_mm"``; empty without one."""
         thick = Probe(radius_mm=5.0, layers=(Layer(thickness_mm=200.0, young_kpa=50.0),))  # under any dome
-        wrong = draft_message(lambda: replace(thick, radius_mm=typed_number("radius", self.radius_mm)))
+        wrong = draft_message(lambda: replace(thick, radius_mm=kit.typed_number("radius", self.radius_mm)))
         if name == "radius_mm":
             return wrong
-        curvature = partial(typed_number, DOME, self.curvature_mm)
+        curvature = partial(kit.typed_number, DOME, self.curvature_mm)
         if wrong or not self.domed:
             return draft_message(curvature) if self.domed else ""
-        radius = typed_number("radius", self.radius_mm)
+        radius = kit.typed_number("radius", self.radius_mm)
         return draft_message(lambda: replace(thick, radius_mm=radius, face_curvature_mm=curvature()))
 
     def field_faults(self) -> Iterator[str]:
@@ -180,7 +173,7 @@ def draft_message(make: Callable[[], object]) -> str:
     try:
         make()
     except InputError as error:
-        return with_field_labels(str(error), LABELS)
+        return kit.with_field_labels(str(error), LABELS)
     return ""
 
 
@@ -211,16 +204,16 @@ class QuestionDraft:
 
     def question(self, probe: Probe) -> DesignQuestion:
         """The question about a probe; `InputError` for an invalid field."""
-        with field_messages(FORCE):
+        with kit.field_messages(kit.FORCE):
             return DesignQuestion(
                 probe=probe,
-                forces_n=typed_forces(self.forces, most=MOST_FORCES),
+                forces_n=kit.typed_forces(self.forces, most=MOST_FORCES),
                 with_reference=self.with_reference,
-                frames_per_press=typed_integer("frames", self.frames, 1, MOST_FRAMES_PER_PRESS),
+                frames_per_press=kit.typed_integer("frames", self.frames, 1, MOST_FRAMES_PER_PRESS),
                 compared=tuple(aspect for aspect in COMPARED if aspect in self.compared),
                 criterion=self.criterion,
                 traced=self.traced,
-                evaluations=typed_integer("stacks to try", self.evaluations, 1, MOST_EVALUATIONS)
+                evaluations=kit.typed_integer("stacks to try", self.evaluations, 1, MOST_EVALUATIONS)
                 if self.search
                 else None,
             )

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 from nicegui import ui
 
 from tsis.catalog import list_probes, load_probe
-from tsis.console.pages.components import cell, panel_title, rows_under, select_field, tr
+from tsis.console.pages import components as kit
+from tsis.console.pages.components import tr
 from tsis.console.pages.design._draft import (
     COMPARED,
     CRITERIA,
@@ -35,18 +36,18 @@ class QuestionForm:
 
     def __init__(self, editor: ProbeEditor) -> None:
         self._editor, draft = editor, editor.question
-        panel_title(tr("Presses"))
+        kit.panel_title(tr("Presses"))
         self._presses(draft)
-        panel_title(tr("Compare with"), level=3).classes("below")
+        kit.panel_title(tr("Compare with"), level=3).classes("below")
         with ui.element("div").classes("choices"):
             for aspect, text in COMPARED.items():
                 ui.checkbox(text, value=aspect in draft.compared, on_change=partial(self._compare, aspect)).props(
                     "dense"
                 )
-        panel_title(tr("Judge by"), level=3).classes("below")
+        kit.panel_title(tr("Judge by"), level=3).classes("below")
         with ui.element("div").classes("fields"):
-            select_field(CRITERIA, value=draft.criterion, label="The expected error of").props(
-                "dense outlined options-dense"
+            kit.select_field(CRITERIA, value=draft.criterion, label="The expected error of").props(
+                "options-dense"
             ).bind_value_to(draft, "criterion")
             ui.switch(tr("Light by the lamps, traced"), value=draft.traced).props("dense").bind_value_to(
                 draft, "traced"
@@ -115,19 +116,19 @@ class LayerTable:
         self._container.clear()
         layers = self._draft.layers
         with self._container:
-            body = rows_under(HEADINGS, label="Layers, from the tissue up", style="layers")
+            body = kit.rows_under(HEADINGS, label="Layers, from the tissue up", style="layers")
             messages = FieldMessages()
             with body:
                 for at in range(len(layers)):
                     self._row(at, messages)
             if len(layers) < MOST_LAYERS:
                 add = partial(self._change, lambda: layers.append(dict(NEW_LAYER)))
-                ui.button(tr("Add a layer at the glass"), icon="add", on_click=add).props("dense no-caps flat")
+                kit.button(tr("Add a layer at the glass"), add, icon="add", look="flat dense")
 
     def _row(self, at: int, messages: FieldMessages) -> None:
         texts, number = self._draft.layers[at], at + 1
         with ui.element("tr"):
-            cell(str(number))
+            kit.cell(str(number))
             for name, text in LAYER.items():
                 with ui.element("td"):
                     typed_field(
@@ -176,10 +177,10 @@ class ProbeForm:
 
     def __init__(self, editor: ProbeEditor, changed: Callable[[], object]) -> None:
         self._editor, self._changed = editor, changed
-        panel_title(tr("Probe"))
-        select_field(
+        kit.panel_title(tr("Probe"))
+        kit.select_field(
             list(list_probes()), value=editor.probe.start.name, label="Start from", on_change=self._start
-        ).props("dense outlined options-dense").classes("start")
+        ).props("options-dense").classes("start")
         self._container = ui.element("div").classes("stack")
         self._fill()
 
@@ -192,7 +193,7 @@ class ProbeForm:
         self._container.clear()
         with self._container:
             self._face()
-            panel_title(tr("Layers, from the tissue up"), level=3)
+            kit.panel_title(tr("Layers, from the tissue up"), level=3)
             LayerTable(self._editor.probe, self._changed)
             self._lamps()
 
@@ -204,7 +205,7 @@ class ProbeForm:
             self._fill()
             self._changed()
 
-        panel_title(tr("Face"), level=3)
+        kit.panel_title(tr("Face"), level=3)
         fields = ui.element("div").classes("fields")
         messages = FieldMessages()
         with fields:
@@ -226,7 +227,7 @@ class ProbeForm:
             draft.lamp[name] = text
             self._changed()
 
-        panel_title(tr("Lamps around the side"), level=3)
+        kit.panel_title(tr("Lamps around the side"), level=3)
         fields = ui.element("div").classes("fields four")
         messages = FieldMessages()
         with fields:

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 from nicegui import background_tasks, ui
 
 from tsis.catalog import probe_toml
-from tsis.console.pages.components import ProgressBar, drawing, drawings, panel_title, report_parts, show_drawing, tr
+from tsis.console.pages import components as kit
+from tsis.console.pages.components import tr
 from tsis.console.pages.design._draft import ProbeEditor
 from tsis.console.pages.design._forms import ProbeForm, QuestionForm
 from tsis.console.services import DONE, JobCancelled
@@ -32,7 +33,6 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from tsis.console.pages.components import Viewer
     from tsis.console.services import Instrument, Job
     from tsis.model import Probe
     from tsis.report import DesignAnalysis, DesignQuestion, Page
@@ -46,13 +46,13 @@ LEAST_IN, MOST_IN = 1.8, 4.5  # of its height
 class Section:
     """The probe from the side; with a wrong field its message and the last valid probe."""
 
-    def __init__(self, editor: ProbeEditor, viewer: Viewer) -> None:
+    def __init__(self, editor: ProbeEditor, viewer: kit.Viewer) -> None:
         self._editor, self._viewer = editor, viewer
         self._requested = 0
-        panel_title(tr("Seen from the side"))
+        kit.panel_title(tr("Seen from the side"))
         with ui.element("div").classes("section"):
-            self._picture = drawing()
-            show_drawing(self._picture, EMPTY, "the probe, not yet drawn")
+            self._picture = kit.drawing()
+            kit.show_drawing(self._picture, EMPTY, "the probe, not yet drawn")
         self._fault = ui.label().classes("doubtful").props('role="status"')
 
     async def draw(self) -> None:
@@ -68,7 +68,7 @@ class Section:
         self._fault.text = ""
         source = await self._viewer.attempt(address, picture_of(probe))
         if source is not None and turn == self._requested:  # what was typed meanwhile is drawn by who typed it
-            show_drawing(self._picture, source, described(probe))
+            kit.show_drawing(self._picture, source, described(probe))
 
 
 def picture_of(probe: Probe) -> Picture:
@@ -118,7 +118,7 @@ def analysis_of(question: DesignQuestion) -> Callable[[Job], DesignResult]:
             job.say("The search was ended; these designs were compared before it.")
         analysis = analyse_designs(question, result, optimum)
         page = design_page(analysis)
-        return DesignResult(analysis=analysis, page=page, pictures=drawings(page))
+        return DesignResult(analysis=analysis, page=page, pictures=kit.drawings(page))
 
     return work
 
@@ -126,16 +126,16 @@ def analysis_of(question: DesignQuestion) -> Callable[[Job], DesignResult]:
 class DesignResultPanel:
     """Button, progress and result."""
 
-    def __init__(self, instrument: Instrument, viewer: Viewer, editor: ProbeEditor) -> None:
+    def __init__(self, instrument: Instrument, viewer: kit.Viewer, editor: ProbeEditor) -> None:
         self._instrument, self._viewer, self._editor = instrument, viewer, editor
         self._shown: Job | None = None
         self._begun_here = False
         with ui.element("div").classes("row below"):
-            self._start = ui.button(tr("Compute the errors"), on_click=self._started).props("no-caps")
-            self._end = ui.button(tr("End"), on_click=self._ended).props("no-caps outline")
+            self._start = kit.button(tr("Compute the errors"), self._started, look="unelevated")
+            self._end = kit.button(tr("End"), self._ended)
             ui.element("div").classes("spring")
-            ui.button(tr("Save the probe"), on_click=self._save_probe).props("no-caps flat dense")
-        self._bar = ProgressBar("Progress of the designs")
+            kit.button(tr("Save the probe"), self._save_probe, look="flat dense")
+        self._bar = kit.ProgressBar("Progress of the designs")
         self._message = ui.label().props('role="status"')
 
     def result_container(self) -> None:
@@ -191,12 +191,10 @@ class DesignResultPanel:
         self._result.set_visibility(True)
         with self._result:
             with ui.element("div").classes("row"):
-                panel_title(tr("{title}: {subtitle}", title=result.page.title, subtitle=result.page.subtitle))
+                kit.panel_title(tr("{title}: {subtitle}", title=result.page.title, subtitle=result.page.subtitle))
                 ui.element("div").classes("spring")
-                ui.button(tr("Save the result"), on_click=lambda: self._save(result.analysis)).props(
-                    "no-caps flat dense"
-                )
-            report_parts(result.page, result.pictures)
+                kit.button(tr("Save the result"), lambda: self._save(result.analysis), look="flat dense")
+            kit.report_parts(result.page, result.pictures)
 
     def _save(self, analysis: DesignAnalysis) -> None:
         ui.download.content(json_bytes(design_document(analysis)), "design.json", "application/json")
@@ -227,7 +225,7 @@ WHAT = (
 )
 
 
-async def design_tab(instrument: Instrument, viewer: Viewer) -> None:
+async def design_tab(instrument: Instrument, viewer: kit.Viewer) -> None:
     """Build the page with this tab's draft."""
     await ui.context.client.connected()
     editor = viewer.saved(ProbeEditor)

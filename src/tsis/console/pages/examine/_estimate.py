@@ -8,21 +8,8 @@ from typing import TYPE_CHECKING
 
 from nicegui import run, ui
 
-from tsis.console.pages.components import (
-    ProgressBar,
-    Redrawn,
-    cards,
-    estimate_job,
-    figure,
-    force_text,
-    message_list,
-    panel_title,
-    row,
-    rows_under,
-    set_class,
-    set_filled,
-    tr,
-)
+from tsis.console.pages import components as kit
+from tsis.console.pages.components import tr
 from tsis.console.services import FAILED, LIGHT_N, CameraChoice, tissue_title
 from tsis.errors import TsisError
 from tsis.records import ESTIMATES, ROLE_NAMES
@@ -33,7 +20,6 @@ from tsis.report.target import time_text
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from tsis.console.pages.components import OperatorControls, Viewer
     from tsis.console.services import Instrument, InstrumentState, JobState, TissueReading
     from tsis.model import Estimate
     from tsis.records import StoredEstimate, StoredPress, Target
@@ -170,20 +156,18 @@ class WorkOrder:
     next step.
     """
 
-    def __init__(self, instrument: Instrument, viewer: Viewer, controls: OperatorControls) -> None:
+    def __init__(self, instrument: Instrument, viewer: kit.Viewer, controls: kit.OperatorControls) -> None:
         self._instrument, self._viewer, self._controls = instrument, viewer, controls
         self._saved: SavedTarget | None = None
         self._role = ""
         self.main = "camera"
-        self._first = Redrawn(ui.element("div"))
+        self._first = kit.Redrawn(ui.element("div"))
         with ui.element("section").classes("panel work") as strip:
             strip.props["aria-label"] = tr("Order of work")
-            self._steps = Redrawn(ui.element("ol").classes("work-steps"))
+            self._steps = kit.Redrawn(ui.element("ol").classes("work-steps"))
             with ui.element("div").classes("row"):
-                self._cure = ui.label().classes("muted").props("role=status")
-                self._choose = ui.button(tr("Switch to the target"), on_click=self._choose_role).props(
-                    "no-caps dense unelevated"
-                )
+                self._cure = kit.status()
+                self._choose = kit.button(tr("Switch to the target"), self._choose_role, look="unelevated dense")
                 self._choose.set_visibility(False)
                 controls.add(self._choose)
 
@@ -213,17 +197,17 @@ class WorkOrder:
         self.main = "first" if first else "role" if self._role else step.name
 
     def _say_what_this_is(self) -> None:
-        with ui.element("section").classes("panel stack"):
-            panel_title(tr("What this is"))
+        with kit.panel(tr("What this is")):
             ui.label(tr(WHAT_THIS_IS)).classes("wordy")
             with ui.element("div").classes("row"):
-                begin = ui.button(tr("Try the virtual probe"), icon="science", on_click=self._try_virtual)
-                self._controls.add(begin.props("no-caps unelevated"))
+                self._controls.add(
+                    kit.button(tr("Try the virtual probe"), self._try_virtual, icon="science", look="unelevated")
+                )
                 for text, icon, address in (
                     (tr("Connect a camera"), "videocam", "/camera"),
                     (tr("Open my images"), "folder_open", "/images"),
                 ):
-                    ui.button(text, icon=icon, on_click=partial(ui.navigate.to, address)).props("no-caps outline")
+                    kit.button(text, partial(ui.navigate.to, address), icon=icon)
 
     async def _try_virtual(self) -> None:
         await self._viewer.attempt(self._start_virtual)
@@ -251,15 +235,15 @@ def _step_item(step: WorkStep, *, here: bool) -> None:
 class TissueRow:
     """Reads the tissue from a light press, and offers the forces that follow from it."""
 
-    def __init__(self, instrument: Instrument, viewer: Viewer, controls: OperatorControls) -> None:
+    def __init__(self, instrument: Instrument, viewer: kit.Viewer, controls: kit.OperatorControls) -> None:
         self._instrument, self._viewer, self._controls = instrument, viewer, controls
         with ui.element("div").classes("row tissue"):
-            read = ui.button(tr("Read the tissue"), icon="straighten", on_click=viewer.command(instrument.read_tissue))
-            with controls.add(read.props("no-caps dense outline")):
+            act = viewer.command(instrument.read_tissue)
+            self._read = kit.button(tr("Read the tissue"), act, icon="straighten", look="outline dense")
+            with controls.add(self._read):
                 ui.tooltip(tr("One light press on tissue without an inclusion, {force} N or so.", force=LIGHT_N))
-            self._message = ui.label().classes("muted wordy").props("role=status")
-            self._forces = Redrawn(ui.element("div").classes("row"))
-        self._read = read
+            self._message = kit.status("muted wordy")
+            self._forces = kit.Redrawn(ui.element("div").classes("row"))
 
     def show(self, state: InstrumentState) -> None:
         """Show the tissue of the present target, and how far its reading is."""
@@ -267,12 +251,15 @@ class TissueRow:
         job = next((job for job in reversed(state.jobs) if job.title == title), None)
         self._read.set_visibility(not state.camera.choice.is_sphere)
         self._message.text = tissue_text(state.tissue, job)
-        set_class(self._message, "doubtful", job is not None and job.status == FAILED)
+        kit.set_class(self._message, "doubtful", job is not None and job.status == FAILED)
         if self._forces.changes_to(state.tissue):
             with self._forces.element:
                 for force_n in () if state.tissue is None else state.tissue.forces_n:
-                    button = ui.button(tr("{force} N", force=f"{force_n:g}"), on_click=partial(self._press, force_n))
-                    self._controls.add(button.props("no-caps dense outline"))
+                    self._controls.add(
+                        kit.button(
+                            tr("{force} N", force=f"{force_n:g}"), partial(self._press, force_n), look="outline dense"
+                        )
+                    )
 
     async def _press(self, force_n: float) -> None:
         await self._viewer.attempt(partial(self._instrument.hold, force_n=force_n, by=self._viewer.identity))
@@ -301,34 +288,34 @@ EVERY_S = 1.0  # between two readings of the store
 class EstimatePanel:
     """Saved presses of the target, the button of an estimate, and its result."""
 
-    def __init__(self, instrument: Instrument, viewer: Viewer, on_saved: Callable[[SavedTarget], None]) -> None:
+    def __init__(self, instrument: Instrument, viewer: kit.Viewer, on_saved: Callable[[SavedTarget], None]) -> None:
         self._instrument, self._viewer, self._on_saved = instrument, viewer, on_saved
         self._state: InstrumentState | None = None
         self._drawn: dict[str, tuple[tuple[Picture, str], ...]] = {}  # by the estimate's identity
         with ui.element("div").classes("row"):
-            self._title = panel_title(tr("Target"))
+            self._title = kit.panel_title(tr("Target"))
             ui.element("div").classes("spring")
             self._report = ui.link(tr("Report"), "/records")
             self._hardness = ui.link(tr("Hardness of this object"), "/hardness")
-            self._begin = ui.button(tr("Estimate"), icon="analytics", on_click=self._estimate).props("no-caps outline")
-        self._bar = ProgressBar(tr("Progress of the estimate"))
-        self._message = ui.label().classes("muted wordy").props("role=status")
-        self._record = Redrawn(ui.element("div").classes("stack"))
+            self._begin = kit.button(tr("Estimate"), self._estimate, icon="analytics")
+        self._bar = kit.ProgressBar(tr("Progress of the estimate"))
+        self._message = kit.status("muted wordy")
+        self._record = kit.Redrawn(ui.element("div").classes("stack"))
         viewer.every(EVERY_S, self._refresh)
 
     def show(self, state: InstrumentState, *, main: str) -> None:
         """Show how far the estimate is; ``main`` as of `WorkOrder`."""
         self._state = state
-        job = estimate_job(state)
+        job = kit.estimate_job(state)
         sphere = state.camera.choice.is_sphere  # its estimate asks for more than presses
         self._hardness.set_visibility(sphere)
         self._begin.set_visibility(not sphere)
         self._begin.set_enabled(job is None or not job.running)
-        set_filled(self._begin, main == "estimate")
-        set_class(self._report, "filled", main == "report")
+        kit.set_filled(self._begin, main == "estimate")
+        kit.set_class(self._report, "filled", main == "report")
         self._bar.show(job)
         self._message.text = job_text(job)
-        set_class(self._message, "doubtful", job is not None and job.status == FAILED)
+        kit.set_class(self._message, "doubtful", job is not None and job.status == FAILED)
 
     async def _estimate(self) -> None:
         await self._viewer.attempt(self._instrument.estimate, self._instrument.state().target)
@@ -366,11 +353,11 @@ class EstimatePanel:
         self._on_saved(saved)
         with self._record.element:
             for stored in saved.estimates:
-                cards(estimate_cards(stored, {} if saved.target is None else saved.target.truth))
+                kit.cards(estimate_cards(stored, {} if saved.target is None else saved.target.truth))
                 with ui.element("div").classes("estimate-figures"):
                     for item in self._drawn.get(stored.id, ()):
-                        figure(*item)
-                message_list(estimate_messages_of(stored))
+                        kit.figure(*item)
+                kit.message_list(estimate_messages_of(stored))
             for message in saved.damaged:
                 ui.label(tr("Left out: {message}.", message=message)).classes("doubtful")
             presses(saved)
@@ -379,14 +366,14 @@ class EstimatePanel:
 def presses(saved: SavedTarget) -> None:
     """The newest presses, one line each."""
     if not saved.count:
-        ui.label(tr("No presses of this target yet. Press it and save a snapshot (space bar).")).classes("muted")
+        kit.muted(tr("No presses of this target yet. Press it and save a snapshot (space bar)."))
         return
     more = "" if saved.count <= len(saved.presses) else tr(", the last {count}", count=len(saved.presses))
     count = tr("1 press") if saved.count == 1 else tr("{count} presses", count=saved.count)
-    with rows_under((tr("Pressed"), tr("Force"), tr("Saved at (UTC)"), tr("Flags")), caption=count + more):
+    with kit.rows_under((tr("Pressed"), tr("Force"), tr("Saved at (UTC)"), tr("Flags")), caption=count + more):
         for press in saved.presses:
             flags = ", ".join(press.flags)
-            row((tr(ROLE_NAMES[press.role]), force_text(press.force_n), time_text(press.taken), flags))
+            kit.row((tr(ROLE_NAMES[press.role]), kit.force_text(press.force_n), time_text(press.taken), flags))
 
 
 def job_text(job: JobState | None) -> str:

@@ -9,25 +9,8 @@ from nicegui.element import Element
 
 from tsis.__about__ import LARGEST_TARGET
 from tsis.console.live import Histogram, LiveView, SurfaceView
-from tsis.console.pages.components import (
-    FORCE,
-    ChoiceField,
-    NumberField,
-    OperatorControls,
-    ProgressBar,
-    Redrawn,
-    RunButton,
-    camera_line,
-    field_messages,
-    force_text,
-    number_text_of_field,
-    select_field,
-    set_class,
-    set_filled,
-    tr,
-    typed_number,
-    unit_field,
-)
+from tsis.console.pages import components as kit
+from tsis.console.pages.components import tr
 from tsis.console.pages.examine._estimate import EstimatePanel, TissueRow, WorkOrder
 from tsis.console.pages.examine._settings import SettingsPanel
 from tsis.console.services import MOST_SEQUENCE_FRAMES
@@ -39,7 +22,6 @@ if TYPE_CHECKING:
 
     from nicegui.events import ValueChangeEventArguments
 
-    from tsis.console.pages.components import Viewer
     from tsis.console.pages.examine._estimate import SavedTarget
     from tsis.console.services import FrameAnalysis, Instrument, InstrumentState, Job, JobState, SavedPress
 
@@ -52,7 +34,7 @@ class ForceRow:
 
     def __init__(self) -> None:
         self._force = ui.label().classes("number")
-        self._source = ui.label().classes("muted")
+        self._source = kit.muted()
         ui.element("div").classes("spring")
         self._still = ui.label().classes("chip still")
 
@@ -61,17 +43,17 @@ class ForceRow:
         analysis = present(state)
         force = None if analysis is None else analysis.force
         self._force.text = "" if force is None else f"{force.value_n:.2f} N"
-        self._source.text = tr(force_text(None) if force is None else SOURCES[force.source])
+        self._source.text = tr(kit.force_text(None) if force is None else SOURCES[force.source])
         self._still.text = "" if analysis is None or not analysis.still else tr(analysis.still)
         self._still.set_visibility(bool(self._still.text))
-        set_class(self._still, "good", analysis is not None and analysis.still == "settled")
+        kit.set_class(self._still, "good", analysis is not None and analysis.still == "settled")
 
 
 class FlagList:
     """Flags of the press, with advice."""
 
     def __init__(self) -> None:
-        self._list = Redrawn(ui.element("ul").classes("flags").props(f'aria-label="{tr("Flags of this press")}"'))
+        self._list = kit.Redrawn(ui.element("ul").classes("flags").props(f'aria-label="{tr("Flags of this press")}"'))
 
     def show(self, state: InstrumentState) -> None:
         """Show the flags of the newest analysis; an unchanged list stays, so that screen readers do not repeat it."""
@@ -81,7 +63,7 @@ class FlagList:
                 for name, advice in result:
                     with ui.element("li"):
                         ui.label(tr(name)).classes("flag" if advice else "good")
-                        ui.label(advice).classes("muted")
+                        kit.muted(advice)
 
 
 def present(state: InstrumentState) -> FrameAnalysis | None:
@@ -151,9 +133,9 @@ class LivePanel:
 
     def _tools(self) -> None:
         with ui.element("div").classes("row tools"):
-            colours = select_field(list(MAPS), value=FIRST_MAP, label=tr("Colours"), on_change=self._colour)
+            colours = kit.select_field(list(MAPS), value=FIRST_MAP, label="Colours", on_change=self._colour)
             ranges = {name: tr(name) for name in (FULL_RANGE, AUTOMATIC, MANUAL)}
-            self._range = select_field(ranges, value=FULL_RANGE, label=tr("Range"), on_change=self._ranged)
+            self._range = kit.select_field(ranges, value=FULL_RANGE, label="Range", on_change=self._ranged)
             for select in (colours, self._range):
                 select.props("dense outlined").classes("colours")
             ui.switch(tr("Freeze"), value=False, on_change=lambda event: self.view.freeze(bool(event.value)))
@@ -186,7 +168,7 @@ class LivePanel:
         self.histogram.update_state(state)
         if self._surface is not None:
             self._surface.update_state(state)
-        self._camera.text = camera_line(state)
+        self._camera.text = kit.camera_line(state)
 
     def _colour(self, event: ValueChangeEventArguments[str]) -> None:
         self._map = event.value
@@ -196,7 +178,7 @@ class LivePanel:
 
     def _three(self, event: ValueChangeEventArguments[bool | None]) -> None:
         self._surface_container.set_visibility(bool(event.value))
-        set_class(self._pair, "two", bool(event.value))
+        kit.set_class(self._pair, "two", bool(event.value))
         self._surface_container.clear()
         self._surface = None
         if event.value:
@@ -204,7 +186,7 @@ class LivePanel:
                 self._surface = SurfaceView(map_name=self._map, ends=self._range_ends)
 
 
-def examine_page(instrument: Instrument, viewer: Viewer) -> None:
+def examine_page(instrument: Instrument, viewer: kit.Viewer) -> None:
     """Build the page."""
     latest: InstrumentState | None = None
 
@@ -213,7 +195,7 @@ def examine_page(instrument: Instrument, viewer: Viewer) -> None:
         if latest is not None:
             show(latest)
 
-    controls = OperatorControls(viewer)
+    controls = kit.OperatorControls(viewer)
     with ui.element("div").classes("stack work-place"):
         order = WorkOrder(instrument, viewer, controls)
     with ui.element("div").classes("split examine"):
@@ -257,23 +239,21 @@ TO_PRESS = ("calibration", "reference", "presses")  # steps for which a snapshot
 class PressPanel:
     """Controls of a press."""
 
-    def __init__(self, instrument: Instrument, viewer: Viewer, controls: OperatorControls) -> None:
+    def __init__(self, instrument: Instrument, viewer: kit.Viewer, controls: kit.OperatorControls) -> None:
         self._instrument, self._viewer, self._saving = instrument, viewer, False
         with ui.element("div").classes("row"):
-            self._run = RunButton(instrument, viewer)
-            self._save = ui.button(tr("Snapshot"), icon="photo_camera", on_click=self.snapshot).props(
-                "no-caps unelevated"
-            )
+            self._run = kit.RunButton(instrument, viewer)
+            self._save = kit.button(tr("Snapshot"), self.snapshot, icon="photo_camera", look="unelevated")
             with ui.element("div").classes("stepper"):
                 back = self._stepper("remove", tr("Previous target"), -1)
-                self._target = NumberField(viewer, "Target", self._set_target)
+                self._target = kit.NumberField(viewer, "Target", self._set_target)
                 on = self._stepper("add", tr("Next target"), 1)
         with ui.element("div").classes("row"):
-            choice = ui.toggle({}, value=None).props("no-caps unelevated toggle-color=primary").classes("roles")
+            choice = ui.toggle({}, value=None).props("unelevated toggle-color=primary").classes("roles")
             choice.props(f'role=group aria-label="{tr("Pressed on")}"')
-            self._role = ChoiceField(viewer, choice, lambda role: instrument.hold(role=role, by=viewer.identity))
+            self._role = kit.ChoiceField(viewer, choice, lambda role: instrument.hold(role=role, by=viewer.identity))
         with ui.element("div").classes("row") as self.force_row:
-            self._force = NumberField(
+            self._force = kit.NumberField(
                 viewer,
                 "Force",
                 self._hold,
@@ -285,7 +265,7 @@ class PressPanel:
     def show(self, state: InstrumentState, *, main: str) -> None:
         """Show the instrument's press; ``main`` as of `WorkOrder`."""
         self._run.show(state.camera, main=main == "camera")
-        set_filled(self._save, main in TO_PRESS)
+        kit.set_filled(self._save, main in TO_PRESS)
         self._target.show(state.target)
         self._role.show(state.role, {role: tr(ROLE_NAMES[role]) for role in state.roles})
         self._force.show(state.force_n)
@@ -311,7 +291,7 @@ class PressPanel:
         self._instrument.set_target(whole, by=self._viewer.identity)
 
     def _hold(self, force_n: float) -> None:
-        with field_messages(FORCE):
+        with kit.field_messages(kit.FORCE):
             self._instrument.hold(force_n=force_n, by=self._viewer.identity)
 
     def _stepper(self, icon: str, label: str, by: int) -> ui.button:
@@ -325,7 +305,7 @@ def snapshot_text(saved: SavedPress) -> str:
     press = saved.press
     against = tr("; flagged {flags}", flags=", ".join(press.flags)) if press.flags else ""
     notes = "".join(f" {note}." for note in saved.notes)
-    role, force = tr(ROLE_NAMES[press.role]), tr(force_text(press.force_n))
+    role, force = tr(ROLE_NAMES[press.role]), tr(kit.force_text(press.force_n))
     return (
         tr("Saved for target {number}: {press}.", number=saved.target.number, press=f"{role}, {force}{against}") + notes
     )
@@ -338,23 +318,22 @@ FIRST_LENGTH = 10.0
 class SequencePanel:
     """Begin and end a sequence."""
 
-    def __init__(self, instrument: Instrument, viewer: Viewer, controls: OperatorControls) -> None:
+    def __init__(self, instrument: Instrument, viewer: kit.Viewer, controls: kit.OperatorControls) -> None:
         self._instrument, self._viewer = instrument, viewer
         with ui.element("div").classes("row"):
-            self._length = unit_field("Length", number_text_of_field(FIRST_LENGTH)).classes("number-field")
+            self._length = kit.unit_field("Length", kit.number_text_of_field(FIRST_LENGTH)).classes("number-field")
             self._unit = ui.toggle({SECONDS: tr(SECONDS), FRAMES: tr(FRAMES)}, value=SECONDS).props(
-                "no-caps unelevated toggle-color=primary"
+                "unelevated toggle-color=primary"
             )
             self._unit.props(f'role=group aria-label="{tr("Unit of the length")}"')
-            self._begin = ui.button(tr("Record"), icon="fiber_manual_record", on_click=self._record)
-            self._begin.props("no-caps outline")
-            self._end = ui.button(tr("End"), icon="stop", on_click=viewer.command(instrument.end_sequence))
-        self._bar = ProgressBar(tr("Progress of the sequence"))
-        self._message = ui.label().classes("muted wordy").props("role=status")
-        ui.label(
+            self._begin = kit.button(tr("Record"), self._record, icon="fiber_manual_record")
+            self._end = kit.button(tr("End"), viewer.command(instrument.end_sequence), icon="stop")
+        self._bar = kit.ProgressBar(tr("Progress of the sequence"))
+        self._message = kit.status("muted wordy")
+        kit.muted(
             tr("Every frame is saved unchanged in the workspace; the recording continues when this page is closed.")
-        ).classes("muted")
-        controls.add(self._length, self._unit, self._begin, self._end.props("no-caps outline"))
+        )
+        controls.add(self._length, self._unit, self._begin, self._end)
 
     def show(self, state: InstrumentState) -> None:
         """Show how far the sequence is."""
@@ -367,7 +346,7 @@ class SequencePanel:
 
     async def _record(self) -> None:
         def begin() -> Job:
-            length = typed_number("length", self._length.value)
+            length = kit.typed_number("length", self._length.value)
             if self._unit.value == SECONDS:
                 return self._instrument.begin_sequence(seconds=length, by=self._viewer.identity)
             frames = require_integer("frames", length, 1, MOST_SEQUENCE_FRAMES)

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from tsis.console.pages.components import NumberField, Redrawn, field_messages, tr
+from tsis.console.pages import components as kit
+from tsis.console.pages.components import tr
 from tsis.instrument import PRESETS
 
 if TYPE_CHECKING:
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
 
     from nicegui.events import GenericEventArguments
 
-    from tsis.console.pages.components import OperatorControls, Viewer
     from tsis.console.services import Instrument, InstrumentState
     from tsis.instrument import Setting
 
@@ -29,7 +29,7 @@ class SettingLine:
     """One setting of the camera, changed by ``adjust``."""
 
     def __init__(
-        self, setting: Setting, adjust: Callable[[float], object], viewer: Viewer, controls: OperatorControls
+        self, setting: Setting, adjust: Callable[[float], object], viewer: kit.Viewer, controls: kit.OperatorControls
     ) -> None:
         self._setting, self._adjust, self._viewer = setting, adjust, viewer
         self._slider: ui.slider | None = None
@@ -38,7 +38,7 @@ class SettingLine:
         with ui.element("div").classes("setting"):
             ends = f"{setting.low:g} to {setting.high:.4g} {setting.unit}".strip()
             about = tr("{setting} of the camera: {ends}.", setting=tr(text), ends=ends)
-            self._field = NumberField(viewer, text, adjust, about=about, unit=setting.unit)
+            self._field = kit.NumberField(viewer, text, adjust, about=about, unit=setting.unit)
             controls.add(self._field.element)
             if math.isfinite(setting.low) and math.isfinite(setting.high) and setting.low < setting.high:
                 span = setting.high - setting.low
@@ -86,16 +86,16 @@ PRESET_TEXTS = {"default": "As the camera came", "minimal": "As dark as it goes"
 class SettingsPanel:
     """One slider and one field per setting; changes from elsewhere appear."""
 
-    def __init__(self, instrument: Instrument, viewer: Viewer, controls: OperatorControls) -> None:
+    def __init__(self, instrument: Instrument, viewer: kit.Viewer, controls: kit.OperatorControls) -> None:
         self._instrument, self._viewer, self._controls = instrument, viewer, controls
         self._lines: dict[str, SettingLine] = {}
         with ui.element("div").classes("row"):
             for name in PRESETS:
-                button = ui.button(tr(name.capitalize()), on_click=viewer.command(instrument.preset, name))
-                with controls.add(button.props("outline dense no-caps")):
+                act = viewer.command(instrument.preset, name)
+                with controls.add(kit.button(tr(name.capitalize()), act, look="outline dense")):
                     ui.tooltip(tr(PRESET_TEXTS[name]))
-        self._container = Redrawn(ui.element("div").classes("settings"))
-        self._none = ui.label(tr("Start the camera to adjust it.")).classes("muted")
+        self._container = kit.Redrawn(ui.element("div").classes("settings"))
+        self._none = kit.muted(tr("Start the camera to adjust it."))
 
     def show(self, state: InstrumentState) -> None:
         """Show the camera's settings."""
@@ -115,5 +115,5 @@ class SettingsPanel:
             self._lines[setting.name].show(setting.value)
 
     def _adjust(self, name: str, value: float) -> None:
-        with field_messages({name: setting_label(name).lower()}):
+        with kit.field_messages({name: setting_label(name).lower()}):
             self._instrument.adjust(name, value, by=self._viewer.identity)

@@ -9,14 +9,14 @@ from nicegui import ui
 
 from tsis.calibration import apply_calibration
 from tsis.catalog import load_probe
-from tsis.console.pages.components import Redrawn, cards, drawings, figure, message_list, panel_title, table, tr
+from tsis.console.pages import components as kit
+from tsis.console.pages.components import tr
 from tsis.console.services import newest_presses
 from tsis.hardness import build_contact_table
 from tsis.records.importing import target_by_number
 from tsis.report import hardness_page
 
 if TYPE_CHECKING:
-    from tsis.console.pages.components import Viewer
     from tsis.console.services import InstrumentState
     from tsis.records import StoredEstimate, StoredPress, TargetRecord
     from tsis.records.store import Store
@@ -97,10 +97,10 @@ def next_step_text(saved: SavedPresses, missing: tuple[str, ...], *, estimating:
 class HardnessPanel:
     """Shows the current hardness."""
 
-    def __init__(self, viewer: Viewer) -> None:
+    def __init__(self, viewer: kit.Viewer) -> None:
         self._viewer = viewer
         panel = ui.element("section").classes("panel stack hardness-result").props('aria-label="Result"')
-        self._panel = Redrawn(panel.set_visibility(False))
+        self._panel = kit.Redrawn(panel.set_visibility(False))
 
     async def show(self, saved: SavedPresses) -> None:
         """Show the estimate where there is one."""
@@ -117,20 +117,20 @@ class HardnessPanel:
         page, sources = built
         with self._panel.element:
             with ui.element("div").classes("row"):
-                panel_title(page.title)
+                kit.panel_title(page.title)
                 ui.element("div").classes("spring")
                 ui.link(tr("Report and export of target {number}", number=saved.number), f"/records/{saved.number}")
             if not saved.is_current:
                 ui.label(tr("Presses were saved since: estimate again to include them.")).classes("doubtful")
             with ui.element("div").classes("hardness-report"):
                 with ui.element("div").classes("stack"):
-                    cards(page.cards)
+                    kit.cards(page.cards)
                     for item in page.tables:
-                        table(item)
-                    message_list(page.notes)
+                        kit.table(item)
+                    kit.message_list(page.notes)
                 with ui.element("div").classes("hardness-figures"):
                     for parts in zip(page.pictures, sources, strict=True):
-                        figure(*parts)
+                        kit.figure(*parts)
         self._panel.element.set_visibility(True)
 
 
@@ -147,4 +147,4 @@ def _page_and_figures(record: TargetRecord, stored: StoredEstimate) -> tuple[Pag
         provenance=stored.estimate.provenance,
         truth_kpa=record.target.truth.get("young_kpa"),
     )
-    return page, drawings(page)
+    return page, kit.drawings(page)

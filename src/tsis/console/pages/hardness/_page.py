@@ -9,27 +9,8 @@ from nicegui import run, ui
 
 from tsis.catalog import list_spheres, load_probe
 from tsis.console.live import LiveView
-from tsis.console.pages.components import (
-    FORCE,
-    OperatorControls,
-    ProgressBar,
-    Redrawn,
-    camera_line,
-    estimate_job,
-    field_messages,
-    force_text,
-    list_message,
-    loading,
-    number_text_of_field,
-    panel_title,
-    select_field,
-    set_class,
-    time_label,
-    tr,
-    typed_number,
-    unit_field,
-    with_field_labels,
-)
+from tsis.console.pages import components as kit
+from tsis.console.pages.components import tr
 from tsis.console.pages.examine import snapshot_text
 from tsis.console.pages.hardness._flow import (
     BALL,
@@ -51,7 +32,6 @@ from tsis.model import require_number
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from tsis.console.pages.components import Viewer
     from tsis.console.services import Instrument, InstrumentState, Job, JobState, SavedPress
     from tsis.records import StoredPress
 
@@ -62,35 +42,37 @@ BARE = "tsis-direct"  # the probe of the catalog that touches objects without ti
 class ObjectPart:
     """Shows and changes the measured object."""
 
-    def __init__(self, instrument: Instrument, viewer: Viewer, controls: OperatorControls) -> None:
+    def __init__(self, instrument: Instrument, viewer: kit.Viewer, controls: kit.OperatorControls) -> None:
         self._instrument, self._viewer = instrument, viewer
         self._filled: object = None
         with ui.element("div").classes("panel stack tight"):
             with ui.element("div").classes("row"):
-                panel_title(tr("1  Object"))
+                kit.panel_title(tr("1  Object"))
                 ui.element("div").classes("spring")
                 self._target = ui.label().classes("chip")
             with ui.element("div").classes("row") as self._virtual:
                 spheres = list(list_spheres())
-                self._sphere = select_field(spheres, value=spheres[0], label="Virtual sphere").props("dense outlined")
+                self._sphere = kit.select_field(spheres, value=spheres[0], label="Virtual sphere")
                 self._sphere.classes("hardness-sphere")
-                self._lay = ui.button(tr("Lay it under the probe"), icon="vertical_align_bottom", on_click=self._laid)
-                controls.add(self._lay.props("no-caps unelevated"))
+                self._lay = controls.add(
+                    kit.button(
+                        tr("Lay it under the probe"), self._laid, icon="vertical_align_bottom", look="unelevated"
+                    )
+                )
             with ui.element("div").classes("row") as self._real:
-                self._name = ui.label().classes("muted")
-                again = ui.button(tr("Another object"), icon="add", on_click=self._another).props("no-caps outline")
-                controls.add(again)
+                self._name = kit.muted()
+                controls.add(kit.button(tr("Another object"), self._another, icon="add"))
             with ui.element("div").classes("row") as self._size:
-                self._radius = unit_field("Radius of the object", unit="mm").classes("hardness-number")
-                self._sd = unit_field("Known to within (sd)", unit="mm").classes("hardness-number")
-            self._message = ui.label().classes("muted")
+                self._radius = kit.unit_field("Radius of the object", unit="mm").classes("hardness-number")
+                self._sd = kit.unit_field("Known to within (sd)", unit="mm").classes("hardness-number")
+            self._message = kit.muted()
 
     def show(self, state: InstrumentState, saved: SavedPresses) -> None:
         """Show the instrument's object; known values of a virtual one are filled in once."""
         choice = state.camera.choice
         self._virtual.set_visibility(choice.is_virtual)
         self._real.set_visibility(not choice.is_virtual)
-        self._name.text = state.camera.name or camera_line(state)
+        self._name.text = state.camera.name or kit.camera_line(state)
         self._target.text = f"target {state.target}"
         subject = self._instrument.camera_controller.subject
         written = None if subject is None else subject.written_radius_mm
@@ -113,15 +95,15 @@ class ObjectPart:
             if sd_text:
                 raise InputError("radius of the object must be given with its standard deviation; got none")
             return {}
-        radius = typed_number("radius of the object", radius_text)
+        radius = kit.typed_number("radius of the object", radius_text)
         given = self._instrument.calibration
         name = "" if given is None else given.calibration.probe
         name = name or self._instrument.camera_controller.choice.probe
-        with field_messages({"radius_mm": "radius of the object"}):
+        with kit.field_messages({"radius_mm": "radius of the object"}):
             require_radius("radius of the object", load_probe(name), radius)
         if not sd_text:
             return {"radius_mm": radius}
-        sd = typed_number("its standard deviation", sd_text)
+        sd = kit.typed_number("its standard deviation", sd_text)
         require_number("its standard deviation", sd, 0.0, radius / 10, hint="millimetres, up to a tenth of the radius")
         return {"radius_mm": radius, "radius_sd_mm": sd}
 
@@ -129,10 +111,10 @@ class ObjectPart:
         if which != self._filled:
             self._filled = which
             self._radius.set_value(f"{radius_mm:.3f}")
-            self._sd.set_value(number_text_of_field(sd_mm))
+            self._sd.set_value(kit.number_text_of_field(sd_mm))
 
     async def _laid(self) -> None:
-        with loading(self._lay):
+        with kit.loading(self._lay):
             await self._viewer.attempt(self._lay_under, str(self._sphere.value))
 
     def _lay_under(self, sphere: str) -> None:
@@ -155,28 +137,28 @@ FORCES_N = ("0.7", "1.2")  # that are offered
 class PressPart:
     """Takes presses and shows the saved ones."""
 
-    def __init__(self, instrument: Instrument, viewer: Viewer, controls: OperatorControls) -> None:
+    def __init__(self, instrument: Instrument, viewer: kit.Viewer, controls: kit.OperatorControls) -> None:
         self._instrument, self._viewer = instrument, viewer
         self._gauge = False
         self._offered = FORCES_N[0]
         with ui.element("div").classes("panel stack tight"):
-            panel_title(tr("2  Presses"))
-            self._list = Redrawn(ui.element("ol").classes("hardness-presses"))
-            self._none = ui.label(tr("None yet; {count} at different forces are best.", count=PRESSES)).classes("muted")
+            kit.panel_title(tr("2  Presses"))
+            self._list = kit.Redrawn(ui.element("ol").classes("hardness-presses"))
+            self._none = kit.muted(tr("None yet; {count} at different forces are best.", count=PRESSES))
             with ui.element("div").classes("row") as self._row:
-                self._force = unit_field("Force", FORCES_N[0], unit="N").classes("hardness-number")
-                self._press = ui.button(tr("Press and save"), icon="photo_camera", on_click=lambda: self._save(TARGET))
-                controls.add(self._press.props("no-caps unelevated"))
+                self._force = kit.unit_field("Force", FORCES_N[0], unit="N").classes("hardness-number")
+                self._press = controls.add(
+                    kit.button(tr("Press and save"), lambda: self._save(TARGET), icon="photo_camera", look="unelevated")
+                )
             self._extra = ui.expansion(tr("Rigid ball, for a soft probe")).props("dense").classes("hardness-ball")
             with self._extra:
-                ui.label(tr("A rigid ball shows how much the probe itself yields.")).classes("muted")
+                kit.muted(tr("A rigid ball shows how much the probe itself yields."))
                 with ui.element("div").classes("row"):
-                    self._ball_mm = unit_field("Radius of the ball", number_text_of_field(BALL_MM), unit="mm")
-                    self._ball_force = unit_field("Force on the ball", FORCES_N[0], unit="N")
+                    self._ball_mm = kit.unit_field("Radius of the ball", kit.number_text_of_field(BALL_MM), unit="mm")
+                    self._ball_force = kit.unit_field("Force on the ball", FORCES_N[0], unit="N")
                     for field in (self._ball_mm, self._ball_force):
                         field.classes("hardness-number")
-                    self._ball = ui.button(tr("Press the ball and save"), on_click=lambda: self._save(BALL))
-                    controls.add(self._ball.props("no-caps outline"))
+                    self._ball = controls.add(kit.button(tr("Press the ball and save"), lambda: self._save(BALL)))
 
     def show(self, state: InstrumentState) -> None:
         """Ask for forces where there is no gauge."""
@@ -192,7 +174,7 @@ class PressPart:
             self._none.set_visibility(not lines)
             with self._list.element:
                 for line in lines:
-                    list_message(line)
+                    kit.list_message(line)
         offered = FORCES_N[min(len(saved.on_object), 1)]
         if self._force.value == self._offered != offered:
             self._force.set_value(offered)
@@ -205,20 +187,20 @@ class PressPart:
 
     def ball_radius(self) -> float:
         """The typed radius in mm; `InputError` when it is no number."""
-        return typed_number("radius of the ball", self._ball_mm.value)
+        return kit.typed_number("radius of the ball", self._ball_mm.value)
 
     async def _save(self, role: str) -> None:
         button, field = (self._press, self._force) if role == TARGET else (self._ball, self._ball_force)
-        with loading(button):
+        with kit.loading(button):
             press: SavedPress | None = await self._viewer.attempt(self._pressed, role, field.value)
         if press is not None:
             self._viewer.notify(snapshot_text(press))
 
     def _pressed(self, role: str, text: str | None) -> SavedPress:
-        force_n = None if self._gauge else typed_number("force", text)
+        force_n = None if self._gauge else kit.typed_number("force", text)
         state = self._instrument.state()
         if (state.role, state.force_n) != (role, force_n):
-            with field_messages(FORCE):
+            with kit.field_messages(kit.FORCE):
                 self._instrument.hold(role=role, force_n=force_n, by=self._viewer.identity)
         return self._instrument.snapshot(by=self._viewer.identity)
 
@@ -227,7 +209,7 @@ def press_text(press: StoredPress) -> str:
     """A press in a line."""
     where = "Object" if press.role == TARGET else "Rigid ball"
     against = f"; against it: {', '.join(press.flags)}" if press.flags else ""
-    return f"{where}, {force_text(press.force_n)}, saved at {time_label(press.taken)}{against}"
+    return f"{where}, {kit.force_text(press.force_n)}, saved at {kit.time_label(press.taken)}{against}"
 
 
 LABELS = {
@@ -243,19 +225,18 @@ class Estimating:
     def __init__(
         self,
         instrument: Instrument,
-        viewer: Viewer,
+        viewer: kit.Viewer,
         radius: Callable[[], dict[str, float]],
         ball_radius: Callable[[], float],
     ) -> None:
         self._instrument, self._viewer, self._radius, self._ball_radius = instrument, viewer, radius, ball_radius
         with ui.element("div").classes("panel stack tight"):
             with ui.element("div").classes("row"):
-                panel_title(tr("3  Estimate"))
+                kit.panel_title(tr("3  Estimate"))
                 ui.element("div").classes("spring")
-                self._button = ui.button(tr("Estimate"), icon="analytics", on_click=self._begin)
-                self._button.props("no-caps unelevated")
-            self._bar = ProgressBar("Progress of the estimate")
-            self._message = ui.label().classes("muted").props("role=status")
+                self._button = kit.button(tr("Estimate"), self._begin, icon="analytics", look="unelevated")
+            self._bar = kit.ProgressBar("Progress of the estimate")
+            self._message = kit.status()
 
     def show(self, job: JobState | None, *, enough: bool, two: bool) -> None:
         """Show whether it can begin, and how far it is."""
@@ -266,11 +247,11 @@ class Estimating:
         if running:
             text = "The contact of a probe that was never used before is solved once, which takes some minutes."
         elif job is not None and failed:
-            text = with_field_labels(job.sentence, LABELS)
+            text = kit.with_field_labels(job.sentence, LABELS)
         else:
             text = "" if two or not enough else "One press is nearly as precise, but nothing tests it."
         self._message.text = text
-        set_class(self._message, "doubtful", failed)
+        kit.set_class(self._message, "doubtful", failed)
 
     async def _begin(self) -> None:
         def begin() -> Job:
@@ -291,17 +272,17 @@ EVERY_S = 0.5  # between two readings of the store
 class HardnessPage:
     """The parts of the page, and what they show."""
 
-    def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
+    def __init__(self, instrument: Instrument, viewer: kit.Viewer) -> None:
         self._instrument, self._viewer = instrument, viewer
         self._state: InstrumentState | None = None
         self._results = SavedPresses(number=0)
         self._mark: object = None
         self._trouble = ""
-        self._controls = OperatorControls(viewer)
+        self._controls = kit.OperatorControls(viewer)
         with ui.element("div").classes("split hardness"):
             with ui.element("section").classes("panel").props('aria-label="Live image"'):
                 self._live = LiveView()
-                self._analysis = ui.label().classes("muted")
+                self._analysis = kit.muted()
             with ui.element("section").classes("stack").props('aria-label="Steps"'):
                 with ui.element("div").classes("panel hardness-next"):
                     self._next = ui.label().classes("strong").props("role=status")
@@ -318,7 +299,7 @@ class HardnessPage:
         self._live.update_state(state)
         analysis = state.frame_analysis
         self._analysis.text = "" if analysis is None else "; ".join(flag.advice for flag in analysis.flags)
-        set_class(self._analysis, "doubtful", analysis is not None and bool(analysis.flags))
+        kit.set_class(self._analysis, "doubtful", analysis is not None and bool(analysis.flags))
         self._controls.show(state)
         self._presses.show(state)
         self._notify(state)
@@ -359,7 +340,7 @@ class HardnessPage:
             scaled=given is not None and given.calibration.scale is not None,
             responds=given is not None and given.calibration.response is not None,
         )
-        job = estimate_job(state)
+        job = kit.estimate_job(state)
         running = job is not None and job.running
         text = next_step_text(result, missing, estimating=running) if read else f"Target {state.target} is being read."
         self._next.text = self._trouble or text

@@ -11,7 +11,8 @@ from nicegui import ui
 
 from tsis.calibration.guard import GUARD_FLAGS
 from tsis.console.files import target_of
-from tsis.console.pages.components import ProgressBar, dialog_buttons, open_dialog, select_field, tr
+from tsis.console.pages import components as kit
+from tsis.console.pages.components import tr
 from tsis.console.services import DONE
 from tsis.errors import TsisError
 from tsis.report import FORM_LABELS, MASKED
@@ -20,7 +21,6 @@ from tsis.report.target import without_identity
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable
 
-    from tsis.console.pages.components import Viewer
     from tsis.console.services import Instrument, Job
     from tsis.records import StoredPress, Target, TargetRecord
     from tsis.records.store import Store, TargetState
@@ -101,7 +101,7 @@ class TargetContext(Protocol):
     """The open page of a target, as its parts use it; ``below``, ``dialogs`` and ``compared`` are places on it."""
 
     instrument: Instrument
-    viewer: Viewer
+    viewer: kit.Viewer
     below: ui.element
     dialogs: ui.element
     compared: ui.element
@@ -132,7 +132,7 @@ FETCH = """
 CUT = "the file did not come: the connection was cut or it took too long; try again, or tsis records export"
 
 
-async def fetch_file(viewer: Viewer, address: str) -> bool:
+async def fetch_file(viewer: kit.Viewer, address: str) -> bool:
     """Download a file in the browser; False, after a message, when there is none."""
     try:
         message = await ui.run_javascript(FETCH % json.dumps(address), timeout=LONGEST_S)
@@ -146,7 +146,9 @@ async def fetch_file(viewer: Viewer, address: str) -> bool:
 EVERY_S = 0.3
 
 
-async def follow_job(viewer: Viewer, place: ui.element, begin: Callable[[], Job], show: Callable[[Any], None]) -> bool:
+async def follow_job(
+    viewer: kit.Viewer, place: ui.element, begin: Callable[[], Job], show: Callable[[Any], None]
+) -> bool:
     """Begin a job and show it in ``place`` until it is over; then ``show`` its result there, or say why it failed.
 
     False, after a message, when it cannot begin.
@@ -157,9 +159,9 @@ async def follow_job(viewer: Viewer, place: ui.element, begin: Callable[[], Job]
     place.clear()
     with place, ui.element("div").classes("job").props('role="status"'):
         ui.label(job.title)
-        bar = ProgressBar(job.title)
-        count = ui.label().classes("muted")
-        ui.button(tr("End"), on_click=job.end).props("dense no-caps outline")
+        bar = kit.ProgressBar(job.title)
+        count = kit.muted()
+        kit.button(tr("End"), job.end, look="outline dense")
 
     def refresh() -> None:
         state = job.state()
@@ -190,13 +192,13 @@ PAGE = "This form shows what the report shows; of a subject the pseudonym only."
 
 def export_button(page: TargetContext, view: TargetView) -> None:
     """A button that asks for the form, and downloads the file."""
-    ui.button(tr("Export"), icon="download", on_click=lambda: _ask(page, view)).props("dense no-caps outline")
+    kit.button(tr("Export"), lambda: _ask(page, view), icon="download", look="outline dense")
 
 
 def _ask(page: TargetContext, view: TargetView) -> None:
-    with open_dialog(page.dialogs, f"Export target {view.target.number}") as dialog:
-        form = select_field(FORM_LABELS, value="csv", label="Form", on_change=lambda: explain()).props("outlined dense")
-        meant = ui.label().classes("muted")
+    with kit.open_dialog(page.dialogs, f"Export target {view.target.number}") as dialog:
+        form = kit.select_field(FORM_LABELS, value="csv", label="Form", on_change=lambda: explain())
+        meant = kit.muted()
         identified = ui.switch(IDENTIFIED, value=False).props("dense")
         waiting = ui.linear_progress(show_value=False).props('indeterminate aria-label="writing the file"')
         waiting.set_visibility(False)
@@ -217,7 +219,7 @@ def _ask(page: TargetContext, view: TargetView) -> None:
             waiting.set_visibility(False)
             button.enable()
 
-        button = dialog_buttons(dialog, "Export", begin)
+        button = kit.dialog_buttons(dialog, "Export", begin)
         explain()
 
 
@@ -226,7 +228,7 @@ UNREAD, FAILED = -2, -1  # in place of the number of the store's entries
 _log = logging.getLogger(__name__)
 
 
-def follow_store(viewer: Viewer, changed: Callable[[], Awaitable[None]]) -> None:
+def follow_store(viewer: kit.Viewer, changed: Callable[[], Awaitable[None]]) -> None:
     """Call ``changed`` now and after every change of the store, while the present part of the page is visible."""
     last: int | None = UNREAD
 

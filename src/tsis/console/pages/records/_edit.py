@@ -10,21 +10,8 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 from nicegui import run, ui
 
 from tsis.calibration.guard import GUARD_FLAGS
-from tsis.console.pages.components import (
-    FORCE,
-    FactList,
-    dialog_buttons,
-    field_messages,
-    is_confirmed,
-    open_dialog,
-    panel_title,
-    press_label,
-    select_field,
-    text_area,
-    text_field,
-    time_label,
-    tr,
-)
+from tsis.console.pages import components as kit
+from tsis.console.pages.components import tr
 from tsis.console.pages.records._context import fault_of, flags_of
 from tsis.errors import StaleRecordError
 from tsis.records import DAMAGED, ROLE_NAMES, parse_force, parse_truth
@@ -118,7 +105,7 @@ class Editing(ABC, Generic[Record]):
         self._lay_out()
         self._conflict = ui.element("div")
         self._fill(record)
-        dialog_buttons(dialog, "Save", self._save, leave=leave)
+        kit.dialog_buttons(dialog, "Save", self._save, leave=leave)
 
     @abstractmethod
     def _lay_out(self) -> None:
@@ -169,10 +156,8 @@ class Editing(ABC, Generic[Record]):
             for difference in result.differences or ("Your fields are unchanged; another field has changed.",):
                 ui.label(difference)
             with ui.element("div").classes("row"):
-                take = ui.button(tr("Take what is there now"), on_click=lambda: self._fill(result.record))
-                keep = ui.button(tr("Overwrite with mine"), on_click=overwrite)
-                for button in (take, keep):
-                    button.props("dense no-caps outline")
+                kit.button(tr("Take what is there now"), lambda: self._fill(result.record), look="outline dense")
+                kit.button(tr("Overwrite with mine"), overwrite, look="outline dense")
 
 
 LARGE_PX = 768
@@ -180,11 +165,14 @@ LARGE_PX = 768
 
 def open_press(page: TargetContext, view: TargetView, press: StoredPress) -> None:
     """Show a press in a dialog."""
-    title = f"Press {press_label(press)}"
-    with open_dialog(page.dialogs, title, style="dialog-card wide") as dialog, ui.element("div").classes("press-large"):
+    title = f"Press {kit.press_label(press)}"
+    with (
+        kit.open_dialog(page.dialogs, title, style="dialog-card wide") as dialog,
+        ui.element("div").classes("press-large"),
+    ):
         with ui.element("div").classes("stack"):
             picture = ui.element("img").classes("press-picture")
-            picture.props["alt"] = f"Frame {press_label(press)}"
+            picture.props["alt"] = f"Frame {kit.press_label(press)}"
             picture.props["src"] = f"/files/press/{view.target.number}/{press.id}.png?size={LARGE_PX}"
             why = ui.label().classes("flag identity").props('role="alert"')
             picture.on("error", lambda: _show_fault(page, view, press, why), args=[])
@@ -204,7 +192,7 @@ def _facts(view: TargetView, press: StoredPress) -> None:
     given = view.record.calibrations.get(press.calibration or "")
     calibration = "none" if press.calibration is None else press.calibration[:SHORT]
     rows = {
-        "taken": time_label(press.taken),
+        "taken": kit.time_label(press.taken),
         "frame": f"{press.columns} × {press.rows} px, SHA-256 {press.frame[:SHORT]}",
         "scale": "not known"
         if press.mm_per_pixel is None
@@ -214,7 +202,7 @@ def _facts(view: TargetView, press: StoredPress) -> None:
         "flags": ", ".join(flags_of(press, private=view.private)) or "none",
         "version": f"{press.version}",
     }
-    FactList().show(rows.items())
+    kit.FactList().show(rows.items())
 
 
 class _PressEditing(Editing["StoredPress"]):
@@ -225,14 +213,14 @@ class _PressEditing(Editing["StoredPress"]):
         super().__init__(page, press, dialog, leave="Close")
 
     def _lay_out(self) -> None:
-        self._role = select_field(ROLE_NAMES, label="What was pressed").props("outlined dense")
-        self._force = text_field("Force in newtons; empty where unknown").props("outlined dense")
+        self._role = kit.select_field(ROLE_NAMES, label="What was pressed")
+        self._force = kit.text_field("Force in newtons; empty where unknown")
         names = list(dict.fromkeys([*GUARD_FLAGS, *self._record.flags]))
-        self._flags = select_field(
+        self._flags = kit.select_field(
             names, label="Flags", multiple=True, with_input=True, new_value_mode="add-unique"
-        ).props("outlined dense use-chips")
-        self._note = text_area("Note").props("outlined dense autogrow")
-        ui.label(tr("Where force or role are changed, recompute the estimates.")).classes("muted")
+        ).props("use-chips")
+        self._note = kit.text_area("Note").props("autogrow")
+        kit.muted(tr("Where force or role are changed, recompute the estimates."))
 
     def _show(self, record: StoredPress) -> None:
         self._role.value, self._note.value = record.role, record.note
@@ -249,7 +237,7 @@ class _PressEditing(Editing["StoredPress"]):
         changes = changed(self._record, {**requested, "force_n": force_n})
         if not changes:
             return Edited(record=self._record)
-        with field_messages(FORCE):
+        with kit.field_messages(kit.FORCE):
             return edit_press(self._page.instrument.store, self._target, self._record, changes)
 
     def _saved(self, record: StoredPress) -> str:
@@ -264,20 +252,16 @@ def about_target(page: TargetContext, view: TargetView) -> None:
     target = view.target
 
     def edit() -> None:
-        with open_dialog(page.dialogs, f"Edit target {target.number}") as dialog:
+        with kit.open_dialog(page.dialogs, f"Edit target {target.number}") as dialog:
             _TargetEditing(page, target, dialog, leave="Cancel")
 
     with ui.element("div").classes("row"):
-        panel_title(tr("About this target"), level=3)
+        kit.panel_title(tr("About this target"), level=3)
         ui.element("div").classes("spring")
-        ui.button(tr("Edit"), icon="edit", on_click=edit).props("dense no-caps outline")
+        kit.button(tr("Edit"), edit, icon="edit", look="outline dense")
         if view.state is None:
-            ui.button(tr("Archive"), icon="archive", on_click=lambda: _set_state(page, target, ARCHIVED)).props(
-                "dense no-caps outline"
-            )
-            ui.button(tr("Delete"), icon="delete", on_click=lambda: _delete(page, target)).props(
-                "dense no-caps outline"
-            )
+            kit.button(tr("Archive"), lambda: _set_state(page, target, ARCHIVED), icon="archive", look="outline dense")
+            kit.button(tr("Delete"), lambda: _delete(page, target), icon="delete", look="outline dense")
     rows = {
         "name": target.name or "none",
         "note": "not shown of a subject" if view.private else target.note or "none",
@@ -285,10 +269,10 @@ def about_target(page: TargetContext, view: TargetView) -> None:
             f"true {parameter_label(name)[0]}": measure(value, parameter_label(name)[1])
             for name, value in target.truth.items()
         },
-        "entered": time_label(target.made),
+        "entered": kit.time_label(target.made),
         "version": f"{target.version}",
     }
-    FactList().show(rows.items())
+    kit.FactList().show(rows.items())
 
 
 def state_banner(page: TargetContext, view: TargetView) -> None:
@@ -302,9 +286,7 @@ def state_banner(page: TargetContext, view: TargetView) -> None:
         message = f"Deleted on {state.since:%Y-%m-%d}. It can be restored until {until:%Y-%m-%d}, and is erased then."
     with ui.element("div").classes("row conflict").props('role="status"'):
         ui.label(message).classes("flag" if state.name == DELETED else "strong")
-        ui.button(tr("Restore"), icon="undo", on_click=lambda: _set_state(page, view.target, "")).props(
-            "dense no-caps outline"
-        )
+        kit.button(tr("Restore"), lambda: _set_state(page, view.target, ""), icon="undo", look="outline dense")
 
 
 async def _set_state(page: TargetContext, target: Target, state: str) -> None:
@@ -322,7 +304,7 @@ async def _delete(page: TargetContext, target: Target) -> None:
         "then its presses, estimates and frames are erased. The audit and the logs of studies stay."
     )
     with page.dialogs:
-        sure = await is_confirmed(f"Delete target {target.number}?", yes="Delete", why=why)
+        sure = await kit.is_confirmed(f"Delete target {target.number}?", yes="Delete", why=why)
     if sure:
         await _set_state(page, target, DELETED)
 
@@ -332,10 +314,10 @@ class _TargetEditing(Editing["Target"]):
 
     def _lay_out(self) -> None:
         subject = self._record.kind == "subject"
-        self._name = text_field("Name").props("outlined dense")
+        self._name = kit.text_field("Name")
         self._name.props["hint"] = PSEUDONYM if subject else ""
-        self._note = text_area("Note").props("outlined dense autogrow")
-        self._truth = text_area("True values, one on a line: diameter_mm=10").props("outlined dense autogrow")
+        self._note = kit.text_area("Note").props("autogrow")
+        self._truth = kit.text_area("True values, one on a line: diameter_mm=10").props("autogrow")
         self._truth.set_visibility(not subject)
 
     def _show(self, record: Target) -> None:

@@ -12,19 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 from nicegui import ui
 
-from tsis.console.pages.components import (
-    LARGEST_MIB,
-    dialog_buttons,
-    list_message,
-    message_list,
-    one_file,
-    open_dialog,
-    panel_title,
-    select_field,
-    text_field,
-    titled_dialog,
-    tr,
-)
+from tsis.console.pages import components as kit
+from tsis.console.pages.components import tr
 from tsis.console.pages.records._context import follow_job, follow_store
 from tsis.errors import FileInputError, InputError
 from tsis.records.export.bundle import read_bundle
@@ -37,7 +26,6 @@ if TYPE_CHECKING:
 
     from nicegui.events import GenericEventArguments, UploadEventArguments
 
-    from tsis.console.pages.components import Viewer
     from tsis.console.services import Instrument, Job
     from tsis.records.store import ImportedTarget, StoreVerification, TargetSummary
 
@@ -122,12 +110,12 @@ BEGIN = (
 )
 
 
-def target_listing(instrument: Instrument, viewer: Viewer) -> None:
+def target_listing(instrument: Instrument, viewer: kit.Viewer) -> None:
     """Build the list."""
     with ui.element("section").classes("panel stack"):
         with ui.element("div").classes("row"):
-            panel_title(tr("Targets"))
-            count = ui.label().classes("muted")
+            kit.panel_title(tr("Targets"))
+            count = kit.muted()
             ui.element("div").classes("spring")
             buttons = ui.element("div").classes("row")
         below = ui.element("div")
@@ -142,20 +130,20 @@ def target_listing(instrument: Instrument, viewer: Viewer) -> None:
 class _TargetTable:
     """The table of targets, and its request."""
 
-    def __init__(self, instrument: Instrument, viewer: Viewer, count: ui.label) -> None:
+    def __init__(self, instrument: Instrument, viewer: kit.Viewer, count: ui.label) -> None:
         self._instrument, self._viewer, self._count = instrument, viewer, count
         self._targets: tuple[TargetSummary, ...] = ()
         self._order = Order()
         with ui.element("div").classes("row") as self._request:
-            self._search = text_field("Search number or name", on_change=self._requested).props(
-                "dense outlined clearable debounce=200"
+            self._search = kit.text_field("Search number or name", on_change=self._requested).props(
+                "clearable debounce=200"
             )
             self._kind = (
-                select_field(list(KINDS), value=KINDS[0], label="Show", on_change=self._requested)
+                kit.select_field(list(KINDS), value=KINDS[0], label="Show", on_change=self._requested)
                 .props("dense outlined")
                 .classes("kind-choice")
             )
-        self._empty = ui.label(BEGIN).classes("muted")
+        self._empty = kit.muted(BEGIN)
         self._table = ui.table(
             rows=[],
             columns=[
@@ -238,15 +226,15 @@ EXPLAINED = (
     "A bundle is the zip file that the export of a target writes. Target, presses and estimates keep their identity: "
     "what is here already stays as it is, and what is taken in twice is here once."
 )
-TOO_LARGE = f"a bundle must be one zip file of at most {LARGEST_MIB} MiB here; larger ones: tsis records import"
+TOO_LARGE = f"a bundle must be one zip file of at most {kit.LARGEST_MIB} MiB here; larger ones: tsis records import"
 
 
-def import_button(instrument: Instrument, viewer: Viewer, place: ui.element) -> None:
+def import_button(instrument: Instrument, viewer: kit.Viewer, place: ui.element) -> None:
     """A button that asks for a bundle, imports it, and shows the result in ``place``."""
-    with titled_dialog("Import a bundle") as dialog:
-        ui.label(EXPLAINED).classes("muted")
-        upload = one_file(viewer, "Zip file of a bundle", accept=".zip", refused=TOO_LARGE)
-        ui.button(tr("Close"), on_click=dialog.close).props("dense no-caps flat")
+    with kit.titled_dialog("Import a bundle") as dialog:
+        kit.muted(EXPLAINED)
+        upload = kit.one_file(viewer, "Zip file of a bundle", accept=".zip", refused=TOO_LARGE)
+        kit.button(tr("Close"), dialog.close, look="flat dense")
 
     async def uploaded(event: UploadEventArguments) -> None:
         upload.reset()
@@ -261,10 +249,10 @@ def import_button(instrument: Instrument, viewer: Viewer, place: ui.element) -> 
             remove()
 
     upload.on_upload(uploaded)
-    ui.button(tr("Import a bundle"), icon="upload_file", on_click=dialog.open).props("dense no-caps outline")
+    kit.button(tr("Import a bundle"), dialog.open, icon="upload_file", look="outline dense")
 
 
-async def _saved(event: UploadEventArguments, viewer: Viewer) -> Path | None:
+async def _saved(event: UploadEventArguments, viewer: kit.Viewer) -> Path | None:
     """The upload in its own folder; None, after a message, when the disk is full."""
     folder: Path | None = None
     try:
@@ -298,7 +286,7 @@ def _show(imported: ImportedTarget) -> None:
 MOST_SHOWN = 100  # faults; a store that has more has one cause
 
 
-def verify_button(instrument: Instrument, viewer: Viewer, place: ui.element) -> None:
+def verify_button(instrument: Instrument, viewer: kit.Viewer, place: ui.element) -> None:
     """A button that verifies the store against its audit, and shows the result in ``place``."""
 
     async def begin() -> None:
@@ -309,7 +297,7 @@ def verify_button(instrument: Instrument, viewer: Viewer, place: ui.element) -> 
 
         await follow_job(viewer, place, verify, partial(_show_verification, place))
 
-    ui.button(tr("Verify the store"), icon="verified_user", on_click=begin).props("dense no-caps outline")
+    kit.button(tr("Verify the store"), begin, icon="verified_user", look="outline dense")
 
 
 BACKUP = (
@@ -318,13 +306,13 @@ BACKUP = (
 )
 
 
-def backup_button(instrument: Instrument, viewer: Viewer, place: ui.element) -> None:
+def backup_button(instrument: Instrument, viewer: kit.Viewer, place: ui.element) -> None:
     """A button that asks for a folder, copies the store there, and shows the verification of the copy in ``place``."""
 
     def ask() -> None:
-        with open_dialog(place, "Back up the store") as dialog:
-            ui.label(BACKUP).classes("muted")
-            folder = text_field("New folder, whole path", value=str(instrument.store.folder.resolve()) + "-backup")
+        with kit.open_dialog(place, "Back up the store") as dialog:
+            kit.muted(BACKUP)
+            folder = kit.text_field("New folder, whole path", value=str(instrument.store.folder.resolve()) + "-backup")
             folder.props("outlined dense")
 
             async def begin() -> None:
@@ -334,11 +322,11 @@ def backup_button(instrument: Instrument, viewer: Viewer, place: ui.element) -> 
                     viewer, results, lambda: _backup(instrument, path), partial(_show_backup, results, path)
                 )
 
-            dialog_buttons(dialog, "Back up", begin)
+            kit.dialog_buttons(dialog, "Back up", begin)
 
     with place:
         results = ui.element("div")
-    ui.button(tr("Back up"), icon="save", on_click=ask).props("dense no-caps outline")
+    kit.button(tr("Back up"), ask, icon="save", look="outline dense")
 
 
 def _backup(instrument: Instrument, path: Path) -> Job:
@@ -358,9 +346,9 @@ def _show_backup(place: ui.element, path: Path, verification: StoreVerification)
 def _show_verification(place: ui.element, verification: StoreVerification) -> None:
     with ui.element("section").classes("outcome").props('role="status"'):
         ui.label(verdict(verification)).classes("good" if verification.sound else "flag")
-        with message_list():
+        with kit.message_list():
             for fault in verification.faults[:MOST_SHOWN]:
-                list_message(fault, "doubtful")
+                kit.list_message(fault, "doubtful")
         if len(verification.faults) > MOST_SHOWN:
             ui.label(
                 tr(
@@ -370,4 +358,4 @@ def _show_verification(place: ui.element, verification: StoreVerification) -> No
             )
         for note in verification_notes(verification):
             ui.label(note).classes("muted identity")
-        ui.button(tr("Close"), on_click=place.clear).props("dense no-caps flat")
+        kit.button(tr("Close"), place.clear, look="flat dense")

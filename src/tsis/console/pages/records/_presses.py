@@ -8,25 +8,8 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from tsis.console.pages.components import (
-    FactList,
-    Redrawn,
-    cards,
-    dialog_buttons,
-    drawings,
-    figure,
-    force_text,
-    list_message,
-    message_list,
-    open_dialog,
-    panel_title,
-    press_label,
-    select_field,
-    table,
-    time_label,
-    tr,
-    unit_field,
-)
+from tsis.console.pages import components as kit
+from tsis.console.pages.components import tr
 from tsis.console.pages.records._context import AT_ONCE, TargetView, flags_of, follow_job, read_target
 from tsis.console.pages.records._edit import open_press
 from tsis.records import ESTIMATES, ROLE_NAMES
@@ -47,7 +30,6 @@ if TYPE_CHECKING:
 
     from nicegui.events import ValueChangeEventArguments
 
-    from tsis.console.pages.components import Viewer
     from tsis.console.pages.records._context import TargetContext
     from tsis.console.services import Instrument
     from tsis.records import Recomputation, StoredEstimate, StoredPress, Target
@@ -64,7 +46,7 @@ class Presses:
     """The presses on the page of a target."""
 
     def __init__(self, page: TargetContext, place: ui.element) -> None:
-        self._page, self._sheet = page, Redrawn(place)
+        self._page, self._sheet = page, kit.Redrawn(place)
         self.offset = 0
         self.chosen: list[str] = []
         self._compare: ui.button | None = None
@@ -82,20 +64,18 @@ class Presses:
     def _draw(self, view: TargetView) -> None:
         with self._sheet.element:
             with ui.element("div").classes("row"):
-                panel_title(tr("Presses"), level=3)
-                ui.label(_range(view)).classes("muted")
+                kit.panel_title(tr("Presses"), level=3)
+                kit.muted(_range(view))
                 ui.element("div").classes("spring")
-                self._compare = ui.button(
-                    tr("Compare two"), icon="compare", on_click=lambda: self._page.compare(view)
-                ).props("dense no-caps outline")
+                self._compare = kit.button(
+                    tr("Compare two"), lambda: self._page.compare(view), icon="compare", look="outline dense"
+                )
                 if view.total > AT_ONCE:
                     for text, icon, by in (("Earlier", "chevron_left", -AT_ONCE), ("Later", "chevron_right", AT_ONCE)):
-                        turn = ui.button(text, icon=icon, on_click=partial(self._turn, by)).props(
-                            "dense no-caps outline"
-                        )
+                        turn = kit.button(text, partial(self._turn, by), icon=icon, look="outline dense")
                         turn.set_enabled(0 <= view.offset + by < view.total)
             if not view.presses:
-                ui.label(tr("Nothing was recorded yet: snapshots on the page Examine become presses.")).classes("muted")
+                kit.muted(tr("Nothing was recorded yet: snapshots on the page Examine become presses."))
             with ui.element("div").classes("presses"):
                 for press in view.presses:
                     self._press(press, view)
@@ -105,7 +85,7 @@ class Presses:
         await self._page.load()
 
     def _press(self, press: StoredPress, view: TargetView) -> None:
-        text = press_label(press)
+        text = kit.press_label(press)
         flags = flags_of(press, private=view.private)
         with ui.element("figure").classes("press"):
             with (
@@ -122,8 +102,8 @@ class Presses:
             with ui.element("figcaption"):
                 with ui.element("div").classes("press-line"):
                     ui.label(ROLE_NAMES[press.role]).classes("press-role")
-                    ui.label(force_text(press.force_n))
-                ui.label(time_label(press.taken)).classes("muted")
+                    ui.label(kit.force_text(press.force_n))
+                kit.muted(kit.time_label(press.taken))
                 for flag in flags:
                     ui.label(flag).classes("press-flag")
                 choose = ui.checkbox(
@@ -169,7 +149,7 @@ async def compare(page: TargetContext, view: TargetView, *, same_light: bool = F
     content, sources = result
     with position:
         with ui.element("div").classes("row"):
-            panel_title(content.title, level=3)
+            kit.panel_title(content.title, level=3)
             ui.element("div").classes("spring")
             ui.switch(
                 tr("bring both to the same light"),
@@ -181,22 +161,22 @@ async def compare(page: TargetContext, view: TargetView, *, same_light: bool = F
             )
         with ui.element("div").classes("compared"):
             for picture, source in zip(content.pictures, sources, strict=True):
-                figure(picture, source)
+                kit.figure(picture, source)
         for note in content.notes:
             ui.label(note)
         for item in content.tables:
-            table(item)
+            kit.table(item)
 
 
 def _compared(store: Store, target: Target, chosen: Sequence[str], *, same_light: bool) -> tuple[Page, tuple[str, ...]]:
     """The comparison, and its pictures drawn."""
     presses = [store.press(target, item) for item in chosen]
     record = replace(store.record(target, limit=0), presses=tuple(presses))
-    names = [press_label(press) for press in presses]
+    names = [kit.press_label(press) for press in presses]
     names = names if len(set(names)) == len(names) else [f"{name} ({at})" for at, name in enumerate(names, 1)]
     item, other = (replace(record.image(press), name=name) for press, name in zip(presses, names, strict=True))
     content = comparison(item, other, same_light=same_light)
-    return content, drawings(content)
+    return content, kit.drawings(content)
 
 
 FRAME_EVERY_S = 0.2  # of a sequence that is played; the browser fetches each frame
@@ -204,13 +184,13 @@ FRAME_EVERY_S = 0.2  # of a sequence that is played; the browser fetches each fr
 
 def play_sequence(place: ui.element, number: int, name: str, frames: int) -> None:
     """Play a recorded sequence of a target in a dialog: by itself, or frame by frame with the slider."""
-    with open_dialog(place, f"{name} of target {number}", style="dialog-card wide"):
+    with kit.open_dialog(place, f"{name} of target {number}", style="dialog-card wide"):
         picture = ui.element("img").classes("press-picture")
         with ui.element("div").classes("row"):
             playing = ui.switch(tr("Play"), value=True)
             slider = ui.slider(min=0, max=frames - 1, value=0).props("label").classes("sequence-slider")
             slider.props["aria-label"] = tr("Frame")
-            text = ui.label().classes("muted")
+            text = kit.muted()
 
         def show() -> None:
             at = int(slider.value)
@@ -232,8 +212,8 @@ SHOWN_PRESSES, LARGEST_OFFSET = 6, 10**9  # of a comparison; the last page of pr
 def ask_to_compare(page: TargetContext, view: TargetView) -> None:
     """Ask for another target, and open both beside each other."""
     number = view.target.number
-    with open_dialog(page.dialogs, f"Compare target {number}") as dialog:
-        other = unit_field("Number of the other target", keys="numeric").props("autofocus")
+    with kit.open_dialog(page.dialogs, f"Compare target {number}") as dialog:
+        other = kit.unit_field("Number of the other target", keys="numeric").props("autofocus")
 
         def go() -> None:
             text = (other.value or "").strip()
@@ -244,10 +224,10 @@ def ask_to_compare(page: TargetContext, view: TargetView) -> None:
             ui.navigate.to(f"/records/compare/{number}-{int(text[:20])}")
 
         other.on("keydown.enter", go)
-        dialog_buttons(dialog, "Compare", go)
+        kit.dialog_buttons(dialog, "Compare", go)
 
 
-async def compare_targets(instrument: Instrument, viewer: Viewer, pair: str) -> None:
+async def compare_targets(instrument: Instrument, viewer: kit.Viewer, pair: str) -> None:
     """Build the page of two targets beside each other: their estimates, true values and newest presses."""
     ui.link(tr("All targets"), "/records").classes("link")
     place = ui.element("div").classes("grid")
@@ -258,20 +238,20 @@ async def compare_targets(instrument: Instrument, viewer: Viewer, pair: str) -> 
         with place, ui.element("section").classes("panel stack") as part:
             part.props["aria-label"] = f"Target {view.target.number}"
             name = f": {view.target.name}" if view.target.name else ""
-            panel_title(tr("Target {number}{name}", number=view.target.number, name=name)).classes("target-title")
+            kit.panel_title(tr("Target {number}{name}", number=view.target.number, name=name)).classes("target-title")
             ui.link(tr("Open"), f"/records/{view.target.number}").classes("link")
             truth = {parameter_label(key): value for key, value in view.target.truth.items()}
             facts = {f"true {label}": measure(value, unit) for (label, unit), value in truth.items()}
-            FactList().show({"presses": f"{view.total}", **facts}.items())
+            kit.FactList().show({"presses": f"{view.total}", **facts}.items())
             estimates(view)
             with ui.element("div").classes("compared"):
                 for press in view.presses[:SHOWN_PRESSES]:
                     with ui.element("figure").classes("press"):
                         picture = ui.element("img").classes("press-picture")
-                        picture.props["alt"] = f"Frame {press_label(press)}"
+                        picture.props["alt"] = f"Frame {kit.press_label(press)}"
                         picture.props["src"] = f"/files/press/{view.target.number}/{press.id}.png?size=360"
                         with ui.element("figcaption"):
-                            ui.label(press_label(press))
+                            ui.label(kit.press_label(press))
 
 
 NONE_YET = "Nothing was estimated yet. Estimate needs presses that were taken under a calibration."
@@ -279,32 +259,32 @@ NONE_YET = "Nothing was estimated yet. Estimate needs presses that were taken un
 
 def estimates(view: TargetView) -> None:
     """Show the estimates in force, and what of the target is damaged."""
-    panel_title(tr("Current estimates"), level=3)
+    kit.panel_title(tr("Current estimates"), level=3)
     result = newest_first(view.record)
     if result:
-        cards(target_cards(view.record))
+        kit.cards(target_cards(view.record))
     else:
-        ui.label(NONE_YET).classes("muted")
-    with message_list():
+        kit.muted(NONE_YET)
+    with kit.message_list():
         for stored in result:
             for message in (*estimate_messages_of(stored), origin(stored)):
-                list_message(f"Of the {stored.kind}: {message}" if len(result) > 1 else message)
+                kit.list_message(f"Of the {stored.kind}: {message}" if len(result) > 1 else message)
             if stored.estimate.flags:
-                list_message(f"Flags: {', '.join(stored.estimate.flags)}", "doubtful")
+                kit.list_message(f"Flags: {', '.join(stored.estimate.flags)}", "doubtful")
         for message in view.record.damaged:
-            list_message(f"Left out: {message}", "flag")
+            kit.list_message(f"Left out: {message}", "flag")
     if view.private:
-        ui.label(IDENTITY_NOTE).classes("muted")
+        kit.muted(IDENTITY_NOTE)
 
 
 def history(view: TargetView) -> None:
     """Show all estimates."""
     result = history_tables(view.record)
     for item in result:
-        table(item)
+        kit.table(item)
     if not result:
-        panel_title(tr("History"), level=3)
-        ui.label(tr("No estimate yet.")).classes("muted")
+        kit.panel_title(tr("History"), level=3)
+        kit.muted(tr("No estimate yet."))
 
 
 NEWEST = "the newest press of each role and force"
@@ -312,17 +292,17 @@ NEWEST = "the newest press of each role and force"
 
 def estimate_button(page: TargetContext, view: TargetView) -> None:
     """A button that asks what to estimate from, and does it."""
-    ui.button(tr("Estimate"), icon="calculate", on_click=lambda: _ask(page, view)).props("dense no-caps outline")
+    kit.button(tr("Estimate"), lambda: _ask(page, view), icon="calculate", look="outline dense")
 
 
 def _ask(page: TargetContext, view: TargetView) -> None:
     chosen, number, last = tuple(page.presses.chosen), view.target.number, view.record.estimate
     ways = {"newest": NEWEST, **({"chosen": f"the {count_of(len(chosen), 'press')} chosen below"} if chosen else {})}
-    with open_dialog(page.dialogs, f"Estimate target {number}") as dialog:
-        kind = select_field(list(ESTIMATES), value=ESTIMATES[0] if last is None else last.kind, label="What")
+    with kit.open_dialog(page.dialogs, f"Estimate target {number}") as dialog:
+        kind = kit.select_field(list(ESTIMATES), value=ESTIMATES[0] if last is None else last.kind, label="What")
         kind.props("outlined dense")
         way = ui.radio(ways, value="chosen" if chosen else "newest").props("dense")
-        ui.label(tr("All presses must be of one probe under one calibration.")).classes("muted")
+        kit.muted(tr("All presses must be of one probe under one calibration."))
 
         async def begin() -> None:
             dialog.close()
@@ -330,7 +310,7 @@ def _ask(page: TargetContext, view: TargetView) -> None:
             estimate = partial(page.instrument.estimate, number, kind=kind.value, presses=presses)
             await follow_job(page.viewer, page.below, estimate, _show)
 
-        dialog_buttons(dialog, "Estimate", begin)
+        kit.dialog_buttons(dialog, "Estimate", begin)
 
 
 def _show(_: StoredEstimate) -> None:
@@ -345,13 +325,15 @@ EXPLAINED = (
 
 def recompute_button(page: TargetContext, view: TargetView) -> None:
     """A button that asks whether to store what comes out, and computes."""
-    button = ui.button(tr("Recompute"), icon="restart_alt", on_click=lambda: _ask_to_recompute(page, view))
-    button.props("dense no-caps outline").set_enabled(bool(view.record.estimates))
+    button = kit.button(
+        tr("Recompute"), lambda: _ask_to_recompute(page, view), icon="restart_alt", look="outline dense"
+    )
+    button.set_enabled(bool(view.record.estimates))
 
 
 def _ask_to_recompute(page: TargetContext, view: TargetView) -> None:
     target = view.target
-    with open_dialog(page.dialogs, f"Recompute target {target.number}") as dialog:
+    with kit.open_dialog(page.dialogs, f"Recompute target {target.number}") as dialog:
         ui.label(EXPLAINED)
         dry = ui.switch(tr("dry run: show changes, store nothing"), value=False)
 
@@ -360,7 +342,7 @@ def _ask_to_recompute(page: TargetContext, view: TargetView) -> None:
             recompute = partial(page.instrument.recompute, target, dry_run=dry.value)
             await follow_job(page.viewer, page.below, recompute, partial(_show_recomputation, page))
 
-        dialog_buttons(dialog, "Recompute", begin)
+        kit.dialog_buttons(dialog, "Recompute", begin)
 
 
 def _show_recomputation(page: TargetContext, recomputations: tuple[Recomputation, ...]) -> None:
@@ -370,8 +352,8 @@ def _show_recomputation(page: TargetContext, recomputations: tuple[Recomputation
                 "good" if item.same else "doubtful"
             )
             for note in recomputation_notes(item):
-                ui.label(note).classes("muted")
+                kit.muted(note)
             if not item.same:
-                table(shift_table(item))
+                kit.table(shift_table(item))
                 ui.label(recomputation_message(item))
-        ui.button(tr("Close"), on_click=page.below.clear).props("dense no-caps flat")
+        kit.button(tr("Close"), page.below.clear, look="flat dense")

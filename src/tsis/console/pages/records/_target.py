@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 from nicegui import run, ui
 
 from tsis.console.files import sequence_folders
-from tsis.console.pages.components import Redrawn, cell, panel_title, rows_under, tr
+from tsis.console.pages import components as kit
+from tsis.console.pages.components import tr
 from tsis.console.pages.records._context import TargetView, export_button, follow_store, read_target
 from tsis.console.pages.records._edit import about_target, state_banner
 from tsis.console.pages.records._presses import (
@@ -26,7 +27,6 @@ from tsis.errors import TsisError
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tsis.console.pages.components import Viewer
     from tsis.console.pages.records._context import TargetContext
     from tsis.console.services import Instrument
 
@@ -37,38 +37,40 @@ def target_buttons(page: TargetContext, view: TargetView) -> None:
     name = f": {target.name}" if target.name else ""
     ui.link(tr("All targets"), "/records").classes("link")
     title = "Subject, target {number}{name}" if view.private else "Target {number}{name}"
-    panel_title(tr(title, number=target.number, name=name)).classes("target-title")
+    kit.panel_title(tr(title, number=target.number, name=name)).classes("target-title")
     ui.element("div").classes("spring")
     estimate_button(page, view)
     recompute_button(page, view)
-    ui.button(tr("Compare"), icon="compare_arrows", on_click=lambda: ask_to_compare(page, view)).props(
-        "dense no-caps outline"
-    )
+    kit.button(tr("Compare"), lambda: ask_to_compare(page, view), icon="compare_arrows", look="outline dense")
     export_button(page, view)
     ui.link(tr("Report"), f"/files/report/{target.number}.html", new_tab=True).classes("link button")
     ui.link(tr("PDF"), f"/files/report/{target.number}.pdf").classes("link button").props("download")
 
 
-def show_target(instrument: Instrument, viewer: Viewer, number: str) -> None:
+def show_target(instrument: Instrument, viewer: kit.Viewer, number: str) -> None:
     """Build the page of the target whose number stands in the address."""
     follow_store(viewer, TargetPage(instrument, viewer, number).load)
 
 
 def sequences(workspace: Path, number: int, dialogs: ui.element) -> None:
     """The recorded sequences of a target: played here, or downloaded as a zip file of frames, index and report."""
-    panel_title(tr("Sequences"))
+    kit.panel_title(tr("Sequences"))
     found = sequence_folders(workspace, number)
     if not found:
-        ui.label(tr("None was recorded. Examine records them.")).classes("muted")
+        kit.muted(tr("None was recorded. Examine records them."))
         return
-    with rows_under((tr("Sequence"), tr("Frames"), ""), label=f"Sequences of target {number}"):
+    with kit.rows_under((tr("Sequence"), tr("Frames"), ""), label=f"Sequences of target {number}"):
         for name, frames in found.items():
             with ui.element("tr"):
-                cell(name)
-                cell(f"{frames:,}")
+                kit.cell(name)
+                kit.cell(f"{frames:,}")
                 with ui.element("td"), ui.element("div").classes("row"):
-                    play = ui.button(tr("Play"), on_click=partial(play_sequence, dialogs, number, name, frames))
-                    play.props("no-caps dense outline").props["aria-label"] = f"Play {name}"
+                    play = kit.button(
+                        tr("Play"),
+                        partial(play_sequence, dialogs, number, name, frames),
+                        look="outline dense",
+                        label=f"Play {name}",
+                    )
                     play.set_visibility(frames > 0)
                     link = ui.link(tr("Download"), f"/files/sequence/{number}/{name}.zip").classes("link")
                     link.props["aria-label"] = f"Download {name}"
@@ -77,11 +79,11 @@ def sequences(workspace: Path, number: int, dialogs: ui.element) -> None:
 class TargetPage:
     """The open page of the target whose number stands in the address."""
 
-    def __init__(self, instrument: Instrument, viewer: Viewer, number: str) -> None:
+    def __init__(self, instrument: Instrument, viewer: kit.Viewer, number: str) -> None:
         self.instrument, self.viewer, self.number = instrument, viewer, number
         with ui.element("div").classes("stack"):
             with ui.element("section").classes("panel"):
-                self._head = Redrawn(ui.element("div").classes("row"))
+                self._head = kit.Redrawn(ui.element("div").classes("row"))
                 self._state = ui.element("div")
                 self.below = ui.element("div")
             with ui.element("div").classes("split records-split") as self._parts:
@@ -138,7 +140,7 @@ class TargetPage:
         self._head.changes_to(None)
         self._head.element.clear()
         with self._head.element:
-            panel_title(tr("Target"))
+            kit.panel_title(tr("Target"))
             ui.label(message).classes("flag").props('role="alert"')
             ui.link(tr("All targets"), "/records").classes("link")
 

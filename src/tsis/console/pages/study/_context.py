@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from threading import Lock
 from typing import TYPE_CHECKING, Protocol
 
-from tsis.console.pages.components import LONGEST_OPERATOR, unit_field
+from tsis.console.pages import components as kit
 from tsis.console.studies import has_report
 from tsis.report import address
 from tsis.report.study import study_page, targets_table
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
     from nicegui import ui
 
-    from tsis.console.pages.components import Viewer
     from tsis.console.services import Jobs
     from tsis.console.studies import StudyRepository
     from tsis.report import Page, Table
@@ -104,18 +103,19 @@ class StudyContext(Protocol):
     """The open page of a study, as its parts use it."""
 
     jobs: Jobs
-    viewer: Viewer
+    viewer: kit.Viewer
     repository: StudyRepository
     name: str
 
 
-def who_field(viewer: Viewer, label: str) -> ui.input:
+def who_field(viewer: kit.Viewer, label: str) -> ui.input:
     """Place a field for a person's name: the operator's, where it is known."""
-    field = unit_field(label, keys="text").bind_value_from(viewer, "operator")
-    return field.props("readonly") if viewer.logged_in else field.props(f"maxlength={LONGEST_OPERATOR}")
+    field = kit.unit_field(label, keys="text").bind_value_from(viewer, "operator")
+    field.props["readonly"], field.props["maxlength"] = viewer.logged_in, kit.LONGEST_OPERATOR
+    return field
 
 
-def name_in(viewer: Viewer, field: ui.input) -> str:
+def name_in(viewer: kit.Viewer, field: ui.input) -> str:
     """The name to enter; a browser may send what it likes, so a login's is taken from the login.
 
     A typed name is kept as the operator's.

@@ -10,21 +10,8 @@ from nicegui import ui
 
 from tsis.__about__ import LARGEST_SEED
 from tsis.catalog import list_probes
-from tsis.console.pages.components import (
-    cell,
-    dialog_buttons,
-    field_messages,
-    loading,
-    open_dialog,
-    panel_title,
-    rows_under,
-    select_field,
-    tr,
-    typed_forces,
-    typed_integer,
-    typed_number,
-    unit_field,
-)
+from tsis.console.pages import components as kit
+from tsis.console.pages.components import tr
 from tsis.console.pages.study._context import name_in, who_field
 from tsis.console.studies import StudyRepository
 from tsis.errors import InputError
@@ -36,7 +23,6 @@ if TYPE_CHECKING:
 
     from nicegui.events import GenericEventArguments
 
-    from tsis.console.pages.components import Viewer
     from tsis.console.pages.study._context import StudyResult, StudyView
     from tsis.console.services import Instrument
     from tsis.console.studies import StudySummary
@@ -53,7 +39,7 @@ class CodeTable:
         self._view: StudyView | None = None
         self._result: StudyResult | None = None
         self._sheet, self._size = 1, SHEETS[0]
-        panel_title(tr("Targets"))
+        kit.panel_title(tr("Targets"))
         self._table = ui.table(rows=[], columns=[], row_key="number", pagination=self._pages(0)).classes("targets")
         self._table.on("request", self._requested)
         self._table.props(
@@ -169,15 +155,15 @@ class StudyDraft:
     def make(self, repository: StudyRepository, *, actor: str, progress: Callable[[int, int], None]) -> str:
         """Create the study, and return its name; `InputError` for an invalid field."""
         name = self.name.strip()
-        with field_messages(LABELS):
+        with kit.field_messages(LABELS):
             repository.make(
                 name,
                 self._targets(),
-                seed=typed_integer("seed", self.seed, 0, LARGEST_SEED) if self.seed.strip() else None,
+                seed=kit.typed_integer("seed", self.seed, 0, LARGEST_SEED) if self.seed.strip() else None,
                 probe=self.probe,
-                forces_n=typed_forces(self.forces, most=MOST_FORCES) or None,
+                forces_n=kit.typed_forces(self.forces, most=MOST_FORCES) or None,
                 with_reference=self.with_reference,
-                repeats=typed_integer("repeats", self.repeats, 1, MOST_REPEATS),
+                repeats=kit.typed_integer("repeats", self.repeats, 1, MOST_REPEATS),
                 threshold=self._threshold(),
                 actor=actor,
                 progress=progress,
@@ -185,14 +171,14 @@ class StudyDraft:
         return name
 
     def _threshold(self) -> float:
-        return require_number("threshold", typed_number("threshold", self.threshold), 0.0, 1.0, hint=PROBABILITY)
+        return require_number("threshold", kit.typed_number("threshold", self.threshold), 0.0, 1.0, hint=PROBABILITY)
 
     def size(self) -> StudySize:
         """Readings and presses of the virtual probe; `InputError` for an invalid field."""
-        with field_messages(LABELS):
+        with kit.field_messages(LABELS):
             present, blank = (typed_whole(LABELS[name], getattr(self, name)) for name in ("present", "blank"))
-            repeats = typed_integer("repeats", self.repeats, 1, MOST_REPEATS)
-            forces = typed_forces(self.forces, most=MOST_FORCES) or USUAL_FORCES
+            repeats = kit.typed_integer("repeats", self.repeats, 1, MOST_REPEATS)
+            forces = kit.typed_forces(self.forces, most=MOST_FORCES) or USUAL_FORCES
             readings = (present + blank) * repeats
             return StudySize(readings=readings, presses=readings * len(forces) * (1 + self.with_reference))
 
@@ -205,7 +191,7 @@ class StudyDraft:
 
 def typed_whole(name: str, text: str) -> int:
     """The typed whole number; `InputError` for other text."""
-    value = typed_number(name, text)
+    value = kit.typed_number(name, text)
     if not value.is_integer():
         raise InputError(f"{name} must be a whole number; got {text.strip()!r:.40}")
     return int(value)
@@ -222,12 +208,11 @@ MEANT = (
 )
 
 
-def study_listing(instrument: Instrument, viewer: Viewer) -> None:
+def study_listing(instrument: Instrument, viewer: kit.Viewer) -> None:
     """Build the page."""
     repository = StudyRepository(instrument.terms.workspace)
     with ui.element("div").classes("split"):
-        with ui.element("section").classes("panel stack"):
-            panel_title(tr("Studies"))
+        with kit.panel(tr("Studies")):
             studies = ui.element("div").classes("scroll")
         with ui.element("section").classes("panel stack"):
             _NewStudy(repository, viewer)
@@ -250,45 +235,45 @@ def study_listing(instrument: Instrument, viewer: Viewer) -> None:
 
 def _show(summaries: tuple[StudySummary, ...]) -> None:
     if not summaries:
-        ui.label(NONE_YET).classes("muted")
+        kit.muted(NONE_YET)
         return
-    with rows_under(HEADINGS, label="Studies"):
+    with kit.rows_under(HEADINGS, label="Studies"):
         for item in summaries:
             if item.trouble:
                 with ui.element("tr"):
-                    cell(item.name)
+                    kit.cell(item.name)
                     with ui.element("td").props("colspan=3"):
                         ui.label(item.trouble).classes("flag wordy")
                 continue
             with ui.element("tr"):
                 with ui.element("td"):
                     ui.link(item.name, f"/study/{item.name}").classes("link")
-                cell(str(item.targets))
-                cell(str(item.readings))
-                cell(f"unblinded {item.unblinded}" if item.unblinded else "blinded").classes("wordy")
+                kit.cell(str(item.targets))
+                kit.cell(str(item.readings))
+                kit.cell(f"unblinded {item.unblinded}" if item.unblinded else "blinded").classes("wordy")
 
 
 class _NewStudy:
     """The form of a new study."""
 
-    def __init__(self, repository: StudyRepository, viewer: Viewer) -> None:
+    def __init__(self, repository: StudyRepository, viewer: kit.Viewer) -> None:
         self._repository, self._viewer = repository, viewer
         start = StudyDraft()
-        panel_title(tr("New study"))
+        kit.panel_title(tr("New study"))
         with ui.element("div").classes("study-fields"):
-            name = unit_field("Name", keys="text").props("maxlength=200")
+            name = kit.unit_field("Name", keys="text").props("maxlength=200")
             self._who = who_field(viewer, "Made by")
-            present = unit_field("With an inclusion", start.present, keys="numeric")
-            blank = unit_field("Blanks", start.blank, keys="numeric")
-            self._like = select_field(LIKE, value=start.like, label="Targets")
+            present = kit.unit_field("With an inclusion", start.present, keys="numeric")
+            blank = kit.unit_field("Blanks", start.blank, keys="numeric")
+            self._like = kit.select_field(LIKE, value=start.like, label="Targets")
             self._like.props("dense outlined options-dense").classes("study-wide")
-            self._probe = select_field(list(list_probes()), value=start.probe, label="Probe")
+            self._probe = kit.select_field(list(list_probes()), value=start.probe, label="Probe")
             self._probe.props("dense outlined options-dense")
-            forces = unit_field("Forces", start.forces, unit="N", keys="text")
+            forces = kit.unit_field("Forces", start.forces, unit="N", keys="text")
             forces.props("stack-label").props["placeholder"] = "usual of the probe"
-            repeats = unit_field("Repeats", start.repeats, keys="numeric")
-            threshold = unit_field("Threshold", start.threshold)
-            seed = unit_field("Seed", start.seed, keys="numeric")
+            repeats = kit.unit_field("Repeats", start.repeats, keys="numeric")
+            threshold = kit.unit_field("Threshold", start.threshold)
+            seed = kit.unit_field("Seed", start.seed, keys="numeric")
             seed.props("stack-label").props["placeholder"] = "drawn and sealed"
         self._texts = {
             "name": name,
@@ -304,10 +289,10 @@ class _NewStudy:
         threshold.props["hint"] = "probability, 0 to 1"
         self._reference = ui.checkbox(tr("Reference presses on tissue nearby"), value=start.with_reference)
         self._reference.on_value_change(self._count)
-        ui.label(MEANT).classes("muted")
-        self._size = ui.label().classes("muted")
+        kit.muted(MEANT)
+        self._size = kit.muted()
         with ui.element("div").classes("row"):
-            self._button = ui.button(tr("Make the study"), icon="add", on_click=self._make).props("no-caps")
+            self._button = kit.button(tr("Make the study"), self._make, icon="add", look="unelevated")
             self._bar = ui.linear_progress(0.0, show_value=False, size="6px").props(
                 'aria-label="Progress of the study"'
             )
@@ -341,20 +326,20 @@ class _NewStudy:
         if size.readings <= LARGE:
             await self._made(draft)
             return
-        with open_dialog(self._dialogs, "A large study") as dialog:
+        with kit.open_dialog(self._dialogs, "A large study") as dialog:
             ui.label(tr("{size} Its targets are fixed once it is made.", size=size.text()))
 
             async def confirmed() -> None:
                 dialog.close()
                 await self._made(draft)
 
-            dialog_buttons(dialog, f"Make {size.readings:,} readings", confirmed)
+            kit.dialog_buttons(dialog, f"Make {size.readings:,} readings", confirmed)
 
     async def _made(self, draft: StudyDraft) -> None:
         def sealed(done: int, total: int) -> None:
             self._sealed = done / total
 
-        with loading(self._button):
+        with kit.loading(self._button):
             who = name_in(self._viewer, self._who)
             created = await self._viewer.attempt(draft.make, self._repository, actor=who, progress=sealed)
         self._sealed = 0.0

@@ -8,23 +8,8 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from tsis.console.pages.components import (
-    LARGEST_MIB,
-    ProgressBar,
-    cards,
-    dialog_buttons,
-    figure,
-    list_message,
-    loading,
-    message_list,
-    one_file,
-    open_dialog,
-    panel_title,
-    titled_dialog,
-    tr,
-    typed_number,
-    unit_field,
-)
+from tsis.console.pages import components as kit
+from tsis.console.pages.components import tr
 from tsis.console.pages.study._context import name_in, study_result, who_field
 from tsis.console.studies import begin_publishing, begin_reading, job_of, unread
 from tsis.files import one_line
@@ -66,24 +51,24 @@ class Outcome:
 
     def _head(self, view: StudyView) -> None:
         with ui.element("div").classes("row"):
-            panel_title(tr("Results of the study"))
+            kit.panel_title(tr("Results of the study"))
             ui.element("div").classes("spring")
             if view.reported:
                 position = f"/files/study/{self._page.name}/report"
                 ui.link(tr("Report"), f"{position}.html", new_tab=True).classes("link button")
                 ui.link(tr("PDF"), f"{position}.pdf").classes("link button").props("download")
             else:
-                ui.label(tr("No report was written yet: Analyse again writes it.")).classes("muted")
+                kit.muted(tr("No report was written yet: Analyse again writes it."))
 
     def _body(self, result: StudyResult) -> None:
-        cards(result.page.cards)
+        kit.cards(result.page.cards)
         with ui.element("div").classes("study-outcome"):
             if result.curves:
-                figure(result.page.pictures[0], result.curves)
+                kit.figure(result.page.pictures[0], result.curves)
             with ui.element("div"):
-                panel_title(tr("Notes"), level=3)
+                kit.panel_title(tr("Notes"), level=3)
                 with ui.element("div").classes("wordy"):
-                    message_list(result.page.notes)
+                    kit.message_list(result.page.notes)
 
 
 MOST_SHOWN = 5  # faults
@@ -103,8 +88,7 @@ class Unblinding:
         self._dialog: ui.dialog | None = None
         self._who: ui.input | None = None
         self._container = ui.element("div")
-        self._button = ui.button(tr("Unblind and analyse"), icon="visibility", on_click=self._clicked)
-        self._button.props("dense no-caps outline")
+        self._button = kit.button(tr("Unblind and analyse"), self._clicked, icon="visibility", look="outline dense")
 
     async def show(self, view: StudyView) -> None:
         """Say what a click would do; an open dialog is asked anew, since it told of the study before."""
@@ -119,7 +103,7 @@ class Unblinding:
 
     async def _clicked(self) -> None:
         page = self._page
-        with loading(self._button):
+        with kit.loading(self._button):
             result = await page.viewer.attempt(
                 lambda: (page.repository.study(page.name), verify_study(page.repository.path(page.name)))
             )
@@ -130,7 +114,7 @@ class Unblinding:
         page, left = self._page, unread(study)
         blind = study.unblinded is None
         title = f"{'Unblind' if blind else 'Analyse'} study {study.plan.name}"
-        with open_dialog(self._container, title, style="dialog-card study-dialog") as dialog:
+        with kit.open_dialog(self._container, title, style="dialog-card study-dialog") as dialog:
             self._dialog = dialog
             if blind:
                 ui.label(
@@ -142,7 +126,7 @@ class Unblinding:
                 )
             if verification.faults:
                 ui.label(FAULTY).classes("flag")
-                message_list(str(fault) for fault in verification.faults[:MOST_SHOWN])
+                kit.message_list(str(fault) for fault in verification.faults[:MOST_SHOWN])
             although = ui.checkbox(tr("although incomplete")).props("dense")
             although.set_visibility(blind and bool(left))
             if blind:
@@ -158,7 +142,7 @@ class Unblinding:
             self._who = who = who_field(page.viewer, "Done by")
 
             async def begin() -> None:
-                with loading(button):
+                with kit.loading(button):
                     job = await page.viewer.attempt(
                         begin_publishing,
                         page.jobs,
@@ -170,7 +154,7 @@ class Unblinding:
                 if job is not None:
                     dialog.close()
 
-            button = dialog_buttons(dialog, "Unblind and analyse" if blind else "Analyse", begin)
+            button = kit.dialog_buttons(dialog, "Unblind and analyse" if blind else "Analyse", begin)
 
 
 MOST_FAULTS_SHOWN = 100  # faults; a study that has more has one cause
@@ -184,7 +168,7 @@ def verify_button(page: StudyContext, place: ui.element) -> None:
     """A button that verifies plan, seal, reports and log, and shows the result in ``place``."""
 
     async def begin(head: str = "") -> None:
-        with loading(button):
+        with kit.loading(button):
             result = await page.viewer.attempt(
                 lambda: verify_study(page.repository.path(page.name), head=head.strip() or None)
             )
@@ -195,11 +179,11 @@ def verify_button(page: StudyContext, place: ui.element) -> None:
 
     def show(verification: StudyVerification, head: str) -> None:
         with ui.element("section").classes("outcome").props('role="status"'):
-            panel_title(tr("Verification"), level=3)
+            kit.panel_title(tr("Verification"), level=3)
             ui.label(verdict(verification)).classes("good" if verification.sound else "flag")
-            with message_list():
+            with kit.message_list():
                 for fault in verification.faults[:MOST_FAULTS_SHOWN]:
-                    list_message(str(fault), "doubtful")
+                    kit.list_message(str(fault), "doubtful")
             if len(verification.faults) > MOST_FAULTS_SHOWN:
                 ui.label(
                     tr(
@@ -209,12 +193,12 @@ def verify_button(page: StudyContext, place: ui.element) -> None:
                 )
             ui.label(tr("Head of the log: {head}", head=verification.head)).classes("muted identity")
             with ui.element("div").classes("row"):
-                saved = unit_field("Head that was saved elsewhere", head, keys="text").classes("study-head")
-                ui.button(tr("Compare"), on_click=lambda: begin(saved.value or "")).props("dense no-caps outline")
-                ui.button(tr("Close"), on_click=place.clear).props("dense no-caps flat")
-            ui.label(VERIFICATION_MEANING).classes("muted")
+                saved = kit.unit_field("Head that was saved elsewhere", head, keys="text").classes("study-head")
+                kit.button(tr("Compare"), lambda: begin(saved.value or ""), look="outline dense")
+                kit.button(tr("Close"), place.clear, look="flat dense")
+            kit.muted(VERIFICATION_MEANING)
 
-    button = ui.button(tr("Verify"), icon="verified_user", on_click=lambda: begin()).props("dense no-caps outline")
+    button = kit.button(tr("Verify"), lambda: begin(), icon="verified_user", look="outline dense")
 
 
 def verdict(verification: StudyVerification) -> str:
@@ -230,18 +214,21 @@ NONE_YET = "Nothing was read yet. Run the virtual probe, or import the readings 
 def show_devices(page: StudyContext, view: StudyView) -> None:
     """Place the devices with their operators."""
     if not view.devices:
-        ui.label(NONE_YET).classes("muted")
+        kit.muted(NONE_YET)
     for device in view.study.devices:
         stored = [item for item in view.devices if item.device == device]
         with ui.element("div").classes("study-device"):
             with ui.element("div").classes("row"):
                 ui.label(device).classes("strong wordy")
-                ui.label(tr("threshold {threshold}", threshold=f"{stored[0].threshold:g}")).classes("muted")
+                kit.muted(tr("threshold {threshold}", threshold=f"{stored[0].threshold:g}"))
                 ui.element("div").classes("spring")
-                export = ui.button(
-                    tr("Export readings"), icon="download", on_click=lambda _, device=device: _export(page, device)
+                kit.button(
+                    tr("Export readings"),
+                    lambda _, device=device: _export(page, device),
+                    icon="download",
+                    look="outline dense",
+                    label=f"Export readings of {device}",
                 )
-                export.props("dense no-caps outline").props["aria-label"] = f"Export readings of {device}"
             for item in stored:
                 undecided = f", {item.undecided} undecided" if item.undecided else ""
                 ui.label(
@@ -272,8 +259,8 @@ class JobProgress:
         with ui.element("div").classes("stack tight") as self._container:
             with ui.element("div").classes("row"):
                 self._message = ui.label().classes("wordy").props('role="status"')
-                self._end = ui.button(tr("End"), on_click=self._ended).props("dense no-caps outline")
-            self._bar = ProgressBar("Progress of the study")
+                self._end = kit.button(tr("End"), self._ended, look="outline dense")
+            self._bar = kit.ProgressBar("Progress of the study")
         self._container.set_visibility(False)
 
     def refresh(self) -> bool:
@@ -305,13 +292,11 @@ class Running:
     def __init__(self, page: StudyContext) -> None:
         self._page = page
         self._named = False
-        panel_title(tr("Virtual probe"))
-        ui.label(READING_MEANS).classes("muted")
+        kit.panel_title(tr("Virtual probe"))
+        kit.muted(READING_MEANS)
         with ui.element("div").classes("row"):
             self._who = who_field(page.viewer, "Operator")
-            self._begin = ui.button(tr("Run on the virtual probe"), icon="play_arrow", on_click=self._run).props(
-                "no-caps"
-            )
+            self._begin = kit.button(tr("Run on the virtual probe"), self._run, icon="play_arrow", look="unelevated")
 
     def show(self, view: StudyView) -> None:
         """Suggest the operator who has still to read, in a browser that knows no name."""
@@ -327,7 +312,7 @@ class Running:
 
     async def _run(self) -> None:
         page = self._page
-        with loading(self._begin):
+        with kit.loading(self._begin):
             await page.viewer.attempt(
                 begin_reading, page.jobs, page.repository, page.name, operator=name_in(page.viewer, self._who)
             )
@@ -337,21 +322,21 @@ EXPLAINED = (
     f"A CSV file with the columns {', '.join(READING_COLUMNS)}. A higher score says that an inclusion is "
     "likelier, an empty one is undecided; the last three may be empty. A table is entered whole or not at all."
 )
-TOO_LARGE = f"readings must be one CSV file of at most {LARGEST_MIB} MiB here; larger ones: tsis study import"
+TOO_LARGE = f"readings must be one CSV file of at most {kit.LARGEST_MIB} MiB here; larger ones: tsis study import"
 CUT = "the file did not come whole; try again"
 
 
 def import_button(page: StudyContext) -> ui.button:
     """A button that asks for device, threshold and file, and enters its readings."""
     viewer = page.viewer
-    with titled_dialog("Import readings", style="dialog-card study-dialog") as dialog:
-        ui.label(EXPLAINED).classes("muted")
-        device = unit_field("Device", keys="text")
-        threshold = unit_field("Threshold")
+    with kit.titled_dialog("Import readings", style="dialog-card study-dialog") as dialog:
+        kit.muted(EXPLAINED)
+        device = kit.unit_field("Device", keys="text")
+        threshold = kit.unit_field("Threshold")
         threshold.props("stack-label").props["placeholder"] = "the study's, or that of the first import"
         who = who_field(viewer, "Entered by")
-        upload = one_file(viewer, "CSV file of readings", accept=".csv,text/csv", refused=TOO_LARGE)
-        ui.button(tr("Close"), on_click=dialog.close).props("dense no-caps flat")
+        upload = kit.one_file(viewer, "CSV file of readings", accept=".csv,text/csv", refused=TOO_LARGE)
+        kit.button(tr("Close"), dialog.close, look="flat dense")
 
     async def uploaded(event: UploadEventArguments) -> None:
         upload.reset()
@@ -369,11 +354,11 @@ def import_button(page: StudyContext) -> ui.button:
             dialog.close()
 
     upload.on_upload(uploaded)
-    return ui.button(tr("Import readings"), icon="upload_file", on_click=dialog.open).props("dense no-caps outline")
+    return kit.button(tr("Import readings"), dialog.open, icon="upload_file", look="outline dense")
 
 
 def _enter(page: StudyContext, content: bytes, file: str, device: str, threshold: str, actor: str) -> int:
     study = page.repository.study(page.name)
-    limit = typed_number("threshold", threshold) if threshold.strip() else None
+    limit = kit.typed_number("threshold", threshold) if threshold.strip() else None
     after = import_table(study, content, file, device=device, threshold=limit, actor=actor)
     return len(after.readings) - len(study.readings)

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 from nicegui import run, ui
 
-from tsis.console.pages.components import FactList, panel_title, tr
+from tsis.console.pages import components as kit
+from tsis.console.pages.components import tr
 from tsis.console.pages.study._context import StudyView, view_study
 from tsis.console.pages.study._listing import CodeTable
 from tsis.console.pages.study._outcome import (
@@ -22,14 +23,13 @@ from tsis.console.studies import StudyRepository, unblinded_text
 from tsis.errors import TsisError
 
 if TYPE_CHECKING:
-    from tsis.console.pages.components import Viewer
     from tsis.console.services import Instrument
 
 
 EVERY_S = 0.5
 
 
-def show_study(instrument: Instrument, viewer: Viewer, name: str) -> None:
+def show_study(instrument: Instrument, viewer: kit.Viewer, name: str) -> None:
     """Build the page of the study whose name stands in the address."""
     viewer.every(EVERY_S, StudyPage(instrument, viewer, name).refresh)
 
@@ -37,7 +37,7 @@ def show_study(instrument: Instrument, viewer: Viewer, name: str) -> None:
 class StudyPage:
     """The open page of the study whose name stands in the address."""
 
-    def __init__(self, instrument: Instrument, viewer: Viewer, name: str) -> None:
+    def __init__(self, instrument: Instrument, viewer: kit.Viewer, name: str) -> None:
         self.jobs, self.viewer, self.name = instrument.jobs, viewer, name
         self.repository = StudyRepository(instrument.terms.workspace)
         self._shown: tuple[int, int] | None = None
@@ -45,7 +45,7 @@ class StudyPage:
             with ui.element("section").classes("panel stack"):
                 with ui.element("div").classes("row"):
                     ui.link(tr("All studies"), "/study").classes("link")
-                    self._title = panel_title(tr("Study")).classes("target-title")
+                    self._title = kit.panel_title(tr("Study")).classes("target-title")
                     ui.element("div").classes("spring")
                     self._commands = ui.element("div").classes("row")
                 self._job = JobProgress(self)
@@ -58,12 +58,10 @@ class StudyPage:
                 with ui.element("div").classes("stack"):
                     with ui.element("section").classes("panel stack") as self._run:
                         self._running = Running(self)
-                    with ui.element("section").classes("panel stack"):
-                        panel_title(tr("Devices"))
+                    with kit.panel(tr("Devices")):
                         self._devices = ui.element("div").classes("stack tight")
-                    with ui.element("section").classes("panel stack"):
-                        panel_title(tr("Plan"))
-                        self._plan = FactList()
+                    with kit.panel(tr("Plan")):
+                        self._plan = kit.FactList()
         with self._commands:
             self._import = import_button(self)
             verify_button(self, self._below)
