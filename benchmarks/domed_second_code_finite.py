@@ -87,6 +87,8 @@ CASES = {
     "shallow": Case(tissue_kpa=5, diameter_mm=8, depth_mm=2, contrast=10),
     "deep": Case(tissue_kpa=10, diameter_mm=14, depth_mm=16, contrast=10, thickness_mm=40),
     "faint": Case(tissue_kpa=20, diameter_mm=12, depth_mm=6, contrast=1.5),
+    "wide": Case(tissue_kpa=3, diameter_mm=18, depth_mm=6, contrast=8, thickness_mm=35),
+    "far": Case(tissue_kpa=20, diameter_mm=6, depth_mm=15, contrast=10, triangle_mm=0.8),
 }
 
 

@@ -25,7 +25,7 @@ from rich.table import Table
 from threadpoolctl import threadpool_limits
 
 import tsis
-from tsis.mechanics import mesh_rectangle, press, stiffness
+from tsis.mechanics import hats, mesh_rectangle, press, stiffness
 from tsis.mechanics.finite_strain import FiniteResolution, ProbeOnSlab, press_pairs, squeeze_path
 from tsis.mechanics.small_strain import PressKernel, Resolution
 from tsis.mechanics.solid import press_solid
@@ -255,7 +255,7 @@ def surrogate() -> Iterator[Row]:
 
 def twenty_rings(built: PressSurrogate) -> TissueSurrogate:
     """Mean pressures of 20 rings on one tissue."""
-    return built.pressure_kpa.mapped(built.interpolation(np.linspace(0.0, 9.6, 20))).at_tissue(5.0, 30.0)
+    return built.pressure_kpa.mapped(hats(built.radius_mm, np.linspace(0.0, 9.6, 20))).at_tissue(5.0, 30.0)
 
 
 def drawn_inclusions(count: int) -> list[NDArray[np.float64]]:

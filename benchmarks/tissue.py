@@ -72,7 +72,7 @@ def table_rows(young_kpa: float) -> list[list[str]]:
     series, rows = PressSeries(probe.unlit()), []
     for force in protocol_forces(probe, tissue_young_kpa=young_kpa):
         without, pressed = (
-            ring_means(surrogate, edges) @ np.interp(surrogate.radius_mm, field.radius_mm, field.pressure_kpa)
+            ring_means(surrogate.radius_mm, edges) @ np.interp(surrogate.radius_mm, field.radius_mm, field.pressure_kpa)
             for field in (series.press(slab, force_n=force) for slab in (with_it.without_inclusion(), with_it))
         )
         state = np.array([[young_kpa, 30.0, force]])

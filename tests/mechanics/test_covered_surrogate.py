@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import tsis
 from tsis.errors import InputError
-from tsis.mechanics import press
+from tsis.mechanics import hats, press
 from tsis.mechanics._face import ring_points
 from tsis.mechanics.small_strain import PressKernel, Resolution
 from tsis.mechanics.small_strain._bodies import face_of
@@ -106,7 +106,7 @@ def test_the_unit_carries_a_newton_and_the_shape_nothing() -> None:
     surrogate = covered(DOMED)
     assert surrogate.shape is not None
     inside, area = ring_points(surrogate.radius_mm)
-    over_face = area @ surrogate.interpolation(inside)
+    over_face = area @ hats(surrogate.radius_mm, inside)
     for spot in SPOTS:
         assert over_face @ at(surrogate.unit.pressure_kpa, spot) == pytest.approx(1000.0, rel=1e-9)
         shape = at(surrogate.shape.pressure_kpa, spot)

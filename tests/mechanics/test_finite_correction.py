@@ -28,12 +28,11 @@ from tsis.mechanics.surrogate import (
 from tsis.mechanics.surrogate import _correction_build as build
 from tsis.mechanics.surrogate._finite_correction import (
     CorrectionProcess,
-    design,
     fit_lengths,
     left_out,
     wide_box,
 )
-from tsis.mechanics.surrogate._presses import SlabPresses, row_of_field
+from tsis.mechanics.surrogate._presses import SlabPresses, design, row_of_field
 
 if TYPE_CHECKING:
     from pathlib import Path

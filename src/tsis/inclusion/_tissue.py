@@ -20,7 +20,6 @@ from tsis.errors import InputError
 from tsis.imaging import rough_contact
 from tsis.inclusion._frames import GENERIC_GAIN_SD, ring_edges, ring_light, ring_profiles
 from tsis.inclusion.posterior import ring_correlation, ring_means
-from tsis.mechanics import hats
 from tsis.mechanics.small_strain import PressKernel
 from tsis.mechanics.surrogate import correction_box, wide_box
 from tsis.model import (
@@ -169,21 +168,11 @@ def _rings(
     """Pressure in kPa, displacement in mm and slope of each ring on tissues of `MODULI_KPA`, shape (moduli, rings)."""
     kernel = _kernel(probe, thickness_mm)
     presses = [kernel.press(young, force_n * MN_PER_N) for young in MODULI_KPA.tolist()]
-    means = ring_means(_Face(kernel.radius_mm), np.array(edges_mm))
+    means = ring_means(kernel.radius_mm, np.array(edges_mm))
     slopes = means @ np.gradient(np.eye(len(kernel.radius_mm)), kernel.radius_mm, axis=0)
     pressure = np.array([press.pressure_kpa for press in presses])
     displacement = np.array([press.face_displacement_mm for press in presses])
     return pressure @ means.T, displacement @ means.T, displacement @ slopes.T
-
-
-@dataclass(frozen=True, slots=True)
-class _Face:
-    """Radii of profiles over the face."""
-
-    radius_mm: Floats
-
-    def interpolation(self, radius_mm: Floats) -> Floats:
-        return hats(self.radius_mm, radius_mm)
 
 
 def protocol_forces(

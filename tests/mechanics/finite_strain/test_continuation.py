@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -20,10 +20,14 @@ from tsis.mechanics.finite_strain import (
     press_finite,
     press_pairs,
 )
+from tsis.mechanics.finite_strain import _load_path as load_path
 from tsis.mechanics.finite_strain._continuation import path_around
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+
+    from tsis.mechanics.finite_strain._load_path import State
+    from tsis.mechanics.finite_strain._potential import Potential
 
 PROBE = tsis.load_probe("tsis-2011")
 COARSE = FiniteResolution(order=3, rim_mm=0.4, growth=3.0, largest=0.3, ray_layers=2)
@@ -71,6 +75,25 @@ def test_slab_and_inclusion_change_together_on_the_way(fraction: float) -> None:
     assert inclusion.diameter_mm == pytest.approx(8.0 + 17.0 * fraction)
     assert inclusion.young_kpa == pytest.approx(5.0 * 12.0**fraction)
     assert between.force_n == pytest.approx(0.3 * (2.0 / 0.3) ** fraction)
+
+
+def test_a_stall_ends_with_another_choice_of_closed_contacts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The state is the same: the choice decides only how Newton's method gets there."""
+    one = continuation()
+    uniform, target = one.first(START), replace(START, force_n=0.35)
+    direct, usual = one.follow(uniform, target), load_path.solve_equilibrium
+    stiff = one._model(target).contact.steering
+
+    def stalls(potential: Potential, *args: Any, **options: Any) -> State | None:
+        return None if potential.contacts[0].steering == stiff else usual(potential, *args, **options)
+
+    monkeypatch.setattr(load_path, "solve_equilibrium", stalls)
+    steered = one.follow(uniform, target)
+    difference = steered.result.field.pressure_kpa - direct.result.field.pressure_kpa
+    assert np.abs(difference).max() < 1e-5 * direct.result.field.pressure_kpa.mean()
+    monkeypatch.setattr("tsis.mechanics.finite_strain._continuation.STEERINGS", (1.0,))
+    with pytest.raises(MechanicsError, match=r"the press does not converge at 0\.3\d* N on tissue of 5 kPa"):
+        one.follow(uniform, target)
 
 
 @pytest.mark.slow

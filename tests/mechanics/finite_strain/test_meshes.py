@@ -7,7 +7,7 @@ import pytest
 
 import tsis
 from tsis.mechanics.finite_strain._elastic_body import OWN, ElasticBody, number_unknowns
-from tsis.mechanics.finite_strain._meshes import FiniteResolution, mesh_probe, rounded
+from tsis.mechanics.finite_strain._meshes import NARROW, FiniteResolution, mesh_probe, mesh_slab, rounded, slab_lines
 
 PROBE = tsis.load_probe("tsis-2011")
 
@@ -46,3 +46,13 @@ def test_the_mesh_fills_the_probe() -> None:
     assert nodes[meshed.side, 1].max() < -fillet + 1e-9
     np.testing.assert_allclose(nodes[meshed.face], shape.points(meshed.arc_mm), atol=1e-12)
     assert (np.diff(meshed.arc_mm) > 0).all()
+
+
+@pytest.mark.parametrize(("wider", "layers"), [(1.0, 4), (1.001, 8)])
+def test_a_block_that_takes_in_the_rim_has_twice_the_layers(wider: float, layers: int) -> None:
+    sphere = tsis.Inclusion(diameter_mm=wider * NARROW * PROBE.radius_mm, depth_mm=5.0, young_kpa=50.0)
+    phantom = tsis.Phantom(young_kpa=5.0, thickness_mm=30.0, inclusion=sphere)
+    lines = slab_lines(phantom, PROBE, FiniteResolution())
+    assert lines.layers == layers
+    around = mesh_slab(phantom, PROBE, FiniteResolution()).solid.patches[0]
+    assert around.shape[1] == layers * FiniteResolution().order + 1

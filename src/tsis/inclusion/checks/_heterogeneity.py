@@ -48,7 +48,7 @@ class FieldHarmonics:
         edges = np.linspace(0.0, OUTER_FRACTION * self.probe.radius_mm, RINGS + 1)
         table = self.hypotheses.table
         unit, _, shape, _ = np.split(table.harmonics[HARMONICS.index(order)], 4, axis=1)
-        change = ring_means(table, edges) @ (force_n * unit + shape)
+        change = ring_means(table.radius_mm, edges) @ (force_n * unit + shape)
         return np.asarray(self._slope(sectors.grey.mean(axis=1))[:, None] * change)
 
     def covariance(self, order: int, sectors: Sectors, force_n: float) -> Floats:

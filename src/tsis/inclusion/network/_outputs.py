@@ -193,7 +193,7 @@ def simulated_outputs(
     require_number(
         "the reading's extent", reading.edges_mm[-1], 0.0, float(surrogate.radius_mm[-1]), hint="the face, mm"
     )
-    rings = getattr(surrogate, field).mapped(ring_means(surrogate, reading.edges_mm))
+    rings = getattr(surrogate, field).mapped(ring_means(surrogate.radius_mm, reading.edges_mm))
     at = rings.at_tissue(tissue_young_kpa, thickness_mm)
     return reading(at(*table.T), at.baseline)
 

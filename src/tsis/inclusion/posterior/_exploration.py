@@ -106,7 +106,7 @@ COARSE, CLOSE, CELLS = 12, 10, 16  # cells along an axis: first search, search n
 LEFT = 0.1  # largest residual of a correction to the log likelihood
 SMOOTHING = 1e-6  # samples may nearly coincide
 CHUNK = 256  # inclusions whose likelihood is evaluated at a time
-CHECKED = 64  # points at which the fast likelihood is compared
+CHECKED, MOST_CHECKED = 64, 1024  # points at which the fast likelihood is compared: at first, before a spline's last
 SAMPLES = 8192
 
 
@@ -217,10 +217,11 @@ def _corrected(
 def _interpolated(grid: Grid, missing: Callable[[Floats], Floats], points: Floats, at_points: Floats) -> Grid:
     """The grid corrected by a spline, for wide posteriors that no parabola fits.
 
-    The spline goes through samples of the grid that it corrected before, until it predicts those still to come.
+    The spline goes through samples of the grid that it corrected before, until it predicts those still to come. Where
+    it never does, all cells are evaluated.
     """
     middle, spread = points.mean(axis=0), points.std(axis=0)
-    while len(points) < len(grid.cells.points):
+    while len(points) <= min(MOST_CHECKED, len(grid.cells.points) // 4):
         spline = RBFInterpolator((points - middle) / spread, at_points, kernel="cubic", degree=1, smoothing=SMOOTHING)
         correction = np.minimum(spline((grid.cells.points - middle) / spread), at_points.max())
         corrected = grid.with_density(grid.log_density + correction)

@@ -138,8 +138,7 @@ class ForwardModel:
             reference: self._changes(inclusions, nuisance, presses[reference], reference=reference)
             for reference in self._shown()
         }
-        finite = self._finite(inclusions, nuisance)
-        bends = self._finite_changes(inclusions, nuisance, finite)
+        finite, bends = self._finite_changes(inclusions, nuisance)
         for frame, (push, offset) in enumerate(self._pushes(nuisance)):
             reference, remaining = bool(self.is_reference[frame]), self._remaining(push, nuisance)
             gain = np.exp(nuisance[GAIN]) * remaining
@@ -243,46 +242,67 @@ class ForwardModel:
         by_poisson, by_spread = self._linear(inclusions, reference=reference)
         return np.asarray(result + nuisance[POISSON] * by_poisson + nuisance[SPREAD] * by_spread)
 
-    def _finite(self, inclusions: Floats | None, nuisance: Floats, *, shift: dict[int, float] | None = None) -> Floats:
-        """What finite strain adds to the rings' responses, (frames, n or 1, 3 rings), nuisances shifted by ``shift``.
+    def _finite(self, inclusions: Floats | None, nuisance: Floats) -> Floats:
+        """What finite strain adds to the rings' responses, (frames, n or 1, 3 rings)."""
+        return np.asarray(self._finite_moved(inclusions, nuisance, (None,))[0])
 
-        A probe and tissue stiffer by a factor under a force larger by it have pressures larger by it.
+    def _finite_moved(self, inclusions: Floats | None, nuisance: Floats, names: tuple[int | None, ...]) -> Floats:
+        """See `_finite`; with each of ``names`` moved by `STEP`, None for none, `SHARED` for all log forces.
+
+        The shape is (names, frames, n or 1, 3 rings). A probe and tissue stiffer by a factor under a force larger by it
+        have pressures larger by it.
         """
+        frames = len(self.force_n)
         if self.correction is None:
-            return np.zeros((len(self.force_n), 1, 1))
-        moved = nuisance[:SHARED].copy()
-        for name, step in (shift or {}).items():
-            moved[name : name + 1] += step
-        stiffer = float(np.exp(moved[PROBE]))
-        forces = np.array([push for push, _ in self._pushes(nuisance)]) * np.exp((shift or {}).get(SHARED, 0.0))
-        tissue = self.prior.tissue_young_kpa * np.exp(moved[TISSUE] + self.is_reference * moved[SITE])
-        thickness = self.prior.thickness_mm * np.exp(moved[THICKNESS]) * np.ones_like(tissue)
-        states = np.column_stack([tissue, thickness, forces]) / np.array([stiffer, 1.0, stiffer])
-        result = self.correction.without_inclusion(states)[:, None]
+            return np.zeros((len(names), frames, 1, 1))
+        moved = nuisance[: SHARED + 1] + STEP * np.array([np.arange(SHARED + 1) == name for name in names])
+        stiffer = np.exp(moved[:, PROBE, None])
+        pushes = np.array([push for push, _ in self._pushes(nuisance)])
+        forces = pushes * np.exp(moved[:, SHARED, None] - nuisance[SHARED])
+        tissue = self.prior.tissue_young_kpa * np.exp(moved[:, TISSUE, None] + self.is_reference * moved[:, SITE, None])
+        thickness = self.prior.thickness_mm * np.exp(moved[:, THICKNESS, None]) * np.ones_like(tissue)
+        states = np.stack([tissue / stiffer, thickness, forces / stiffer], axis=-1)
+        result = self.correction.without_inclusion(states.reshape(-1, 3)).reshape(len(names), frames, 1, -1)
         targets = np.flatnonzero(~self.is_reference)
         if inclusions is not None and len(targets):
-            contrast = inclusions[:, 2] / tissue[targets[0]]
-            young, thick, _ = states[targets[0]].tolist()
-            softer = inclusions / np.array([1.0, 1.0, stiffer])
-            signal = self.rings.on(young, thick, softer) - self.rings.on(young, thick, None)
-            signals = np.array([self.rings.under(force, signal) for force in states[targets, 2].tolist()])
-            change = self.correction.change(inclusions[:, 0], inclusions[:, 1], contrast, states[targets], signals)
-            result = np.repeat(result, len(inclusions), axis=1)
-            result[targets] += change
-        result[..., : self.rings.count] *= stiffer
+            result = np.repeat(result, len(inclusions), axis=2)
+            for young in np.unique(tissue[:, targets[0]]).tolist():  # one but for a step of the tissue's modulus
+                alike = np.flatnonzero(tissue[:, targets[0]] == young)
+                result[np.ix_(alike, targets)] += self._finite_signals(
+                    inclusions, young, states[np.ix_(alike, targets)], stiffer[alike, 0]
+                )
+        result[..., : self.rings.count] *= stiffer[:, :, None, None]
         return np.asarray(result)
 
-    def _finite_changes(self, inclusions: Floats | None, nuisance: Floats, finite: Floats) -> dict[int, Floats]:
-        """Derivatives of `_finite` by the nuisances of the press, that by a frame's log force under `SHARED`."""
-        nothing = np.zeros((len(self.force_n), 1, 1))
+    def _finite_signals(self, inclusions: Floats, tissue_kpa: float, states: Floats, stiffer: Floats) -> Floats:
+        """What finite strain adds to the signals of inclusions, for ``states`` (k, targets, 3) of one tissue."""
         if self.correction is None:
-            return dict.fromkeys((TISSUE, THICKNESS, SITE, PROBE, POISSON, SPREAD, SHARED), nothing)
-        by = {
-            name: (self._finite(inclusions, nuisance, shift={name: STEP}) - finite) / STEP
-            for name in (TISSUE, THICKNESS, PROBE, SHARED)
-        }
+            raise AssertionError("only called at finite strain")
+        signals = []
+        for factor, slabs in zip(stiffer.tolist(), states.tolist(), strict=True):
+            young, thick, _ = slabs[0]
+            softer = inclusions / np.array([1.0, 1.0, factor])
+            signal = self.rings.on(young, thick, softer) - self.rings.on(young, thick, None)
+            signals += [self.rings.under(force, signal) for _, _, force in slabs]
+        change = self.correction.change(
+            inclusions[:, 0],
+            inclusions[:, 1],
+            inclusions[:, 2] / tissue_kpa,
+            states.reshape(-1, 3),
+            np.array(signals),
+        )
+        return change.reshape(*states.shape[:2], *change.shape[1:])
+
+    def _finite_changes(self, inclusions: Floats | None, nuisance: Floats) -> tuple[Floats, dict[int, Floats]]:
+        """`_finite` and its derivatives by the nuisances of the press, that by a frame's log force under `SHARED`."""
+        nothing = np.zeros((len(self.force_n), 1, 1))
+        names = (TISSUE, THICKNESS, PROBE, SHARED)
+        if self.correction is None:
+            return nothing, dict.fromkeys((*names, SITE, POISSON, SPREAD), nothing)
+        finite, *moved = self._finite_moved(inclusions, nuisance, (None, *names))
+        by = {name: (there - finite) / STEP for name, there in zip(names, moved, strict=True)}
         site = np.where(self.is_reference[:, None, None], by[TISSUE], 0.0)
-        return by | {SITE: site, POISSON: nothing, SPREAD: nothing}
+        return finite, by | {SITE: site, POISSON: nothing, SPREAD: nothing}
 
     def _changes(
         self, inclusions: Floats | None, nuisance: Floats, press: Floats, *, reference: bool

@@ -20,7 +20,6 @@ import numpy as np
 from tsis.compiled import one_blas_thread
 from tsis.files import content_key
 from tsis.inclusion.posterior._rings import ring_means
-from tsis.mechanics import hats
 from tsis.mechanics.surrogate import cached_arrays, mechanical_content
 from tsis.mechanics.tissue_field import FieldMesh, TissueFieldResponse, field_factors, field_features
 
@@ -77,10 +76,6 @@ class FieldTable:
     harmonics: Floats
     layers_around: Floats
     layers_blank: Floats
-
-    def interpolation(self, radius_mm: Floats) -> Floats:
-        """Matrix from profiles to values at ``radius_mm``, linear between its radii."""
-        return hats(self.radius_mm, radius_mm)
 
     def factor(self, inclusion: Floats | None) -> Floats:
         """Factors (lengths, 4 n, k) around an inclusion (3,), whose modulus does not matter, or without one.
@@ -305,7 +300,7 @@ def heterogeneity(
 
 def _to_rings(table: FieldTable, edges_mm: Floats, level: Floats, *, is_domed: bool) -> Floats:
     """Matrix from the table's outputs to pressure, displacement and slope of the rings, for each part of a press."""
-    means = ring_means(table, edges_mm, level)
+    means = ring_means(table.radius_mm, edges_mm, level)
     slopes = means @ np.gradient(np.eye(len(table.radius_mm)), table.radius_mm, axis=0)
     none = np.zeros_like(means)
     part = np.block([[means, none], [none, means], [none, slopes]])

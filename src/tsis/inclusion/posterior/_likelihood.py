@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
+from scipy.linalg.lapack import dtrtri, dtrtrs
 
 from tsis.inclusion.posterior._heterogeneity import LAYER_SDS, LAYERS_MM
 
@@ -126,9 +127,8 @@ class InclusionLikelihood:
         selected = directions[: max(1, int((size > NEGLIGIBLE_SIZE).sum()))]
         rest = reference - selected.T @ (selected @ reference)
         # Whitened by a hypothesis, the residual is B a + b for its parts a along the selected directions.
-        whitened = np.linalg.solve(
-            roots, np.broadcast_to(least @ np.column_stack([selected.T, rest]), (*roots.shape[:2], len(selected) + 1))
-        )
+        right = least @ np.column_stack([selected.T, rest])
+        whitened = np.array([dtrtrs(root, right, lower=1)[0] for root in roots])
         square = np.swapaxes(whitened, 1, 2) @ whitened
         return LinearisedLikelihood(
             residual=table.through(selected @ reference, at_nodes @ selected.T),
@@ -305,9 +305,8 @@ class NoiseHypotheses:
     def of(cls, covariance: Floats, log_weight: Floats) -> NoiseHypotheses:
         """Factorise the covariances."""
         roots = np.linalg.cholesky(covariance)
-        return cls(
-            covariance=covariance, whitening=np.linalg.inv(roots), log_weight=log_weight, log_root=_log_root(roots)
-        )
+        whitening = np.array([dtrtri(root, lower=1)[0] for root in roots])
+        return cls(covariance=covariance, whitening=whitening, log_weight=log_weight, log_root=_log_root(roots))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -322,17 +321,18 @@ class LinearisedLikelihood:
 
     def __call__(self, inclusions: Floats) -> Floats:
         """Log evidence of inclusions (n, 3)."""
-        residual = self.residual(*inclusions.T)
-        hypotheses, parts, _ = self.square.shape
-        side_by_side = np.swapaxes(self.square, 0, 1).reshape(parts, -1)
-        evidence = np.empty((hypotheses, len(residual)))
-        for start in range(0, len(residual), CHUNK):  # one that stays in the processor's cache
-            part = residual[start : start + CHUNK]
-            product = (part @ side_by_side).reshape(len(part), hypotheses, parts)
-            quadratic = np.einsum("nhk,nk->hn", product, part)
-            evidence[:, start : start + CHUNK] = self.constant[:, None] - self.slope @ part.T - 0.5 * quadratic
-        most = evidence.max(axis=0)
-        return np.asarray(most + np.log(np.exp(evidence - most).sum(axis=0)))
+        residual = self.residual(*inclusions.T).T
+        first, second = np.triu_indices(len(residual))
+        # Each hypothesis' evidence is a parabola: one product with all monomials serves every hypothesis.
+        twice = np.where(first == second, -0.5, -1.0)
+        factors = np.hstack([self.square[:, first, second] * twice, -self.slope])
+        result = np.empty(residual.shape[1])
+        for start in range(0, len(result), CHUNK):  # one that stays in the processor's cache
+            part = residual[:, start : start + CHUNK]
+            evidence = factors @ np.vstack([part[first] * part[second], part]) + self.constant[:, None]
+            most = evidence.max(axis=0)
+            result[start : start + CHUNK] = most + np.log(np.exp(evidence - most).sum(axis=0))
+        return result
 
 
 def _log_root(roots: NDArray[np.floating[Any]]) -> Floats:
@@ -342,24 +342,32 @@ def _log_root(roots: NDArray[np.floating[Any]]) -> Floats:
 
 def _mixed(hypotheses: NoiseHypotheses, residual: Floats, rotated: Floats, sd: Floats) -> LikelihoodFit:
     """Integrate the nuisances out of residuals (n, m), linear in them by ``rotated`` (n, m, nuisances)."""
-    evidence, results = _evidence(hypotheses, residual, rotated, sd)
+    evidence, nuisance, misfit = _evidence(hypotheses, residual, rotated, sd)
     best = evidence.argmax(axis=0)
     index = np.arange(len(residual))
     return LikelihoodFit(
         log_evidence=np.asarray(np.logaddexp.reduce(evidence, axis=0)),
-        nuisance=np.array([nuisance for _, nuisance, _ in results])[best, index],
-        misfit=np.array([misfit for _, _, misfit in results])[best, index],
+        nuisance=nuisance[best, index],
+        misfit=misfit[best, index],
         hypothesis=best,
     )
 
 
 def _evidence(
     hypotheses: NoiseHypotheses, residual: Floats, rotated: Floats, sd: Floats
-) -> tuple[Floats, list[tuple[Floats, Floats, Floats]]]:
-    """Log evidence (hypotheses, n) with the hypotheses' weights, and each hypothesis' `_fit`; arguments as `_mixed`."""
-    results = [_fit(residual @ whitening.T, whitening @ rotated, sd) for whitening in hypotheses.whitening]
+) -> tuple[Floats, Floats, Floats]:
+    """The three results of `_fit` under each hypothesis, shape (hypotheses, n, ...); arguments as `_mixed`.
+
+    The log evidence contains the hypotheses' weights.
+    """
+    if len(residual) == 1:  # all hypotheses at once
+        white = hypotheses.whitening @ np.hstack([residual.T, rotated[0]])
+        evidence, nuisance, misfit = (part[:, None] for part in _fit(white[..., 0], white[..., 1:], sd))
+    else:
+        each = [_fit(residual @ whitening.T, whitening @ rotated, sd) for whitening in hypotheses.whitening]
+        evidence, nuisance, misfit = (np.array(part) for part in zip(*each, strict=True))
     weight = hypotheses.log_weight - hypotheses.log_root
-    return np.array([evidence for evidence, _, _ in results]) + weight[:, None], results
+    return evidence + weight[:, None], nuisance, misfit
 
 
 def _fit(white: Floats, rotated: Floats, sd: Floats) -> tuple[Floats, Floats, Floats]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -29,17 +29,6 @@ DIRECTIONS = 48  # over half a circle; the other half is symmetric
 OUTPUTS_PER_RING = 3  # pressure, displacement, slope
 REMEMBERED = 16  # responses that are not evaluated again
 POINTS = 6  # of quadrature over a ring
-
-
-class FaceProfiles(Protocol):
-    """A surrogate of profiles over the face's radius."""
-
-    @property
-    def radius_mm(self) -> Floats:
-        """Radii from the axis to the edge, shape (n,)."""
-
-    def interpolation(self, radius_mm: Floats) -> Floats:
-        """Matrix from profiles to values at ``radius_mm``."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -122,7 +111,7 @@ def ring_responses(
     offset_mm
         Distance of the inclusion from the axis; see `off_axis_profile`.
     """
-    means = ring_means(surrogate, edges_mm, level)
+    means = ring_means(surrogate.radius_mm, edges_mm, level)
     around = off_axis_profile(surrogate.radius_mm, offset_mm)
     step = float(edges_mm[1])
     spread = (off_axis_profile(surrogate.radius_mm, float(np.hypot(offset_mm, step))) - around) / step**2
@@ -161,7 +150,7 @@ def ring_correction(
 ) -> FiniteCorrection:
     """Correction by finite strain of the rings' pressures, displacements and slopes; see `ring_responses`."""
     radius = correction.radius_mm
-    means = ring_means(correction, edges_mm, level)
+    means = ring_means(radius, edges_mm, level)
     slopes = means @ np.gradient(np.eye(len(radius)), radius, axis=0)
     nothing = np.zeros_like(means)
     rows = np.block([[means, nothing], [nothing, means], [nothing, slopes]])
@@ -169,8 +158,8 @@ def ring_correction(
     return correction.mapped(rows, rows @ around)
 
 
-def ring_means(surrogate: FaceProfiles, edges_mm: Floats, level: Floats | None = None) -> Floats:
-    """Matrix from profiles to means over the rings' areas, shape (rings, radii of the profile).
+def ring_means(radius_mm: Floats, edges_mm: Floats, level: Floats | None = None) -> Floats:
+    """Matrix from profiles over ``radius_mm``, linear between them, to means over the rings' areas; (rings, radii).
 
     The light's ``level`` in each ring weights the means, as for grey over light.
     """
@@ -178,7 +167,7 @@ def ring_means(surrogate: FaceProfiles, edges_mm: Floats, level: Floats | None =
     middle = edges_mm[:-1] + np.diff(edges_mm) / 2
     weight = area * (1.0 if level is None else np.interp(radius, middle, level))
     weight = weight / weight.sum(axis=1, keepdims=True)
-    values = surrogate.interpolation(radius.ravel()).reshape(*radius.shape, -1)
+    values = hats(radius_mm, radius.ravel()).reshape(*radius.shape, -1)
     return np.asarray(np.einsum("rq,rqn->rn", weight, values))
 
 

@@ -7,7 +7,7 @@ From the bottom up: material (`_neo_hookean`), meshes (`_meshes`), bodies (`_ela
 
 from tsis.mechanics.finite_strain._continuation import PressContinuation, SlabPress, SolvedPress
 from tsis.mechanics.finite_strain._load_path import State, find_first_contact, follow_load_path
-from tsis.mechanics.finite_strain._meshes import FiniteResolution, slab_lines
+from tsis.mechanics.finite_strain._meshes import NARROW, WIDE_LAYERS, FiniteResolution, slab_lines
 from tsis.mechanics.finite_strain._press import (
     PressSeries,
     press_finite,
@@ -30,9 +30,11 @@ from tsis.mechanics.finite_strain._sphere import (
 
 __all__ = [
     "LIGHTEST",
+    "NARROW",
     "SPRING",
     "TOUCH",
     "WIDEST_CONTACT",
+    "WIDE_LAYERS",
     "FiniteResolution",
     "PressContinuation",
     "PressSeries",

@@ -36,6 +36,8 @@ KIND = "finite-press-states"
 PARTS = ("unknowns", "volumetric", "contact")  # of a stored press
 SMALLEST_PART = 1 / 256  # of the way to a state, before the continuation gives up
 GROWTH = 2.0
+STEERINGS = (1.0, 0.2, 5.0)  # of the contact, over the usual one: the next where Newton's method stalls
+LARGER = 16  # parts of the way that the next one starts with, over the smallest
 STIFFER = 1.5  # tissue of the press from which a stalled load path is circumvented
 
 
@@ -146,34 +148,44 @@ class PressContinuation:
         MechanicsError
             When a state on the way does not converge or lies outside the range of the model; the message names it.
         """
-        done, part, here = 0.0, 1.0, start
+        done, part, here, steerings = 0.0, 1.0, start, list(STEERINGS)
         while done < 1.0:
             ahead = 1.0 if done + part > 0.999 else done + part
             press = start.press.towards(target, ahead)
-            solved = self._solve(here, press, exact=ahead == 1.0)
+            solved = self._solve(here, press, exact=ahead == 1.0, steering=steerings[0])
             if isinstance(solved, SolvedPress):
                 part, done, here = (ahead - done) * GROWTH, ahead, solved
                 continue
             part = (ahead - done) / 2
             if part < SMALLEST_PART:
-                reason = self._model(here.press).explain(here.state)
-                cause, last = f" because {reason}" if reason else "", here.press
-                problem = (
-                    f"{solved} at {press.force_n:.3g} N on tissue of {press.phantom.young_kpa:.3g} kPa{cause}; the "
-                    f"last press that converged has {last.force_n:.3g} N on {last.phantom.young_kpa:.3g} kPa"
-                )
-                valid = load_path.rounded_down(last.force_n * target.phantom.young_kpa / last.phantom.young_kpa)
-                largest = valid if valid < target.force_n else None
-                cure = "a press nearer to it" if largest is None else f"a force of at most {largest:.3g} N"
-                raise MechanicsError(f"{problem}: choose {cure}", problem=problem, largest_n=largest)
+                # Near an edge of the contact Newton's choice of closed points can alternate between two for ever.
+                steerings.pop(0)
+                part = LARGER * SMALLEST_PART
+            if not steerings:
+                raise self._end(here, press, target, solved)
         return here
+
+    def _end(self, here: SolvedPress, press: SlabPress, target: SlabPress, problem: str) -> MechanicsError:
+        """Why ``press``, on the way to ``target``, does not follow from the last one that converged."""
+        reason = self._model(here.press).explain(here.state)
+        cause, last = f" because {reason}" if reason else "", here.press
+        problem = (
+            f"{problem} at {press.force_n:.3g} N on tissue of {press.phantom.young_kpa:.3g} kPa{cause}; the "
+            f"last press that converged has {last.force_n:.3g} N on {last.phantom.young_kpa:.3g} kPa"
+        )
+        valid = load_path.rounded_down(last.force_n * target.phantom.young_kpa / last.phantom.young_kpa)
+        largest = valid if valid < target.force_n else None
+        cure = "a press nearer to it" if largest is None else f"a force of at most {largest:.3g} N"
+        kind = MechanicsError if reason else load_path.StalledError
+        return kind(f"{problem}: choose {cure}", problem=problem, largest_n=largest)
 
     def _model(self, press: SlabPress) -> ProbeOnSlab:
         return ProbeOnSlab(self.probe, press.phantom, self._resolution, lines=self._lines)
 
-    def _solve(self, start: SolvedPress, press: SlabPress, *, exact: bool) -> SolvedPress | str:
-        """The press, or why there is none."""
+    def _solve(self, start: SolvedPress, press: SlabPress, *, exact: bool, steering: float = 1.0) -> SolvedPress | str:
+        """The press, or why there is none; ``steering`` multiplies that of the contact."""
         model = self._model(press)
+        model.contact.steering *= steering
         self.solves += 1
         state = load_path.solve_equilibrium(
             model.potential,
@@ -199,6 +211,8 @@ class PressContinuation:
         """All that decides its presses, as JSON values."""
         lines = {"radial_mm": self._lines.radial_mm.tolist(), "depth": self._lines.depth.tolist()}
         lines |= {"split": self._lines.split, "extent": self._lines.extent}
+        if self._lines.layers != self._resolution.ray_layers:
+            lines |= {"layers": self._lines.layers}
         return {"probe": mechanical_content(self.probe), "resolution": asdict(self._resolution), "lines": lines}
 
     def _predicted(self, start: SolvedPress, press: SlabPress) -> tuple[Floats, Pressures]:

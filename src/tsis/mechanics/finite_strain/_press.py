@@ -21,7 +21,7 @@ from tsis.mechanics.finite_strain._continuation import (
     solved_once,
 )
 from tsis.mechanics.finite_strain._load_path import StalledError
-from tsis.mechanics.finite_strain._meshes import FiniteResolution
+from tsis.mechanics.finite_strain._meshes import NARROW, FiniteResolution
 from tsis.mechanics.finite_strain._probe_on_slab import FinitePress, ProbeOnSlab
 from tsis.model import MN_PER_N, Inclusion, Phantom, PressField, Probe, require_number, require_type
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 LARGEST_FORCE_N = 50.0
 LIGHTEST = 2.5e-3  # of modulus times radius squared
 MOST_FIELDS = 64  # that a series remembers
-WIDTHS = (1.25, 2.2)  # of the face's radius: widest spheres on the two kinds of lines
+WIDTHS = (NARROW, 2.2)  # of the face's radius: widest spheres on the two kinds of lines
 THICKEST, THICKNESSES = 3.6, (2.5, 5.0)  # of the face's radius: limit between the two kinds of lines, and their slabs
 ANCHOR_LOADS = (0.1, 0.25, 0.5, 0.9, 1.4)  # of tissue modulus times radius squared
 ANCHOR_TISSUE = 0.15  # of the modulus of the probe's softest layer
@@ -143,7 +143,7 @@ class PressSeries:
                 return field
             continuation, anchors = self._anchored(wide=wide, thick=thick)
             target = SlabPress(phantom=phantom, force_n=force_n)
-            without = continuation.follow(_nearest(anchors, target), target.with_contrast(1.0))
+            without = _reached(continuation, anchors, target.with_contrast(1.0))
             with_it = continuation.follow(without, target)
         return _plus(field, with_it.result.field, without.result.field)
 
@@ -152,7 +152,7 @@ class PressSeries:
         radius = self.probe.radius_mm
         continuation, anchors = self._anchored(wide=False, thick=slab.thickness_mm > THICKEST * radius)
         target = _slab_press(slab.thickness_mm, slab.young_kpa, slab.poisson, force_n)
-        return continuation.follow(_nearest(anchors, target), target).result.field
+        return _reached(continuation, anchors, target).result.field
 
     def _anchored(self, *, wide: bool, thick: bool) -> tuple[PressContinuation, tuple[SolvedPress, ...]]:
         if (wide, thick) not in self._on:
@@ -180,15 +180,21 @@ def _slab_press(thickness_mm: float, young_kpa: float, poisson: float, force_n: 
     )
 
 
-def _nearest(anchors: Sequence[SolvedPress], target: SlabPress) -> SolvedPress:
-    """The anchor whose tissue deforms most like that of a press."""
+def _reached(continuation: PressContinuation, anchors: Sequence[SolvedPress], target: SlabPress) -> SolvedPress:
+    """A press from the anchor whose tissue deforms most like it, or from the next where Newton's method stalls."""
 
     def distance(solved: SolvedPress) -> float:
         press = solved.press
         ratio = press.force_n * target.phantom.young_kpa / press.phantom.young_kpa / target.force_n
         return float(abs(np.log(ratio)))
 
-    return min(anchors, key=distance)
+    stalled = None
+    for anchor in sorted(anchors, key=distance):
+        try:
+            return continuation.follow(anchor, target)
+        except StalledError as error:
+            stalled = stalled or error
+    raise stalled or AssertionError("there are always anchors")
 
 
 def _plus(field: PressField, with_it: PressField, without: PressField) -> PressField:

@@ -16,7 +16,7 @@ from tsis.compiled import one_blas_thread
 from tsis.errors import MechanicsError
 from tsis.files import read_cached_arrays, remove_cached, write_cached_arrays
 from tsis.mechanics._face import hats, ring_points
-from tsis.mechanics.finite_strain import FiniteResolution
+from tsis.mechanics.finite_strain import NARROW, WIDE_LAYERS, FiniteResolution
 from tsis.mechanics.small_strain import Resolution
 from tsis.mechanics.surrogate._build import CHECKED_FRACTION, surrogate_key
 from tsis.mechanics.surrogate._finite_correction import (
@@ -24,7 +24,6 @@ from tsis.mechanics.surrogate._finite_correction import (
     CorrectionProcess,
     FiniteCorrection,
     correction_box,
-    design,
     fit_lengths,
     left_out,
     wide_box,
@@ -38,10 +37,9 @@ from tsis.mechanics.surrogate._polynomial import (
 )
 from tsis.mechanics.surrogate._presses import (
     FACE_POINTS,
-    NARROW,
     OUTPUTS,
-    WIDE_LAYERS,
     SlabPresses,
+    design,
     narrow_mm,
     row_of_field,
 )

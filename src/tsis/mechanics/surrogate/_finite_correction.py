@@ -11,16 +11,21 @@ one mesh. Finite-strain meshes have a rounded rim; the correction contains its e
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
 from scipy.optimize import minimize
-from scipy.stats import qmc
 
 from tsis.errors import InputError
-from tsis.mechanics._face import hats
-from tsis.mechanics.surrogate._polynomial import Box, chebyshev_weights_at, contrast_factor, signal_scale
+from tsis.mechanics.surrogate._polynomial import (
+    Box,
+    chebyshev_weights,
+    chebyshev_weights_at,
+    contrast_factor,
+    signal_scale,
+)
 
 if TYPE_CHECKING:
     from tsis.mechanics._element import Booleans, Floats
@@ -29,9 +34,6 @@ if TYPE_CHECKING:
 # At the end the tissue starts to wrap around the rim, on stiff tissue earlier.
 DOMED_LOADS, FLAT_LOADS = (1.0, 3.6, 3.6), (0.1, 1.8, 1.8)
 WIDE_DOMED_LOADS, WIDE_FLAT_LOADS = (1.0, 3.0, 2.4), (0.1, 1.3, 0.9)
-BOTTOM = 0.97  # of the thickness: the deepest point of a sphere
-TOUR_WEIGHTS = np.array([0.6, 0.6, 0.2, 1.0, 1.0, 1.5])  # of the coordinates, for the length of a step
-TOUR_ROUNDS = 30
 NEAR = 0.15  # of the box: how far from another box a press tells the error in it
 WEAK = 1.2  # a contrast below which the correction follows the signal
 
@@ -66,15 +68,7 @@ class CorrectionBox:
     @property
     def coordinates(self) -> Floats:
         """Ends of the six coordinates, shape (2, 6)."""
-        ends = [
-            np.log(self.diameter_mm),
-            np.log(self.depth_mm),
-            contrast_factor(np.array(self.contrast)),
-            np.log(self.tissue_young_kpa),
-            np.log(self.thickness_mm),
-            (0.0, 1.0),  # of the way from the least to the largest load
-        ]
-        return np.array(ends, dtype=float).T
+        return _coordinates(self)
 
     def largest_load(self, tissue_young_kpa: Floats) -> Floats:
         """Largest load on tissues of a modulus in kPa; it changes with the modulus's logarithm."""
@@ -84,11 +78,20 @@ class CorrectionBox:
 
     def unit(self, states: Floats) -> Floats:
         """States of a `design` in unit coordinates, shape (n, 6); outside [0, 1] beyond the box."""
-        low, high = self.coordinates
-        ranges = states.copy()
-        ranges[:, [0, 1, 3, 4]] = np.log(states[:, [0, 1, 3, 4]])
-        ranges[:, 5] = (states[:, 5] - self.load[0]) / (self.largest_load(states[:, 3]) - self.load[0])
-        return np.asarray((ranges - low) / (high - low))
+        return np.hstack([self.unit_spheres(*states[:, :3].T), self.unit_slabs(*states[:, 3:].T)])
+
+    def unit_spheres(self, diameter_mm: Floats, depth_mm: Floats, factor: Floats) -> Floats:
+        """Diameters, depths and factors of contrast in unit coordinates, shape (n, 3)."""
+        low, high = self.coordinates[:, :3]
+        return np.asarray((np.column_stack([np.log(diameter_mm), np.log(depth_mm), factor]) - low) / (high - low))
+
+    def unit_slabs(self, tissue_young_kpa: Floats, thickness_mm: Floats, load: Floats) -> Floats:
+        """Moduli, thicknesses and loads in unit coordinates, shape (n, 3)."""
+        low, high = self.coordinates[:, 3:]
+        part = (load - self.load[0]) / (self.largest_load(tissue_young_kpa) - self.load[0])
+        return np.asarray(
+            (np.column_stack([np.log(tissue_young_kpa), np.log(thickness_mm), part]) - low) / (high - low)
+        )
 
     def holds(self, box: Box) -> bool:
         """Whether it covers the inclusions and slabs of another box.
@@ -106,6 +109,21 @@ class CorrectionBox:
         least = self.contrast[0] if self.contrast[0] > WEAK else 1.0
         within = all(own[0] <= other[0] and other[1] <= own[1] for own, other in pairs)
         return within and least <= weakest and strongest <= self.contrast[1]
+
+
+@lru_cache(maxsize=64)  # an estimate asks some hundred times
+def _coordinates(box: CorrectionBox) -> Floats:
+    ends = [
+        np.log(box.diameter_mm),
+        np.log(box.depth_mm),
+        contrast_factor(np.array(box.contrast)),
+        np.log(box.tissue_young_kpa),
+        np.log(box.thickness_mm),
+        (0.0, 1.0),  # of the way from the least to the largest load
+    ]
+    result = np.array(ends, dtype=float).T
+    result.flags.writeable = False
+    return result
 
 
 def correction_box(probe: Probe, box: Box | None = None) -> CorrectionBox:
@@ -142,49 +160,6 @@ def wide_box(probe: Probe) -> CorrectionBox:
         thickness_mm=(12.5, 72.0),
         load=WIDE_FLAT_LOADS if probe.face_curvature_mm is None else WIDE_DOMED_LOADS,
     )
-
-
-def design(box: CorrectionBox, count: int, seed: int) -> Floats:
-    """States of a box in the order of a short tour: diameter, depth, contrast factor, tissue, thickness, load; (n, 6).
-
-    Spheres that would reach below 0.97 of the thickness are left out.
-    """
-    unit = qmc.Sobol(6, seed=seed).random_base2(int(np.ceil(np.log2(count))) + 2)
-    low, high = box.coordinates
-    states = low + unit * (high - low)
-    states[:, 3:5] = np.exp(states[:, 3:5])
-    # Even in the roots of diameter and depth: the largest signals are those of large spheres.
-    for axis, ends in enumerate((box.diameter_mm, box.depth_mm)):
-        first, last = np.sqrt(ends)
-        states[:, axis] = (first + unit[:, axis] * (last - first)) ** 2
-    states[:, 5] = box.load[0] + unit[:, 5] * (box.largest_load(states[:, 3]) - box.load[0])
-    fitting = np.flatnonzero(states[:, 0] + states[:, 1] <= BOTTOM * states[:, 4])[:count]
-    ordered: Floats = states[fitting[_tour(unit[fitting] * TOUR_WEIGHTS)]]
-    return ordered
-
-
-def _tour(places: Floats) -> list[int]:
-    """A short open tour: the nearest next, then reversals of parts that shorten it."""
-    distance = np.linalg.norm(places[:, None] - places, axis=2)
-    left, tour = set(range(1, len(places))), [0]
-    while left:
-        tour.append(min(left, key=lambda other: float(distance[tour[-1], other])))
-        left.remove(tour[-1])
-    order = np.array(tour)
-    for _ in range(TOUR_ROUNDS):
-        shorter = False
-        for first in range(1, len(order) - 2):
-            ends, afters = order[first:-1], order[first + 1 :]
-            before = order[first - 1]
-            gain = distance[before, order[first]] + distance[ends, afters]
-            gain = gain - distance[before, ends] - distance[order[first], afters]
-            best = int(gain.argmax())
-            if gain[best] > 1e-9:
-                order[first : first + best + 1] = order[first : first + best + 1][::-1].copy()
-                shorter = True
-        if not shorter:
-            break
-    return [int(index) for index in order]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -312,10 +287,6 @@ class FiniteCorrection:
     signal_error: tuple[float, float]
     key: str
 
-    def interpolation(self, radius_mm: Floats) -> Floats:
-        """Matrix from profiles to values at ``radius_mm``, linear between its radii; (len(radius_mm), n)."""
-        return hats(self.radius_mm, radius_mm)
-
     def error_in(self, box: Box) -> float:
         """Root mean square error of the pressure over the mean pressure, in and near another box."""
         low, high = self.box.coordinates
@@ -348,15 +319,10 @@ class FiniteCorrection:
     def without_inclusion(self, states: Floats) -> Floats:
         """Correction without inclusion; ``states`` (m, 3): modulus in kPa, thickness in mm, force in N."""
         positions, share = self._states(states)
-        rows = []
-        for unit in positions:
-            by_tissue, by_thickness, by_load = (
-                chebyshev_weights_at((0.0, 1.0), count, float(position))
-                for position, count in zip(unit, self.baseline.shape[:3], strict=True)
-            )
-            weights = np.outer(np.outer(by_tissue, by_thickness), by_load)
-            rows.append(np.tensordot(weights, self.baseline.reshape(*weights.shape, -1)))
-        return np.asarray(share[:, None] * np.array(rows))
+        *points, outputs = self.baseline.shape
+        by = [chebyshev_weights((0.0, 1.0), count, at) for count, at in zip(points, positions.T, strict=True)]
+        weights = by[0][:, :, None, None] * by[1][:, None, :, None] * by[2][:, None, None, :]
+        return np.asarray(share[:, None] * (weights.reshape(len(states), -1) @ self.baseline.reshape(-1, outputs)))
 
     def change(self, diameter_mm: Floats, depth_mm: Floats, contrast: Floats, states: Floats, signal: Floats) -> Floats:
         """Correction of the signal of n inclusions in m states (see `without_inclusion`), shape (m, n, outputs).
@@ -364,9 +330,7 @@ class FiniteCorrection:
         ``signal`` (m, n, outputs) is that at small strain.
         """
         factor = contrast_factor(contrast)
-        low, high = self.box.coordinates
-        ranges = np.column_stack([np.log(diameter_mm), np.log(depth_mm), factor])
-        inclusions = np.clip((ranges - low[:3]) / (high - low)[:3], 0.0, 1.0)
+        inclusions = np.clip(self.box.unit_spheres(diameter_mm, depth_mm, factor), 0.0, 1.0)
         positions, share = self._states(states)
         found = np.concatenate([process(inclusions, positions) for process in self.processes], axis=-1)
         of_modes, of_outputs = (which.astype(int) for which in self.of_displacement)
@@ -391,10 +355,8 @@ class FiniteCorrection:
 
         A flat face has no least force: below the box the correction falls in proportion to the force.
         """
-        low, high = self.box.coordinates[:, 3:]
-        load = np.array([force / self._unit(tissue, thickness) for tissue, thickness, force in states.tolist()])
-        least = self.box.load[0]
-        place = (load - least) / (self.box.largest_load(states[:, 0]) - least)
-        ranges = np.column_stack([np.log(states[:, 0]), np.log(states[:, 1]), place])
-        share = np.ones(len(states)) if self.is_domed else np.minimum(load / least, 1.0)
-        return np.asarray(np.clip((ranges - low) / (high - low), 0.0, 1.0)), share
+        slabs = [(tissue, thickness) for tissue, thickness, _ in states.tolist()]
+        units = {slab: self._unit(*slab) for slab in dict.fromkeys(slabs)}
+        load = states[:, 2] / np.array([units[slab] for slab in slabs])
+        share = np.ones(len(states)) if self.is_domed else np.minimum(load / self.box.load[0], 1.0)
+        return np.clip(self.box.unit_slabs(states[:, 0], states[:, 1], load), 0.0, 1.0), share

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.mechanics._face import hats
 from tsis.mechanics.small_strain import Resolution
 from tsis.mechanics.surrogate._build import (
     CHECKED_FRACTION,
@@ -91,10 +90,6 @@ class FullContactSurrogate:
     covering_force_n: Surrogate | None
     error: float
     key: str
-
-    def interpolation(self, radius_mm: Floats) -> Floats:
-        """Matrix from profiles to values at ``radius_mm``, linear between its radii; (len(radius_mm), n)."""
-        return hats(self.radius_mm, radius_mm)
 
 
 def build_full_contact_surrogate(

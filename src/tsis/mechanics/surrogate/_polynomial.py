@@ -15,7 +15,6 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from tsis.errors import InputError
-from tsis.mechanics._face import hats
 from tsis.model import require_number
 
 if TYPE_CHECKING:
@@ -273,7 +272,3 @@ class PressSurrogate:
     approach_mm: Surrogate
     error: float
     key: str
-
-    def interpolation(self, radius_mm: Floats) -> Floats:
-        """Matrix from profiles to values at ``radius_mm``, linear between its radii; (len(radius_mm), n)."""
-        return hats(self.radius_mm, radius_mm)

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
+from scipy.stats import qmc
 
 from tsis.errors import InputError, MechanicsError
 from tsis.mechanics._face import hat_areas, hats
 from tsis.mechanics._mesh import block_radius_mm, central_cell_mm
 from tsis.mechanics.finite_strain import (
+    NARROW,
     FiniteResolution,
     PressContinuation,
     SlabPress,
@@ -33,11 +35,12 @@ if TYPE_CHECKING:
 
     RowOfPress = Callable[[PressKernel, float, Floats | None], Floats]
 
+BOTTOM = 0.97  # of the thickness: the deepest point of a sphere
+TOUR_WEIGHTS = np.array([0.6, 0.6, 0.2, 1.0, 1.0, 1.5])  # of the coordinates, for the length of a step
+TOUR_ROUNDS = 30
 FACE_POINTS = 121  # of each profile, which is linear between them
 OUTPUTS = 2 * FACE_POINTS  # pressures and displacements
 PRESS_OUTPUTS = OUTPUTS + 1  # and the approach
-NARROW = 1.25  # see `narrow_mm`, over the face's radius
-WIDE_LAYERS = 2  # in the block around a wider sphere, over those around a narrow one
 
 
 class Slabs(Protocol):
@@ -172,13 +175,12 @@ class SlabPresses:
     def of(cls, probe: Probe, box: CorrectionBox, poisson: float, mesh: FiniteResolution | None = None) -> SlabPresses:
         """Presses on slabs of a box."""
         fine = mesh or FiniteResolution()
-        finer = replace(fine, ray_layers=WIDE_LAYERS * fine.ray_layers)
         continuations = []
-        for diameter, lines in ((narrow_mm(probe, box), fine), (box.diameter_mm[1], finer)):
+        for diameter in (narrow_mm(probe, box), box.diameter_mm[1]):
             sphere = Inclusion(diameter_mm=diameter, depth_mm=1.0, young_kpa=1.0)
             thickness = max(30.0, diameter + 2, 0.6 * box.thickness_mm[1])
             like = Phantom(young_kpa=1.0, poisson=poisson, thickness_mm=thickness, inclusion=sphere)
-            continuations.append(PressContinuation(probe, like, lines))
+            continuations.append(PressContinuation(probe, like, fine))
         narrow, wide = continuations
         return cls(probe=probe, box=box, poisson=poisson, narrow=narrow, wide=wide)
 
@@ -240,10 +242,7 @@ class SlabPresses:
 
 
 def narrow_mm(probe: Probe, box: CorrectionBox) -> float:
-    """Diameter of the widest sphere whose mesh leaves the tissue under the rim alone.
-
-    The block around a wider one takes that tissue in: in four layers, pressures near the rim come out 7 % low.
-    """
+    """Diameter of the widest sphere whose mesh leaves the tissue under the rim alone."""
     return min(box.diameter_mm[1], NARROW * probe.radius_mm)
 
 
@@ -259,3 +258,46 @@ def row_of_field(field: PressField) -> Floats:
     pressure = field.pressure_kpa @ weight / weight.sum(axis=0)
     displacement = np.interp(coarse, fine, field.face_displacement_mm)
     return np.concatenate([pressure, displacement, [field.approach_mm]])
+
+
+def design(box: CorrectionBox, count: int, seed: int) -> Floats:
+    """States of a box in the order of a short tour: diameter, depth, contrast factor, tissue, thickness, load; (n, 6).
+
+    Spheres that would reach below 0.97 of the thickness are left out.
+    """
+    unit = qmc.Sobol(6, seed=seed).random_base2(int(np.ceil(np.log2(count))) + 2)
+    low, high = box.coordinates
+    states = low + unit * (high - low)
+    states[:, 3:5] = np.exp(states[:, 3:5])
+    # Even in the roots of diameter and depth: the largest signals are those of large spheres.
+    for axis, ends in enumerate((box.diameter_mm, box.depth_mm)):
+        first, last = np.sqrt(ends)
+        states[:, axis] = (first + unit[:, axis] * (last - first)) ** 2
+    states[:, 5] = box.load[0] + unit[:, 5] * (box.largest_load(states[:, 3]) - box.load[0])
+    fitting = np.flatnonzero(states[:, 0] + states[:, 1] <= BOTTOM * states[:, 4])[:count]
+    ordered: Floats = states[fitting[_tour(unit[fitting] * TOUR_WEIGHTS)]]
+    return ordered
+
+
+def _tour(places: Floats) -> list[int]:
+    """A short open tour: the nearest next, then reversals of parts that shorten it."""
+    distance = np.linalg.norm(places[:, None] - places, axis=2)
+    left, tour = set(range(1, len(places))), [0]
+    while left:
+        tour.append(min(left, key=lambda other: float(distance[tour[-1], other])))
+        left.remove(tour[-1])
+    order = np.array(tour)
+    for _ in range(TOUR_ROUNDS):
+        shorter = False
+        for first in range(1, len(order) - 2):
+            ends, afters = order[first:-1], order[first + 1 :]
+            before = order[first - 1]
+            gain = distance[before, order[first]] + distance[ends, afters]
+            gain = gain - distance[before, ends] - distance[order[first], afters]
+            best = int(gain.argmax())
+            if gain[best] > 1e-9:
+                order[first : first + best + 1] = order[first : first + best + 1][::-1].copy()
+                shorter = True
+        if not shorter:
+            break
+    return [int(index) for index in order]
