@@ -5,7 +5,8 @@
 runs ``--cases`` trials of each family and degradation, and prints the tables. A run that was stopped continues with the
 rows in the file. ``--peers`` are programs of `tsis.matching.trials.PEERS`; with ``--chosen-by FILE``, rows of the
 calibration generator, each cell is compared with the peer that erred least there. ``--figure`` draws the reliability
-diagram. ``--generator calibration --calibrate`` prints the weights of `tsis.matching._posterior` instead, and how often
+diagram. ``--rate`` computes the confidence of rows again, of a version with the same search and other
+weights. ``--generator calibration --calibrate`` prints the weights of `tsis.matching._posterior` instead, and how often
 answers above a log odds of being right were wrong, with weights of the other trials. ``--clutter 30`` matches as many
 shapes among three outliers an inlier instead, uniform and in clusters.
 """
@@ -245,6 +246,7 @@ def main() -> None:
     parser.add_argument(
         "--rows", type=Path, default=Path("trust.jsonl"), help="JSON lines, a case each; continued where it exists"
     )
+    parser.add_argument("--rate", action="store_true", help="rate the rows again, with the weights of this version")
     parser.add_argument("--calibrate", action="store_true", help="print the weights of the regression")
     parser.add_argument("--peers", default="", help="other programs, with commas between")
     parser.add_argument(
@@ -259,6 +261,8 @@ def main() -> None:
         return
     peers = tuple(filter(None, chosen.peers.split(",")))
     cases = run_cases(chosen.generator, seed=chosen.seed, count=chosen.cases, rows=chosen.rows, peers=peers)
+    if chosen.rate:
+        cases = [case.rated() if case.method in METHODS else case for case in cases]
     if chosen.calibrate:
         print("\n".join(calibration(cases)))
         return

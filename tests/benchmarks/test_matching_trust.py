@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
@@ -67,4 +68,12 @@ def test_methods_share_the_search_and_answer_as_they_do_alone() -> None:
         alone = match_points(trial.source, trial.target, method=method)
         assert case.error == pytest.approx(matching_error(trial, alone.moved), abs=1e-9)
         assert case.confidence == pytest.approx(alone.confidence, abs=0.02)
-    assert len(own.measures) == 7
+    assert len(own.measures) == 8
+    assert own.rated() == own
+    assert not replace(own, measures=()).rated().reliable
+
+
+def test_moves_are_repeated_until_they_gain_nothing() -> None:
+    """One pass of them left this contour among outliers at an error of 0.116."""
+    trial = trust_trial("calibration", "contour", "outliers", 3, seed=70011)
+    assert matching_error(trial, match_points(trial.source, trial.target).moved) < 0.02

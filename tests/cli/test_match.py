@@ -14,9 +14,10 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from tsis.cli import main
-from tsis.matching import UNMATCHED, read_points
+from tsis.matching import UNMATCHED, read_points, register
 from tsis.matching.trials import read_trial_rows
 from tsis.matching.trials._trials import generated_trials
+from tsis.report import draw_poses, draw_registration
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -74,7 +75,18 @@ def test_the_page_shows_sets_grid_and_poses(run_tsis: RunTsis, pair: Trial, tmp_
     assert "http://" not in page.replace("http://www.w3.org", "")
     assert "Poses that the data allow" in page
     assert f"{found['alternatives'][0]['probability']:.4g}" in page
+    assert titles_of(tmp_path, "a.csv", "b.npy")[:2] == ["before, with the matches", "after tprl"]
     assert f"{found['confidence']:.4f}" in page
+
+
+def titles_of(folder: Path, source: str, target: str) -> list[str]:
+    """Titles of the panels that a person sees."""
+    first, second = read_points(folder / source), read_points(folder / target)
+    registration, figure = register(first, second), Figure(figsize=(8.0, 4.0))
+    parts = figure.subfigures(2, 1, squeeze=False)[:, 0]
+    draw_registration(parts[0], first, second, registration)
+    draw_poses(parts[1], second, registration.alternatives)
+    return [ax.get_title() for part in parts for ax in part.axes]
 
 
 def test_a_symmetric_shape_is_withheld_with_its_poses(run_tsis: RunTsis, tmp_path: Path) -> None:
@@ -88,6 +100,9 @@ def test_a_symmetric_shape_is_withheld_with_its_poses(run_tsis: RunTsis, tmp_pat
     assert found["matched"] == 0
     assert len(found["alternatives"]) >= 3
     assert "not reliable" in (tmp_path / "match.html").read_text()
+    titles = titles_of(tmp_path, "a.npy", "b.npy")
+    assert titles[:2] == ["no reliable match", f"not moved: confidence {found['confidence']:.3f}"]
+    assert all("probability" in title for title in titles[2:])
 
 
 def test_contours_of_images_are_matched(run_tsis: RunTsis, tmp_path: Path) -> None:
@@ -142,6 +157,7 @@ def test_a_file_called_as_a_command_is_named_by_its_folder(run_tsis: RunTsis, pa
         (("a.csv", "empty.csv"), "'empty.csv' must hold data; got an empty file"),
         (("a.csv", "mixed.csv"), "line 2 must have 2 columns as the first one; got 3"),
         (("a.csv", "words.csv"), "line 2 must hold finite numbers"),
+        (("million.npy", "a.csv"), "1 to 200000 points; got 1000000 (thin them out)"),
     ],
 )
 def test_bad_input_is_one_sentence(
@@ -155,6 +171,7 @@ def test_bad_input_is_one_sentence(
     (tmp_path / "empty.csv").write_text("")
     (tmp_path / "mixed.csv").write_text("1,2\n1,2,3\n")
     (tmp_path / "words.csv").write_text("1,2\nthree,4\n")
+    np.save(tmp_path / "million.npy", np.zeros((1_000_000, 2)))
     before = sorted(path.name for path in tmp_path.iterdir())
     finished = run_tsis("match", *arguments)
     assert finished.code == 2

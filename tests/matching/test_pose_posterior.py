@@ -21,7 +21,7 @@ from tsis.matching._pose_evidence import (
     hard_evidence,
     size_and_stretch,
 )
-from tsis.matching._posterior import is_sound
+from tsis.matching._posterior import is_sound, log_rotation_prior, pose_posterior
 from tsis.matching._refinement import Ranking
 
 
@@ -72,6 +72,20 @@ def test_a_circle_is_not_reliable() -> None:
     found = register(_outline(), _rotated(_outline(), 2.0), rotation_sd_deg=1000.0)
     assert not found.reliable
     assert len(found.alternatives) > 3
+
+
+@pytest.mark.parametrize(("noise", "least", "most"), [(0.0, 1.0, 1.0), (0.08, 2.0, 40.0)])
+def test_noise_divides_the_differences_of_evidence(noise: float, least: float, most: float) -> None:
+    shape = _outline(0.0, 0.2, 0.1, count=60)
+    shape -= shape.mean(axis=0)
+    shape /= np.sqrt((shape**2).sum(axis=1).mean())
+    rng = np.random.default_rng(2)
+    posterior = pose_posterior(shape, shape + noise * rng.normal(size=shape.shape), rng=rng)
+    priors = np.array([log_rotation_prior(item.affine[1:], None) for item in posterior.maps])
+    evidence, judged = np.array([item.log for item in posterior.maps]), posterior.logs - priors
+    ratio = np.ptp(evidence) / np.ptp(judged)
+    assert least - 1e-6 <= ratio <= most + 1e-6
+    np.testing.assert_allclose(np.argsort(-evidence), np.argsort(-judged))
 
 
 def test_a_prior_of_the_rotation_orders_the_alternatives() -> None:

@@ -172,7 +172,7 @@ def spacing(points: Floats) -> float:
 
 MOST_PAIRS = 16_000_000  # 128 MB a table; a method allocates a few of them
 SAMPLE = 2000  # points of the source; the target gets the rest of MOST_PAIRS
-MOST_POINTS = 2_000_000
+MOST_POINTS = 200_000  # moved in each alternative pose, which takes seconds
 MUTUAL_RANGE = 0.5  # largest distance of a match, of the target's spacing
 
 

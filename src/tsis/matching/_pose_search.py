@@ -26,7 +26,7 @@ from tsis.matching._pose_evidence import (
     hard_evidence,
     soft_evidence,
 )
-from tsis.matching._relaxation import poses, rotations, whitening
+from tsis.matching._relaxation import poses
 from tsis.matching._spline import spline_basis, spread_indices
 
 if TYPE_CHECKING:
@@ -90,18 +90,28 @@ def search_poses(search: PoseSearch, *, rng: np.random.Generator) -> list[PoseEv
     evidence = _refined(search, maps, aligned)
     if not evidence or not _whole(search, evidence[0]):
         evidence = sorted([*evidence, *_laid_maps(search)], key=lambda item: -item.log)
-    evidence = _improved(search, evidence)
+    evidence = _improved_again(search, evidence)
     if evidence and complete(search, evidence[0]):
         return evidence
     proposed = [item for moved in _proposed_maps(search, rng) if (item := settled(search, moved)) is not None]
     more = _refined(search, proposed, evidence)
-    return more if evidence and more[0] is evidence[0] else _improved(search, more)
+    if len(search.source) * len(search.target) > refinement.MANY_PAIRS and evidence and more[0] is evidence[0]:
+        return more
+    return _improved_again(search, more)
+
+
+def _improved_again(search: PoseSearch, evidence: list[PoseEvidence]) -> list[PoseEvidence]:
+    """`_improved` until the likeliest map leaves no point without partner, or stays; of large sets once."""
+    passes = MOST_PASSES if len(search.source) * len(search.target) <= refinement.MANY_PAIRS else 1
+    for _ in range(passes if evidence else 0):
+        before, evidence = evidence[0], _improved(search, evidence)
+        if evidence[0].log < before.log + LEAST_GAIN or _whole(search, evidence[0]):
+            break
+    return evidence
 
 
 def _improved(search: PoseSearch, evidence: list[PoseEvidence]) -> list[PoseEvidence]:
     """All maps, and those that growth, order along curves and shifts make of the likeliest."""
-    if not evidence:
-        return evidence
     result = list(evidence)
     ranking = refinement.Ranking.of(search.field, search.target)
     done = [_followed(search, item) for item in distinct(evidence, IMPROVED_DISTANCE)[:IMPROVED]]
@@ -185,6 +195,7 @@ MENDED, CLEAN = 8, 1.1  # alignments that are mended, and noise in SIGMAS[0] of 
 MOST_SEGMENTS, MOST_TARGET_SLIDES = 8, 4
 DENSER = 1.2  # ratio of the sets' sizes beyond which pairs also slide along the target's curves
 IMPROVED, IMPROVED_DISTANCE = 3, 0.1
+MOST_PASSES, LEAST_GAIN = 4, 0.5  # passes of all moves, and log evidence that one must gain for the next
 
 
 def _laid_maps(search: PoseSearch) -> list[PoseEvidence]:
@@ -378,7 +389,7 @@ def _coarse_starts(search: PoseSearch) -> list[Floats]:
     ridge = np.concatenate([[1e-6], np.full(dimension, AFFINE_SD**-2)])
     evidence = [
         annealed_map(design, ridge, there, np.vstack([np.zeros(dimension), matrix]), COARSE_SIGMAS)
-        for matrix in _start_matrices(source, target)
+        for matrix in refinement.start_matrices(source, target)
     ]
     evidence.sort(key=lambda item: -item.score)
     chosen: list[Floats] = []
@@ -387,14 +398,3 @@ def _coarse_starts(search: PoseSearch) -> list[Floats]:
         if all((away**2).sum(axis=1).mean() > DIFFERENT**2 for away in moved):
             chosen.append(item.coordinates)
     return chosen[:ANNEALED]
-
-
-def _start_matrices(source: Floats, target: Floats) -> Iterator[Floats]:
-    """Rotations, of sets of different numbers in two sizes, and rotations between the whitened sets."""
-    dimension = source.shape[1]
-    turns = rotations(dimension) if dimension == 3 else refinement.plane_rotations()
-    ratio = len(target) / len(source)
-    for size in (1.0, 0.75) if ratio > 1.15 else (1.0, 1.25) if ratio < 0.9 else (1.0,):
-        yield from size * turns
-    here, there = whitening(source), np.linalg.inv(whitening(target))
-    yield from (here @ turn @ there for turn in turns)

@@ -32,6 +32,7 @@ MOST_ALTERNATIVES = 12
 LEAST_PROBABILITY = 1e-4
 LARGEST_ODDS = 400.0
 UPRIGHT, UPRIGHT_SD_DEG = 0.8, 20.0  # default: this fraction of all pairs is the same way up, within so many degrees
+LEAST_SPACINGS, SOFTENING = 0.1, 8.0  # noise in spacings from which differences of evidence are divided, and how fast
 WIDEST_DEG = 1000.0  # a standard deviation from which all rotations are equally likely
 
 
@@ -132,8 +133,8 @@ def pose_posterior(
     if also is not None and (given := settled(search, also)) is not None:
         maps.append(given)
     upright = distinct((item for item in maps if np.linalg.det(item.affine[1:]) > 0), DUPLICATE)
-    priors = [log_rotation_prior(item.affine[1:], rotation_sd_deg) for item in upright]
-    logs = np.array([item.log + prior for item, prior in zip(upright, priors, strict=True)])
+    priors = np.array([log_rotation_prior(item.affine[1:], rotation_sd_deg) for item in upright])
+    logs = priors + _softened(np.array([item.log for item in upright]), upright, search.step)
     order = np.argsort(-logs, kind="stable")
     logs, chosen = logs[order], [upright[k] for k in order]
     unrelated = unrelated_evidence(target)
@@ -145,6 +146,17 @@ def pose_posterior(
         unrelated=float(unrelated - total),
         resemblance=self_resemblance(search.field, search.outline),
     )
+
+
+def _softened(logs: Floats, maps: list[PoseEvidence], step: float) -> Floats:
+    """Log evidence of maps by falling evidence, shape (k,), whose differences noise beyond the spacing divides.
+
+    Each evidence is that of the best pairs. Under noise these fit almost any pose, some by chance better than others.
+    """
+    if not maps:
+        return logs
+    noise = max(maps[0].sigma / step - LEAST_SPACINGS, 0.0)
+    return np.asarray(logs[0] + (logs - logs[0]) / (1 + SOFTENING * noise))
 
 
 def distance(moved: Floats, other: Floats) -> float:
@@ -240,42 +252,42 @@ MOST_RESEMBLANCE = 1e4
 MOST_NOISE, LEAST_NOISE = 0.5, -3.0  # log of the standard deviation in spacings, in the calibration
 COLLAPSED = -0.05  # unpaired fraction below which points of one set share partners
 SELF_RESEMBLANCE = 0.3  # log odds count up to this fraction of the loss of a wrong alignment of the outline with itself
-# Log odds are divided by 1 + HIDDEN h + STRAY s + BOTH min(h, s) + sigma / spacing, where h and s are the fractions of
-# source and target without partners: a search misses more poses there, and has stopped early where both sets have such.
-HIDDEN, STRAY, BOTH, MOST_SPACINGS = 20.0, 3.0, 80.0, 1.5
+# Log odds are divided by 1 + HIDDEN h + STRAY s + BOTH min(h, s), where h and s are the fractions of source and target
+# without partners: a search misses more poses there, and has stopped early where both sets have such.
+HIDDEN, STRAY, BOTH = 2.0, 3.0, 80.0
 # Divided log odds beyond which they count by their logarithm, and do not count: a missed pose is likelier than a rival.
 LINEAR_SUPPORT, MOST_SUPPORT = 12.0, 30.0
 CONTRADICTED = 3.0  # log odds against an answer beyond which its distance from the best map counts
 LEAST_SHEAR = 0.3  # log ratio of the affine map's singular values from which it counts
 MOST_UNSUPPORTED = 0.99
-WEIGHTS = (2.255, 0.1097, 1.707, 0.04453, 0.4666, 1.374, 0.7343)
-SURE, SURE_CASES = 5.6, 1369  # log odds of being right above which none of so many answers was wrong
+WEIGHTS = (5.394, 0.0, 2.6, 0.0, 1.641, 2.082, 0.0)
+SURE, SURE_CASES = 5.6, 504  # log odds of being right above which none of so many answers was wrong
 
 
 def trust_measures(posterior: PosePosterior, moved: Floats) -> Floats:
-    """What the trust in an answer's points, shape (n, d), depends on, shape (7,).
+    """What the trust in an answer's points, shape (n, d), depends on, shape (8,).
 
     Log odds of the answer; loss of a wrong alignment of the source's outline with itself; fractions of source and
     target without partner; log of the noise in spacings; distance from the best map, in tolerances; log ratio of the
-    best affine map's singular values.
+    best affine map's singular values; log probability of unrelated sets.
     """
     odds, best, search = posterior.log_odds(moved), posterior.best, posterior.search
     if best is None:
-        return np.array([odds, 0.0, 1.0, 1.0, MOST_NOISE, 1.0, 0.0])
+        return np.array([odds, 0.0, 1.0, 1.0, MOST_NOISE, 1.0, 0.0, posterior.unrelated])
     resemblance = min(posterior.resemblance, MOST_RESEMBLANCE)
     far = distance(best.moved, moved) / (TOLERANCE * _radius(moved))
     hidden, stray = 1 - best.paired / len(moved), 1 - best.paired / len(search.target)
     noise, stretch = math.log(best.sigma / search.step), size_and_stretch(best.affine[1:])[1]
-    return np.array([odds, resemblance, hidden, stray, noise, far, stretch])
+    return np.array([odds, resemblance, hidden, stray, noise, far, stretch, posterior.unrelated])
 
 
 def trust_features(measures: Floats) -> Floats:
-    """Columns of the regression, shape (..., 7), from `trust_measures`, shape (..., 7)."""
-    odds, resemblance, hidden, stray, noise, far, stretch = np.moveaxis(np.asarray(measures), -1, 0)
+    """Columns of the regression, shape (..., 7), from `trust_measures`, shape (..., 8)."""
+    odds, resemblance, hidden, stray, noise, far, stretch, _ = np.moveaxis(np.asarray(measures), -1, 0)
     support = np.maximum(np.minimum(odds, SELF_RESEMBLANCE * resemblance), 0.0)
     hidden, stray = np.maximum(hidden, 0.0), np.maximum(stray, 0.0)
     unpaired = HIDDEN * hidden + STRAY * stray + BOTH * np.minimum(hidden, stray)
-    support = support / (1 + unpaired + np.minimum(np.exp(noise), MOST_SPACINGS))
+    support = support / (1 + unpaired)
     columns = [
         np.ones_like(odds),
         np.minimum(support, LINEAR_SUPPORT),
@@ -306,16 +318,16 @@ def is_sound(move: Move, source: Floats) -> bool:
     return bool(np.mean(np.linalg.det(gradient) <= 0) <= MOST_FOLDED)
 
 
-def probability_right(posterior: PosePosterior, moved: Floats) -> float:
-    """Probability that an answer's points, shape (n, d), are right: their error is at most 0.1 of the unit box.
+def probability_right(measures: Floats) -> float:
+    """Probability that an answer with `trust_measures`, shape (8,), is right: its error is at most 0.1 of the unit box.
 
     It is at most the probability that the sets are related. It is at most `MOST_UNSUPPORTED` without posterior odds of
     `RELIABLE`, or where the source's outline could as well lie on itself in another way, as that of a symmetric shape.
     Otherwise, above `SURE`, it is one less the mean rate of errors (Jeffreys' prior) after `SURE_CASES` without any.
     """
-    logit = float(trust_features(trust_measures(posterior, moved)) @ np.array(WEIGHTS))
+    logit = float(trust_features(measures) @ np.array(WEIGHTS))
     chance = 1 / (1 + math.exp(-float(np.clip(logit, -50.0, 50.0))))
-    odds = min(posterior.log_odds(moved), 0.5 * posterior.resemblance)
+    odds = min(float(measures[0]), 0.5 * float(measures[1]))
     supported = odds >= math.log(RELIABLE / (1 - RELIABLE)) and logit >= SURE
     chance = max(chance, 1 - 0.5 / (SURE_CASES + 1)) if supported else min(chance, MOST_UNSUPPORTED)
-    return chance * (1 - math.exp(min(posterior.unrelated, 0.0)))
+    return chance * (1 - math.exp(min(float(measures[-1]), 0.0)))

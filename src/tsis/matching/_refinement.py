@@ -17,7 +17,7 @@ from scipy.spatial.distance import cdist
 from tsis.compiled import fused
 from tsis.matching._fit import UNMATCHED, assign, assign_sparse
 from tsis.matching._pose_evidence import SIGMAS, WIDTHS, PoseEvidence, gaussian_kernel, hard_evidence
-from tsis.matching._relaxation import whitening
+from tsis.matching._relaxation import rotations, whitening
 from tsis.matching._spline import spread_indices
 
 if TYPE_CHECKING:
@@ -342,3 +342,14 @@ def plane_rotations() -> Floats:
     """Rotation matrices of the plane at equal angles, shape (k, 2, 2)."""
     angle = 2 * np.pi * np.arange(ROTATIONS) / ROTATIONS
     return np.moveaxis(np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]), 2, 0)
+
+
+def start_matrices(source: Floats, target: Floats) -> Iterator[Floats]:
+    """Rotations, of sets of different numbers in two sizes, and rotations between the whitened sets."""
+    dimension = source.shape[1]
+    turns = rotations(dimension) if dimension == 3 else plane_rotations()
+    ratio = len(target) / len(source)
+    for size in (1.0, 0.75) if ratio > 1.15 else (1.0, 1.25) if ratio < 0.9 else (1.0,):
+        yield from size * turns
+    here, there = whitening(source), np.linalg.inv(whitening(target))
+    yield from (here @ turn @ there for turn in turns)

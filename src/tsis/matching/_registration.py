@@ -28,7 +28,15 @@ from tsis.matching._fit import (
     require_points,
     transformed_in_blocks,
 )
-from tsis.matching._posterior import RELIABLE, WIDEST_DEG, is_collapsed, is_sound, pose_posterior, probability_right
+from tsis.matching._posterior import (
+    RELIABLE,
+    WIDEST_DEG,
+    is_collapsed,
+    is_sound,
+    pose_posterior,
+    probability_right,
+    trust_measures,
+)
 from tsis.matching._spline import spread_out
 from tsis.model import require_array, require_number, require_one_of, require_type
 from tsis.plugins import find_plugins, load_plugin
@@ -150,7 +158,7 @@ def register(
     ----------
     source, target
         Points, shapes (n, d) and (m, d) with d = 2 or 3, in one unit; at least 4 each, not all in a line or plane.
-        Above some thousands of points samples are matched, with a note; above two millions an error is raised.
+        Above some thousands of points samples are matched, with a note; above 200,000 an error is raised.
     method
         ``"tprl"``, ``"cpd"``, ``"bcpd"``, ``"tps-rpm"``, ``"rpm-lns"``, ``"shape-context"`` or the name of a plug-in.
         All but the first expect only a small rotation between the sets.
@@ -295,7 +303,7 @@ def _confidence(fit: MatchFit, posterior: PosePosterior, source: Floats) -> floa
     few = np.count_nonzero(fit.matches != UNMATCHED) < source.shape[1] + 2
     if few or is_collapsed(posterior) or not is_sound(fit.move, source):
         return 0.0
-    return probability_right(posterior, moved)
+    return probability_right(trust_measures(posterior, moved))
 
 
 def _outward(pose: LikelyPose, source: Floats, end: NormalFrame) -> Alternative:
@@ -328,8 +336,8 @@ def _points(name: str, value: ArrayLike) -> Floats:
     dimension = points.shape[1]
     if len(points) > MOST_POINTS:
         raise InputError(
-            f"{name} must hold at most {MOST_POINTS:,} points; got {len(points):,}, which would take about "
-            f"{len(points) * 1e-6:.0f} GB (match a sample and transform the rest with Registration.transform)"
+            f"{name} must hold at most {MOST_POINTS:,} points; got {len(points):,} (match a sample and transform the "
+            f"rest with Registration.transform)"
         )
     if np.abs(points).max() > LARGEST:
         raise InputError(f"{name} must lie within {LARGEST:g} of the origin; got {np.abs(points).max():g}")

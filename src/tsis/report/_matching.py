@@ -43,9 +43,9 @@ def registration_report(
             Picture(
                 title="Poses that the data allow",
                 draw=lambda figure: draw_poses(figure, target, poses),
-                size=(SIDE_INCHES * min(len(poses), MOST_POSES), SIDE_INCHES),
+                size=(SIDE_INCHES * max(min(len(poses), MOST_POSES), 2), SIDE_INCHES),
                 alt="The source in each pose over the target, with its probability",
-                caption="A reliable match has one pose. A symmetric shape has several.",
+                caption="Probabilities are among the poses that were compared; the confidence allows for missed ones.",
                 wide=True,
             )
         )
@@ -74,8 +74,12 @@ def registration_report(
 def draw_registration(figure: FigureBase, source: Floats, target: Floats, registration: Registration) -> None:
     """Draw both sets with their correspondences, and the transformed source with the warped grid, into a figure."""
     before, after = figure.subplots(1, 2, **_axes(source))
-    point_sets(source, target, before, matches=registration.matches).set_title("before, with the matches")
-    point_sets(registration.moved, target, after, source_label="moved source").set_title(f"after {registration.method}")
+    matched, moved, label = "before, with the matches", f"after {registration.method}", "moved source"
+    if not registration.reliable and registration.outliers.all():
+        matched, moved = "no reliable match", f"not moved: confidence {registration.confidence:.3f}"
+        label = "source"
+    point_sets(source, target, before, matches=registration.matches).set_title(matched)
+    point_sets(registration.moved, target, after, source_label=label).set_title(moved)
     if source.shape[1] == 2:
         warped_grid(registration.transform, source, after)
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import time
 from collections import defaultdict
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import minimize
 
 from tsis.matching._fit import NormalFrame
-from tsis.matching._posterior import RELIABLE, is_sound, trust_features, trust_measures
+from tsis.matching._posterior import RELIABLE, probability_right, trust_features, trust_measures
 from tsis.matching._registration import confidence_and_posterior
 from tsis.matching.trials._trials import matching_error
 from tsis.model import require_number
@@ -253,7 +253,7 @@ class TrustCase:
     seconds
         Duration; of all but the first method of a trial without the search for poses, which they share.
     measures
-        What the confidence depends on; empty for a folded or flat map.
+        What the confidence depends on; empty where it is 0, as for a folded or flat map.
     """
 
     trial: str
@@ -265,6 +265,11 @@ class TrustCase:
     second: float
     seconds: float
     measures: tuple[float, ...]
+
+    def rated(self) -> TrustCase:
+        """The answer with the confidence that the present weights give its measures."""
+        confidence = probability_right(np.array(self.measures)) if self.measures else 0.0
+        return replace(self, confidence=confidence, reliable=confidence >= RELIABLE)
 
 
 def trust_cases(trial: Trial, methods: Sequence[str], *, rotation_sd_deg: float | None = None) -> Iterator[TrustCase]:
@@ -294,12 +299,12 @@ def trust_cases(trial: Trial, methods: Sequence[str], *, rotation_sd_deg: float 
             reliable=confidence >= RELIABLE,
             second=1 - poses[0].probability if poses else 1.0,
             seconds=seconds,
-            measures=tuple(trust_measures(posterior, moved).tolist()) if is_sound(fit.move, source) else (),
+            measures=tuple(trust_measures(posterior, moved).tolist()) if confidence else (),
         )
 
 
 def fit_trust(measures: Floats, right: Floats) -> Floats:
-    """Weights, shape (k,), of the logistic regression of being right, shape (n,), on measures, shape (n, 7).
+    """Weights, shape (k,), of the logistic regression of being right, shape (n,), on measures, shape (n, 8).
 
     A weak ridge on standardised columns bounds the weights, which are not negative but for the constant and the noise.
     """
