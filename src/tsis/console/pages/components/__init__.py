@@ -49,7 +49,6 @@ from tsis.console.pages.components._lists import (
     drawing,
     drawings,
     figure,
-    head,
     is_confirmed,
     list_message,
     message_list,
@@ -64,6 +63,7 @@ from tsis.console.pages.components._lists import (
     show_drawing,
     status,
     table,
+    title_row,
     titled_dialog,
 )
 from tsis.console.pages.components._summary import StatePoller, Tabs, camera_line, force_text, press_label, time_label
@@ -101,7 +101,6 @@ __all__ = [
     "figure",
     "file_field",
     "force_text",
-    "head",
     "help_texts",
     "is_confirmed",
     "language_choice",
@@ -128,6 +127,7 @@ __all__ = [
     "text_area",
     "text_field",
     "time_label",
+    "title_row",
     "titled_dialog",
     "tr",
     "typed_forces",

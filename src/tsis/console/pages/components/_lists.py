@@ -40,7 +40,7 @@ def panel(title: str, *, style: str = "panel stack") -> Iterator[Element]:
 
 
 @contextmanager
-def head(title: str, *, level: int = 2) -> Iterator[None]:
+def title_row(title: str, *, level: int = 2) -> Iterator[None]:
     """A line with a title at its left; what is made in it stands at its right."""
     with ui.element("div").classes("row"):
         panel_title(title, level=level)

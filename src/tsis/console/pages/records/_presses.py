@@ -148,7 +148,7 @@ async def compare(page: TargetContext, view: TargetView, *, same_light: bool = F
         return
     content, sources = result
     with position:
-        with kit.head(content.title, level=3):
+        with kit.title_row(content.title, level=3):
             ui.switch(
                 tr("bring both to the same light"),
                 value=same_light,

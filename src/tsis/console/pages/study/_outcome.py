@@ -50,7 +50,7 @@ class Outcome:
         return result
 
     def _head(self, view: StudyView) -> None:
-        with kit.head(tr("Results of the study")):
+        with kit.title_row(tr("Results of the study")):
             if view.reported:
                 position = f"/files/study/{self._page.name}/report"
                 ui.link(tr("Report"), f"{position}.html", new_tab=True).classes("link button")
