@@ -37,7 +37,7 @@ PARTS = ("unknowns", "volumetric", "contact")  # of a stored press
 SMALLEST_PART = 1 / 256  # of the way to a state, before the continuation gives up
 GROWTH = 2.0
 STEERINGS = (1.0, 0.2, 5.0)  # of the contact, over the usual one: the next where Newton's method stalls
-LARGER = 16  # parts of the way that the next one starts with, over the smallest
+LARGER = 4  # parts of the way that the next one starts with, over the smallest
 STIFFER = 1.5  # tissue of the press from which a stalled load path is circumvented
 
 
