@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 from benchmarks.tables import show
 from benchmarks.wanted import Wanted, told
 from tests.console.browser import chromium
+from tests.console.operator import PATIENCE_MS
 from tests.console.running import running_console
 
 if TYPE_CHECKING:
@@ -40,6 +41,7 @@ def timed(folder: Path, browser: Browser) -> tuple[float, float]:
     begun = time.monotonic()
     with running_console(folder) as console:
         page = browser.new_context(viewport={"width": 1280, "height": 800}).new_page()
+        page.set_default_timeout(PATIENCE_MS)
         page.goto(console.entrance)
         page.get_by_text("What this is").wait_for()
         first_s = time.monotonic() - begun
@@ -56,6 +58,7 @@ def counted(folder: Path, browser: Browser) -> dict[str, int]:
     """Clicks and keys of one examination by the filled buttons."""
     with running_console(folder) as console:
         page = browser.new_context(viewport={"width": 1280, "height": 800}).new_page()
+        page.set_default_timeout(PATIENCE_MS)
         page.goto(console.entrance)
         page.get_by_role("button", name="Release the camera").wait_for()
         page.evaluate(COUNTED)

@@ -217,9 +217,11 @@ def calibrate(
     table = Table("quantity", "value", title="Depth calibration")
     table.add_row("method", result.method)
     table.add_row("good presses", f"{result.presses} of {len(levels)}")
-    table.add_row("distance from the ball, presses left out / mm", f"{result.sd_mm:.4f}")
+    left_out = (sum(error**2 for error in result.errors_mm) / len(result.errors_mm)) ** 0.5
+    table.add_row("distance from the ball, presses left out / mm", f"{left_out:.4f}")
     if result.other_sd_mm is not None:
-        table.add_row("that of the other method / mm", f"{result.other_sd_mm:.4f}")
+        table.add_row("that of the best other method / mm", f"{result.other_sd_mm:.4f}")
+    table.add_row("sd of a depth, the untouched face included / mm", f"{result.sd_mm:.4f}")
     print_tables([table], [], where=f"Calibration: {out}")
 
 

@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from tsis.imaging._gel_contacts import GelContact
 
 
-DEPTH_METHODS = ("polynomial", "table", "grey", "relative")
+DEPTH_METHODS = ("ratio", "polynomial", "table", "grey", "relative")
+SMOOTHED = ("ratio",)  # methods that smooth the change before it becomes a slope
 GRADIENT_DEGREE = 3  # of the polynomial in the colours
 COLOUR_SCALE = 64.0  # levels
 RIDGE = 1e-3  # of the mean square of the features
@@ -92,8 +93,9 @@ class DepthCalibration(ContentValue):
     sensor, light
         Name of the sensor, and its light.
     method
-        ``"polynomial"`` or ``"table"`` for slopes; ``"grey"`` or ``"relative"`` for depth by the change of grey level
-        or by that over the untouched brightness. Whichever erred less on presses left out.
+        For slopes ``"ratio"``, a polynomial in the change over the untouched light, ``"polynomial"`` in the change, or
+        ``"table"``; ``"grey"`` or ``"relative"`` for depth by the change of grey level or by that over the untouched
+        brightness. Whichever erred less on presses left out.
     weights
         Of the polynomial, shape (features, 2); the table, shape (bins, bins, bins, 2); or grey levels per mm, mm² and
         mm³, shape (3,).
@@ -105,7 +107,7 @@ class DepthCalibration(ContentValue):
     errors_mm
         That distance for each press.
     other_sd_mm
-        That of the method that was not taken; None where there was no other.
+        The least one of the methods that were not taken; None where there was no other.
     """
 
     sensor: str
@@ -141,6 +143,8 @@ BORDER = 0.06  # of the frame: the strip whose median is the untouched face
 DEEPEST_GREY_MM = 10.0
 MARKER_FILL = 0.2  # of the markers' pitch: blur of the surroundings that fill a marker
 GREY_BLUR = 0.004  # of the columns: under white light a pixel's noise is a depth, as nothing integrates it away
+SLOPE_BLUR = 0.004  # of the columns: noise in the colours makes slopes too small where they enter as products
+DARKEST = 10.0  # levels of the untouched face, by which a change is divided at most
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -275,7 +279,7 @@ class DepthMapper:
             raise InputError(f"reference must have the size of {name or 'frame'}; got another size")
         coarse = np.s_[::PATTERN_STEP, ::PATTERN_STEP]
         require_pattern(levels[coarse], self.reference[coarse], name or "the frame", blur_px=0.5)
-        change = levels - self.reference
+        change = colour_change(levels, self.reference, self.calibration.method)
         if self.sensor.marker_pitch_mm is not None:
             change = filled_markers(change, levels, self.reference, self.sensor)
         # The lamps' drift is the change of the strip along the border, where nothing presses most of the time.
@@ -318,6 +322,21 @@ class DepthMapper:
         else:
             slope = polynomial_features(flat, self.place) @ self.calibration.weights.astype(np.float32)
         return np.asarray(slope.reshape(*change.shape[:2], 2))
+
+
+def colour_change(levels: NDArray[Any], reference: NDArray[Any], method: str) -> NDArray[Any]:
+    """Change of the levels against the untouched face, shape (rows, columns, channels).
+
+    For ``"ratio"`` it is divided by the untouched light at each pixel, on the scale of its mean: lamps that are nearer,
+    a vignette and a pattern of the face scale both, and a drift of the lamps is the same everywhere.
+    """
+    change = levels - reference
+    if method == "ratio":
+        change = change / np.maximum(reference, DARKEST) * reference.mean(axis=(0, 1))
+    if method in SMOOTHED:
+        blur = SLOPE_BLUR * levels.shape[1]
+        change = gaussian_filter(change, (blur, blur, 0.0))
+    return np.asarray(change)
 
 
 def filled_markers(

@@ -18,6 +18,7 @@ from tsis.imaging._depth_map import (
     DepthMapper,
     border_strip,
     cap_error_mm,
+    colour_change,
     fit_polynomial,
     fit_table,
     frame_places,
@@ -51,6 +52,7 @@ __all__ = [
     "parse_depth_calibration",
     "polynomial_features",
 ]
+SLOPE_METHODS = ("ratio", "polynomial", "table")
 USED, FLAT = 0.9, 2.2  # of the contact's radius: the ball's slope inside, an almost flat face outside
 UNTOUCHED = 3.0  # contact radii from the centre, beyond which a depth is an error
 DEEPEST = 0.97  # of the ball's radius
@@ -64,7 +66,8 @@ LEAST_SD_MM = 1e-3
 class _Press:
     frame: Any
     contact: GelContact
-    change: NDArray[np.float64]
+    change: dict[str, NDArray[np.float64]]  # by method
+    inside: NDArray[np.bool_]
     place: NDArray[np.float64]
     slope: NDArray[np.float64]
     shape_mm: NDArray[np.float64]
@@ -113,7 +116,7 @@ def calibrate_depth(
         contact = find_gel_contact(change, sensor, name=f"frame {number + 1}")
         reasons += contact.reasons
         if contact.good:
-            presses.append(_press(frame, contact, change.change, change.usable, untouched, sensor, radius))
+            presses.append(_press(frame, contact, change.usable, untouched, sensor, radius))
         if progress is not None:
             progress(number + 1, len(frames))
     fewest = FEWEST_SLOPE if sensor.light == "rgb" else FEWEST_GREY
@@ -122,7 +125,7 @@ def calibrate_depth(
             f"a depth calibration needs {fewest} good presses of the ball; got {len(presses)} of {len(frames)}"
             + (f" ({', '.join(sorted(set(reasons)))}): run tsis contacts to see why" if reasons else "")
         )
-    methods = ("polynomial", "table") if sensor.light == "rgb" else ("grey", "relative")
+    methods = SLOPE_METHODS if sensor.light == "rgb" else ("grey", "relative")
     tried = {method: _left_out(presses, method, sensor, reference, ball_mm) for method in methods}
     rms = {method: float(np.sqrt(np.mean(np.square(errors[:, 0])))) for method, errors in tried.items()}
     best = min(rms, key=lambda method: rms[method])
@@ -134,14 +137,13 @@ def calibrate_depth(
         sd_mm=max(float(np.hypot(rms[best], np.sqrt(np.mean(np.square(zero))))), LEAST_SD_MM),
         sd_relative=float(np.std(cap)) / max(deepest, 1e-6) if len(presses) > 1 else 0.1,
         errors_mm=tuple(float(error) for error in cap),
-        other_sd_mm=others[0] if others else None,
+        other_sd_mm=min(others, default=None),
     )
 
 
 def _press(
     frame: Any,
     contact: GelContact,
-    change: NDArray[np.float64],
     usable: NDArray[np.bool_],
     untouched: NDArray[np.float64],
     sensor: GelSensor,
@@ -158,15 +160,21 @@ def _press(
     rng = np.random.default_rng(0)  # as many flat pixels as touched ones
     flat &= rng.random(flat.shape) < inside.sum() / max(flat.sum(), 1)
     used = inside | flat
-    # As in a map: the median of the whole frame is not 0 where a deep press pulls the face down far around it.
-    change = change - np.median(change[border_strip(rows, columns)], axis=0)
+    levels, strip = gel_levels(frame, sensor), border_strip(rows, columns)
+    pixels = used if sensor.light == "rgb" else inside
+    changes = {}
+    for method in SLOPE_METHODS if sensor.light == "rgb" else ("grey",):
+        change = colour_change(levels, untouched, method)
+        # As in a map: the median of the whole frame is not 0 where a deep press pulls the face down far around it.
+        changes[method] = (change - np.median(change[strip], axis=0))[pixels]
     height = np.sqrt(np.maximum(ball**2 - distance**2, (0.1 * ball) ** 2))
     slope = np.where(inside[..., None], -np.stack([x_mm, y_mm], axis=-1) / height[..., None], 0.0)
     place = frame_places(rows, columns).reshape(rows, columns, 2)
     return _Press(
         frame=frame,
         contact=contact,
-        change=change[used] if sensor.light == "rgb" else change[inside],
+        change=changes,
+        inside=inside[used],
         place=place[used].astype(float),
         slope=slope[used],
         shape_mm=(ball - height)[inside],
@@ -178,10 +186,14 @@ def _fitted(presses: Sequence[_Press], method: str, sensor: GelSensor, ball_mm: 
     if sensor.light == "white":
         weights = _fit_grey(presses, sensor, relative=method == "relative")
     else:
-        change, place, slope = (
-            np.concatenate([getattr(press, name) for press in presses]) for name in ("change", "place", "slope")
+        # The table needs the flat face; a polynomial without a constant does not, and noise would bend it there.
+        kept = [np.ones_like(press.inside) if method == "table" else press.inside for press in presses]
+        change = np.concatenate([press.change[method][part] for press, part in zip(presses, kept, strict=True)])
+        place, slope = (
+            np.concatenate([getattr(press, name)[part] for press, part in zip(presses, kept, strict=True)])
+            for name in ("place", "slope")
         )
-        weights = fit_polynomial(change, place, slope) if method == "polynomial" else fit_table(change, slope)
+        weights = fit_table(change, slope) if method == "table" else fit_polynomial(change, place, slope)
     return DepthCalibration(
         sensor=sensor.name, light=sensor.light, method=method, weights=weights, ball_mm=ball_mm,
         presses=len(presses), sd_mm=LEAST_SD_MM, sd_relative=0.0,
@@ -191,7 +203,7 @@ def _fitted(presses: Sequence[_Press], method: str, sensor: GelSensor, ball_mm: 
 def _fit_grey(presses: Sequence[_Press], sensor: GelSensor, *, relative: bool) -> NDArray[np.float64]:
     """Grey levels per mm, mm² and mm³ of depth; the press depth of each press is free."""
     sign = -1.0 if sensor.pressed == "darker" else 1.0
-    changes = [sign * press.change[:, 0] / (press.brightness if relative else 1.0) for press in presses]
+    changes = [sign * press.change["grey"][:, 0] / (press.brightness if relative else 1.0) for press in presses]
     deepest = [float(press.shape_mm.max()) / USED**2 * 1.3 for press in presses]
     start = [max(float(np.quantile(change, 0.95)) for change in changes) / max(deepest), 0.0, 0.0, *deepest]
 

@@ -21,7 +21,7 @@ CONSOLE = Path(tsis.__file__).parent / "console"
 GLOSSARY = Path(__file__).parents[3] / "docs" / "glossary.md"
 HELP = tomllib.loads((CONSOLE / "pages" / "help.toml").read_text(encoding="utf-8"))
 SHOWING = {"label", "muted", "panel", "button", "link", "switch", "tab", "panel_title", "checkbox", "expansion"}
-SHOWING |= {"notify", "complain"}
+SHOWING |= {"notify", "complain", "title_row"}
 NAMES = {"tsis", "3-D"}  # the same in every language
 OTHERS = sorted(set(languages()) - {"en"})
 

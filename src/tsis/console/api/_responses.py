@@ -10,14 +10,7 @@ from starlette.requests import Request
 
 from tsis.__about__ import LARGEST_TARGET
 from tsis.console._statuses import NoControlError, absent_if_unknown
-from tsis.console.api._models_records import (
-    EstimateItem,
-    EstimateResult,
-    RecomputationItem,
-    RecomputeResult,
-    SearchResult,
-    SequenceResult,
-)
+from tsis.console.api import _models_records as models
 from tsis.console.files import Reports
 from tsis.console.services import Instrument
 from tsis.instrument import CameraListing
@@ -28,37 +21,36 @@ from tsis.report import estimate_document
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from tsis.console.api._models_records import JobResult
     from tsis.records import StoredPress, Target
     from tsis.records.store import Store
 
 
-def estimate_item(stored: StoredEstimate, truth: Mapping[str, float] | None = None) -> EstimateItem:
+def estimate_item(stored: StoredEstimate, truth: Mapping[str, float] | None = None) -> models.EstimateItem:
     """A stored estimate with the truth beside its parameters, where all of them are known."""
     fields = estimate_to_json(stored)
     provenance = fields.pop("estimate")["provenance"]
     known = None if truth is None or not set(stored.estimate.names) <= set(truth) else truth
-    return EstimateItem(**{**fields, **estimate_document(stored.estimate, known), "provenance": provenance})
+    return models.EstimateItem(**{**fields, **estimate_document(stored.estimate, known), "provenance": provenance})
 
 
-def job_result(result: Any, store: Store) -> JobResult | None:
+def job_result(result: Any, store: Store) -> models.JobResult | None:
     """What a job returned; None before it is done, and where the pages alone know what it is."""
     match result:
         case StoredEstimate():
             truths = (target.target.truth for target in store.targets() if target.target.id == result.target)
-            return EstimateResult(estimate=estimate_item(result, next(truths, None)))
+            return models.EstimateResult(estimate=estimate_item(result, next(truths, None)))
         case CameraListing():
-            return SearchResult(found=result.cameras, missing=dict(result.missing))
+            return models.SearchResult(found=result.cameras, missing=dict(result.missing))
         case (Recomputation(), *_):
-            return RecomputeResult(recomputations=[_recomputation(item) for item in result])
+            return models.RecomputeResult(recomputations=[_recomputation(item) for item in result])
         case {"folder": str(folder), "report": dict(report)}:
-            return SequenceResult(folder=folder, report=RecordingReport(**report))
+            return models.SequenceResult(folder=folder, report=RecordingReport(**report))
         case _:
             return None
 
 
-def _recomputation(item: Recomputation) -> RecomputationItem:
-    return RecomputationItem(
+def _recomputation(item: Recomputation) -> models.RecomputationItem:
+    return models.RecomputationItem(
         kind=item.before.kind,
         same=item.same,
         sentence=item.message,

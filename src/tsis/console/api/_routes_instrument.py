@@ -8,19 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 from fastapi import APIRouter, Body, Query, Response
 
+from tsis.console.api import _models_camera as models
 from tsis.console.api._documented import OF_BODIES, OF_COMMANDS, OF_CONTROL, OF_JOBS, picture
 from tsis.console.api._models import ControlRequest, ControlResponse, OwnerItem
-from tsis.console.api._models_camera import (
-    CameraChoiceRequest,
-    CamerasResponse,
-    FrameAnalysisResponse,
-    PresetRequest,
-    PressRequest,
-    SettingsRequest,
-    SettingsResponse,
-    StateResponse,
-    TargetChoiceRequest,
-)
 from tsis.console.api._models_records import (
     FilesItem,
     JobResponse,
@@ -46,7 +36,7 @@ state_router = APIRouter(tags=["state"])
 
 
 @state_router.get("/state", operation_id="get_state")
-def get_state(instrument: TheInstrument, caller: Caller = None) -> StateResponse:
+def get_state(instrument: TheInstrument, caller: Caller = None) -> models.StateResponse:
     """Return the state of camera, target, press, calibration and jobs; with the header a sign of life of the owner."""
     if caller:
         instrument.control.heard_of(caller)
@@ -54,16 +44,16 @@ def get_state(instrument: TheInstrument, caller: Caller = None) -> StateResponse
 
 
 @state_router.get("/sight", operation_id="get_sight")
-def get_frame_analysis(instrument: TheInstrument) -> FrameAnalysisResponse:
+def get_frame_analysis(instrument: TheInstrument) -> models.FrameAnalysisResponse:
     """Return the analysis of the newest frame: contact, force, stillness, flags, grey histogram and exposure."""
-    return FrameAnalysisResponse(sight=instrument.frame_analysis)
+    return models.FrameAnalysisResponse(sight=instrument.frame_analysis)
 
 
-def state_response(instrument: Instrument, caller: str | None) -> StateResponse:
+def state_response(instrument: Instrument, caller: str | None) -> models.StateResponse:
     """The whole state; the owner's identity is a secret."""
     state = instrument.state()
     owner = state.owner
-    return StateResponse(
+    return models.StateResponse(
         camera=state.camera,
         target=state.target,
         role=state.role,
@@ -85,34 +75,34 @@ camera_router = APIRouter(prefix="/camera", tags=["camera"])
 
 
 @camera_router.put("", operation_id="choose_camera", responses={**OF_COMMANDS, **OF_BODIES})
-def choose_camera(instrument: TheInstrument, body: CameraChoiceRequest, by: Acting) -> StateResponse:
+def choose_camera(instrument: TheInstrument, body: models.CameraChoiceRequest, by: Acting) -> models.StateResponse:
     """Choose another camera, not yet started."""
     instrument.choose(CameraChoice(**body.model_dump()), by=by)
     return state_response(instrument, by)
 
 
 @camera_router.post("/start", operation_id="start_camera", responses=OF_COMMANDS)
-def start_camera(instrument: TheInstrument, by: Acting) -> StateResponse:
+def start_camera(instrument: TheInstrument, by: Acting) -> models.StateResponse:
     """Connect and begin to stream; when it runs already, nothing happens."""
     instrument.start(by=by)
     return state_response(instrument, by)
 
 
 @camera_router.post("/stop", operation_id="stop_camera", responses=OF_COMMANDS)
-def stop_camera(instrument: TheInstrument, by: Acting) -> StateResponse:
+def stop_camera(instrument: TheInstrument, by: Acting) -> models.StateResponse:
     """End the stream; settings are remembered for the next start."""
     instrument.stop(by=by)
     return state_response(instrument, by)
 
 
 @camera_router.get("/settings", operation_id="get_settings")
-def get_settings(instrument: TheInstrument) -> SettingsResponse:
+def get_settings(instrument: TheInstrument) -> models.SettingsResponse:
     """Return the adjustable settings with ranges; null for an end that the driver does not report."""
     return _settings(instrument)
 
 
 @camera_router.patch("/settings", operation_id="change_settings", responses={**OF_COMMANDS, **OF_BODIES})
-def change_settings(instrument: TheInstrument, body: SettingsRequest, by: Acting) -> SettingsResponse:
+def change_settings(instrument: TheInstrument, body: models.SettingsRequest, by: Acting) -> models.SettingsResponse:
     """Change settings; none when one of them is unknown or outside its range."""
     present = {setting.name: setting for setting in instrument.camera_controller.settings()}
     if not present:
@@ -125,26 +115,26 @@ def change_settings(instrument: TheInstrument, body: SettingsRequest, by: Acting
 
 
 @camera_router.post("/preset", operation_id="apply_preset", responses={**OF_COMMANDS, **OF_BODIES})
-def apply_preset(instrument: TheInstrument, body: PresetRequest, by: Acting) -> SettingsResponse:
+def apply_preset(instrument: TheInstrument, body: models.PresetRequest, by: Acting) -> models.SettingsResponse:
     """Apply all settings of a preset."""
     instrument.preset(body.name, by=by)
     return _settings(instrument)
 
 
-def _settings(instrument: Instrument) -> SettingsResponse:
-    return SettingsResponse(settings=instrument.camera_controller.settings())
+def _settings(instrument: Instrument) -> models.SettingsResponse:
+    return models.SettingsResponse(settings=instrument.camera_controller.settings())
 
 
 cameras_router = APIRouter(prefix="/cameras", tags=["camera"])
 
 
 @cameras_router.get("", operation_id="list_cameras")
-def list_cameras(instrument: TheInstrument) -> CamerasResponse:
+def list_cameras(instrument: TheInstrument) -> models.CamerasResponse:
     """List the cameras that the last search found; the virtual probe is always there."""
     result = instrument.search.findings
     if result is None:
-        return CamerasResponse(searched=False, found=(), missing={})
-    return CamerasResponse(searched=True, found=result.cameras, missing=dict(result.missing))
+        return models.CamerasResponse(searched=False, found=(), missing={})
+    return models.CamerasResponse(searched=True, found=result.cameras, missing=dict(result.missing))
 
 
 @cameras_router.post("/search", operation_id="search_cameras", responses=OF_JOBS, status_code=202)
@@ -182,14 +172,14 @@ press_router = APIRouter(tags=["press"])
 
 
 @press_router.put("/target", operation_id="choose_target", responses={**OF_COMMANDS, **OF_BODIES})
-def choose_target(instrument: TheInstrument, body: TargetChoiceRequest, by: Acting) -> StateResponse:
+def choose_target(instrument: TheInstrument, body: models.TargetChoiceRequest, by: Acting) -> models.StateResponse:
     """Choose the target that snapshots go to; it is entered with its first press."""
     instrument.set_target(body.number, by=by)
     return state_response(instrument, by)
 
 
 @press_router.put("/press", operation_id="hold_press", responses={**OF_COMMANDS, **OF_BODIES})
-def set_press(instrument: TheInstrument, body: PressRequest, by: Acting) -> StateResponse:
+def set_press(instrument: TheInstrument, body: models.PressRequest, by: Acting) -> models.StateResponse:
     """Set what is pressed and how hard; the virtual probe moves there."""
     if not body.model_fields_set:
         raise InputError("press must say something: role, force_n or both; got neither")
@@ -222,7 +212,7 @@ def begin_sequence(instrument: TheInstrument, body: SequenceOfSeconds | Sequence
 
 
 @press_router.delete("/sequence", operation_id="end_sequence", responses=OF_COMMANDS)
-def end_sequence(instrument: TheInstrument, by: Acting) -> StateResponse:
+def end_sequence(instrument: TheInstrument, by: Acting) -> models.StateResponse:
     """End the running sequence; recorded frames stay. Without one nothing happens."""
     instrument.end_sequence(by=by)
     return state_response(instrument, by)

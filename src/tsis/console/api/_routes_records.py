@@ -14,6 +14,7 @@ from starlette.requests import ClientDisconnect
 from tsis.calibration import UsableCalibration
 from tsis.calibration.file import calibration_bytes, calibration_sha256, parse_calibration
 from tsis.console._statuses import AbsentError, NoControlError, absent_if_unknown
+from tsis.console.api import _models_records as models
 from tsis.console.api._documented import (
     CALIBRATION_BODY,
     CALIBRATION_FILE,
@@ -25,18 +26,6 @@ from tsis.console.api._documented import (
     file,
 )
 from tsis.console.api._models import AboutResponse, CalibrationItem, CalibrationResponse, StoreItem
-from tsis.console.api._models_records import (
-    EstimateRequest,
-    EstimatesResponse,
-    JobResponse,
-    JobsResponse,
-    PressesResponse,
-    RecomputeRequest,
-    TargetRequest,
-    TargetResponse,
-    TargetsResponse,
-    TargetSummaryItem,
-)
 from tsis.console.api._responses import (
     CONTROL,
     Acting,
@@ -64,26 +53,26 @@ targets_router = APIRouter(prefix="/targets", tags=["records"])
 
 
 @targets_router.get("", operation_id="list_targets")
-def list_targets(instrument: TheInstrument, page: PageOfList) -> TargetsResponse:
+def list_targets(instrument: TheInstrument, page: PageOfList) -> models.TargetsResponse:
     """List the targets of the store by number."""
     result = instrument.store.targets()
     part = result[page.offset : page.offset + page.limit]
-    return TargetsResponse(
+    return models.TargetsResponse(
         total=len(result),
         offset=page.offset,
-        targets=[TargetSummaryItem.model_validate(item) for item in part],
+        targets=[models.TargetSummaryItem.model_validate(item) for item in part],
     )
 
 
 @targets_router.get("/{number}", operation_id="get_target", responses=OF_RECORDS)
-def get_target(instrument: TheInstrument, number: TargetNumber) -> TargetResponse:
+def get_target(instrument: TheInstrument, number: TargetNumber) -> models.TargetResponse:
     """Return what is stored of a target."""
     target = find_target(instrument, number)
-    return TargetResponse(target=target, presses=instrument.store.press_count(target))
+    return models.TargetResponse(target=target, presses=instrument.store.press_count(target))
 
 
 @targets_router.patch("/{number}", operation_id="edit_target", responses={**OF_RECORDS, **OF_EDITS, **OF_BODIES})
-def edit_target(instrument: TheInstrument, number: TargetNumber, body: TargetRequest) -> TargetResponse:
+def edit_target(instrument: TheInstrument, number: TargetNumber, body: models.TargetRequest) -> models.TargetResponse:
     """Change name, note or truth of a target as it was read; 409 when somebody has changed it since.
 
     The audit of the store records the change and its time.
@@ -93,14 +82,14 @@ def edit_target(instrument: TheInstrument, number: TargetNumber, body: TargetReq
     if not changes:
         raise InputError("an edit must change something: name, note or truth; got none of them")
     edited = instrument.store.edit_target(replace(target, version=body.version), **changes)
-    return TargetResponse(target=edited, presses=instrument.store.press_count(edited))
+    return models.TargetResponse(target=edited, presses=instrument.store.press_count(edited))
 
 
 @targets_router.get("/{number}/presses", operation_id="list_presses", responses=OF_RECORDS)
-def list_presses(instrument: TheInstrument, number: TargetNumber, page: PageOfList) -> PressesResponse:
+def list_presses(instrument: TheInstrument, number: TargetNumber, page: PageOfList) -> models.PressesResponse:
     """List presses of a target in the order in which they were taken."""
     target = find_target(instrument, number)
-    return PressesResponse(
+    return models.PressesResponse(
         target=number,
         total=instrument.store.press_count(target),
         offset=page.offset,
@@ -125,11 +114,11 @@ estimates_router = APIRouter(prefix="/targets/{number}", tags=["records"])
 
 
 @estimates_router.get("/estimates", operation_id="list_estimates", responses=OF_RECORDS)
-def list_estimates(instrument: TheInstrument, number: TargetNumber) -> EstimatesResponse:
+def list_estimates(instrument: TheInstrument, number: TargetNumber) -> models.EstimatesResponse:
     """List the estimates of a target, the oldest first."""
     target = find_target(instrument, number)
     record = instrument.store.record(target, limit=0)
-    return EstimatesResponse(
+    return models.EstimatesResponse(
         target=number,
         in_force=[item.id for item in record.active_estimates],
         estimates=[estimate_item(estimate, target.truth) for estimate in record.estimates],
@@ -141,23 +130,23 @@ def list_estimates(instrument: TheInstrument, number: TargetNumber) -> Estimates
     "/estimate", operation_id="estimate_target", responses={**OF_RECORDS, **OF_JOBS, **OF_BODIES}, status_code=202
 )
 def estimate_target(
-    instrument: TheInstrument, number: TargetNumber, body: Annotated[EstimateRequest, Body()]
-) -> JobResponse:
+    instrument: TheInstrument, number: TargetNumber, body: Annotated[models.EstimateRequest, Body()]
+) -> models.JobResponse:
     """Estimate a target from its presses and store the estimate, which is the job's result."""
     find_target(instrument, number)
     job = instrument.estimate(number, kind=body.kind, presses=body.presses, options=_options(body))
-    return JobResponse(job=job.state())
+    return models.JobResponse(job=job.state())
 
 
 @estimates_router.post(
     "/recompute", operation_id="recompute_target", responses={**OF_RECORDS, **OF_JOBS, **OF_BODIES}, status_code=202
 )
 def recompute_target(
-    instrument: TheInstrument, number: TargetNumber, body: Annotated[RecomputeRequest | None, Body()] = None
-) -> JobResponse:
+    instrument: TheInstrument, number: TargetNumber, body: Annotated[models.RecomputeRequest | None, Body()] = None
+) -> models.JobResponse:
     """Recompute the current estimates with the present code, and store those that differ."""
     dry_run = body is not None and body.dry_run
-    return JobResponse(job=instrument.recompute(find_target(instrument, number), dry_run=dry_run).state())
+    return models.JobResponse(job=instrument.recompute(find_target(instrument, number), dry_run=dry_run).state())
 
 
 @estimates_router.get(
@@ -182,7 +171,7 @@ def get_report_pdf(instrument: TheInstrument, reports: TheReports, number: Targe
     return Response(reports.content(find_target(instrument, number), "pdf"), media_type="application/pdf")
 
 
-def _options(body: EstimateRequest) -> dict[str, Any]:
+def _options(body: models.EstimateRequest) -> dict[str, Any]:
     """Options of a stored estimate: with the whole prior, so that later releases with other defaults have it."""
     options = body.model_dump(exclude={"kind", "presses"}, exclude_none=True)
     if "prior" in options:
@@ -271,19 +260,19 @@ jobs_router = APIRouter(prefix="/jobs", tags=["jobs"])
 
 
 @jobs_router.get("", operation_id="list_jobs")
-def list_jobs(instrument: TheInstrument) -> JobsResponse:
+def list_jobs(instrument: TheInstrument) -> models.JobsResponse:
     """List the last jobs of this console, the newest last."""
-    return JobsResponse(jobs=instrument.jobs.states())
+    return models.JobsResponse(jobs=instrument.jobs.states())
 
 
 @jobs_router.get("/{identity}", operation_id="get_job", responses=OF_RECORDS)
-def get_job(instrument: TheInstrument, identity: JobIdentity) -> JobResponse:
+def get_job(instrument: TheInstrument, identity: JobIdentity) -> models.JobResponse:
     """Return the state of a job, and its result."""
     return _job_response(instrument, _job(instrument, identity))
 
 
 @jobs_router.delete("/{identity}", operation_id="end_job", responses={**OF_RECORDS, **OF_COMMANDS})
-def end_job(instrument: TheInstrument, identity: JobIdentity, caller: Caller = None) -> JobResponse:
+def end_job(instrument: TheInstrument, identity: JobIdentity, caller: Caller = None) -> models.JobResponse:
     """Cancel a job, which ends at its next step; a job of the camera only for its owner."""
     job = _job(instrument, identity)
     if job.follows_camera and not caller:
@@ -297,8 +286,8 @@ def _job(instrument: Instrument, identity: str) -> Job:
         return instrument.jobs.get(identity)
 
 
-def _job_response(instrument: Instrument, job: Job) -> JobResponse:
-    return JobResponse(job=job.state(), result=job_result(job.result, instrument.store))
+def _job_response(instrument: Instrument, job: Job) -> models.JobResponse:
+    return models.JobResponse(job=job.state(), result=job_result(job.result, instrument.store))
 
 
 about_router = APIRouter(tags=["about"])

@@ -263,9 +263,7 @@ class SearchPanel:
     def __init__(self, instrument: Instrument, viewer: kit.Viewer, controls: kit.OperatorControls) -> None:
         self._instrument, self._viewer, self._controls = instrument, viewer, controls
         with ui.element("section").classes("panel stack tight"):
-            with ui.element("div").classes("row"):
-                kit.panel_title(tr("Cameras"))
-                ui.element("div").classes("spring")
+            with kit.title_row(tr("Cameras")):
                 self._search = kit.button(tr("Search"), self._begin, icon="search")
             self._bar = kit.ProgressBar("Search")
             self._message = kit.status()

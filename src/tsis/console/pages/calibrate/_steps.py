@@ -255,9 +255,7 @@ class MakePanel:
         self._instrument, self._viewer, self._session = instrument, viewer, session
         self._identity = ""
         with ui.element("section").classes("panel stack").props('aria-label="Calibration"'):
-            with ui.element("div").classes("row"):
-                kit.panel_title(tr("Calibration"))
-                ui.element("div").classes("spring")
+            with kit.title_row(tr("Calibration")):
                 self._days = kit.unit_field("Good for", str(VALID_DAYS), unit="days").classes("calibrate-days")
                 self._make = kit.button(tr("Make the calibration"), self._begin, icon="calculate", look="unelevated")
             self._bar = kit.ProgressBar("Progress of the calibration")

@@ -63,6 +63,7 @@ from tsis.console.pages.components._lists import (
     show_drawing,
     status,
     table,
+    title_row,
     titled_dialog,
 )
 from tsis.console.pages.components._summary import StatePoller, Tabs, camera_line, force_text, press_label, time_label
@@ -126,6 +127,7 @@ __all__ = [
     "text_area",
     "text_field",
     "time_label",
+    "title_row",
     "titled_dialog",
     "tr",
     "typed_forces",

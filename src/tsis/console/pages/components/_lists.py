@@ -39,6 +39,15 @@ def panel(title: str, *, style: str = "panel stack") -> Iterator[Element]:
         yield place
 
 
+@contextmanager
+def title_row(title: str, *, level: int = 2) -> Iterator[None]:
+    """A line with a title at its left; what is made in it stands at its right."""
+    with ui.element("div").classes("row"):
+        panel_title(title, level=level)
+        ui.element("div").classes("spring")
+        yield
+
+
 def muted(text: str = "") -> Label:
     """A label that says less than others."""
     return ui.label(text).classes("muted")

@@ -190,9 +190,7 @@ class DesignResultPanel:
         self._result.clear()
         self._result.set_visibility(True)
         with self._result:
-            with ui.element("div").classes("row"):
-                kit.panel_title(tr("{title}: {subtitle}", title=result.page.title, subtitle=result.page.subtitle))
-                ui.element("div").classes("spring")
+            with kit.title_row(tr("{title}: {subtitle}", title=result.page.title, subtitle=result.page.subtitle)):
                 kit.button(tr("Save the result"), lambda: self._save(result.analysis), look="flat dense")
             kit.report_parts(result.page, result.pictures)
 

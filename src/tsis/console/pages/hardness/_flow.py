@@ -116,9 +116,7 @@ class HardnessPanel:
             return
         page, sources = built
         with self._panel.element:
-            with ui.element("div").classes("row"):
-                kit.panel_title(page.title)
-                ui.element("div").classes("spring")
+            with kit.title_row(page.title):
                 ui.link(tr("Report and export of target {number}", number=saved.number), f"/records/{saved.number}")
             if not saved.is_current:
                 ui.label(tr("Presses were saved since: estimate again to include them.")).classes("doubtful")

@@ -46,9 +46,7 @@ class ObjectPart:
         self._instrument, self._viewer = instrument, viewer
         self._filled: object = None
         with ui.element("div").classes("panel stack tight"):
-            with ui.element("div").classes("row"):
-                kit.panel_title(tr("1  Object"))
-                ui.element("div").classes("spring")
+            with kit.title_row(tr("1  Object")):
                 self._target = ui.label().classes("chip")
             with ui.element("div").classes("row") as self._virtual:
                 spheres = list(list_spheres())
@@ -231,9 +229,7 @@ class Estimating:
     ) -> None:
         self._instrument, self._viewer, self._radius, self._ball_radius = instrument, viewer, radius, ball_radius
         with ui.element("div").classes("panel stack tight"):
-            with ui.element("div").classes("row"):
-                kit.panel_title(tr("3  Estimate"))
-                ui.element("div").classes("spring")
+            with kit.title_row(tr("3  Estimate")):
                 self._button = kit.button(tr("Estimate"), self._begin, icon="analytics", look="unelevated")
             self._bar = kit.ProgressBar("Progress of the estimate")
             self._message = kit.status()

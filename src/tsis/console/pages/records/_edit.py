@@ -255,9 +255,7 @@ def about_target(page: TargetContext, view: TargetView) -> None:
         with kit.open_dialog(page.dialogs, f"Edit target {target.number}") as dialog:
             _TargetEditing(page, target, dialog, leave="Cancel")
 
-    with ui.element("div").classes("row"):
-        kit.panel_title(tr("About this target"), level=3)
-        ui.element("div").classes("spring")
+    with kit.title_row(tr("About this target"), level=3):
         kit.button(tr("Edit"), edit, icon="edit", look="outline dense")
         if view.state is None:
             kit.button(tr("Archive"), lambda: _set_state(page, target, ARCHIVED), icon="archive", look="outline dense")

@@ -148,9 +148,7 @@ async def compare(page: TargetContext, view: TargetView, *, same_light: bool = F
         return
     content, sources = result
     with position:
-        with ui.element("div").classes("row"):
-            kit.panel_title(content.title, level=3)
-            ui.element("div").classes("spring")
+        with kit.title_row(content.title, level=3):
             ui.switch(
                 tr("bring both to the same light"),
                 value=same_light,

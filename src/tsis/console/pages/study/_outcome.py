@@ -50,9 +50,7 @@ class Outcome:
         return result
 
     def _head(self, view: StudyView) -> None:
-        with ui.element("div").classes("row"):
-            kit.panel_title(tr("Results of the study"))
-            ui.element("div").classes("spring")
+        with kit.title_row(tr("Results of the study")):
             if view.reported:
                 position = f"/files/study/{self._page.name}/report"
                 ui.link(tr("Report"), f"{position}.html", new_tab=True).classes("link button")
