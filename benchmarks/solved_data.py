@@ -6,7 +6,7 @@ from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, NoReturn
 from unittest.mock import patch
 
-from tsis.mechanics.surrogate import FiniteCorrection, FullContactSurrogate, PressSurrogate, Surrogate, TissueSurrogate
+from tsis.mechanics.surrogate import FiniteCorrection, Surrogate, TissueSurrogate
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -15,9 +15,6 @@ READERS = (  # every method that evaluates a table
     (Surrogate, "at_tissue"),
     (Surrogate, "baseline_at"),
     (TissueSurrogate, "__call__"),
-    (PressSurrogate, "interpolation"),
-    (FullContactSurrogate, "interpolation"),
-    (FiniteCorrection, "interpolation"),
     (FiniteCorrection, "without_inclusion"),
     (FiniteCorrection, "change"),
 )
