@@ -90,3 +90,4 @@ def test_where_nothing_smooth_fits_every_cell_is_evaluated(grid: Grid) -> None:
     fast: Any = nearby
     found = _corrected(grid, exact, fast, CHART)
     np.testing.assert_allclose(found.log_density - grid.log_density, difference(grid.cells.points), atol=1e-8)
+    assert exact.evaluated >= CHECKED + len(grid.cells.points)

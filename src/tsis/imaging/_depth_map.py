@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 
 DEPTH_METHODS = ("ratio", "polynomial", "table", "grey", "relative")
-SMOOTHED = ("ratio",)  # methods that smooth the change before it becomes a slope
 GRADIENT_DEGREE = 3  # of the polynomial in the colours
 COLOUR_SCALE = 64.0  # levels
 RIDGE = 1e-3  # of the mean square of the features
@@ -328,12 +327,11 @@ def colour_change(levels: NDArray[Any], reference: NDArray[Any], method: str) ->
     """Change of the levels against the untouched face, shape (rows, columns, channels).
 
     For ``"ratio"`` it is divided by the untouched light at each pixel, on the scale of its mean: lamps that are nearer,
-    a vignette and a pattern of the face scale both, and a drift of the lamps is the same everywhere.
+    a vignette and a pattern of the face scale both, and a drift of the lamps is the same everywhere. It is smoothed.
     """
     change = levels - reference
     if method == "ratio":
         change = change / np.maximum(reference, DARKEST) * reference.mean(axis=(0, 1))
-    if method in SMOOTHED:
         blur = SLOPE_BLUR * levels.shape[1]
         change = gaussian_filter(change, (blur, blur, 0.0))
     return np.asarray(change)

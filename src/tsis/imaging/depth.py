@@ -187,10 +187,10 @@ def _fitted(presses: Sequence[_Press], method: str, sensor: GelSensor, ball_mm: 
         weights = _fit_grey(presses, sensor, relative=method == "relative")
     else:
         # The table needs the flat face; a polynomial without a constant does not, and noise would bend it there.
-        kept = [np.ones_like(press.inside) if method == "table" else press.inside for press in presses]
-        change = np.concatenate([press.change[method][part] for press, part in zip(presses, kept, strict=True)])
+        used = [np.ones_like(press.inside) if method == "table" else press.inside for press in presses]
+        change = np.concatenate([press.change[method][part] for press, part in zip(presses, used, strict=True)])
         place, slope = (
-            np.concatenate([getattr(press, name)[part] for press, part in zip(presses, kept, strict=True)])
+            np.concatenate([getattr(press, name)[part] for press, part in zip(presses, used, strict=True)])
             for name in ("place", "slope")
         )
         weights = fit_table(change, slope) if method == "table" else fit_polynomial(change, place, slope)
