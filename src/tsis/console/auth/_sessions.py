@@ -65,7 +65,10 @@ class Sessions:
         if not value or len(value) > LONGEST or not value.isascii():
             return None
         try:
-            identity, name, proof, ends_s = self._signer.loads(value)
+            fields = self._signer.loads(value)
+            if self._signer.dumps(fields) != value:  # base64 spells one signature in several ways
+                return None
+            identity, name, proof, ends_s = fields
             session = Session(identity=str(identity), name=str(name), proof=str(proof), ends_s=int(ends_s))
         except (BadData, ValueError, TypeError):
             return None
