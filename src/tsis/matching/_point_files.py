@@ -258,7 +258,9 @@ def _csv(content: bytes) -> Floats:
     for number, line in lines if named else itertools.chain([first], lines):
         values.extend(_row(number, line.split(separator), chosen, len(heads)))
         if len(values) > MOST_POINTS * len(chosen):
-            raise FileInputError(f"it must hold at most {MOST_POINTS} points; got more (thin them out)")
+            raise FileInputError(
+                f"it must hold at most {MOST_POINTS} points; got {MOST_POINTS + 1} or more (thin them out)"
+            )
     _countable(len(values) // len(chosen))
     return np.array(values).reshape(-1, len(chosen))
 
