@@ -215,6 +215,11 @@ class Operator:
         await self.until(lambda: any(text in item for item in self.messages), f"no message says {text!r}")
         self.messages.clear()
 
+    async def beside(self, name: str, text: str) -> None:
+        """Wait until the error of a field has this text."""
+        (field,) = self._fields(name)
+        await self.until(lambda: text in (field.error or ""), f"no error of {name} says {text!r}")
+
     @property
     def alerts(self) -> list[str]:
         """Texts on the page that a screen reader interrupts with, apart from the banner's."""

@@ -181,15 +181,15 @@ def test_a_sequence_is_recorded_whole_and_wrong_lengths_begin_none(lit: Instrume
         await operator.hears("the camera must run to record a sequence; it is stopped (start it)")
         await started(operator)
         for typed, unit, message in (
-            ("soon", "seconds", "length must be a number, as 2 or 0.5; got 'soon'"),
-            ("0", "seconds", "seconds must lie in"),
-            ("2.5", "frames", "frames must be a whole number; got 2.5"),
-            ("0", "frames", "frames must lie in [1, "),
+            ("soon", "seconds", "Seconds must be a number, as 2 or 0.5 (you entered 'soon')."),
+            ("0", "seconds", "Seconds must be 0.1–3600 s"),
+            ("2.5", "frames", "Frames must be a whole number (you entered 2.5)."),
+            ("0", "frames", "Frames must be 1–"),
         ):
             await operator.types("Length", typed)
             await operator.chooses("Unit of the length", unit)
             await operator.clicks("Record")
-            await operator.hears(message)
+            await operator.beside("Length", message)
         await operator.types("Length", "5")
         await operator.clicks("Record")
         await operator.sees("Sequence of target 1: 5 frames in ")
@@ -280,7 +280,7 @@ def test_jobs_are_listed_and_only_the_owner_ends_them(lit: Instrument) -> None:
         await operator.sees("Jobs: ")
         await operator.clicks(operator.named("Jobs: ")[0])
         await operator.clicks("End sequence of target 1")
-        await operator.hears("only the camera's owner may end jobs; take the camera first")
+        await operator.hears("Only the camera's owner may end jobs: take the camera first.")
         lit.control.release(BOB)
         await operator.clicks("Take the camera")
         await operator.sees("Release the camera")

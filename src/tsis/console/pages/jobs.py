@@ -49,7 +49,7 @@ class JobRows:
 
     async def _end(self, identity: str) -> None:
         if not self._viewer.commands:
-            self._viewer.complain(tr("only the camera's owner may end jobs; take the camera first"))
+            self._viewer.complain(tr("Only the camera's owner may end jobs: take the camera first."))
             return
         await self._viewer.attempt(self._ended, identity)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -284,6 +285,8 @@ class _NewStudy:
             "threshold": threshold,
             "seed": seed,
         }
+        named = {"targets with an inclusion": present, "force": forces, "operator": self._who, "actor": self._who}
+        self._fields = {**named, **self._texts}
         for field in (present, blank, forces, repeats):
             field.on_value_change(self._count)
         threshold.props["hint"] = "probability, 0 to 1"
@@ -314,14 +317,12 @@ class _NewStudy:
         try:
             self._size.text = self._draft().size().text()
         except InputError as error:
-            self._size.text = f"{error}."
+            self._size.text = kit.plain_message(str(error))
 
     async def _make(self) -> None:
         draft = self._draft()
-        try:
-            size = draft.size()
-        except InputError as error:
-            self._viewer.complain(str(error))
+        size = await kit.submit(self._viewer, self._fields, draft.size)
+        if size is None:
             return
         if size.readings <= LARGE:
             await self._made(draft)
@@ -341,7 +342,8 @@ class _NewStudy:
 
         with kit.loading(self._button):
             who = name_in(self._viewer, self._who)
-            created = await self._viewer.attempt(draft.make, self._repository, actor=who, progress=sealed)
+            make = partial(draft.make, self._repository, actor=who, progress=sealed)
+            created = await kit.submit(self._viewer, self._fields, make)
         self._sealed = 0.0
         if created is not None:
             ui.navigate.to(f"/study/{created}")
