@@ -92,6 +92,7 @@ def address_of(path: str) -> str:
 
 
 UNITS = {"millimetres": "mm", "newtons": "N", "kilopascals": "kPa", "seconds": "s", "degrees": "°", "pixels": "pixels"}
+LONGEST_SIGN = 3  # letters of a unit's sign, as dB
 _RANGE = re.compile(r"must lie in \[(\S+), (\S+)\]; got (\S+)(?: \((.+?)\))?(?=; that would|$)")
 _ENTERED = re.compile(r"; got ('.*'|\".*\"|[-+.\de]+|inf|none)(?: \((.+)\))?$")
 
@@ -101,8 +102,8 @@ def plain_message(message: str) -> str:
 
     Examples
     --------
-    >>> plain_message("gain must lie in [0, 24]; got -5 (decibels, whole)")
-    'Gain must be 0–24, decibels, whole (you entered −5).'
+    >>> plain_message("gain must lie in [0, 24]; got -5 (dB)")
+    'Gain must be 0–24 dB (you entered −5).'
     >>> plain_message("length must lie in [-1, 50]; got 1e+99 (millimetres)")
     'Length must be −1 to 50 mm (you entered 1e+99).'
     >>> plain_message("target must be a number, as 2 or 0.5; got ''")
@@ -119,7 +120,8 @@ def plain_message(message: str) -> str:
 def _range(found: re.Match[str]) -> str:
     low, high, entered, hint = found.groups()
     unit, comma, more = (hint or "").partition(", ")
-    behind = f" {UNITS[unit]}{comma}{more}" if unit in UNITS else f", {hint}" * bool(hint)
+    sign = UNITS.get(unit, unit if len(unit) <= LONGEST_SIGN else "")
+    behind = f" {sign}{comma}{more}" if sign else f", {hint}" * bool(hint)
     between = f"{low} to {high}" if low.startswith("-") else f"{low}–{high}"
     reach = f"{low} or more" if high == "inf" else between
     return f"must be {reach.replace('-', '−')}{behind}{_entered(entered, None)}"

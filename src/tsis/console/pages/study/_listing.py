@@ -132,7 +132,7 @@ class StudySize:
 
 
 DURATIONS = (("days", 86400.0), ("hours", 3600.0), ("minutes", 60.0), ("seconds", 1.0))
-LIKE = {"printed": "like the printed study", "random": "drawn by chance"}
+LIKE = {"printed": "like the printed study", "random": "random"}
 LABELS = {"present": "targets with an inclusion", "blank": "blanks", "forces_n": "forces"}
 MOST_FORCES = 16
 MOST_REPEATS = 1000
@@ -200,9 +200,7 @@ def typed_whole(name: str, text: str) -> int:
 
 EVERY_S, PROGRESS_EVERY_S = 1.0, 0.5
 HEADINGS = ("Study", "Targets", "Readings", "State")
-NONE_YET = (
-    "There is no study yet. Make one here: its targets get codes, in an order by chance, and what they are is sealed."
-)
+NONE_YET = "There is no study yet. Make one here: its targets get codes in random order, and the truth is sealed."
 MEANT = (
     "Codes and order follow from the seed. Whoever knows it can read the truth; left empty it is drawn, and sealed "
     "with the truth. Targets, probe, forces and threshold are fixed once the study is made."
