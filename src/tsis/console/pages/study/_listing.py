@@ -283,7 +283,13 @@ class _NewStudy:
             "threshold": threshold,
             "seed": seed,
         }
-        named = {"targets with an inclusion": present, "force": forces, "operator": self._who, "actor": self._who}
+        named = {
+            "targets with an inclusion": present,
+            "blanks": blank,
+            "force": forces,
+            "operator": self._who,
+            "actor": self._who,
+        }
         self._fields = {**named, **self._texts}
         for field in (present, blank, forces, repeats):
             field.on_value_change(self._count)
