@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from tsis.console.services import Instrument
 
 WRONG = (
-    ("Name", " ", "name must be given"),
-    ("Pitch of the dot board", "-1", "pitch of the dot board must lie in [0.05, 50]; got -1"),
-    ("Pitch of the dot board", "wide", "pitch of the dot board must be a number, as 2 or 0.5; got 'wide'"),
+    ("Name", " ", "Name must be given"),
+    ("Pitch of the dot board", "-1", "Pitch of the dot board must be 0.05–50 mm (you entered −1)."),
+    ("Pitch of the dot board", "wide", "Pitch of the dot board must be a number, as 2 or 0.5 (you"),
     ("Its standard uncertainty", "nan", "Its standard uncertainty must be a number"),
     ("Radii of the tips", "2, 2", "Radii of the tips must hold each tip once"),
     ("Radii of the tips", "2, 1e9", "Radii of the tips must be 0.1–1000 mm (you entered 1e+09)."),
