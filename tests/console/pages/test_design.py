@@ -58,9 +58,9 @@ def test_what_is_typed_is_drawn_and_what_is_wrong_is_said_beside_it(lit: Instrum
 def test_a_wrong_draft_is_marked_after_a_reload(lit: Instrument) -> None:
     async def script(operator: Operator) -> None:
         await operator.types("Layer 2, modulus", "soft")
-        await operator.sees("Layer 2: modulus must be a number")
+        await operator.sees("Layer 2: Modulus must be a number")
         await operator.open("/design")
-        await operator.sees("Layer 2: modulus must be a number", "Not drawn while a field is wrong.")
+        await operator.sees("Layer 2: Modulus must be a number", "Not drawn while a field is wrong.")
         assert operator.field("Layer 2, modulus") == "soft"
 
     at_console(lit, script, "/design")
