@@ -284,12 +284,17 @@ class ChoiceField:
 
 
 _NAME = """
-(function name(left) {
+(function wait(left) {
   const field = getHtmlElement(%d);
-  const parts = field ? field.querySelectorAll("a.q-btn, input[type=file]") : [];
-  parts.forEach((part) => part.setAttribute("aria-label", %s));
-  parts.forEach((part) => part.toggleAttribute("inert", part.matches("input"))); // the button opens it
-  if (!parts.length && left) setTimeout(() => name(left - 1), 100);
+  const name = () => {
+    const parts = field.querySelectorAll("a.q-btn, input[type=file]");
+    parts.forEach((part) => part.setAttribute("aria-label", %s));
+    parts.forEach((part) => part.toggleAttribute("inert", part.matches("input"))); // the button opens it
+  };
+  if (field) {
+    name();
+    new MutationObserver(name).observe(field, { childList: true, subtree: true }); // its parts come and go
+  } else if (left) setTimeout(() => wait(left - 1), 100);
 })(50);
 """  # the field may come a moment after this
 
