@@ -80,7 +80,7 @@ def test_a_sphere_is_for_hardness(console: RunningConsole, browser: Browser) -> 
     ("label", "typed", "message"),
     [
         ("Depth", "deep", "Depth must be a number, as 2 or 0.5 (you entered 'deep')."),
-        ("Depth", "500", "Depth must be 0.2–200 mm (you entered 500)."),
+        ("Depth", "500", "Depth must be 0.2–200 mm from the skin to the inclusion's top (you entered 500)."),
         ("Diameter", "-1", "Diameter must be 0.1–100 mm (you entered −1)."),
         ("Modulus", "1e999", "Modulus must be 0.1–1e+06 kPa (what you entered is too large)."),
         ("Seed", "4.5", "Seed must be a whole number (you entered 4.5)."),
