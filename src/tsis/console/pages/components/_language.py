@@ -108,6 +108,8 @@ def plain_message(message: str) -> str:
     'Length must be −1 to 50 mm of travel (you entered 1e+99).'
     >>> plain_message("target must be a number, as 2 or 0.5; got ''")
     'Target must be a number, as 2 or 0.5 (nothing was entered).'
+    >>> plain_message("depth must lie in [1, 2]; got 3 (the surrogate's box)")
+    "Depth must be 1–2, the surrogate's box (you entered 3)."
     >>> plain_message("own.png: no image")
     'own.png: no image.'
     """
@@ -120,7 +122,7 @@ def plain_message(message: str) -> str:
 def _range(found: re.Match[str]) -> str:
     low, high, entered, hint = found.groups()
     unit = re.split(r"\W", hint or "", maxsplit=1)[0]
-    sign = UNITS.get(unit, unit if len(unit) <= LONGEST_SIGN else "")
+    sign = UNITS.get(unit, unit if unit == hint and len(unit) <= LONGEST_SIGN else "")
     behind = f" {sign}{hint[len(unit) :]}" if sign else f", {hint}" * bool(hint)
     between = f"{low} to {high}" if low.startswith("-") else f"{low}–{high}"
     reach = f"{low} or more" if high == "inf" else between
