@@ -273,7 +273,11 @@ class DepthMapper:
 
     def map(self, frame: Any, *, name: str = "") -> DepthMap:
         """The depth map of a frame; errors as `contacts`."""
-        levels = gel_levels(frame, self.sensor, what=name or "frame").astype(np.float32)
+        return self.map_levels(gel_levels(frame, self.sensor, what=name or "frame"), name=name)
+
+    def map_levels(self, frame_levels: NDArray[np.float64], *, name: str = "") -> DepthMap:
+        """The depth map of the levels of a frame, as `gel_levels` makes them."""
+        levels = frame_levels.astype(np.float32)
         if levels.shape != self.reference.shape:
             raise InputError(f"reference must have the size of {name or 'frame'}; got another size")
         coarse = np.s_[::PATTERN_STEP, ::PATTERN_STEP]

@@ -103,14 +103,20 @@ def gel_reference(frames: Sequence[Any], sensor: GelSensor, reference: Any | Non
 
 
 def gel_change(frame: Any, reference: NDArray[np.float64], sensor: GelSensor, *, what: str = "frame") -> GelChange:
-    """The change of a frame against levels of the untouched sensor.
+    """The change of a frame against levels of the untouched sensor; errors as `gel_levels` and `change_of_levels`."""
+    return change_of_levels(gel_levels(frame, sensor, what=what), reference, sensor, what=what)
+
+
+def change_of_levels(
+    levels: NDArray[np.float64], reference: NDArray[np.float64], sensor: GelSensor, *, what: str = "frame"
+) -> GelChange:
+    """The change of the levels of a frame against those of the untouched sensor.
 
     Raises
     ------
     ImageMismatchError
         When sizes differ, or the reference is of another sensor or another light.
     """
-    levels = gel_levels(frame, sensor, what=what)
     if levels.shape != reference.shape:
         raise ImageMismatchError(
             f"reference must have the size of {what}, {levels.shape[1]} x {levels.shape[0]} pixels; got "

@@ -26,8 +26,8 @@ from tsis.imaging._depth_map import (
     polynomial_features,
     relative_brightness,
 )
-from tsis.imaging._gel_change import gel_change, gel_levels
-from tsis.imaging._gel_contacts import GelContact, contacts, find_gel_contact
+from tsis.imaging._gel_change import change_of_levels, gel_change, gel_levels, gel_reference
+from tsis.imaging._gel_contacts import GelContact, find_gel_contact
 from tsis.mechanics.gel import gel_force
 from tsis.model import GelSensor, require_number
 
@@ -304,7 +304,8 @@ def gel_reading(frame: Any, *, sensor: GelSensor, reference: Any, mapper: DepthM
 
     Errors as `contacts`, `DepthMapper.map` and `tsis.mechanics.gel.gel_force`.
     """
-    (contact,) = contacts([frame], sensor=sensor, reference=reference)
+    levels, untouched = gel_levels(frame, sensor), gel_reference([frame], sensor, reference)
+    contact = find_gel_contact(change_of_levels(levels, untouched, sensor), sensor)
     reading = GelReading(good=contact.good, quality=contact.quality, reasons=contact.reasons)
     if not np.isfinite(contact.radius_px):
         return reading
@@ -318,7 +319,7 @@ def gel_reading(frame: Any, *, sensor: GelSensor, reference: Any, mapper: DepthM
     )
     if mapper is None or not contact.good:
         return reading
-    depth = mapper.map(frame)
+    depth = mapper.map_levels(levels)
     force = gel_force(depth.depth_mm, sensor=sensor, sd_mm=depth.sd_mm, draws=LIVE_DRAWS)
     return replace(
         reading,
