@@ -16,7 +16,7 @@ from netgen.geom2d import SplineGeometry
 WIDE = 4.0  # gel thicknesses from the middle to the free side, at least
 FINE, COARSE, ORDER = 0.03, 0.25, 2  # meshes over the cylinder's radius
 PENALTY = 1000.0  # stiffness of the contact over the softer modulus by the radius
-STEPS, UPDATES, CLOSE = 3, 25, 1e-7
+STEPS, MOST_HALVED, UPDATES, CLOSE = 4, 4, 25, 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,9 +99,9 @@ def cylinder_presses(
     lift.Set(ng.CoefficientFunction((0.0, -1.0)), definedon=mesh.Boundaries("equator"))
     for approach in approaches_mm:
         try:
-            for _ in range(STEPS):
-                solution.vec.data += (approach - before) / STEPS * lift.vec
-                _balance(form, contact, solution, space, 0.3 * radius_mm)
+            for step in range(STEPS):
+                travel = (approach - before) / STEPS
+                _moved(form, contact, solution, lift, (before + step * travel, travel), 0.3 * radius_mm)
         except RuntimeError:
             if not results:
                 raise
@@ -109,6 +109,27 @@ def cylinder_presses(
         before = approach
         results.append(_read(mesh, elastic, solution, space, lift))
     return results
+
+
+def _moved(
+    form: Any, contact: Any, solution: Any, lift: Any, travel: tuple[float, float], reach: float, halved: int = 0
+) -> None:
+    """The press after the equator's travel, from and by so many mm, in smaller steps where one does not converge.
+
+    All but the first step start from the last state, stretched to the new travel.
+    """
+    done, step = travel
+    start = solution.vec.CreateVector()
+    start.data = solution.vec
+    solution.vec.data = (1.0 + step / done) * start if done > 0 else start + step * lift.vec
+    try:
+        _balance(form, contact, solution, solution.space, reach)
+    except RuntimeError:
+        if halved == MOST_HALVED:
+            raise
+        solution.vec.data = start
+        for part in (0.0, 0.5):
+            _moved(form, contact, solution, lift, (done + part * step, step / 2), reach, halved + 1)
 
 
 def _balance(form: Any, contact: Any, solution: Any, space: Any, reach: float) -> None:
