@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-
 BLACK, GLARE = 3.0, 250.0  # levels of 255
 MOST_CLIPPED = 0.5  # of the pixels
 FOREIGN = 30.0  # median change of a reference of another sensor, levels
@@ -102,15 +101,10 @@ def gel_reference(frames: Sequence[Any], sensor: GelSensor, reference: Any | Non
     return np.asarray(np.median([gel_levels(frame, sensor) for frame in frames], axis=0))
 
 
-def gel_change(frame: Any, reference: NDArray[np.float64], sensor: GelSensor, *, what: str = "frame") -> GelChange:
-    """The change of a frame against levels of the untouched sensor; errors as `gel_levels` and `change_of_levels`."""
-    return change_of_levels(gel_levels(frame, sensor, what=what), reference, sensor, what=what)
-
-
-def change_of_levels(
+def gel_change(
     levels: NDArray[np.float64], reference: NDArray[np.float64], sensor: GelSensor, *, what: str = "frame"
 ) -> GelChange:
-    """The change of the levels of a frame against those of the untouched sensor.
+    """The change of the `gel_levels` of a frame against those of the untouched sensor.
 
     Raises
     ------
