@@ -35,7 +35,7 @@ def refused(page: Page, label: str, value: str, button: str, message: str) -> No
 
 def test_it_says_what_to_begin_with(console: RunningConsole, browser: Browser) -> None:
     with operating(browser, console, "/hardness") as page:
-        page.get_by_text("Next: lay an object under the virtual probe.").wait_for()
+        page.get_by_text("Next: place an object under the virtual probe.").wait_for()
         expect(page.get_by_role("button", name="Estimate", exact=True)).to_be_disabled()
         expect(page.get_by_role("button", name="Press and save")).to_be_hidden()
         picture(page, "hardness-first")
