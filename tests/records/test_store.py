@@ -15,7 +15,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from sqlalchemy import insert, select
-from tests.records.sample import WHEN, levels, sample_calibration, sample_dossier, sample_estimate
+from tests.records.sample import WHEN, levels, sample_calibration, sample_estimate, sample_record
 
 from tsis.calibration.file import calibration_sha256
 from tsis.errors import InputError, RecordsError
@@ -163,7 +163,7 @@ def test_after_the_largest_number_one_must_be_given(store: Store) -> None:
         store.add_target(number=number)
     with pytest.raises(InputError, match=r"holds target 99999, after which there is none.*give one that is free, as 3"):
         store.add_target()
-    given = sample_dossier()
+    given = sample_record()
     assert store.import_target(replace(given, target=replace(given.target, number=2))).target.number == 3
     assert store.add_target(number=4).number == 4
 
@@ -341,9 +341,9 @@ def test_a_damaged_file_hides_nothing_else_of_a_target(tmp_path: Path, ending: s
             found.require_whole()
         for kind in ("phantom", "subject"):
             page = target_page(replace(found, target=replace(target, kind=kind)))
-            told = [note for note in page.notes if note.startswith("Left out: ")]
-            assert len(told) == 1
-            assert (tmp_path.name in told[0]) is (kind == "phantom")
+            result = [note for note in page.notes if note.startswith("Left out: ")]
+            assert len(result) == 1
+            assert (tmp_path.name in result[0]) is (kind == "phantom")
             assert html(page)
 
 
