@@ -97,6 +97,7 @@ def made(folder: Path) -> None:
         (folder / name).write_bytes(calibration_bytes(ProbeCalibration(name="bench", probe=probe, response=known)))
     document = json.loads((folder / "calibration.json").read_text())
     (folder / "future.json").write_text(json.dumps(document | {"version": 99}))
+    (folder / "older.json").write_text(json.dumps(document | {"version": document["version"] - 1}))
     (folder / "changed.json").write_text((folder / "calibration.json").read_text().replace("bench", "beach"))
     (folder / "wrong.toml").write_text("diameter_mm = [5.0, 2.0]\n")
 
@@ -131,9 +132,23 @@ CASES: dict[str, tuple[str, ...]] = {
     "two presses, one force": (*BOTH, "--force-n", "1"),
     "swapped reference and target": ("examine", "untouched.png", "--reference", "press.png"),
     "press brighter than its force": (*EXAMINE, *KNOWN, "--force-n", "1", "--probe", "tsis-domed"),
+    "force below the whole dome's": (*EXAMINE, *KNOWN, "--force-n", "0.1"),
+    "force beyond the table": (*EXAMINE, *KNOWN, "--force-n", "5"),
+    "tissue outside the tables": ("protocol", "--tissue-kpa", "500"),
+    "calibration of another probe": (
+        *EXAMINE,
+        "--calibration",
+        "other.json",
+        *KNOWN[2:],
+        "--probe",
+        "tsis-domed",
+        "--force-n",
+        "1",
+    ),
+    "calibration of an older version": (*EXAMINE, "--calibration", "older.json", "--force-n", "1"),
     "wrong probe": (*EXAMINE, *KNOWN, "--force-n", "1", "--probe", "tsis-2011"),
     "misspelt probe": ("simulate", "--probe", "tsis-domd"),
-    "calibration of another version": (*EXAMINE, "--calibration", "future.json", "--force-n", "1"),
+    "calibration of a newer version": (*EXAMINE, "--calibration", "future.json", "--force-n", "1"),
     "changed calibration": (*EXAMINE, "--calibration", "changed.json", "--force-n", "1"),
     "calibration that is a picture": (*EXAMINE, "--calibration", "press.png", "--force-n", "1"),
     "prior the wrong way round": (*EXAMINE, *KNOWN, "--force-n", "1", "--prior", "wrong.toml"),

@@ -163,11 +163,14 @@ def main() -> int:
         print(f"no estimate at all: {dict(found.refused)}", file=sys.stderr)
         return 1
     numbers = found.summary(bank.prior)
+    of_trusted = [line for line in lines if line.get("trusted")]
+    trusted = Judgement.of(of_trusted) if of_trusted else None
     if options.json:
         document = {"protocol": options.protocol, "presses": options.presses, "seed": options.seed}
         results = {
             "parameters": numbers,
             "distrusted": found.distrusted,
+            "trusted_coverage_90": None if trusted is None else trusted.coverage(0.9).tolist(),
             "flags": dict(found.flags),
             "refused": dict(found.refused),
             "presence": presences(lines, without),
@@ -177,6 +180,9 @@ def main() -> int:
         title = f"{len(found.truth)} cases, seed {options.seed}: {bank.protocol.described}"
         show(title, (options.protocol, *numbers), rows_of(numbers), markdown=options.markdown)
         print(f"not trusted by the estimate itself: {found.distrusted} of {len(found.truth)}")
+        if trusted is not None:
+            shares = " / ".join(f"{100 * share:.0f}" for share in trusted.coverage(0.9))
+            print(f"90 % intervals of the {len(trusted.truth)} trusted: {shares} % hold")
         print(f"flags: {counted(found.flags)}\nrefused: {counted(found.refused)}")
         print("; ".join(f"{name} {value:.3g}" for name, value in presences(lines, without).items()))
     return 0 if found.keeps_the_claim() else 1

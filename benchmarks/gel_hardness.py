@@ -1,17 +1,21 @@
-"""How often the modulus from contacts of a gel sensor holds, on spheres pressed by finite elements at finite strain.
+"""How often the modulus from contacts of a gel sensor holds, on objects pressed by finite elements at finite strain.
 
-    python -m benchmarks.gel_hardness [--seed 20] [--cases 60]
+    python -m benchmarks.gel_hardness [--seed 20] [--cases 60] [--object cylinder] [--gripper] [--no-force]
 
 Gel, object and radius are drawn anew for each case, and so are the errors of force, radius, scale and gel, which the
-estimate knows only by their sizes. The mesh is finer than that to which the correction was fitted.
+estimate knows only by their sizes. The mesh of spheres is finer than that to which the correction was fitted; cylinders
+are pressed by NGSolve (extra fem3d). The two fingers of a gripper have gels and scales of their own, of which the
+estimate knows the limits; without a force the dents are read.
 """
 
 from __future__ import annotations
 
 import argparse
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
+from benchmarks.soft_cylinder import Solid, cylinder_presses
 from rich.progress import track
 
 from tsis.errors import MechanicsError
@@ -22,7 +26,8 @@ from tsis.model import BoundedValue, GelSensor, Layer, Probe, SoftSphere
 MESH = SphereResolution(order=3, cells=7, rings=2, face_cells=7)
 LOADS = np.array([0.12, 0.35])  # force times compliance over the radius squared
 GEL_KPA, GEL_SPREAD, RATIOS = 150.0, 0.1, (0.48, 0.495)
-ERROR = 0.02  # relative standard deviation of scale, reading, press and force
+ERROR, DENT = 0.02, 0.03  # relative standard deviations of scale, reading, press and force; of dents
+APPROACHES, LENGTH_MM = (0.07, 0.2), 10.0  # of a cylinder: equator's travel over the radius, length of contact
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,24 +41,32 @@ class Case:
     trusted: bool
 
 
-def one(rng: np.random.Generator) -> Case:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Options:
+    """What touches, by how many fingers, and whether their force is known."""
+
+    shape: Literal["sphere", "cylinder"] = "sphere"
+    fingers: int = 1
+    force: bool = True
+
+
+def one(rng: np.random.Generator, options: Options) -> Case:
     """Draw, press, read with errors, and estimate."""
     thickness, gel = rng.uniform(3.0, 8.0), GEL_KPA * np.exp(rng.uniform(-GEL_SPREAD, GEL_SPREAD))
     ratio, own_ratio, radius = rng.uniform(*RATIOS), rng.uniform(0.45, 0.49), rng.uniform(4.0, 8.0)
     young = float(np.exp(rng.uniform(np.log(20.0), np.log(500.0))))
-    probe = Probe(radius_mm=14.0, layers=(Layer(thickness_mm=thickness, young_kpa=gel, poisson=ratio),))
-    compliance = (1 - ratio**2) / gel + (1 - own_ratio**2) / young
-    forces = LOADS * radius**2 / compliance / 1e3
-    sphere = SoftSphere(radius_mm=radius, young_kpa=young, poisson=own_ratio)
-    fields = press_fields(probe, sphere, forces_n=forces.tolist(), resolution=MESH, stop_at_limit=True)
-    scale = np.exp(ERROR * rng.standard_normal())
-    contacts = [
-        {
-            "force_n": field.force_n * np.exp(ERROR * rng.standard_normal()),
-            "radius_mm": hertzian_radius_mm(field) * scale * np.exp(ERROR * np.sqrt(2) * rng.standard_normal()),
-        }
-        for field in fields
-    ]
+    gels = [gel, *(GEL_KPA * np.exp(rng.uniform(-GEL_SPREAD, GEL_SPREAD)) for _ in range(options.fingers - 1))]
+    press = cylinder_touches if options.shape == "cylinder" else sphere_touches
+    own, length = Solid(young_kpa=young, poisson=own_ratio), LENGTH_MM if options.shape == "cylinder" else None
+    contacts = []
+    for touches in [press(Solid(young_kpa=gel, poisson=ratio), own, radius, thickness) for gel in gels]:
+        scale = np.exp(ERROR * rng.standard_normal())
+        for force, read, dent in touches:
+            contact = {"force_n": force * np.exp(ERROR * rng.standard_normal())}
+            contact["radius_mm"] = read * scale * np.exp(ERROR * np.sqrt(2) * rng.standard_normal())
+            if not options.force:
+                contact = {"radius_mm": contact["radius_mm"], "depth_mm": dent * np.exp(DENT * rng.standard_normal())}
+            contacts.append(contact)
     sensor = GelSensor(
         name="drawn",
         width_mm=28.0,
@@ -64,7 +77,9 @@ def one(rng: np.random.Generator) -> Case:
         mm_per_pixel=(0.1, 0.1),
         scale_uncertainty=ERROR,
     )
-    stated = ObjectGeometry(radius_mm=radius * np.exp(0.01 * rng.standard_normal()))
+    stated = ObjectGeometry(
+        shape=options.shape, radius_mm=radius * np.exp(0.01 * rng.standard_normal()), length_mm=length
+    )
     found = estimate_from_contacts(contacts, sensor=sensor, geometry=stated)
     samples = found.untrusted.samples["young_kpa"]
     low, high = np.quantile(samples, [0.05, 0.95])
@@ -77,18 +92,44 @@ def one(rng: np.random.Generator) -> Case:
     )
 
 
+def sphere_touches(gel: Solid, own: Solid, radius: float, thickness: float) -> list[tuple[float, float, float]]:
+    """Force in N, radius and dent in mm of presses of a sphere."""
+    layer = Layer(thickness_mm=thickness, young_kpa=gel.young_kpa, poisson=gel.poisson)
+    compliance = (1 - gel.poisson**2) / gel.young_kpa + (1 - own.poisson**2) / own.young_kpa
+    forces = LOADS * radius**2 / compliance / 1e3
+    fields = press_fields(
+        Probe(radius_mm=14.0, layers=(layer,)),
+        SoftSphere(radius_mm=radius, young_kpa=own.young_kpa, poisson=own.poisson),
+        forces_n=forces.tolist(),
+        resolution=MESH,
+        stop_at_limit=True,
+    )
+    return [(field.force_n, hertzian_radius_mm(field), float(field.face_displacement_mm[0])) for field in fields]
+
+
+def cylinder_touches(gel: Solid, own: Solid, radius: float, thickness: float) -> list[tuple[float, float, float]]:
+    """Force in N, half the width and dent in mm of presses of a cylinder."""
+    approaches = tuple(share * radius for share in APPROACHES)
+    presses = cylinder_presses(gel, own, radius_mm=radius, thickness_mm=thickness, approaches_mm=approaches)
+    return [(press.force_n_mm * LENGTH_MM, press.half_mm, press.dent_mm) for press in presses]
+
+
 def main() -> None:
     """Run the cases and print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seed", type=int, default=20)
     parser.add_argument("--cases", type=int, default=60)
+    parser.add_argument("--object", choices=("sphere", "cylinder"), default="sphere")
+    parser.add_argument("--gripper", action="store_true", help="two sensors, each with a gel of its own")
+    parser.add_argument("--no-force", action="store_true", help="dents are read instead of the force")
     arguments = parser.parse_args()
+    options = Options(shape=arguments.object, fingers=2 if arguments.gripper else 1, force=not arguments.no_force)
     rng = np.random.default_rng(arguments.seed)
     cases: list[Case] = []
     for _ in track(range(arguments.cases), "pressing"):
         try:
-            cases.append(one(rng))
-        except MechanicsError as error:  # the mesh did not converge: no case
+            cases.append(one(rng, options))
+        except (MechanicsError, RuntimeError) as error:  # the mesh did not converge: no case
             print(f"left out: {error}")
     print("| cases | trusted | identified | 90 % interval holds | median error of the identified |")
     print("| --- | --- | --- | --- | --- |")

@@ -44,8 +44,13 @@ def main() -> None:
         found = match_points(trial.source, trial.target)
         error = matching_error(trial, found.moved)
         point_sets(found.moved, trial.target, ax, source_label="moved source")
+        legend = ax.get_legend()
+        if legend is not None:
+            legend.remove()  # it hides points
         ax.set_title(f"{family} {number}: RMS {error:.4f}, was {before:.3f}\nconfidence {found.confidence:.4f}")
         print(f"{family}/{degradation}/{number}: RMS {error:.4f}, was {before:.3f}; confidence {found.confidence:.4f}")
+    handles, _ = panels[0].get_legend_handles_labels()
+    panels[-1].legend(handles, ["moved source", "target"], loc="center")
     figure.savefig(chosen.picture, dpi=70)
 
 

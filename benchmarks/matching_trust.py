@@ -5,10 +5,10 @@
 runs ``--cases`` trials of each family and degradation, and prints the tables. A run that was stopped continues with the
 rows in the file. ``--peers`` are programs of `tsis.matching.trials.PEERS`; with ``--chosen-by FILE``, rows of the
 calibration generator, each cell is compared with the peer that erred least there. ``--figure`` draws the reliability
-diagram. ``--rate`` computes the confidence of rows again, of a version with the same search and other
-weights. ``--generator calibration --calibrate`` prints the weights of `tsis.matching._posterior` instead, and how often
-answers above a log odds of being right were wrong, with weights of the other trials. ``--clutter 30`` matches as many
-shapes among three outliers an inlier instead, uniform and in clusters.
+diagram. ``--rate`` computes the confidence of rows again, of a version with the same search and other weights.
+``--generator calibration --calibrate`` prints the weights of `tsis.matching._posterior` instead, how well the
+present ones fit, and how often answers above a log odds of being right were wrong, with weights of the other trials.
+``--clutter 30`` matches as many shapes among three outliers an inlier instead, uniform and in clusters.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from pathlib import Path
 import numpy as np
 from benchmarks.matching_trust_shapes import DEGRADATIONS, FAMILIES, Generator, clutter_trial, trust_trial
 from matplotlib.figure import Figure
+from scipy.optimize import minimize
 from scipy.stats import beta
 
 from tsis.compiled import one_blas_thread
@@ -36,6 +37,7 @@ from tsis.matching.trials import (
     ratio_of_means,
     trust_cases,
     trust_features,
+    trust_log_odds,
 )
 
 WRONG, RIGHT, RIVALRY = 0.1, 0.02, 0.01  # errors, and the probability of other poses above which withholding is right
@@ -44,9 +46,9 @@ FOLDS, LEVELS = 5, (4.5, 5.0, 5.5, 5.6, 6.0, 6.5)  # of the cross-validation, an
 
 
 def run_cases(
-    generator: Generator, *, seed: int, count: int, rows: Path, peers: tuple[str, ...] = ()
+    generator: Generator, *, seed: int, count: int, rows: Path, peers: tuple[str, ...] = (), among: int = 1
 ) -> list[TrustCase]:
-    """All cases of our method, of one rival in turn and of the peers, with those that the file already holds."""
+    """All cases of our method, of ``among`` rivals in turn and of the peers, with those that the file already holds."""
     cases = _read(rows)
     done = {(case.trial, case.method) for case in cases}
     rivals = [name for name in METHODS if name != OURS]
@@ -55,7 +57,8 @@ def run_cases(
             for place, degradation in enumerate(DEGRADATIONS):
                 for family in FAMILIES:
                     name = f"{generator}/{family}/{degradation}/{number}"
-                    methods = [OURS, rivals[(number + place) % len(rivals)], *peers]
+                    turn = [rivals[(number + place + k) % len(rivals)] for k in range(among)]
+                    methods = [OURS, *turn, *peers]
                     left = [method for method in methods if (name, method) not in done]
                     if not left:
                         continue
@@ -206,7 +209,7 @@ def best_peers(cases: list[TrustCase]) -> dict[tuple[str, str], str]:
 
 def calibration(cases: list[TrustCase]) -> list[str]:
     """The weights of all cases, and the wrong answers above each of `LEVELS` with weights of the other trials."""
-    sound = [case for case in cases if case.measures]
+    sound = [case for case in cases if case.measures and case.measures[-1]]
     measures, right = np.array([case.measures for case in sound]), np.array([case.error <= WRONG for case in sound])
     fold = np.array([int(case.trial.rsplit("/", 1)[1]) % FOLDS for case in sound])
     logit = np.empty(len(sound))
@@ -217,7 +220,22 @@ def calibration(cases: list[TrustCase]) -> list[str]:
     logit[odds < np.log(999)] = -np.inf
     counts = [(level, (logit >= level).sum(), ((logit >= level) & ~right).sum()) for level in LEVELS]
     printed = ", ".join(f"{weight:.4g}" for weight in fit_trust(measures, right.astype(float)))
-    return [printed, *(f"log odds >= {level}: {count} answers, {wrong} wrong" for level, count, wrong in counts)]
+    return [
+        printed,
+        _recalibrated(trust_log_odds(measures), right),
+        *(f"log odds >= {level}: {count} answers, {wrong} wrong" for level, count, wrong in counts),
+    ]
+
+
+def _recalibrated(logit: np.ndarray, right: np.ndarray) -> str:
+    """The constant and factor that fit log odds of being right, shape (n,), to who was right (Platt)."""
+
+    def loss(line: np.ndarray) -> float:
+        fitted = line[0] + line[1] * logit
+        return float(np.logaddexp(0, fitted).sum() - fitted[right].sum())
+
+    constant, factor = minimize(loss, [0.0, 1.0]).x
+    return f"log odds of the present weights: {constant:.3f} + {factor:.3f} times"
 
 
 def clutter_table(count: int, seed: int) -> list[str]:
@@ -248,6 +266,7 @@ def main() -> None:
     )
     parser.add_argument("--rate", action="store_true", help="rate the rows again, with the weights of this version")
     parser.add_argument("--calibrate", action="store_true", help="print the weights of the regression")
+    parser.add_argument("--rivals", type=int, default=1, help="other methods of each trial, in turn")
     parser.add_argument("--peers", default="", help="other programs, with commas between")
     parser.add_argument(
         "--chosen-by", type=Path, help="rows that choose each cell's peer; by default those of this run"
@@ -260,7 +279,9 @@ def main() -> None:
             print("\n".join(clutter_table(chosen.clutter, chosen.seed)))
         return
     peers = tuple(filter(None, chosen.peers.split(",")))
-    cases = run_cases(chosen.generator, seed=chosen.seed, count=chosen.cases, rows=chosen.rows, peers=peers)
+    cases = run_cases(
+        chosen.generator, seed=chosen.seed, count=chosen.cases, rows=chosen.rows, peers=peers, among=chosen.rivals
+    )
     if chosen.rate:
         cases = [case.rated() if case.method in METHODS else case for case in cases]
     if chosen.calibrate:

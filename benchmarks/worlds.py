@@ -1,4 +1,4 @@
-"""Worlds that differ from the estimator's: uneven tissue, finite strain, and both.
+"""Worlds that differ from the estimator's: uneven tissue, finite strain, other lamps, and these together.
 
 Uneven tissue is a random field of the logarithm of the modulus in three dimensions, a sum of plane waves, the same for
 all forces at one site and drawn anew for the reference site, zero inside the inclusion. What it changes is solved for
@@ -76,6 +76,7 @@ WORLDS = {
         ),
         World(name="rough-10-5", sd=0.1, rough=True),
         World(name="finite-uneven-10-5", sd=0.1, strain="finite"),
+        World(name="together", sd=0.1, strain="finite", lamps="traced"),
         *(World(name=f"lamps-{law}", lamps=law) for law in LAMP_LAWS),
         *(World(name=f"lamps-{law}-no-pads", lamps=law, dents_measured=False) for law in LAMP_LAWS),
     )

@@ -68,9 +68,8 @@ def test_methods_share_the_search_and_answer_as_they_do_alone() -> None:
         alone = match_points(trial.source, trial.target, method=method)
         assert case.error == pytest.approx(matching_error(trial, alone.moved), abs=1e-9)
         assert case.confidence == pytest.approx(alone.confidence, abs=0.02)
-    assert len(own.measures) == 8
     assert own.rated() == own
-    assert not replace(own, measures=()).rated().reliable
+    assert replace(own, measures=(*own.measures[:-1], 0.0)).rated().confidence <= 0.5
 
 
 def test_moves_are_repeated_until_they_gain_nothing() -> None:

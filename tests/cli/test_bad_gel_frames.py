@@ -131,3 +131,17 @@ def test_a_recording_with_dropped_frames_says_so(run_tsis: RunTsis, frames: Path
     finished = run_tsis("contacts", "recording", "--sensor", "gelsight-mini", "--reference", "untouched.png")
     assert finished.code == 0, finished.err
     assert "3 frames of the recording are missing" in " ".join(finished.out.split())
+
+
+def test_other_files_than_pictures_and_depth_maps_are_refused_with_what_to_do(run_tsis: RunTsis, frames: Path) -> None:
+    (frames / "press.avi").write_bytes(b"RIFF")
+    common = ("--sensor", "gelsight-mini", "--reference", "untouched.png")
+    for command, said in (
+        (("contacts", "press.avi", *common), "tsis acquire --camera video:press.avi"),
+        (("force", "press.png", *common[:2]), "must be an NPY file of a depth map, as tsis depth map writes it"),
+        (("force", "no.npy", *common[:2]), "'no.npy' does not exist"),
+    ):
+        finished = run_tsis(*command)
+        assert finished.code == 2
+        assert said in " ".join(finished.err.split())
+        assert finished.err.count("\n") == 1

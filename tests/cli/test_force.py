@@ -40,7 +40,7 @@ def test_a_known_weight_scales_the_force(run_tsis: RunTsis, folder: Path) -> Non
     ("arguments", "said"),
     [
         ((), "give one depth map as an NPY file, or --demo"),
-        (("none.npy",), "none.npy must be an NPY file"),
+        (("none.npy",), "'none.npy' does not exist"),
         (("text.npy",), "text.npy must be an NPY file"),
         (("colour.npy",), "must hold numbers in rows and columns; got (60, 80, 3)"),
         (("flat.npy",), "no pixel is pressed in by more than 0.03 mm"),

@@ -157,7 +157,7 @@ def test_a_file_called_as_a_command_is_named_by_its_folder(run_tsis: RunTsis, pa
         (("a.csv", "empty.csv"), "'empty.csv' must hold data; got an empty file"),
         (("a.csv", "mixed.csv"), "line 2 must have 2 columns as the first one; got 3"),
         (("a.csv", "words.csv"), "line 2 must hold finite numbers"),
-        (("million.npy", "a.csv"), "1 to 200000 points; got 1000000 (thin them out)"),
+        (("million.npy", "a.csv"), "at most 200000 points; got 1000000 (thin them out)"),
     ],
 )
 def test_bad_input_is_one_sentence(

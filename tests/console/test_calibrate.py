@@ -75,16 +75,20 @@ def all_taken(folder: Path, name: str, camera: str) -> SessionFolder:
 def test_terms_that_are_none_are_one_sentence_and_begin_nothing(console: RunningConsole, browser: Browser) -> None:
     wrong = (
         ("Name", " ", "name must be given"),
-        ("Pitch of the dot board", "-1", "pitch of the dot board must lie in [0.05, 50]; got -1"),
-        ("Pitch of the dot board", "wide", "pitch of the dot board must be a number, as 2 or 0.5; got 'wide'"),
-        ("Its standard uncertainty", "nan", "its standard uncertainty must be a number"),
+        ("Pitch of the dot board", "-1", "Pitch of the dot board must be 0.05–50 mm (you entered −1)."),
+        (
+            "Pitch of the dot board",
+            "wide",
+            "Pitch of the dot board must be a number, as 2 or 0.5 (you",
+        ),
+        ("Its standard uncertainty", "nan", "Its standard uncertainty must be a number"),
         ("Radii of the tips", "2, 2", "radii of the tips must hold each tip once"),
-        ("Radii of the tips", "2, 1e9", "each radius of the tips must lie in [0.1, 1000]"),
+        ("Radii of the tips", "2, 1e9", "Radii of the tips must be 0.1–1000 mm"),
         ("Radii of the tips", "14", "a calibration needs at least 2 loadings"),
         ("Radii of the tips", "", "got 0 tip and 1 loading"),
         ("Loadings of each tip", "1.5", "loadings of each tip must be a whole number"),
-        ("Relative uncertainty of the gauge", "3", "relative uncertainty of the gauge must lie in [0, 0.5]; got 3"),
-        ("Seed of the virtual rig", "-4", "seed must lie in"),
+        ("Relative uncertainty of the gauge", "3", "Relative uncertainty of the gauge must be 0–0.5"),
+        ("Seed of the virtual rig", "-4", "Seed must be 0–"),
     )
     with operating(browser, console, "/calibrate") as page:
         for label, value, message in wrong:
@@ -154,7 +158,7 @@ def test_what_is_made_here_is_what_the_terminal_makes_and_can_be_put_in_force(
         days = page.get_by_label("Good for")
         days.fill("0")
         page.get_by_role("button", name="Make the calibration").click()
-        page.get_by_role("alert").filter(has_text="days must lie in [1, 3650]; got 0").wait_for()
+        page.get_by_role("alert").filter(has_text="Days must be 1–3650 (you entered 0).").wait_for()
         days.fill("30")
         page.get_by_role("button", name="Make the calibration").click()
         page.get_by_role("button", name="Activate").wait_for()
@@ -207,7 +211,7 @@ def test_damaged_and_unknown_sessions_are_a_sentence(console: RunningConsole, br
         page.get_by_text("must be a readable JSON file").wait_for()
         for name in ("nowhere", "damaged"):
             page.goto(f"{console.address}/calibrate/{name}")
-            page.get_by_role("link", name="To the sessions").wait_for()
+            page.get_by_role("link", name="All sessions").wait_for()
         page.get_by_text("must be a readable JSON file").wait_for()
 
 

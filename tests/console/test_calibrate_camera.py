@@ -47,7 +47,7 @@ def test_forces_are_typed_and_a_lost_camera_costs_one_step(tmp_path: Path, brows
             expect(field).to_have_value("")
         field.fill("soft")
         page.get_by_role("button", name="Take a frame").click()
-        page.get_by_role("alert").filter(has_text="force must be a number, as 2 or 0.5; got 'soft'").wait_for()
+        page.get_by_role("alert").filter(has_text="Force must be a number, as 2 or 0.5 (you").wait_for()
         page.get_by_role("button", name="Remove the last").click()
         page.get_by_text("2 frames", exact=True).wait_for()
         picture(page, "calibrate-typed-forces")

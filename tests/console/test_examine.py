@@ -143,16 +143,16 @@ def test_the_keys_are_listed(console: RunningConsole, browser: Browser) -> None:
 @pytest.mark.parametrize(
     ("typed", "message"),
     [
-        ("abc", "target must be a number, as 2 or 0.5; got 'abc'"),
-        ("", "target must be a number, as 2 or 0.5; got ''"),
-        ("0", "target must lie in [1, 99999]; got 0"),
-        ("-1", "target must lie in [1, 99999]; got -1"),
-        ("100000", "target must lie in [1, 99999]; got 100000"),
-        ("1e99", "target must lie in [1, 99999]; got 1e+99"),
-        ("1e999", "target must be a whole number; got inf"),
-        ("nan", "target must be a number, as 2 or 0.5; got 'nan'"),
-        ("2.5", "target must be a whole number; got 2.5"),
-        ("<img src=x>", "target must be a number, as 2 or 0.5; got '<img src=x>'"),
+        ("abc", "target must be a number, as 2 or 0.5 (you entered 'abc')."),
+        ("", "target must be a number, as 2 or 0.5 (nothing was entered)."),
+        ("0", "Target must be 1–99999, number of the target (you entered 0)."),
+        ("-1", "Target must be 1–99999, number of the target (you entered −1)."),
+        ("100000", "Target must be 1–99999, number of the target (you entered 100000)."),
+        ("1e99", "Target must be 1–99999, number of the target (you entered 1e+99)."),
+        ("1e999", "Target must be a whole number (what you entered is too large)"),
+        ("nan", "target must be a number, as 2 or 0.5 (you entered 'nan')."),
+        ("2.5", "Target must be a whole number (you entered 2.5)"),
+        ("<img src=x>", "target must be a number, as 2 or 0.5 (you entered '<img src=x>')."),
     ],
 )
 def test_a_target_that_is_none_is_said_and_the_number_stays(
@@ -174,7 +174,7 @@ def test_no_target_before_the_first(console: RunningConsole, browser: Browser) -
     with operating(browser, console) as page:
         choose_target(page, "1")
         page.get_by_role("button", name="Previous target").click()
-        page.get_by_text("target must lie in [1, 99999]; got 0").wait_for()
+        page.get_by_text("Target must be 1–99999, number of the target (you entered 0).").wait_for()
         _target(page, "1")
 
 

@@ -55,10 +55,10 @@ def test_so_many_frames(console: RunningConsole, browser: Browser) -> None:
 @pytest.mark.parametrize(
     ("length", "unit", "message"),
     [
-        ("soon", "seconds", "length must be a number, as 2 or 0.5; got 'soon'"),
-        ("0", "seconds", "seconds must lie in [0.1, 3600]; got 0"),
-        ("2.5", "frames", "frames must be a whole number; got 2.5"),
-        ("1e9", "frames", "frames must lie in [1, 200000]; got 1e+09"),
+        ("soon", "seconds", "Seconds must be a number, as 2 or 0.5 (you entered 'soon')."),
+        ("0", "seconds", "Seconds must be 0.1–3600 s (you entered 0)."),
+        ("2.5", "frames", "Frames must be a whole number (you entered 2.5)."),
+        ("1e9", "frames", "Frames must be 1–200000 (you entered 1e+09)."),
     ],
 )
 def test_a_length_that_is_none(console: RunningConsole, browser: Browser, length: str, unit: str, message: str) -> None:

@@ -35,7 +35,7 @@ def refused(page: Page, label: str, value: str, button: str, message: str) -> No
 
 def test_it_says_what_to_begin_with(console: RunningConsole, browser: Browser) -> None:
     with operating(browser, console, "/hardness") as page:
-        page.get_by_text("Next: lay an object under the virtual probe.").wait_for()
+        page.get_by_text("Next: place an object under the virtual probe.").wait_for()
         expect(page.get_by_role("button", name="Estimate", exact=True)).to_be_disabled()
         expect(page.get_by_role("button", name="Press and save")).to_be_hidden()
         picture(page, "hardness-first")
@@ -48,25 +48,25 @@ def test_it_says_what_to_begin_with(console: RunningConsole, browser: Browser) -
 @pytest.mark.slow
 def test_from_an_object_to_its_modulus(console: RunningConsole, browser: Browser) -> None:
     with operating(browser, console, "/hardness") as page:
-        page.get_by_role("button", name="Lay it under the probe").click()
+        page.get_by_role("button", name="Place it under the probe").click()
         page.get_by_text("Next: press the object, and save the press.").wait_for(timeout=SOLVED_MS)
-        refused(page, "Force", "half", "Press and save", "force must be a number, as 2 or 0.5; got 'half'")
-        refused(page, "Force", "-1", "Press and save", "force must lie in [0, 5]; got -1")
+        refused(page, "Force", "half", "Press and save", "Force must be a number, as 2 or 0.5 (you entered 'half').")
+        refused(page, "Force", "-1", "Press and save", "Force must be 0–5 N (you entered −1).")
         page.get_by_role("button", name="Press and save").click()
         page.get_by_text("Next: press it again at another force").wait_for()
         expect(page.get_by_label("Force", exact=True)).to_have_value("1.2")
         page.get_by_role("button", name="Press and save").click()
         page.get_by_text("Next: estimate").wait_for(timeout=SOLVED_MS)
         for wrong, message in (
-            ("0", "radius of the object must lie in [1, 50]; got 0"),
-            ("-1", "radius of the object must lie in [1, 50]; got -1"),
-            ("1000", "radius of the object must lie in [1, 50]; got 1000"),
+            ("0", "Radius of the object must be 1–50 mm (you entered 0)."),
+            ("-1", "Radius of the object must be 1–50 mm (you entered −1)."),
+            ("1000", "Radius of the object must be 1–50 mm (you entered 1000)."),
             ("nan", "radius of the object must be a number"),
-            ("three", "radius of the object must be a number, as 2 or 0.5; got 'three'"),
-            ("20", "radius of the object must be at most 7.2, 0.6 of the face's radius; got 20"),
+            ("three", "Radius of the object must be a number, as 2 or 0.5 (you entered 'three')."),
+            ("20", "Radius of the object must be at most 7.2, 0.6 of the face's radius (you entered 20)"),
         ):
             refused(page, "Radius of the object", wrong, "Estimate", message)
-        refused(page, "Known to within (sd)", "2", "Estimate", "its standard deviation must lie in")
+        refused(page, "Its standard uncertainty", "2", "Estimate", "Its standard uncertainty must be 0–")
         assert requested(console, "/state")["jobs"] == []
         picture(page, "hardness-pressed")
         page.get_by_role("button", name="Estimate", exact=True).click()

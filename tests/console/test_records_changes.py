@@ -175,7 +175,7 @@ def test_a_press_is_seen_at_large_and_changed(console: RunningConsole, browser: 
         force = dialog.get_by_label(re.compile("^Force in newtons"))
         force.fill("one")
         save(page)
-        page.get_by_text("force must be a number of newtons, or nothing; got 'one'").wait_for()
+        page.get_by_text("Force must be a number of newtons, or nothing (you entered 'one')").wait_for()
         force.fill("1.25")
         dialog.get_by_label("Note").fill("gauge read again")
         dialog.get_by_role("combobox", name="What was pressed").click()

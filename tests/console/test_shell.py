@@ -103,7 +103,7 @@ def test_the_camera_is_taken_over_after_asking_and_the_other_is_told(opened: Cal
     other.get_by_role("alertdialog").get_by_text("may be in the middle of something").wait_for()
     other.wait_for_function("document.getAnimations().every((each) => each.playState !== 'running')")
     picture(other, "take-over")
-    other.get_by_role("button", name="Leave it").click()
+    other.get_by_role("button", name="Cancel").click()
     other.get_by_role("alertdialog").wait_for(state="hidden")
     assert one.get_by_role("button", name=RELEASE).is_visible()
     other.get_by_role("button", name=TAKE).click()

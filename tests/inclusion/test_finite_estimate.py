@@ -12,7 +12,8 @@ import pytest
 import tsis
 from tsis.errors import InputError
 from tsis.inclusion import InclusionPrior, estimate
-from tsis.mechanics.surrogate import build_finite_correction
+from tsis.inclusion._frames import require_valid_forces
+from tsis.mechanics.surrogate import build_finite_correction, build_full_contact_surrogate
 from tsis.model import LightMap, Phantom, PressField
 from tsis.virtual import VirtualProbe
 
@@ -97,6 +98,32 @@ def test_forces_beyond_the_table_are_refused(frames: Frames) -> None:
         estimate(strong, **given)
     with pytest.raises(InputError, match=r"no strain is called .large."):
         estimate(targets, strain="large", **given)
+
+
+def test_a_force_is_refused_before_a_table_is_built(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A table of another prior takes minutes, which nobody waits for to hear that the force was wrong."""
+
+    def build(*_: Any, **__: Any) -> None:
+        raise AssertionError("the table was built")
+
+    monkeypatch.setattr("tsis.inclusion._reading.build_finite_correction", build)
+    virtual, other = virtual_probe(), replace(InclusionPrior(), offset_sd_mm=0.7)
+    for force, progress in ((0.1, None), (5.0, lambda _done, _total: None)):
+        frame = replace(virtual.no_contact(), force_n=force, settings={})
+        with pytest.raises(InputError, match="or state the modulus of this tissue in the prior"):
+            estimate(frame, probe=DOMED, calibration=virtual.calibration, prior=other, progress=progress)
+
+
+def test_the_range_of_forces_is_that_of_the_table() -> None:
+    correction, prior = build_finite_correction(DOMED), InclusionPrior()
+    _, most = correction.forces_n(prior.tissue_young_kpa, prior.thickness_mm)
+    surrogate = build_full_contact_surrogate(DOMED, prior.box())
+    frame = virtual_probe().no_contact()
+    require_valid_forces([replace(frame, force_n=0.999 * most)], surrogate, probe=DOMED, prior=prior, strain="finite")
+    with pytest.raises(InputError, match="the end of the probe's table"):
+        require_valid_forces(
+            [replace(frame, force_n=1.001 * most)], surrogate, probe=DOMED, prior=prior, strain="finite"
+        )
 
 
 def test_largest_force_follows_the_tissue() -> None:

@@ -17,8 +17,9 @@ import tsis
 from tsis.errors import InputError
 from tsis.imaging import Sensor, expose, render
 from tsis.inclusion import InclusionPrior, estimate, press_tables, read_frames, ring_edges
+from tsis.inclusion._frames import correct_light
 from tsis.inclusion.checks import FieldHarmonics, heterogeneity_evidence
-from tsis.inclusion.posterior import HARMONICS, LENGTHS_MM, build_field_table, heterogeneity
+from tsis.inclusion.posterior import HARMONICS, LENGTHS_MM, SuperficialLayer, build_field_table, heterogeneity
 from tsis.inclusion.posterior._heterogeneity import LAYERS_MM
 from tsis.inclusion.posterior._likelihood import noise_covariance
 from tsis.mechanics import press
@@ -118,6 +119,29 @@ def test_harmonics_tell_how_uneven_the_tissue_is(table: FieldTable, sd: float) -
         weight = np.exp(after.log_weight) * (after.length == length)
         found.append(float(weight @ after.sd / weight.sum()))
     assert np.median(found) == pytest.approx(sd, rel=0.4, abs=0.01)
+
+
+def test_the_fourth_harmonic_of_four_lamps_is_no_uneven_tissue(table: FieldTable) -> None:
+    """Frames corrected to round light: a dent shows the lamps, which no longer says that even tissue is uneven."""
+    virtual = VirtualProbe(PROBE, rng=np.random.default_rng(12), strain="small")
+    frames = [correct_light(virtual.press(TISSUE, force_n=force), virtual.calibration) for force in FORCES_N]
+    measured = replace(virtual.calibration, light=None, background_grey=0.0)
+    hypotheses = heterogeneity(table, PRIOR, ring_edges(PROBE), np.ones(20), is_domed=True)
+    harmonics = FieldHarmonics(hypotheses=hypotheses, calibration=measured, probe=PROBE)
+    after = hypotheses.informed(heterogeneity_evidence(frames, harmonics))
+    assert np.exp(after.log_weight) @ after.sd < 0.03
+    one_lamp = replace(harmonics, probe=replace(PROBE, leds=PROBE.leds[:1]))
+    assert not heterogeneity_evidence(frames, one_lamp).any()
+
+
+def test_a_layer_is_as_large_as_the_frames_say() -> None:
+    """A log factor within its standard deviation is none: small misfits of any cause would add up to a layer."""
+    thin = np.array([2.3, 2.3, 2.3, 0.0, 0.0, 0.0])
+    sure, unsure = (
+        SuperficialLayer(probability=0.9, log_factor=thin, log_factor_sd=np.full(6, sd)) for sd in (0.0, 2.5)
+    )
+    assert sure.size_mm == pytest.approx(2.3 * 1.02)
+    assert unsure.size_mm == 0.0
 
 
 def test_hypotheses_are_a_uniform_prior(table: FieldTable) -> None:

@@ -21,7 +21,7 @@ from tsis.matching._pose_evidence import (
     hard_evidence,
     size_and_stretch,
 )
-from tsis.matching._posterior import is_sound, log_rotation_prior, pose_posterior
+from tsis.matching._posterior import is_sound, log_rotation_prior, pose_posterior, probability_right
 from tsis.matching._refinement import Ranking
 
 
@@ -152,3 +152,16 @@ def test_a_mirrored_or_sheared_map_is_not_sound(matrix: np.ndarray) -> None:
     cloud = np.random.default_rng(4).normal(size=(50, 3))
     assert is_sound(lambda points: points @ np.diag([1.2, 1.0, 0.9]), cloud)
     assert not is_sound(lambda points: points @ matrix, cloud)
+
+
+CLEAR = (50.0, 1e4, 0.0, 0.0, -3.0, 0.0, 0.3, -50.0, 1.0)  # measures of an answer beyond doubt
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "most"),
+    [(6, 1.0, 0.99), (8, 0.0, 0.5), (0, 6.0, 0.99), (1, 0.0, 0.99), (7, 0.0, 0.0)],
+    ids=["stretched more than any in the calibration", "folded", "a rival", "symmetric", "unrelated"],
+)
+def test_one_doubt_makes_an_answer_unreliable(place: int, value: float, most: float) -> None:
+    assert probability_right(np.array(CLEAR)) >= 0.999
+    assert probability_right(np.array([*CLEAR[:place], value, *CLEAR[place + 1 :]])) <= most

@@ -17,7 +17,7 @@ from tsis.cli._options import AsJson
 from tsis.cli._output import leave, print_json, print_tables
 from tsis.cli._progress import progress_bar
 from tsis.cli._sensor import SensorOption
-from tsis.errors import InputError
+from tsis.errors import FileInputError, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -121,6 +121,7 @@ def gel_frame_paths(frames: Sequence[Path]) -> list[Path]:
     return list(frames)
 
 
+VIDEOS = (".avi", ".mkv", ".mov", ".mp4", ".webm")
 GAP = 1.8  # times the median time between frames
 
 
@@ -134,10 +135,8 @@ def missing_frames_note(frames: Sequence[Path]) -> tuple[str, ...]:
     lost = sum(round(step / usual) - 1 for step in steps if usual > 0 and step > GAP * usual)
     if not lost:
         return ()
-    text = (
-        f"{lost} frames of the recording are missing: a contact may have moved where nobody saw it, press again slower"
-    )
-    return (f"{text}.",)
+    counted = "1 frame of the recording is" if lost == 1 else f"{lost} frames of the recording are"
+    return (f"{counted} missing: a contact may have moved where nobody saw it, press again slower.",)
 
 
 def _sidecar_force(frame: Path) -> tuple[float | None, float | None]:
@@ -153,7 +152,12 @@ def _sidecar_force(frame: Path) -> tuple[float | None, float | None]:
 
 
 def read_gel_frame(path: Path) -> NDArray[Any]:
-    """Levels of a frame as stored, in colour where the file has colour."""
+    """Levels of a frame as stored, in colour where the file has colour; a video is refused with what to do."""
+    if path.suffix.lower() in VIDEOS:
+        raise FileInputError(
+            f"{path.name} must be a picture; got a video: tsis acquire --camera video:{path.name} --sensor NAME "
+            "--frames 40 --out FOLDER writes its frames, and FOLDER can be given"
+        )
     return tsis.instrument.read_levels(path)
 
 

@@ -145,11 +145,12 @@ def _shear(frame: Path, reference: Path | None, sensor: GelSensor) -> GelShear:
 
 def _read_depth(path: Path) -> NDArray[np.float64]:
     """A depth map of a file; `FileInputError` where the file holds none."""
+    data = tsis.files.read_bytes(path, most=16 * LARGEST_MAP)
     try:
-        mapped = np.load(io.BytesIO(path.read_bytes()), allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
+        mapped = np.load(io.BytesIO(data), allow_pickle=False)
+    except (ValueError, EOFError):
         raise FileInputError(
-            f"{path.name} must be an NPY file of a depth map; it is not ({tsis.files.one_line(error):.80})"
+            f"{path.name} must be an NPY file of a depth map, as tsis depth map writes it; got something else"
         ) from None
     if not isinstance(mapped, np.ndarray) or mapped.ndim != 2 or mapped.dtype.kind not in "fiu":
         raise FileInputError(

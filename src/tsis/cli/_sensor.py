@@ -108,9 +108,9 @@ def check(
             )
         )
         return
-    print_tables(
-        [sensor_table(loaded)], sensor_notes(loaded), where=f"{len(frames or [])} frames belong to it" if frames else ""
-    )
+    count = len(frames or [])
+    where = f"{count} frames belong to it" if count > 1 else "1 frame belongs to it" if count else ""
+    print_tables([sensor_table(loaded)], sensor_notes(loaded), where=where)
 
 
 @app.command("show", epilog="Example: tsis sensor show gelsight-mini")

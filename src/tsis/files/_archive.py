@@ -122,7 +122,8 @@ def npy_layout(content: bytes) -> Layout:
     if not sound or content[:6] != b"\x93NUMPY":
         raise FileInputError("its NPY header must be one that NumPy writes; it is another")
     if not isinstance(kind, str) or not _NUMBERS.fullmatch(kind):
-        raise FileInputError(f"the array must hold numbers; got {kind!r:.40} (objects are never unpickled)")
+        remark = " (objects are never unpickled)" if kind == "|O" else ""
+        raise FileInputError(f"the array must hold real numbers; got {kind!r:.40}{remark}")
     return Layout(shape=shape, dtype=np.dtype(kind), by_column=by_column, start=start)
 
 

@@ -273,9 +273,14 @@ class DepthMapper:
 
     def map(self, frame: Any, *, name: str = "") -> DepthMap:
         """The depth map of a frame; errors as `contacts`."""
-        levels = gel_levels(frame, self.sensor, what=name or "frame").astype(np.float32)
+        return self.map_levels(gel_levels(frame, self.sensor, what=name or "frame"), name=name)
+
+    def map_levels(self, frame_levels: NDArray[np.float64], *, name: str = "") -> DepthMap:
+        """The depth map of the levels of a frame, as `gel_levels` makes them."""
+        levels = frame_levels.astype(np.float32)
         if levels.shape != self.reference.shape:
-            raise InputError(f"reference must have the size of {name or 'frame'}; got another size")
+            sizes = [f"{part.shape[1]} x {part.shape[0]}" for part in (levels, self.reference)]
+            raise InputError(f"reference must have the size of {name or 'frame'}, {sizes[0]} pixels; got {sizes[1]}")
         coarse = np.s_[::PATTERN_STEP, ::PATTERN_STEP]
         require_pattern(levels[coarse], self.reference[coarse], name or "the frame", blur_px=0.5)
         change = colour_change(levels, self.reference, self.calibration.method)

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-
 BLACK, GLARE = 3.0, 250.0  # levels of 255
 MOST_CLIPPED = 0.5  # of the pixels
 FOREIGN = 30.0  # median change of a reference of another sensor, levels
@@ -102,15 +101,16 @@ def gel_reference(frames: Sequence[Any], sensor: GelSensor, reference: Any | Non
     return np.asarray(np.median([gel_levels(frame, sensor) for frame in frames], axis=0))
 
 
-def gel_change(frame: Any, reference: NDArray[np.float64], sensor: GelSensor, *, what: str = "frame") -> GelChange:
-    """The change of a frame against levels of the untouched sensor.
+def gel_change(
+    levels: NDArray[np.float64], reference: NDArray[np.float64], sensor: GelSensor, *, what: str = "frame"
+) -> GelChange:
+    """The change of the `gel_levels` of a frame against those of the untouched sensor.
 
     Raises
     ------
     ImageMismatchError
         When sizes differ, or the reference is of another sensor or another light.
     """
-    levels = gel_levels(frame, sensor, what=what)
     if levels.shape != reference.shape:
         raise ImageMismatchError(
             f"reference must have the size of {what}, {levels.shape[1]} x {levels.shape[0]} pixels; got "

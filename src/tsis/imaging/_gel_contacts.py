@@ -136,7 +136,7 @@ def contacts(
     untouched = gel_reference(frames, sensor, reference)
     result: list[GelContact] = []
     for number, (frame, name) in enumerate(zip(frames, labels, strict=True)):
-        change = gel_change(frame, untouched, sensor, what=name)
+        change = gel_change(gel_levels(frame, sensor, what=name), untouched, sensor, what=name)
         contact = find_gel_contact(change, sensor, name=name)
         if sequence and result and _moved(result[-1], contact):
             contact = replace(contact, good=False, reasons=(*contact.reasons, "moving"))

@@ -26,8 +26,8 @@ from tsis.imaging._depth_map import (
     polynomial_features,
     relative_brightness,
 )
-from tsis.imaging._gel_change import gel_change, gel_levels
-from tsis.imaging._gel_contacts import GelContact, contacts, find_gel_contact
+from tsis.imaging._gel_change import gel_change, gel_levels, gel_reference
+from tsis.imaging._gel_contacts import GelContact, find_gel_contact
 from tsis.mechanics.gel import gel_force
 from tsis.model import GelSensor, require_number
 
@@ -112,11 +112,12 @@ def calibrate_depth(
     presses: list[_Press] = []
     reasons: list[str] = []
     for number, frame in enumerate(frames):
-        change = gel_change(frame, untouched, sensor, what=f"frame {number + 1}")
+        levels = gel_levels(frame, sensor, what=f"frame {number + 1}")
+        change = gel_change(levels, untouched, sensor, what=f"frame {number + 1}")
         contact = find_gel_contact(change, sensor, name=f"frame {number + 1}")
         reasons += contact.reasons
         if contact.good:
-            presses.append(_press(frame, contact, change.usable, untouched, sensor, radius))
+            presses.append(_press(frame, levels, contact, change.usable, untouched, sensor, radius))
         if progress is not None:
             progress(number + 1, len(frames))
     fewest = FEWEST_SLOPE if sensor.light == "rgb" else FEWEST_GREY
@@ -143,6 +144,7 @@ def calibrate_depth(
 
 def _press(
     frame: Any,
+    levels: NDArray[np.float64],
     contact: GelContact,
     usable: NDArray[np.bool_],
     untouched: NDArray[np.float64],
@@ -160,7 +162,7 @@ def _press(
     rng = np.random.default_rng(0)  # as many flat pixels as touched ones
     flat &= rng.random(flat.shape) < inside.sum() / max(flat.sum(), 1)
     used = inside | flat
-    levels, strip = gel_levels(frame, sensor), border_strip(rows, columns)
+    strip = border_strip(rows, columns)
     pixels = used if sensor.light == "rgb" else inside
     changes = {}
     for method in SLOPE_METHODS if sensor.light == "rgb" else ("grey",):
@@ -304,7 +306,8 @@ def gel_reading(frame: Any, *, sensor: GelSensor, reference: Any, mapper: DepthM
 
     Errors as `contacts`, `DepthMapper.map` and `tsis.mechanics.gel.gel_force`.
     """
-    (contact,) = contacts([frame], sensor=sensor, reference=reference)
+    levels, untouched = gel_levels(frame, sensor), gel_reference([frame], sensor, reference)
+    contact = find_gel_contact(gel_change(levels, untouched, sensor), sensor)
     reading = GelReading(good=contact.good, quality=contact.quality, reasons=contact.reasons)
     if not np.isfinite(contact.radius_px):
         return reading
@@ -318,7 +321,7 @@ def gel_reading(frame: Any, *, sensor: GelSensor, reference: Any, mapper: DepthM
     )
     if mapper is None or not contact.good:
         return reading
-    depth = mapper.map(frame)
+    depth = mapper.map_levels(levels)
     force = gel_force(depth.depth_mm, sensor=sensor, sd_mm=depth.sd_mm, draws=LIVE_DRAWS)
     return replace(
         reading,

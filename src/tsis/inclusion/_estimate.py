@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -32,6 +32,7 @@ from tsis.inclusion.posterior import (
     InclusionLikelihood,
     explore_inclusion,
 )
+from tsis.mechanics.surrogate import build_full_contact_surrogate
 from tsis.model import (
     IMPROBABLE,
     NOT_TRUSTED,
@@ -181,10 +182,17 @@ def analyse(
     stated = stated_strain([frame.settings for frame in targets + references])
     strain = stated if strain is None else require_one_of("strain", strain, STRAINS)
     targets, references, calibration = mean_of_repeats(targets, references, calibration)
-    build = _tables if progress is None else partial(press_tables, progress=progress)
-    tables = build(probe, prior, strain)
-    surrogate, correction = tables.surrogate, tables.correction
-    require_valid_forces(targets + references, surrogate, probe=probe, prior=prior, correction=correction)
+    if progress is None:
+        surrogate = _covered(probe, prior)
+    else:
+        surrogate = build_full_contact_surrogate(probe, prior.box(), progress=progress)
+    # Before the table of finite strain is built, which takes minutes
+    require_valid_forces(targets + references, surrogate, probe=probe, prior=prior, strain=strain)
+    if progress is None:
+        tables = _tables(probe, prior, strain)
+    else:
+        tables = press_tables(probe, prior, strain, surrogate=surrogate, progress=progress)
+    correction = tables.correction
     response = with_gain_of_presses(references or targets, calibration, surrogate, probe=probe, prior=prior)
     with one_blas_thread():  # threads slow down matrices this small
 
@@ -228,7 +236,12 @@ def analyse(
 
 @lru_cache(maxsize=4)  # reading them from disk takes as long as an estimate's search
 def _tables(probe: Probe, prior: InclusionPrior, strain: str) -> PressTables:
-    return press_tables(probe, prior, strain)
+    return press_tables(probe, prior, strain, surrogate=_covered(probe, prior))
+
+
+@lru_cache(maxsize=4)
+def _covered(probe: Probe, prior: InclusionPrior) -> FullContactSurrogate:
+    return build_full_contact_surrogate(probe, prior.box())
 
 
 def stated_strain(settings: Iterable[Mapping[str, Any]]) -> str:

@@ -19,6 +19,7 @@ from tsis.inclusion.posterior import (
     ring_responses,
 )
 from tsis.mechanics.small_strain import STRAIN_LIMIT, nominal_strain
+from tsis.mechanics.surrogate import correction_box
 from tsis.model import (
     BEND_TERMS,
     FLUX_TERMS,
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.inclusion._prior import Floats, InclusionPrior
-    from tsis.mechanics.surrogate import FiniteCorrection, FullContactSurrogate, Surrogate
+    from tsis.mechanics.surrogate import FullContactSurrogate, Surrogate
     from tsis.model import Calibration, LightMap, Probe
 
 
@@ -212,14 +213,18 @@ def require_valid_forces(
     *,
     probe: Probe,
     prior: InclusionPrior,
-    correction: FiniteCorrection | None = None,
+    strain: str = "small",
 ) -> None:
-    """Refuse forces without full contact on the prior's tissue without inclusion, or beyond the model's strain."""
-    least, end = covering_force_n(surrogate, prior, None), f"a nominal strain of {STRAIN_LIMIT:g}"
-    if correction is None:
-        most = largest_force_n(surrogate, probe=probe, prior=prior)
+    """Refuse forces without full contact on the prior's tissue without inclusion, or beyond the model's strain.
+
+    The table of finite strain is not needed: its range is known before it is built.
+    """
+    least = covering_force_n(surrogate, prior, None)
+    if strain == "small":
+        most, end = largest_force_n(surrogate, probe=probe, prior=prior), f"a nominal strain of {STRAIN_LIMIT:g}"
     else:
-        _, most = correction.forces_n(prior.tissue_young_kpa, prior.thickness_mm)
+        unit_n = least or prior.tissue_young_kpa * probe.radius_mm**2 / MN_PER_N
+        most = unit_n * float(correction_box(probe, prior.box()).largest_load(np.array(prior.tissue_young_kpa)))
         end = "the end of the probe's table of finite strain"
     if least > most:
         raise InputError(
@@ -233,7 +238,7 @@ def require_valid_forces(
             raise InputError(
                 f"force_n must be {whole}up to {_down(most):g} N, {end}, on tissue of "
                 f"{prior.tissue_young_kpa:g} kPa; got {force:g} N for {frame.name or 'an image'!r}: press at a force "
-                "in between"
+                "in between, or state the modulus of this tissue in the prior"
             )
 
 

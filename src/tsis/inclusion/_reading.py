@@ -64,14 +64,20 @@ class PressTables:
 
 
 def press_tables(
-    probe: Probe, prior: InclusionPrior, strain: str, *, progress: Callable[[int, int], None] | None = None
+    probe: Probe,
+    prior: InclusionPrior,
+    strain: str,
+    *,
+    surrogate: FullContactSurrogate | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> PressTables:
     """Build the tables that an estimate at ``strain`` needs, or load them from the disk cache.
 
-    ``progress`` is called with (solved, all) of each table.
+    ``surrogate`` is that of the prior's box, where it is there already; ``progress`` is called with (solved, all) of
+    each table.
     """
     box = prior.box()
-    surrogate = build_full_contact_surrogate(probe, box, progress=progress)
+    surrogate = surrogate or build_full_contact_surrogate(probe, box, progress=progress)
     correction = build_finite_correction(probe, box, progress=progress) if strain == "finite" else None
     of_correction = 0.0 if correction is None else correction.error_in(box)
     return PressTables(

@@ -123,7 +123,8 @@ def layer_findings(layer: SuperficialLayer) -> list[Finding]:
             "superficial_layer",
             f"The tissue has a superficial layer of another modulus, too strong to be corrected for: depth times the "
             f"logarithm of the ratio of the moduli is {layer.size_mm:.2g} mm, at most {LAYER_LIMIT_MM:g} is valid. "
-            "Remove a film or a dried skin, or press where there is none.",
+            "Remove a film or a dried skin, or press where there is none; light on a dent that differs from the "
+            "calibration looks alike: calibrate anew.",
         )
     ]
 

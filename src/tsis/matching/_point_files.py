@@ -68,8 +68,7 @@ def parse_ply(content: bytes, *, most: int) -> Floats:
     axes = [axis for axis in ("x", "y", "z") if axis in vertices.types]
     if axes[:2] != ["x", "y"]:
         raise FileInputError(f"PLY vertices must have x and y; got {', '.join(vertices.types)[:80]!r}")
-    if not 0 < vertices.count <= most:
-        raise FileInputError(f"it must hold 1 to {most} points; got {vertices.count} (thin them out)")
+    _countable(vertices.count, most)
     return _text(content[start:], vertices, axes) if not vertices.order else _binary(content[start:], vertices, axes)
 
 
@@ -231,7 +230,7 @@ def _npy(content: bytes) -> Floats:
     layout = npy_layout(content)
     shape, itemsize = layout.shape, layout.dtype.itemsize
     if layout.dtype.kind not in "fiu":
-        raise FileInputError(f"the array must hold numbers; got {layout.dtype!s:.40} (objects are never unpickled)")
+        raise FileInputError(f"the array must hold real numbers; got {layout.dtype!s:.40}")
     if len(shape) != 2 or shape[1] not in (2, 3):
         raise FileInputError(f"the array must have the shape (n, 2) or (n, 3); got {shape!s:.60}")
     _countable(shape[0])
@@ -260,7 +259,7 @@ def _csv(content: bytes) -> Floats:
         values.extend(_row(number, line.split(separator), chosen, len(heads)))
         if len(values) > MOST_POINTS * len(chosen):
             raise FileInputError(
-                f"it must hold 1 to {MOST_POINTS} points; got {MOST_POINTS + 1} or more (thin them out)"
+                f"it must hold at most {MOST_POINTS} points; got {MOST_POINTS + 1} or more (thin them out)"
             )
     _countable(len(values) // len(chosen))
     return np.array(values).reshape(-1, len(chosen))
@@ -312,6 +311,8 @@ def _finite(points: Floats, what: str, first: int) -> Floats:
     return points
 
 
-def _countable(count: int) -> None:
-    if not 0 < count <= MOST_POINTS:
-        raise FileInputError(f"it must hold 1 to {MOST_POINTS} points; got {count} (thin them out)")
+def _countable(count: int, most: int = MOST_POINTS) -> None:
+    if count < 1:
+        raise FileInputError(f"it must hold at least 1 point; got {count}")
+    if count > most:
+        raise FileInputError(f"it must hold at most {most} points; got {count} (thin them out)")

@@ -224,7 +224,8 @@ def _match(
     start, end = NormalFrame.of(source), NormalFrame.of(target)
     here, there = start.inward(source), end.inward(target)
     sample = drawn(here, there, rng=rng)
-    fit, posterior, confidence = confidence_and_posterior(method, *sample, rng=rng, rotation_sd_deg=rotation_sd_deg)
+    fit, posterior, measures = fit_and_measures(method, *sample, rng=rng, rotation_sd_deg=rotation_sd_deg)
+    confidence = probability_right(measures)
     notes = []
     if min(map(len, sample)) < FEW[source.shape[1]]:
         notes.append("so few points fit almost any others; the confidence means little")
@@ -261,7 +262,7 @@ class _FramedMove:
         return self.end.outward(self.move(self.start.inward(points)))
 
 
-def confidence_and_posterior(
+def fit_and_measures(
     method: str,
     source: Floats,
     target: Floats,
@@ -269,14 +270,16 @@ def confidence_and_posterior(
     rng: np.random.Generator | None = None,
     rotation_sd_deg: float | None = None,
     searched: PosePosterior | None = None,
-) -> tuple[MatchFit, PosePosterior, float]:
-    """The method's fit of normalised points, the posterior over poses that judges it, and its confidence.
+) -> tuple[MatchFit, PosePosterior, Floats]:
+    """The method's fit of normalised points, the posterior over poses that judges it, and its `trust_measures`.
 
     A posterior of the same sets, ``searched``, saves the search.
     """
     rng = np.random.default_rng(0) if rng is None else rng
     fit, posterior = _fitted(method, source, target, rng, rotation_sd_deg, searched)
-    return fit, posterior, _confidence(fit, posterior, source)
+    few = np.count_nonzero(fit.matches != UNMATCHED) < source.shape[1] + 2
+    sound = not few and not is_collapsed(posterior) and is_sound(fit.move, source)
+    return fit, posterior, trust_measures(posterior, fit.move(source), sound=sound)
 
 
 def _fitted(
@@ -295,15 +298,6 @@ def _fitted(
     fit = fit_method(source, target, rng=rng)
     also = fit.move(source)
     return fit, pose_posterior(source, target, rng=rng, rotation_sd_deg=rotation_sd_deg, also=also, searched=searched)
-
-
-def _confidence(fit: MatchFit, posterior: PosePosterior, source: Floats) -> float:
-    """Calibrated probability of a fit of normalised points; 0 without enough matches, and for folded or flat maps."""
-    moved = fit.move(source)
-    few = np.count_nonzero(fit.matches != UNMATCHED) < source.shape[1] + 2
-    if few or is_collapsed(posterior) or not is_sound(fit.move, source):
-        return 0.0
-    return probability_right(trust_measures(posterior, moved))
 
 
 def _outward(pose: LikelyPose, source: Floats, end: NormalFrame) -> Alternative:

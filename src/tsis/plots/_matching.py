@@ -81,7 +81,9 @@ def warped_grid(transform: Callable[[NDArray[np.float64]], NDArray[np.float64]],
 
 def alternative_pose(alternative: Alternative, target: ArrayLike, ax: Axes) -> Axes:
     """Draw the source in one of the poses that the data allow over the target, with its rotation and probability."""
-    point_sets(alternative.moved, target, ax, source_label="source", target_label="target")
+    point_sets(alternative.moved, target, ax)
+    if (legend := ax.get_legend()) is not None:
+        legend.remove()  # it would hide points of a small panel
     ax.set_title(f"rotation {alternative.rotation_deg:.0f}°, probability {alternative.probability:.3g}")
     return ax
 

@@ -211,9 +211,16 @@ class Operator:
         return any(text in item for item in self.texts)
 
     async def hears(self, text: str) -> None:
-        """Wait until a new message has this text; earlier messages are forgotten."""
-        await self.until(lambda: any(text in item for item in self.messages), f"no message says {text!r}")
+        """Wait until a new message has this text, in whatever case; earlier messages are forgotten."""
+        await self.until(
+            lambda: any(text.lower() in item.lower() for item in self.messages), f"no message says {text!r}"
+        )
         self.messages.clear()
+
+    async def beside(self, name: str, text: str) -> None:
+        """Wait until the error of a field has this text."""
+        (field,) = self._fields(name)
+        await self.until(lambda: text in (field.error or ""), f"no error of {name} says {text!r}")
 
     @property
     def alerts(self) -> list[str]:

@@ -34,7 +34,7 @@ def test_it_counts_the_store_and_names_camera_calibration_and_versions(tmp_path:
         shown = {name: texts[texts.index(name.capitalize()) + 1] for name in counts}
         assert shown == {name: str(count) for name, count in counts.items()}
         assert not any("Redistribution and use" in text for text in texts)
-        await operator.clicks("Read it")
+        await operator.clicks("Read the licence")
         await operator.sees("Redistribution and use")
         instrument.start(by=instrument.control.owner().identity)  # type: ignore[union-attr]
         await operator.sees("Mode", "Mono8-64x48@100", "64 x 48 pixels")

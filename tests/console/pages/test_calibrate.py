@@ -24,17 +24,17 @@ if TYPE_CHECKING:
     from tsis.console.services import Instrument
 
 WRONG = (
-    ("Name", " ", "name must be given"),
-    ("Pitch of the dot board", "-1", "pitch of the dot board must lie in [0.05, 50]; got -1"),
-    ("Pitch of the dot board", "wide", "pitch of the dot board must be a number, as 2 or 0.5; got 'wide'"),
-    ("Its standard uncertainty", "nan", "its standard uncertainty must be a number"),
-    ("Radii of the tips", "2, 2", "radii of the tips must hold each tip once"),
-    ("Radii of the tips", "2, 1e9", "each radius of the tips must lie in [0.1, 1000]"),
-    ("Radii of the tips", "14", "a calibration needs at least 2 loadings, of two tips or of one twice"),
-    ("Loadings of each tip", "1.5", "loadings of each tip must be a whole number"),
-    ("Relative uncertainty of the gauge", "3", "relative uncertainty of the gauge must lie in [0, 0.5]; got 3"),
-    ("Lamps seen past the probe", "4, 4, 36", "lamps seen past the probe must be left, top, right, bottom in pixels"),
-    ("Lamps seen past the probe", "4, 4, 36, -1", "lamps seen past the probe must lie in [0, 100000]; got -1"),
+    ("Name", " ", "Name must be given"),
+    ("Pitch of the dot board", "-1", "Pitch of the dot board must be 0.05–50 mm (you entered −1)."),
+    ("Pitch of the dot board", "wide", "Pitch of the dot board must be a number, as 2 or 0.5 (you"),
+    ("Its standard uncertainty", "nan", "Its standard uncertainty must be a number"),
+    ("Radii of the tips", "2, 2", "Radii of the tips must hold each tip once"),
+    ("Radii of the tips", "2, 1e9", "Radii of the tips must be 0.1–1000 mm (you entered 1e+09)."),
+    ("Radii of the tips", "14", "A calibration needs at least 2 loadings, of two tips or of one twice"),
+    ("Loadings of each tip", "1.5", "Loadings of each tip must be a whole number"),
+    ("Relative uncertainty of the gauge", "3", "Relative uncertainty of the gauge must be 0–0.5"),
+    ("Lamps seen past the probe", "4, 4, 36", "Lamps seen past the probe must be left, top, right, bottom in pixels"),
+    ("Lamps seen past the probe", "4, 4, 36, -1", "Lamps seen past the probe must be 0–100000 (you entered −1)."),
 )
 
 
@@ -45,7 +45,7 @@ def test_wrong_terms_begin_no_session(lit: Instrument) -> None:
             before = operator.field(field)
             await operator.types(field, typed)
             await operator.clicks("Begin")
-            await operator.hears(message)
+            await operator.beside(field, message)
             await operator.types(field, before)
         await operator.sees("None yet.")
 
@@ -87,11 +87,11 @@ def test_a_session_with_a_camera_and_typed_forces(lit: Instrument) -> None:
         await operator.clicks("Step tip-10mm-1: open")
         await operator.sees("No frame yet.")
         for typed, message in (
-            ("hard", "force must be a number, as 2 or 0.5; got 'hard'"),
-            ("1e6", "force must lie in"),
+            ("hard", "Force must be a number, as 2 or 0.5 (you entered 'hard')."),
+            ("1e6", "Force must be −"),
         ):
             await operator.types("Force that the gauge shows", typed)
-            await operator.hears(message)
+            await operator.beside("Force that the gauge shows", message)
         for typed in ("0", "0,5", "1.0"):
             await operator.types("Force that the gauge shows", typed)
             await operator.until(lambda: operator.field("Force that the gauge shows") == "", "it is not taken")
@@ -134,7 +134,7 @@ def test_the_calibration_is_made_shown_activated_and_downloaded(tmp_path: Path) 
         await operator.sees("Every step is done or left out.")
         await operator.types("Good for", "soon")
         await operator.clicks("Make the calibration")
-        await operator.hears("days must be a number, as 2 or 0.5; got 'soon'")
+        await operator.beside("Good for", "Days must be a number, as 2 or 0.5 (you entered 'soon').")
         await operator.types("Good for", "100")
         await operator.clicks("Make the calibration")
         await operator.sees("cited as ")
@@ -160,8 +160,8 @@ def test_the_calibration_is_made_shown_activated_and_downloaded(tmp_path: Path) 
 
 def test_a_session_that_is_not_there_is_said(lit: Instrument) -> None:
     async def script(operator: Operator) -> None:
-        await operator.sees("To the sessions")
-        await operator.clicks("To the sessions")
+        await operator.sees("All sessions")
+        await operator.clicks("All sessions")
         await operator.sees("Begin a calibration")
 
     at_console(lit, script, "/calibrate/nobody")

@@ -73,15 +73,15 @@ def test_the_virtual_probe_takes_the_place_of_a_camera_and_wrong_numbers_do_not(
         await operator.sees("aravis:lit", "stopped", "Forces are typed, or not known.")
         await operator.chooses("Pressed object", "size-8")
         for field, typed, message in (
-            ("Depth", "deep", "depth must be a number, as 2 or 0.5; got 'deep'"),
-            ("Depth", "1000", "depth must lie in"),
-            ("Seed", "1.5", "seed must be a whole number; got 1.5"),
-            ("Seed", "-1", "seed must lie in [0, "),
+            ("Depth", "deep", "Depth must be a number, as 2 or 0.5 (you entered 'deep')."),
+            ("Depth", "1000", "Depth must be 0"),
+            ("Seed", "1.5", "Seed must be a whole number (you entered 1.5)."),
+            ("Seed", "-1", "Seed must be 0–"),
         ):
             before = operator.field(field)
             await operator.types(field, typed)
             await operator.clicks("Use the virtual probe")
-            await operator.hears(message)
+            await operator.beside(field, message)
             await operator.types(field, before)
         assert (await operator.requested("/state"))["camera"]["choice"]["spec"] == "aravis:lit"
         await operator.types("Depth", "6")
@@ -124,10 +124,10 @@ def test_a_gauge_that_is_not_there_says_why(lit: Instrument) -> None:
         await operator.sees("Force gauge")
         await operator.types("Bits per second", "fast")
         await operator.clicks("Connect")
-        await operator.hears("baud must be a number, as 2 or 0.5; got 'fast'")
+        await operator.beside("Bits per second", "Baud must be a number, as 2 or 0.5 (you entered 'fast').")
         await operator.types("Bits per second", "5")
         await operator.clicks("Connect")
-        await operator.hears("baud must lie in [50, ")
+        await operator.beside("Bits per second", "Baud must be 50–")
 
     at_console(lit, script, "/camera")
 
@@ -136,7 +136,7 @@ def test_forces_come_from_a_gauge_until_it_is_given_up(lit: Instrument) -> None:
     async def script(operator: Operator) -> None:
         await operator.clicks("Start")
         await operator.types("Serial port", port, enter=False)
-        await operator.clicks("It sends on its own and is not to be asked")
+        await operator.clicks("Sends on its own: do not query it")
         await operator.clicks("Connect")
         await operator.sees("Forces are read from the ")
         assert f"Forces are read from the {(await operator.requested('/state'))['gauge']}." in operator.texts

@@ -26,29 +26,29 @@ def test_what_is_typed_is_drawn_and_what_is_wrong_is_said_beside_it(lit: Instrum
         await operator.types("Layer 2, modulus", "60")
         await operator.sees("3 mm of 60 kPa")
         for wrong, message in (
-            ("-3", "modulus must lie in"),
-            ("soft", "modulus must be a number"),
-            ("", "modulus must be a number"),
+            ("-3", "Modulus must be"),
+            ("soft", "Modulus must be a number"),
+            ("", "Modulus must be a number"),
         ):
             await operator.types("Layer 2, modulus", wrong)
             await operator.sees(f"Layer 2: {message}", "Not drawn while a field is wrong.", "3 mm of 60 kPa")
         await operator.clicks("Compute the errors")
-        await operator.hears("modulus must be a number, as 2 or 0.5; got ''")
+        await operator.hears("Modulus must be a number, as 2 or 0.5 (nothing was entered).")
         await operator.clicks("Save the probe")
-        await operator.hears("modulus must be a number, as 2 or 0.5; got ''")
+        await operator.hears("Modulus must be a number, as 2 or 0.5 (nothing was entered).")
         assert (await operator.requested("/jobs"))["jobs"] == []
         await operator.types("Layer 2, modulus", "70")
         await operator.sees("3 mm of 70 kPa")
         await operator.misses("Not drawn while a field is wrong.")
         await operator.types("Radius of the dome / mm", "11")
-        await operator.sees("radius of the dome must lie in [12")
+        await operator.sees("Radius of the dome must be 12")
         await operator.clicks("Domed")
         await operator.sees("flat; from the tissue up")
         await operator.types("Height / mm", "99")
-        await operator.sees("height of a lamp must lie in [0, 13]")
+        await operator.sees("Height of a lamp must be 0–13")
         await operator.types("Height / mm", "4")
         await operator.types("How many", "6.5")
-        await operator.sees("lamps must be a whole number in [1, 36]; got 6.5")
+        await operator.sees("Lamps must be a whole number in [1, 36] (you entered 6.5).")
         await operator.types("How many", "6")
         await operator.sees("; 6 lamps")
 
@@ -58,9 +58,9 @@ def test_what_is_typed_is_drawn_and_what_is_wrong_is_said_beside_it(lit: Instrum
 def test_a_wrong_draft_is_marked_after_a_reload(lit: Instrument) -> None:
     async def script(operator: Operator) -> None:
         await operator.types("Layer 2, modulus", "soft")
-        await operator.sees("Layer 2: modulus must be a number")
+        await operator.sees("Layer 2: Modulus must be a number")
         await operator.open("/design")
-        await operator.sees("Layer 2: modulus must be a number", "Not drawn while a field is wrong.")
+        await operator.sees("Layer 2: Modulus must be a number", "Not drawn while a field is wrong.")
         assert operator.field("Layer 2, modulus") == "soft"
 
     at_console(lit, script, "/design")
@@ -113,11 +113,11 @@ def test_wrong_questions_begin_nothing(lit: Instrument) -> None:
     async def script(operator: Operator) -> None:
         await operator.sees("Seen from the side")
         for field, typed, message in (
-            ("Forces / N", "0,8", "force must lie in"),
-            ("Forces / N", "hard", "force must be a number"),
-            ("Forces / N", "1 1 1 1 1 1 1 1 1", "forces must be at most 8; got 9"),
-            ("Frames of each", "0", "frames must lie in [1, "),
-            ("Frames of each", "1.5", "frames must be a whole number; got 1.5"),
+            ("Forces / N", "0,8", "Force must be"),
+            ("Forces / N", "hard", "Force must be a number"),
+            ("Forces / N", "1 1 1 1 1 1 1 1 1", "Forces must be at most 8 (you entered 9)."),
+            ("Frames of each", "0", "Frames must be 1–"),
+            ("Frames of each", "1.5", "Frames must be a whole number (you entered 1.5)."),
         ):
             before = operator.field(field)
             await operator.types(field, typed)
@@ -125,9 +125,9 @@ def test_wrong_questions_begin_nothing(lit: Instrument) -> None:
             await operator.clicks("Compute the errors")
             await operator.hears(message)
             await operator.types(field, before)
-        await operator.clicks("Search better layers and forces, for minutes")
+        await operator.clicks("Search for better layers and forces (takes minutes)")
         await operator.types("Stacks to try", "0")
-        await operator.sees("stacks to try must lie in [1, ")
+        await operator.sees("Stacks to try must be 1–")
         assert (await operator.requested("/jobs"))["jobs"] == []
 
     at_console(lit, script, "/design")

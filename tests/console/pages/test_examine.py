@@ -121,16 +121,16 @@ def test_wrong_numbers_are_refused_and_the_old_ones_stay(lit: Instrument) -> Non
         await operator.types("Force", "1.5")
         await operator.sees("1.50 N")
         for typed, message in {
-            "abc": "target must be a number, as 2 or 0.5; got 'abc'",
-            "": "target must be a number, as 2 or 0.5; got ''",
-            "0": "target must lie in [1, 99999]; got 0",
-            "2.5": "target must be a whole number; got 2.5",
-            "1e999": "target must be a whole number; got inf",
-            "<img src=x>": "target must be a number, as 2 or 0.5; got '<img src=x>'",
+            "abc": "Target must be a number, as 2 or 0.5 (you entered 'abc').",
+            "": "Target must be a number, as 2 or 0.5 (nothing was entered).",
+            "0": "Target must be 1–99999, number of the target (you entered 0).",
+            "2.5": "Target must be a whole number (you entered 2.5)",
+            "1e999": "Target must be a whole number (what you entered is too large)",
+            "<img src=x>": "Target must be a number, as 2 or 0.5 (you entered '<img src=x>').",
         }.items():
             await refused(operator, "Target", typed, message)
-        await refused(operator, "Force", "-1", "force must lie in [0, ")
-        await refused(operator, "Force", "hard", "force must be a number, as 2 or 0.5; got 'hard'")
+        await refused(operator, "Force", "-1", "Force must be 0–")
+        await refused(operator, "Force", "hard", "Force must be a number, as 2 or 0.5 (you entered 'hard').")
         state = await operator.requested("/state")
         assert (state["target"], state["force_n"]) == (1, 1.5)
         await operator.types("Force", "")  # which says that it is not known
@@ -160,11 +160,11 @@ def test_settings_change_the_camera_within_its_range(lit: Instrument, world: Wor
         await operator.types("Gain", "7.5")
         await operator.until(lambda: world.cameras[-1].adjusted[-1:] == [7.5], "the camera's gain is another")
         await operator.types("Gain", "25")
-        await operator.sees("gain must lie in [0, 24]; got 25")
+        await operator.sees("Gain must be 0–24 dB (you entered 25).")
         assert operator.field("Gain") == "25"  # to be corrected
         await operator.clicks("Minimal")
         await operator.until(lambda: operator.field("Gain") == "0", "the preset is not shown")
-        await operator.misses("gain must lie in [0, 24]; got 25")
+        await operator.misses("Gain must be 0–24 dB (you entered 25).")
         assert (await operator.requested("/camera/settings"))["settings"][0]["value"] == 0.0
         await operator.clicks("Default")
         await operator.until(lambda: operator.field("Gain") == "2", "the preset is not shown")
@@ -181,15 +181,15 @@ def test_a_sequence_is_recorded_whole_and_wrong_lengths_begin_none(lit: Instrume
         await operator.hears("the camera must run to record a sequence; it is stopped (start it)")
         await started(operator)
         for typed, unit, message in (
-            ("soon", "seconds", "length must be a number, as 2 or 0.5; got 'soon'"),
-            ("0", "seconds", "seconds must lie in"),
-            ("2.5", "frames", "frames must be a whole number; got 2.5"),
-            ("0", "frames", "frames must lie in [1, "),
+            ("soon", "seconds", "Seconds must be a number, as 2 or 0.5 (you entered 'soon')."),
+            ("0", "seconds", "Seconds must be 0.1–3600 s"),
+            ("2.5", "frames", "Frames must be a whole number (you entered 2.5)."),
+            ("0", "frames", "Frames must be 1–"),
         ):
             await operator.types("Length", typed)
             await operator.chooses("Unit of the length", unit)
             await operator.clicks("Record")
-            await operator.hears(message)
+            await operator.beside("Length", message)
         await operator.types("Length", "5")
         await operator.clicks("Record")
         await operator.sees("Sequence of target 1: 5 frames in ")
@@ -250,7 +250,7 @@ def test_an_estimate_without_a_calibration_is_refused_and_a_stored_one_shown(lit
 
     async def script(operator: Operator) -> None:
         await operator.clicks("Estimate", ui.button)
-        await operator.hears("target must be a number that this store of phantoms holds; got 1")
+        await operator.hears("Target must be a number that this store of phantoms holds (you entered 1)")
         await operator.types("Target", str(stored))
         await operator.sees(f"Target {stored}")
         (current,) = (await operator.requested(f"/targets/{stored}/estimates"))["estimates"]
@@ -280,7 +280,7 @@ def test_jobs_are_listed_and_only_the_owner_ends_them(lit: Instrument) -> None:
         await operator.sees("Jobs: ")
         await operator.clicks(operator.named("Jobs: ")[0])
         await operator.clicks("End sequence of target 1")
-        await operator.hears("only the camera's owner may end jobs; take the camera first")
+        await operator.hears("Only the camera's owner may end jobs: take the camera first.")
         lit.control.release(BOB)
         await operator.clicks("Take the camera")
         await operator.sees("Release the camera")

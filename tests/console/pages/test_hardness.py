@@ -51,18 +51,18 @@ def test_a_stored_hardness_is_shown_and_estimated_again_with_the_typed_radius(li
         await operator.sees("Hardness of target 1, cl2000x", f"{before['parameters']['young_kpa']['mean']:.0f} kPa")
         await operator.until(lambda: operator.field("Radius of the object") == "3.000", "the radius is not there")
         for radius, sd, message in (
-            ("round", "0.02", "radius of the object must be a number, as 2 or 0.5; got 'round'"),
-            ("", "0.02", "radius of the object must be given with its standard deviation; got none"),
-            ("300", "0.02", "radius of the object must lie in"),
-            ("3", "1", "its standard deviation must lie in [0, 0.3]; got 1"),
-            ("3", "wide", "its standard deviation must be a number, as 2 or 0.5; got 'wide'"),
+            ("round", "0.02", "Radius of the object must be a number, as 2 or 0.5 (you entered 'round')."),
+            ("", "0.02", "Radius of the object must be given with its standard deviation (nothing was entered)."),
+            ("300", "0.02", "Radius of the object must be 1–50 mm (you entered 300)."),
+            ("3", "1", "Its standard uncertainty must be 0–0.3 mm, up to a tenth of the radius (you entered 1)."),
+            ("3", "wide", "Its standard uncertainty must be a number, as 2 or 0.5 (you entered 'wide')."),
         ):
             await operator.types("Radius of the object", radius)
-            await operator.types("Known to within (sd)", sd)
+            await operator.types("Its standard uncertainty", sd)
             await operator.clicks("Estimate", ui.button)
-            await operator.hears(message)
+            await operator.beside(message.partition(" must")[0], message)
         await operator.types("Radius of the object", "3.2")
-        await operator.types("Known to within (sd)", "0.02")
+        await operator.types("Its standard uncertainty", "0.02")
         await operator.clicks("Estimate", ui.button)
         while len(found := (await operator.requested("/targets/1/estimates"))["estimates"]) == 1:
             await operator.pause()
@@ -93,7 +93,7 @@ def test_the_virtual_probe_has_no_object_until_one_lies_under_it(lit: Instrument
     lit.control.release(ANN)
 
     async def script(operator: Operator) -> None:
-        await operator.sees("Next: lay an object under the virtual probe.", "Virtual sphere")
+        await operator.sees("Next: place an object under the virtual probe.", "Virtual sphere")
         assert not operator.enabled("Estimate")
         assert operator.named("Press and save") == []
 

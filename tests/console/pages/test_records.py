@@ -120,7 +120,7 @@ def test_a_target_is_edited_and_wrong_values_are_refused(filled: Instrument) -> 
         ):
             await operator.types(truth, typed, enter=False)
             await operator.clicks("Save")
-            await operator.hears(message)
+            await operator.beside(truth, message)
         await operator.types(truth, "diameter_mm=11.5\n\ndepth_mm=5", enter=False)
         await operator.types("Name", "size 11.5")
         await operator.types("Note", "measured again", enter=False)
@@ -167,10 +167,10 @@ def test_a_press_is_opened_and_its_force_corrected(filled: Instrument) -> None:
         (name,) = (item for item in operator.named("Open the press on the target, 0.7 N"))
         await operator.clicks(name)
         await operator.sees("frame", "150 × 96 px", "0.12 × 0.14 mm per pixel", "tsis-2011")
-        for typed, message in (("hard", "force must be"), ("-2", "force must lie in")):
+        for typed, message in (("hard", "Force must be a number"), ("-2", "Force must be 0–")):
             await operator.types("Force in newtons; empty where unknown", typed)
             await operator.clicks("Save")
-            await operator.hears(message)
+            await operator.beside("Force in newtons; empty where unknown", message)
         await operator.types("Force in newtons; empty where unknown", "0.75")
         await operator.clicks("Save")
         await operator.hears("The press is version 2 now.")
@@ -319,7 +319,7 @@ def test_a_store_is_backed_up_from_its_page(filled: Instrument, tmp_path: Path) 
         await operator.clicks("Back up")
         await operator.types("New folder, whole path", "here")
         await operator.clicks("Back up")
-        await operator.hears("folder must be a whole path")
+        await operator.beside("New folder, whole path", "Folder must be a whole path")
 
     at_console(filled, script, "/records")
     with open_store(tmp_path / "backup", create=False) as copy:
@@ -330,7 +330,7 @@ def test_two_targets_are_compared(filled: Instrument) -> None:
     async def script(operator: Operator) -> None:
         await operator.clicks("Compare")
         await operator.types("Number of the other target", "two")
-        await operator.hears("the other target must be given by its number")
+        await operator.beside("Number of the other target", "The other target must be given by its number.")
         await operator.types("Number of the other target", f"{MANY}", enter=False)
         await operator.clicks("Compare")
         await operator.sees(f"Target {ESTIMATED}: size-10", f"Target {MANY}: many presses", "Current estimates")

@@ -47,20 +47,24 @@ def test_a_study_is_made_from_the_form_and_wrong_fields_make_none(lit: Instrumen
             await operator.types(name, text)
         await operator.types("Made by", "Ben")
         for field, typed, message in (
-            ("Name", "", "name"),
-            ("Name", "../other", "name"),
-            ("With an inclusion", "two", "targets with an inclusion must be a number, as 2 or 0.5; got 'two'"),
-            ("With an inclusion", "2.5", "targets with an inclusion must be a whole number; got '2.5'"),
-            ("Blanks", "-1", "blanks must lie in"),
-            ("Forces", "0,8", "force"),
-            ("Threshold", "high", "threshold must be a number, as 2 or 0.5; got 'high'"),
-            ("Repeats", "0", "repeats must lie in [1, 1000]; got 0"),
-            ("Seed", "-3", "seed must lie in [0, "),
+            ("Name", "", "Name must be"),
+            ("Name", "../other", "Name must be"),
+            (
+                "With an inclusion",
+                "two",
+                "Targets with an inclusion must be a number, as 2 or 0.5 (you",
+            ),
+            ("With an inclusion", "2.5", "Targets with an inclusion must be a whole number (you entered '2.5')."),
+            ("Blanks", "-1", "Blanks must be 0–"),
+            ("Forces", "0,8", "Force"),
+            ("Threshold", "high", "Threshold must be a number, as 2 or 0.5 (you entered 'high')."),
+            ("Repeats", "0", "Repeats must be 1–1000 (you entered 0)."),
+            ("Seed", "-3", "Seed must be 0–"),
         ):
             before = operator.field(field)
             await operator.types(field, typed)
             await operator.clicks("Make the study")
-            await operator.hears(message)
+            await operator.beside(field, message)
             await operator.types(field, before)
         assert not folder.exists() or list(folder.iterdir()) == []
         await operator.clicks("Make the study")
@@ -82,8 +86,6 @@ def test_readings_are_imported_whole_or_not_at_all_and_exported_again(lit: Instr
         await operator.sees("Study trial")
         content = table(study)
         for damaged, device, threshold, message in (
-            (content, "", "0.5", "device"),
-            (content, "palpation", "low", "threshold must be a number"),
             (HEADINGS + "\nnobody,0.5,Cleo,1,,,\n", "palpation", "0.5", "nobody"),
             (content.replace("score", "value", 1), "palpation", "0.5", "score"),
             ("", "palpation", "0.5", "r.csv"),
@@ -91,6 +93,9 @@ def test_readings_are_imported_whole_or_not_at_all_and_exported_again(lit: Instr
             await imports(operator, damaged, device=device, threshold=threshold)
             await operator.hears(message)
             assert open_study(study.folder).readings == ()
+        for device, threshold, field in (("", "0.5", "Device"), ("palpation", "low", "Threshold")):
+            await imports(operator, content, device=device, threshold=threshold)
+            await operator.beside(field, f"{field} must be")
         await imports(operator, content, device="palpation")
         await operator.hears("4 readings entered.")
         await operator.sees("palpation", "threshold 0.5", "Cleo: 4 of 4 read")
@@ -183,7 +188,7 @@ def test_the_virtual_probe_reads_for_a_named_operator_only(lit: Instrument, stud
         await operator.sees("Study trial")
         await operator.types("Operator", " ")
         await operator.clicks("Run on the virtual probe", ui.button)
-        await operator.hears("operator")
+        await operator.beside("Operator", "Operator must be 1 to")
         assert open_study(study.folder).readings == ()
 
     at_console(lit, script, "/study/trial")

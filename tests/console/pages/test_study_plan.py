@@ -34,7 +34,7 @@ def test_a_threshold_that_is_no_probability_makes_no_study(lit: Instrument, tmp_
         await operator.types("Made by", "Ada")
         await operator.types("Threshold", str(threshold))
         await operator.clicks("Make the study")
-        await operator.hears("threshold must lie in [0, 1]")
+        await operator.beside("Threshold", "Threshold must be 0–1")
         assert not (lit.terms.workspace / "studies").exists()
 
     at_console(lit, script, "/study")
@@ -47,7 +47,7 @@ def test_nobody_is_called_browser_and_a_typed_name_stays(lit: Instrument, study:
         await operator.sees("Study trial")
         assert operator.field("Operator") == ""  # of a browser that knows no name
         await operator.clicks("Run on the virtual probe", ui.button)
-        await operator.hears("operator")
+        await operator.beside("Operator", "Operator must be 1 to")
         operator.presses_key("operator", "Ada")  # which the browser kept
         await operator.until(lambda: operator.field("Operator") == "Ada", "the kept name is not used")
         operator.presses_key("operator", "Mallory")  # a name that is used already stays

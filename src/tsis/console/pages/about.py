@@ -124,7 +124,7 @@ async def about_page(instrument: Instrument, viewer: kit.Viewer) -> None:
         with _panel("To cite it"):
             for message in CITATION:
                 ui.label(message)
-        with _panel(f"Licence: {LICENCE}"), ui.expansion(tr("Read it")).props("dense").classes("licence"):
+        with _panel(f"Licence: {LICENCE}"), ui.expansion(tr("Read the licence")).props("dense").classes("licence"):
             ui.label(licence()).classes("whole-text")
 
     def show(state: InstrumentState) -> None:

@@ -101,7 +101,7 @@ class GaugePanel:
                 self._port = kit.select_field([], label="Serial port", with_input=True, new_value_mode="add-unique")
                 self._unit = kit.select_field(list(UNITS), value=ITS_OWN, label="Unit")
                 self._baud = kit.unit_field("Bits per second", str(BAUD), keys="numeric")
-            self._sends = ui.switch(tr("It sends on its own and is not to be asked"))
+            self._sends = ui.switch(tr("Sends on its own: do not query it"))
             with ui.element("div").classes("row"):
                 self._connect = kit.button(tr("Connect"), self._begin)
                 leave = kit.button(tr("Use no gauge"), viewer.command(instrument.use_gauge, None))
@@ -120,13 +120,13 @@ class GaugePanel:
         try:
             ports = await run.io_bound(find_ports) or ()
         except GaugeError as error:
-            self._viewer.complain(str(error))
+            self._viewer.complain(kit.plain_message(str(error)))
             return
         self._port.set_options([port.device for port in ports], value=ports[0].device if ports else None)
 
     async def _begin(self) -> None:
         with kit.loading(self._connect):
-            await self._viewer.attempt(self._connected)
+            await kit.submit(self._viewer, {"baud": self._baud, "gauge": self._port}, self._connected)
 
     def _connected(self) -> None:
         baud = kit.typed_integer("baud", self._baud.value, 50, FASTEST, hint="bits per second")
@@ -181,23 +181,22 @@ class VirtualPanel:
 
     async def _chosen(self) -> None:
         with kit.loading(self._use):
-            await self._viewer.attempt(self._apply)
+            await kit.submit(self._viewer, {**self._values, "seed": self._seed}, self._apply)
 
     def _apply(self) -> None:
         changed: dict[str, Any] = {}
         if self._phantom.value not in list_spheres():
             changed = {
-                name: kit.typed_number(CHANGED[name][0].lower(), text)
+                name: kit.typed_number(name, text)
                 for name, field in self._values.items()
                 if (text := (field.value or "").strip())
             }
-        with kit.field_messages({name: label.lower() for name, (label, _) in CHANGED.items()}):
-            choice = CameraChoice(
-                probe=self._probe.value,
-                phantom=self._phantom.value,
-                seed=kit.typed_integer("seed", self._seed.value, 0, LARGEST_SEED),
-                **changed,
-            )
+        choice = CameraChoice(
+            probe=self._probe.value,
+            phantom=self._phantom.value,
+            seed=kit.typed_integer("seed", self._seed.value, 0, LARGEST_SEED),
+            **changed,
+        )
         choose_and_start(self._instrument, choice, by=self._viewer.identity)
 
 

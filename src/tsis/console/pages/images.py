@@ -23,7 +23,7 @@ from tsis.console.services import (
     save_images,
 )
 from tsis.errors import InputError
-from tsis.model import require_pixel_scale
+from tsis.model import require_number, require_pixel_scale
 from tsis.records import ROLE_NAMES
 from tsis.records.importing import ImportOptions
 from tsis.report import Table, finding_notes, finding_rows
@@ -66,7 +66,7 @@ class OwnImagesPage:
                 max_file_size=kit.LARGEST_MIB * 2**20,
                 on_upload=self.uploaded,
                 on_rejected=lambda: viewer.complain(
-                    tr("a file is larger than {most} MiB or of another kind", most=kit.LARGEST_MIB)
+                    tr("A file is larger than {most} MiB, or of another kind.", most=kit.LARGEST_MIB)
                 ),
             ).props("flat bordered")
             field.props["accept"] = ",".join(OPENABLE)
@@ -105,7 +105,7 @@ class OwnImagesPage:
     async def open_path(self) -> None:
         """Open a file or folder of the console's machine; only for the owner of the camera."""
         if not self._viewer.commands:
-            self._viewer.complain(tr("only the camera's owner may open paths of its machine; drop the files here"))
+            self._viewer.complain(tr("Only the camera's owner may open paths of its machine: drop the files here."))
         elif self.path_field.value:
             await self._open(Path(self.path_field.value).expanduser())
 
@@ -127,16 +127,22 @@ class OwnImagesPage:
 
     def scale(self) -> tuple[float, float] | None:
         """The typed scale (x, y) in millimetres per pixel; `InputError` when it is no scale."""
-        parts = kit.typed_numbers("scale", self.scale_field.value)
+        parts = kit.typed_numbers("mm_per_pixel", self.scale_field.value)
         return require_pixel_scale((parts[0], parts[-1])) if parts else None
+
+    def _fields(self) -> dict[str, ui.input]:
+        forces = {f"force of {row.name}": row.force for row in self.rows}
+        return {"mm_per_pixel": self.scale_field, "target": self.number_field, **forces}
 
     async def measure(self) -> None:
         """Measure the contact in each frame, and show the features and their limits."""
         with kit.loading(self._measure):
-            findings = await self._viewer.attempt(
+            findings = await kit.submit(
+                self._viewer,
+                self._fields(),
                 lambda: measure_images(
                     [row.frame() for row in self.rows], mm_per_pixel=self.scale(), invert=bool(self._invert.value)
-                )
+                ),
             )
         if findings is None:
             return
@@ -168,7 +174,7 @@ class OwnImagesPage:
             return save_images(self._instrument.store, images, number=number, options=options)
 
         with kit.loading(self._save):
-            result = await self._viewer.attempt(saved)
+            result = await kit.submit(self._viewer, self._fields(), saved)
         if result is not None:
             number, added = result
             with self._results, ui.element("div").classes("panel row"):
@@ -184,7 +190,7 @@ class FrameRow:
     """One opened frame: what was pressed, and the force; removed by ``remove``."""
 
     def __init__(self, image: OwnImage, remove: Callable[[FrameRow], None]) -> None:
-        self._image = image
+        self._image, self.name = image, image.name
         with ui.element("tr") as self.element:
             kit.cell(image.name)
             kit.cell(f"{image.columns} x {image.rows}")
@@ -203,5 +209,6 @@ class FrameRow:
     def frame(self) -> OwnImage:
         """The frame as its fields say; `InputError` when the force is no number."""
         force = self.force.value
-        force_n = kit.typed_number(f"force of {self._image.name}", force) if force else None
+        called = f"force of {self.name}"
+        force_n = require_number(called, kit.typed_number(called, force), 0.0, 100.0, hint="newtons") if force else None
         return replace(self._image, role=self.role.value, force_n=force_n)

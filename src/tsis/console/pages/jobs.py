@@ -49,7 +49,7 @@ class JobRows:
 
     async def _end(self, identity: str) -> None:
         if not self._viewer.commands:
-            self._viewer.complain(tr("only the camera's owner may end jobs; take the camera first"))
+            self._viewer.complain(tr("Only the camera's owner may end jobs: take the camera first."))
             return
         await self._viewer.attempt(self._ended, identity)
 
@@ -124,7 +124,10 @@ def jobs_page(instrument: Instrument, viewer: kit.Viewer) -> None:
         with kit.panel(tr("History")):
             kit.muted(tr("Of this run of the console and those before; a target's job opens its page."))
             columns = [{"name": name, "label": label, "field": name, "align": "left"} for name, label in COLUMNS]
-            table = ui.table(rows=[], columns=columns, row_key="identity", pagination=25).props("flat dense")
+            table = ui.table(rows=[], columns=columns, row_key="identity", pagination=25)
+            table.props("flat dense")
+            with table.add_slot("no-data"):
+                kit.muted(tr("No job is over yet."))
             table.add_slot("body-cell-title", LINK)
 
     def show(now: InstrumentState) -> None:

@@ -193,7 +193,7 @@ class ControlButtons:
             self._question = ui.label()
             with ui.element("div").classes("row"):
                 kit.button(tr("Take it over"), self._take_over, look="unelevated dense")
-                kit.button(tr("Leave it"), self._dialog.close, look="outline dense")
+                kit.button(tr("Cancel"), self._dialog.close, look="outline dense")
 
     def show(self, now: InstrumentState) -> None:
         """Show the applicable button; notify when somebody else has taken the camera."""

@@ -36,7 +36,7 @@ class SweepsPage:
             with kit.panel(tr("Sweeps")):
                 self._list = kit.Redrawn(ui.element("div").classes("scroll"))
                 running = JobRows(
-                    instrument, viewer, ui.element("ul").classes("job-list wide"), tr("None is under way.")
+                    instrument, viewer, ui.element("ul").classes("job-list wide"), tr("No sweep is running.")
                 )
                 with ui.element("div").classes("stack") as self._plot:
                     self._title = kit.panel_title("", level=3)
@@ -85,7 +85,7 @@ class SweepsPage:
 
     async def _ask_cost(self) -> None:
         with kit.loading(self._cost):
-            found = await self._viewer.attempt(self._sweeps.cost, self._text.value or "")
+            found = await kit.submit(self._viewer, {"": self._text}, self._sweeps.cost, self._text.value or "")
         if found is not None:
             plan, lasts = found[0], timedelta(seconds=round(found[1]))
             self._answer.text = f"{plan.presses:,} presses in {plan.shards} files, about {lasts} (h:min:s)."
@@ -93,7 +93,8 @@ class SweepsPage:
     async def _begin(self) -> None:
         name = (self._name.value or "").strip()
         with kit.loading(self._start):
-            job = await self._viewer.attempt(self._sweeps.begin, name, self._text.value or "")
+            fields = {"name": self._name, "": self._text}
+            job = await kit.submit(self._viewer, fields, self._sweeps.begin, name, self._text.value or "")
         if job is not None:
             self._viewer.notify(tr("The sweep {name} is under way.", name=name))
             await self._refresh()

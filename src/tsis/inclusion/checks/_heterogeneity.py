@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 INFORMATIVE = (2, 3, 4)  # harmonics that show the heterogeneity; tilt and offset cause the first
 PRESSURES = 512  # of the table that inverts the contact's light
+BY_LAMPS = 0.1  # of the lamps' power: a harmonic of their arrangement above this shows on a dent
 BRIGHTEST = 20.0  # largest pressure of that table over the mean of the brightest frame
 
 
@@ -87,7 +88,8 @@ class FieldHarmonics:
 def heterogeneity_evidence(frames: Sequence[TactileImage], harmonics: FieldHarmonics) -> Floats:
     """Log evidence of each hypothesis from the harmonics of frames of one site, shape (hypotheses,).
 
-    The field is the same for all frames; lamps and patterns are allowed for as in the check of roundness.
+    The field is the same for all frames; lamps and patterns are allowed for as in the check of roundness. Harmonics of
+    lamps whose light on a dent is known around the axis only are left out: four lamps make the fourth.
     """
     calibration, hypotheses = harmonics.calibration, harmonics.hypotheses
     means = [sector_means(frame, probe=harmonics.probe, calibration=calibration) for frame in frames]
@@ -96,7 +98,7 @@ def heterogeneity_evidence(frames: Sequence[TactileImage], harmonics: FieldHarmo
     if not use.any():
         return np.zeros(len(hypotheses.sd))
     evidence = np.zeros(len(hypotheses.sd))
-    for order in INFORMATIVE:
+    for order in informative_orders(harmonics.probe, calibration):
         values = np.concatenate([harmonic(sectors.grey, order)[use] for sectors in means])
         noise = _noise(means, calibration, order, use)
         factors = np.concatenate(
@@ -113,6 +115,15 @@ def heterogeneity_evidence(frames: Sequence[TactileImage], harmonics: FieldHarmo
         white = np.linalg.solve(roots, np.broadcast_to(both[:, None], (*roots.shape[:2], 1)))[:, :, 0]
         evidence -= 0.5 * (white**2).sum(axis=1) + np.log(np.diagonal(roots, axis1=1, axis2=2)).sum(axis=1)
     return evidence
+
+
+def informative_orders(probe: Probe, calibration: Calibration) -> tuple[int, ...]:
+    """The harmonics that no lamp makes, or whose light is known: a light that was measured is so as its mean only."""
+    if calibration.light is not None and not calibration.light.factor.size:
+        return INFORMATIVE
+    power = np.array([lamp.power for lamp in probe.leds])
+    angle = np.deg2rad([lamp.azimuth_deg for lamp in probe.leds])
+    return tuple(order for order in INFORMATIVE if np.abs(power @ np.exp(1j * order * angle)) <= BY_LAMPS * power.sum())
 
 
 def _noise(means: Sequence[Sectors], calibration: Calibration, order: int, use: Booleans) -> Floats:

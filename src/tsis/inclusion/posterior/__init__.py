@@ -7,6 +7,7 @@ from tsis.inclusion.posterior._heterogeneity import (
     LENGTHS_MM,
     FieldTable,
     Heterogeneity,
+    SuperficialLayer,
     build_field_table,
     heterogeneity,
 )
@@ -14,7 +15,6 @@ from tsis.inclusion.posterior._likelihood import (
     ErrorSources,
     InclusionLikelihood,
     Profiles,
-    SuperficialLayer,
     least_sd,
 )
 from tsis.inclusion.posterior._rings import (

@@ -23,12 +23,8 @@ if TYPE_CHECKING:
 
     from tsis.inclusion._prior import Booleans, Floats, InclusionPrior
     from tsis.inclusion.posterior._grid import SlantedBox
-    from tsis.inclusion.posterior._likelihood import (
-        InclusionLikelihood,
-        LikelihoodFit,
-        LinearisedLikelihood,
-        SuperficialLayer,
-    )
+    from tsis.inclusion.posterior._heterogeneity import SuperficialLayer
+    from tsis.inclusion.posterior._likelihood import InclusionLikelihood, LikelihoodFit, LinearisedLikelihood
 
 
 ROUNDING = 1e-9  # of a range: a grid's end at the prior's end counts as inside

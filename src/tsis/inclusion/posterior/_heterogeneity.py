@@ -239,7 +239,7 @@ class Heterogeneity:
 
     def layer_log_factor(self, factors: Floats) -> Floats:
         """Log modulus over the tissue's above each of `LAYERS_MM`, from the `responses`' standard normal factors."""
-        return np.asarray(np.cumsum(factors[::-1])[::-1] / np.sqrt(self.layer_count))
+        return np.asarray(np.cumsum(factors[::-1], axis=0)[::-1] / np.sqrt(self.layer_count))
 
     def responses(self, inclusion: Floats | None) -> Floats:
         """Factors (lengths, k, responses) of the ring responses around an inclusion (3,), or without one.
@@ -305,3 +305,36 @@ def _to_rings(table: FieldTable, edges_mm: Floats, level: Floats, *, is_domed: b
     none = np.zeros_like(means)
     part = np.block([[means, none], [none, means], [none, slopes]])
     return np.kron(np.eye(2), part) if is_domed else np.hstack([part, np.zeros_like(part)])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SuperficialLayer:
+    """A superficial layer.
+
+    Attributes
+    ----------
+    probability
+        That of a layer which matters.
+    log_factor, log_factor_sd
+        Posterior mean and standard deviation of the log of the modulus over the tissue's above each of `LAYERS_MM`,
+        shape (layers,).
+    """
+
+    probability: float
+    log_factor: Floats
+    log_factor_sd: Floats
+
+    @classmethod
+    def none(cls) -> SuperficialLayer:
+        """Tissue without a layer."""
+        zero = np.zeros(len(LAYERS_MM))
+        return cls(probability=0.0, log_factor=zero, log_factor_sd=zero)
+
+    @property
+    def size_mm(self) -> float:
+        """Integral of the absolute log factor over the depth, as far as it exceeds its standard deviation.
+
+        0.34 for 1 mm of 1.4 times the tissue's modulus. Without the deviation even tissue would have a size.
+        """
+        shown = np.sqrt(np.maximum(self.log_factor**2 - self.log_factor_sd**2, 0.0))
+        return float(shown @ np.diff(LAYERS_MM, prepend=0.0))

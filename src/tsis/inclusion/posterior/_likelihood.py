@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 from scipy.linalg.lapack import dtrtri, dtrtrs
 
-from tsis.inclusion.posterior._heterogeneity import LAYER_SDS, LAYERS_MM
+from tsis.inclusion.posterior._heterogeneity import IMPROBABLE_HYPOTHESIS, LAYER_SDS, SuperficialLayer
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -141,17 +141,26 @@ class InclusionLikelihood:
         """What the rings tell of a superficial layer at an inclusion (3,)."""
         model = self.model.heterogeneity
         if model is None:
-            return SuperficialLayer(probability=0.0, log_factor=np.zeros(len(LAYERS_MM)))
+            return SuperficialLayer.none()
         residual, rotated = self._linear(inclusion[None], nuisance)
         hypotheses = self._hypotheses(inclusion, nuisance)
         evidence = _evidence(hypotheses, residual, rotated, self._sd)[0][:, 0]
-        weight = np.exp(evidence - np.logaddexp.reduce(evidence))
-        layered = weight * (model.layer_sd > LAYER_SDS[0])
-        best = int(layered.argmax())
+        layered = np.exp(evidence - np.logaddexp.reduce(evidence)) * (model.layer_sd > LAYER_SDS[0])
         _, layers = self.model.tissue_columns(inclusion, nuisance)
-        covariance = hypotheses.covariance[best] + rotated[0] @ rotated[0].T
-        factors = model.layer_sd[best] ** 2 * layers[self._use].T @ np.linalg.solve(covariance, residual[0])
-        return SuperficialLayer(probability=float(layered.sum()), log_factor=model.layer_log_factor(factors))
+        layers, probable = layers[self._use], np.flatnonzero(layered > IMPROBABLE_HYPOTHESIS * layered.max())
+        if not len(probable):
+            return SuperficialLayer.none()
+        means, squares = [], []
+        for index in probable:
+            covariance = hypotheses.covariance[index] + rotated[0] @ rotated[0].T
+            gain = model.layer_sd[index] ** 2 * np.linalg.solve(covariance, layers).T
+            root = np.linalg.cholesky(model.layer_sd[index] ** 2 * (np.eye(model.layer_count) - gain @ layers))
+            means.append(model.layer_log_factor(gain @ residual[0]))
+            squares.append((model.layer_log_factor(root) ** 2).sum(axis=1) + means[-1] ** 2)
+        share = layered[probable] / layered[probable].sum()
+        mean = share @ np.array(means)
+        sd = np.sqrt(np.maximum(share @ np.array(squares) - mean**2, 0.0))
+        return SuperficialLayer(probability=float(layered.sum()), log_factor=mean, log_factor_sd=sd)
 
     def sources(self, inclusion: Floats, nuisance: Floats, *, model_error: float) -> ErrorSources:
         """Sensitivities to an inclusion (3,), and the covariance of each source of error, linearised there.
@@ -240,27 +249,6 @@ class InclusionLikelihood:
     def _used(self, columns: Floats) -> Floats:
         """The used rings of (n, frames, rings, ...); shape (n, used rings, ...)."""
         return columns.reshape(len(columns), -1, *columns.shape[3:])[:, self._use]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SuperficialLayer:
-    """A superficial layer.
-
-    Attributes
-    ----------
-    probability
-        That of a layer which matters.
-    log_factor
-        Posterior mean of the log of the modulus over the tissue's above each of `LAYERS_MM`, shape (layers,).
-    """
-
-    probability: float
-    log_factor: Floats
-
-    @property
-    def size_mm(self) -> float:
-        """Integral of the absolute log factor over the depth: 0.34 for 1 mm of 1.4 times the tissue's modulus."""
-        return float(np.abs(self.log_factor) @ np.diff(LAYERS_MM, prepend=0.0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -1,6 +1,6 @@
 """Trials of matching methods: shapes, distortions, public data, runs and summaries."""
 
-from tsis.matching._posterior import trust_features
+from tsis.matching._posterior import trust_features, trust_log_odds
 from tsis.matching.trials._distort import (
     SHAPES,
     Distortion,
@@ -76,4 +76,5 @@ __all__ = [
     "summarise_pooled",
     "trust_cases",
     "trust_features",
+    "trust_log_odds",
 ]

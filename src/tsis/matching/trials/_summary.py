@@ -11,8 +11,8 @@ import numpy as np
 from scipy.optimize import minimize
 
 from tsis.matching._fit import NormalFrame
-from tsis.matching._posterior import RELIABLE, probability_right, trust_features, trust_measures
-from tsis.matching._registration import confidence_and_posterior
+from tsis.matching._posterior import RELIABLE, probability_right, trust_features
+from tsis.matching._registration import fit_and_measures
 from tsis.matching.trials._trials import matching_error
 from tsis.model import require_number
 
@@ -253,7 +253,7 @@ class TrustCase:
     seconds
         Duration; of all but the first method of a trial without the search for poses, which they share.
     measures
-        What the confidence depends on; empty where it is 0, as for a folded or flat map.
+        What the confidence depends on; empty for other programs.
     """
 
     trial: str
@@ -268,7 +268,7 @@ class TrustCase:
 
     def rated(self) -> TrustCase:
         """The answer with the confidence that the present weights give its measures."""
-        confidence = probability_right(np.array(self.measures)) if self.measures else 0.0
+        confidence = probability_right(np.array(self.measures))
         return replace(self, confidence=confidence, reliable=confidence >= RELIABLE)
 
 
@@ -283,10 +283,10 @@ def trust_cases(trial: Trial, methods: Sequence[str], *, rotation_sd_deg: float 
     searched: PosePosterior | None = None
     for method in methods:
         start = time.process_time()
-        fit, posterior, confidence = confidence_and_posterior(
+        fit, posterior, measures = fit_and_measures(
             method, source, target, rotation_sd_deg=rotation_sd_deg, searched=searched
         )
-        moved = fit.move(source)
+        moved, confidence = fit.move(source), probability_right(measures)
         seconds = time.process_time() - start
         searched = searched or posterior
         poses = posterior.alternatives()
@@ -299,12 +299,12 @@ def trust_cases(trial: Trial, methods: Sequence[str], *, rotation_sd_deg: float 
             reliable=confidence >= RELIABLE,
             second=1 - poses[0].probability if poses else 1.0,
             seconds=seconds,
-            measures=tuple(trust_measures(posterior, moved).tolist()) if confidence else (),
+            measures=tuple(measures.tolist()),
         )
 
 
 def fit_trust(measures: Floats, right: Floats) -> Floats:
-    """Weights, shape (k,), of the logistic regression of being right, shape (n,), on measures, shape (n, 8).
+    """Weights, shape (k,), of the logistic regression of being right, shape (n,), on measures, shape (n, 9).
 
     A weak ridge on standardised columns bounds the weights, which are not negative but for the constant and the noise.
     """

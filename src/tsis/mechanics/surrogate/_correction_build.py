@@ -67,6 +67,7 @@ OF_PRESSURE = [0, *range(4, 4 + LEADING_MODES), *range(GROUPS[3], GROUPS[3] + PR
 MODES_FRACTION = 0.85  # of the face's radius, over which profiles are decomposed
 RINGS = 20  # of the inner face, over which an estimate and the error take means
 MOST_MISSING = 2  # presses without inclusion on one slab that need not converge
+NARROWER = "narrow the prior to other contrasts, tissues or depths, or estimate with strain='small'"
 EASY_SPHERE = (0.3, 0.2)  # diameter and depth of the sphere in the mesh of presses without inclusion, of the thickness
 
 
@@ -253,7 +254,7 @@ def _completed(loads: Floats, rows: Floats) -> Floats:
     """Rows (loads, outputs) with those of presses that did not converge from the polynomial through the others."""
     solved = np.isfinite(rows[:, 0])
     if solved.sum() < len(loads) - MOST_MISSING:
-        raise MechanicsError(f"{(~solved).sum()} of {len(loads)} presses without inclusion do not converge")
+        raise MechanicsError(f"{(~solved).sum()} of {len(loads)} presses without inclusion do not converge: {NARROWER}")
     completed = rows.copy()
     completed[~solved] = BarycentricInterpolator(loads[solved], rows[solved])(loads[~solved])
     return completed
@@ -280,7 +281,7 @@ def _pairs(solver: SlabPresses, states: Floats, name: str | None, advance: Calla
                 failed.append(index)
                 if len(failed) > max(2, len(states) // 10):
                     raise MechanicsError(
-                        f"more than a tenth of the presses of this box do not converge: {error}"
+                        f"more than a tenth of the presses of this box do not converge: {NARROWER}; the last: {error}"
                     ) from error
             else:
                 signal = row_of_field(there.result.field) - row_of_field(here.result.field)

@@ -148,7 +148,7 @@ async def session_page(instrument: Instrument, viewer: kit.Viewer, name: str) ->
     except TsisError as error:
         with position, ui.element("section").classes("panel"):
             ui.label(str(error)).classes("doubtful")
-            ui.link(tr("To the sessions"), "/calibrate")
+            ui.link(tr("All sessions"), "/calibrate")
         return
     if session is None:  # the console is being ended
         return
@@ -245,15 +245,6 @@ PROBE_TIPS_MM, PROBE_PADS_KPA = (
     (6.0, 10.0, 14.0),
     (5.0, 10.0),
 )  # for the soft virtual probe, which sharper tips sink into
-LABELS = {
-    "pitch_mm": "pitch of the dot board",
-    "pitch_sd_mm": "its standard uncertainty",
-    "tips_mm": "radii of the tips",
-    "tip_radius_mm": "each radius of the tips",
-    "gauge_share": "relative uncertainty of the gauge",
-    "patch_px": "lamps seen past the probe",
-    "pads_kpa": "moduli of the soft pads",
-}
 
 
 class TermsForm:
@@ -279,6 +270,21 @@ class TermsForm:
                 self._seed = kit.unit_field("Seed of the virtual rig", str(choice.seed), keys="numeric")
                 self._patch = kit.unit_field("Lamps seen past the probe", unit="pixels", keys="text")
                 self._patch.props('hint="left, top, right, bottom; empty where they are seen nowhere" ')
+            self._fields = {
+                "name": self._name,
+                "pitch_mm": self._pitch,
+                "pitch_sd_mm": self._pitch_sd,
+                "tips_mm": self._tips,
+                "tip_radius_mm": self._tips,
+                "a calibration": self._tips,
+                "pads_kpa": self._pads,
+                "pad_kpa": self._pads,
+                "loadings of each tip": self._repeats,
+                "gauge_share": self._gauge_uncertainty,
+                "seed": self._seed,
+                "lamps seen past the probe": self._patch,
+                "patch_px": self._patch,
+            }
             with ui.element("div").classes("row"):
                 self._button = kit.button(tr("Begin"), self._begin, icon="play_arrow", look="unelevated")
         controls.add(self._button)
@@ -298,16 +304,15 @@ class TermsForm:
             self._with.text = "With the camera that is chosen; start it first, for the session remembers its settings."
 
     async def _begin(self) -> None:
-        session = await self._viewer.attempt(self._begun)
+        session = await kit.submit(self._viewer, self._fields, self._begun)
         if session is not None:
             ui.navigate.to(f"/calibrate/{quote(session.name)}")
 
     def _begun(self) -> CalibrationSession:
-        with kit.field_messages(LABELS):
-            return self._instrument.calibrating.begin(self._terms(), by=self._viewer.identity)
+        return self._instrument.calibrating.begin(self._terms(), by=self._viewer.identity)
 
     def _terms(self) -> SessionSetup:
-        tips = kit.typed_numbers(LABELS["tips_mm"], self._tips.value)
+        tips = kit.typed_numbers("tips_mm", self._tips.value)
         repeats = kit.typed_integer("loadings of each tip", self._repeats.value, 1, 20)
         if len(tips) * repeats < LEAST_LOADINGS:
             raise InputError(
@@ -322,15 +327,13 @@ class TermsForm:
             name=name,
             probe=self._probe.value or "",
             camera=bench_name(seed) if self._virtual else self._instrument.camera_controller.name or "camera",
-            pitch_mm=kit.typed_number(LABELS["pitch_mm"], self._pitch.value),
-            pitch_sd_mm=kit.typed_number(LABELS["pitch_sd_mm"], self._pitch_sd.value),
-            gauge_share=kit.typed_number(LABELS["gauge_share"], self._gauge_uncertainty.value),
+            pitch_mm=kit.typed_number("pitch_mm", self._pitch.value),
+            pitch_sd_mm=kit.typed_number("pitch_sd_mm", self._pitch_sd.value),
+            gauge_share=kit.typed_number("gauge_share", self._gauge_uncertainty.value),
             patch_px=None if self._virtual else typed_patch(self._patch.value or ""),
             tips_mm=tips,
             repeats=repeats,
-            pads_kpa=kit.typed_numbers(LABELS["pads_kpa"], self._pads.value)
-            if (self._pads.value or "").strip()
-            else (),
+            pads_kpa=kit.typed_numbers("pads_kpa", self._pads.value),
         )
 
 

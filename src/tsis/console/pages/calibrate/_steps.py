@@ -103,10 +103,9 @@ class TypedLoading:
 
         def pressed() -> int:
             force = kit.typed_number("force", text.replace(",", "."))
-            with kit.field_messages(kit.FORCE):
-                return self._session.press(self._step, force, by=self._viewer.identity)
+            return self._session.press(self._step, force, by=self._viewer.identity)
 
-        if await self._viewer.attempt(pressed) is not None:
+        if await kit.submit(self._viewer, {"force": self._force}, pressed) is not None:
             self._force.set_value("")
 
 
@@ -297,7 +296,10 @@ class MakePanel:
         self._commands.set_visibility(bool(identity))
 
     async def _begin(self) -> None:
-        await self._viewer.attempt(lambda: self._session.make(days=kit.typed_number("days", self._days.value)))
+        fields = {"days": self._days}
+        await kit.submit(
+            self._viewer, fields, lambda: self._session.make(days=kit.typed_number("days", self._days.value))
+        )
 
     async def _activate(self) -> None:
         def activated() -> str:

@@ -21,6 +21,7 @@ from tsis.console.pages.components._fields import (
     number_text_of_field,
     one_file,
     select_field,
+    submit,
     text_area,
     text_field,
     typed_forces,
@@ -37,6 +38,7 @@ from tsis.console.pages.components._language import (
     help_texts,
     language_choice,
     languages,
+    plain_message,
     tr,
 )
 from tsis.console.pages.components._lists import (
@@ -114,6 +116,7 @@ __all__ = [
     "open_dialog",
     "panel",
     "panel_title",
+    "plain_message",
     "press_label",
     "report_parts",
     "row",
@@ -123,6 +126,7 @@ __all__ = [
     "set_filled",
     "show_drawing",
     "status",
+    "submit",
     "table",
     "text_area",
     "text_field",

@@ -8,7 +8,7 @@ import tempfile
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 from nicegui import ui
 from nicegui.elements.upload import Upload
@@ -25,12 +25,14 @@ if TYPE_CHECKING:
     from nicegui.client import Client
     from nicegui.element import Element
     from nicegui.elements.choice_element import ChoiceElement
+    from nicegui.elements.mixins.validation_element import ValidationElement
     from nicegui.events import UploadEventArguments, ValueChangeEventArguments
 
     from tsis.console.pages.components._viewer import Viewer
 
 
 FORCE = {"force_n": "force"}
+Result = TypeVar("Result")
 
 
 def with_field_labels(message: str, labels: Mapping[str, str]) -> str:
@@ -51,6 +53,30 @@ def field_messages(labels: Mapping[str, str]) -> Iterator[None]:
         yield
     except InputError as error:
         raise InputError(with_field_labels(str(error), labels)) from error
+
+
+async def submit(
+    viewer: Viewer, fields: Mapping[str, ValidationElement[Any]], act: Callable[..., Result], *given: object
+) -> Result | None:
+    """As `Viewer.attempt`; an error about one of the ``fields``, by their names in errors, is shown under it.
+
+    The field's label replaces the name of a parameter. The error goes when something else is typed.
+    """
+    result: list[Result] = []
+    refusal = await viewer.refusal(lambda: result.append(act(*given)))
+    for name, field in fields.items():
+        if about := re.match(rf"(each |.*: )?{re.escape(name)}\b", refusal, re.IGNORECASE):
+            field.error = label_of(field) + refusal[about.end() :] if "_" in name else refusal
+            field.run_method("focus")
+            return None
+    if refusal:
+        viewer.complain(refusal)
+    return result[0] if result else None
+
+
+def label_of(field: Element) -> str:
+    """The label of a field."""
+    return str(field.props.get("aria-label") or field.props.get("label") or "")
 
 
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)(e[+-]?\d+)?", re.IGNORECASE | re.ASCII)
@@ -106,7 +132,7 @@ def explain(field: Field, label: str = "", about: str = "") -> Field:
 
     It is ``about``, or what the help has of the field's ``label``, on its page first.
     """
-    label = label or str(field.props.get("aria-label") or field.props.get("label") or "")
+    label = label or label_of(field)
     texts = help_texts()
     here = texts.get(address_of(field.client.sub_pages_router.current_path), {}).get("fields", {})
     about = about or here.get(label) or texts["fields"].get(label, "")
@@ -119,8 +145,7 @@ def explain(field: Field, label: str = "", about: str = "") -> Field:
 def explained_fields(client: Client) -> list[tuple[str, str]]:
     """Names of the fields of an open page with their sentences, each once."""
     fields = [item for item in client.layout.descendants() if ABOUT in item.props and item.visible]
-    named = {str(item.props.get("aria-label") or item.props.get("label") or ""): item.props[ABOUT] for item in fields}
-    return list(named.items())
+    return list({label_of(item): item.props[ABOUT] for item in fields}.items())
 
 
 def explaining(kind: Callable[Arguments, Field]) -> Callable[Arguments, Field]:
@@ -349,7 +374,7 @@ def one_file(
 
 def file_field(viewer: Viewer, label: str, *, accept: str, act: Callable[..., object]) -> FileField:
     """A field that hands an uploaded file to ``act`` as a path, ``by`` this client; the copy is then removed."""
-    field = one_file(viewer, label, accept=accept, refused=tr("a file of another kind, or one too large"))
+    field = one_file(viewer, label, accept=accept, refused=tr("The file is of another kind, or too large."))
 
     async def uploaded(event: UploadEventArguments) -> None:
         with tempfile.TemporaryDirectory(prefix="tsis-upload-") as folder:

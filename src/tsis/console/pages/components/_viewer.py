@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final, ParamSpec, TypeVar
 from nicegui import binding, run, ui
 
 from tsis.console.auth import client_identity
+from tsis.console.pages.components._language import plain_message
 from tsis.errors import TsisError
 from tsis.files import one_line
 
@@ -96,10 +97,10 @@ class Viewer:
         try:
             await run.io_bound(act)
         except TsisError as error:
-            return str(error)
+            return plain_message(str(error))
         except Exception as error:
             _log.exception("a command of a page failed")
-            return f"this failed for an unexpected reason: {type(error).__name__}: {error}"
+            return f"This failed for an unexpected reason: {type(error).__name__}: {error}"
         return ""
 
     def command(self, act: Callable[..., object], *given: object) -> Callable[[], Awaitable[object]]:

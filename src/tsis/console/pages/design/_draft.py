@@ -173,7 +173,7 @@ def draft_message(make: Callable[[], object]) -> str:
     try:
         make()
     except InputError as error:
-        return kit.with_field_labels(str(error), LABELS)
+        return kit.plain_message(kit.with_field_labels(str(error), LABELS))
     return ""
 
 

@@ -49,11 +49,13 @@ class QuestionForm:
             kit.select_field(CRITERIA, value=draft.criterion, label="The expected error of").props(
                 "options-dense"
             ).bind_value_to(draft, "criterion")
-            ui.switch(tr("Light by the lamps, traced"), value=draft.traced).props("dense").bind_value_to(
+            ui.switch(tr("Ray-trace the light of the lamps"), value=draft.traced).props("dense").bind_value_to(
                 draft, "traced"
             )
         with ui.element("div").classes("fields"):
-            search = ui.switch(tr("Search better layers and forces, for minutes"), value=draft.search).props("dense")
+            search = ui.switch(tr("Search for better layers and forces (takes minutes)"), value=draft.search).props(
+                "dense"
+            )
             search.bind_value_to(draft, "search")
             tries = ui.element("div")
         messages = FieldMessages()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from nicegui import background_tasks, ui
 
@@ -63,7 +63,9 @@ class Section:
             probe = self._editor.probe.probe()
         except InputError as error:
             beside = any(self._editor.probe.field_faults())  # which has its own message
-            self._fault.text = "Not drawn while a field is wrong." if beside else f"Not drawn: {error}"
+            self._fault.text = (
+                "Not drawn while a field is wrong." if beside else f"Not drawn: {kit.plain_message(str(error))}"
+            )
             return
         self._fault.text = ""
         source = await self._viewer.attempt(address, picture_of(probe))
@@ -93,6 +95,7 @@ def _draw(probe: Probe, figure: Figure) -> None:
 
 
 EVERY_S = 0.4  # between two readings of the job
+Draft = TypeVar("Draft")
 SCROLL = 'getHtmlElement({}).scrollIntoView({{behavior: "smooth", block: "start"}})'
 
 
@@ -147,10 +150,7 @@ class DesignResultPanel:
     def _started(self) -> None:
         if self._running():
             return
-        try:
-            question = self._editor.question.question(self._editor.probe.probe())
-        except InputError as error:
-            self._viewer.complain(str(error))
+        if (question := self._valid(lambda: self._editor.question.question(self._editor.probe.probe()))) is None:
             return
         self._editor.job = self._instrument.jobs.begin(
             f"what {question.planned.described} would tell", analysis_of(question)
@@ -198,12 +198,16 @@ class DesignResultPanel:
         ui.download.content(json_bytes(design_document(analysis)), "design.json", "application/json")
 
     def _save_probe(self) -> None:
+        if (probe := self._valid(self._editor.probe.probe)) is not None:
+            ui.download.content(probe_toml(probe).encode(), f"{file_name(probe.name)}.toml", "application/toml")
+
+    def _valid(self, read: Callable[[], Draft]) -> Draft | None:
+        """What the fields say; None, and a message, when one is wrong."""
         try:
-            probe = self._editor.probe.probe()
+            return read()
         except InputError as error:
-            self._viewer.complain(str(error))
-            return
-        ui.download.content(probe_toml(probe).encode(), f"{file_name(probe.name)}.toml", "application/toml")
+            self._viewer.complain(kit.plain_message(str(error)))
+            return None
 
 
 def file_name(name: str) -> str:

@@ -346,13 +346,13 @@ class SequencePanel:
 
     async def _record(self) -> None:
         def begin() -> Job:
-            length = kit.typed_number("length", self._length.value)
+            length = kit.typed_number(str(self._unit.value), self._length.value)
             if self._unit.value == SECONDS:
                 return self._instrument.begin_sequence(seconds=length, by=self._viewer.identity)
             frames = require_integer("frames", length, 1, MOST_SEQUENCE_FRAMES)
             return self._instrument.begin_sequence(frames=frames, by=self._viewer.identity)
 
-        await self._viewer.attempt(begin)
+        await kit.submit(self._viewer, {SECONDS: self._length, FRAMES: self._length}, begin)
 
 
 def sequence_text(sequence: JobState | None) -> str:

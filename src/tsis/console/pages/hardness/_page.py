@@ -30,8 +30,6 @@ from tsis.hardness import RADIUS_SD_MM, require_radius
 from tsis.model import require_number
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from tsis.console.services import Instrument, InstrumentState, Job, JobState, SavedPress
     from tsis.records import StoredPress
 
@@ -54,15 +52,15 @@ class ObjectPart:
                 self._sphere.classes("hardness-sphere")
                 self._lay = controls.add(
                     kit.button(
-                        tr("Lay it under the probe"), self._laid, icon="vertical_align_bottom", look="unelevated"
+                        tr("Place it under the probe"), self._laid, icon="vertical_align_bottom", look="unelevated"
                     )
                 )
             with ui.element("div").classes("row") as self._real:
                 self._name = kit.muted()
                 controls.add(kit.button(tr("Another object"), self._another, icon="add"))
             with ui.element("div").classes("row") as self._size:
-                self._radius = kit.unit_field("Radius of the object", unit="mm").classes("hardness-number")
-                self._sd = kit.unit_field("Known to within (sd)", unit="mm").classes("hardness-number")
+                self.radius_field = kit.unit_field("Radius of the object", unit="mm").classes("hardness-number")
+                self.sd_field = kit.unit_field("Its standard uncertainty", unit="mm").classes("hardness-number")
             self._message = kit.muted()
 
     def show(self, state: InstrumentState, saved: SavedPresses) -> None:
@@ -88,28 +86,27 @@ class ObjectPart:
 
     def radius(self) -> dict[str, float]:
         """The typed options of an estimate; `InputError` when they cannot be of an object under this probe."""
-        radius_text, sd_text = (self._radius.value or "").strip(), (self._sd.value or "").strip()
+        radius_text, sd_text = ((each.value or "").strip() for each in (self.radius_field, self.sd_field))
         if not radius_text:
             if sd_text:
-                raise InputError("radius of the object must be given with its standard deviation; got none")
+                raise InputError("radius_mm must be given with its standard deviation; got none")
             return {}
-        radius = kit.typed_number("radius of the object", radius_text)
+        radius = kit.typed_number("radius_mm", radius_text)
         given = self._instrument.calibration
         name = "" if given is None else given.calibration.probe
         name = name or self._instrument.camera_controller.choice.probe
-        with kit.field_messages({"radius_mm": "radius of the object"}):
-            require_radius("radius of the object", load_probe(name), radius)
+        require_radius("radius_mm", load_probe(name), radius)
         if not sd_text:
             return {"radius_mm": radius}
-        sd = kit.typed_number("its standard deviation", sd_text)
-        require_number("its standard deviation", sd, 0.0, radius / 10, hint="millimetres, up to a tenth of the radius")
+        sd = kit.typed_number("radius_sd_mm", sd_text)
+        require_number("radius_sd_mm", sd, 0.0, radius / 10, hint="millimetres, up to a tenth of the radius")
         return {"radius_mm": radius, "radius_sd_mm": sd}
 
     def _fill(self, which: object, radius_mm: float, sd_mm: float | None) -> None:
         if which != self._filled:
             self._filled = which
-            self._radius.set_value(f"{radius_mm:.3f}")
-            self._sd.set_value(kit.number_text_of_field(sd_mm))
+            self.radius_field.set_value(f"{radius_mm:.3f}")
+            self.sd_field.set_value(kit.number_text_of_field(sd_mm))
 
     async def _laid(self) -> None:
         with kit.loading(self._lay):
@@ -152,9 +149,9 @@ class PressPart:
             with self._extra:
                 kit.muted(tr("A rigid ball shows how much the probe itself yields."))
                 with ui.element("div").classes("row"):
-                    self._ball_mm = kit.unit_field("Radius of the ball", kit.number_text_of_field(BALL_MM), unit="mm")
+                    self.ball_mm = kit.unit_field("Radius of the ball", kit.number_text_of_field(BALL_MM), unit="mm")
                     self._ball_force = kit.unit_field("Force on the ball", FORCES_N[0], unit="N")
-                    for field in (self._ball_mm, self._ball_force):
+                    for field in (self.ball_mm, self._ball_force):
                         field.classes("hardness-number")
                     self._ball = controls.add(kit.button(tr("Press the ball and save"), lambda: self._save(BALL)))
 
@@ -185,21 +182,22 @@ class PressPart:
 
     def ball_radius(self) -> float:
         """The typed radius in mm; `InputError` when it is no number."""
-        return kit.typed_number("radius of the ball", self._ball_mm.value)
+        return kit.typed_number("reference_radius_mm", self.ball_mm.value)
 
     async def _save(self, role: str) -> None:
         button, field = (self._press, self._force) if role == TARGET else (self._ball, self._ball_force)
         with kit.loading(button):
-            press: SavedPress | None = await self._viewer.attempt(self._pressed, role, field.value)
+            press: SavedPress | None = await kit.submit(
+                self._viewer, {"force_n": field}, self._pressed, role, field.value
+            )
         if press is not None:
             self._viewer.notify(snapshot_text(press))
 
     def _pressed(self, role: str, text: str | None) -> SavedPress:
-        force_n = None if self._gauge else kit.typed_number("force", text)
+        force_n = None if self._gauge else kit.typed_number("force_n", text)
         state = self._instrument.state()
         if (state.role, state.force_n) != (role, force_n):
-            with kit.field_messages(kit.FORCE):
-                self._instrument.hold(role=role, force_n=force_n, by=self._viewer.identity)
+            self._instrument.hold(role=role, force_n=force_n, by=self._viewer.identity)
         return self._instrument.snapshot(by=self._viewer.identity)
 
 
@@ -220,14 +218,8 @@ LABELS = {
 class Estimating:
     """Begins the estimate, with the typed radii."""
 
-    def __init__(
-        self,
-        instrument: Instrument,
-        viewer: kit.Viewer,
-        radius: Callable[[], dict[str, float]],
-        ball_radius: Callable[[], float],
-    ) -> None:
-        self._instrument, self._viewer, self._radius, self._ball_radius = instrument, viewer, radius, ball_radius
+    def __init__(self, instrument: Instrument, viewer: kit.Viewer, measured: ObjectPart, presses: PressPart) -> None:
+        self._instrument, self._viewer, self._object, self._presses = instrument, viewer, measured, presses
         with ui.element("div").classes("panel stack tight"):
             with kit.title_row(tr("3  Estimate")):
                 self._button = kit.button(tr("Estimate"), self._begin, icon="analytics", look="unelevated")
@@ -253,13 +245,14 @@ class Estimating:
         def begin() -> Job:
             number = self._instrument.state().target
             presses = saved_presses(self._instrument.store, number).presses
-            options = self._radius()
+            options = self._object.radius()
             if any(press.role == BALL for press in presses):
-                options["reference_radius_mm"] = self._ball_radius()
+                options["reference_radius_mm"] = self._presses.ball_radius()
             identities = [press.id for press in presses] or None
             return self._instrument.estimate(number, kind=HARDNESS, presses=identities, options=options)
 
-        await self._viewer.attempt(begin)
+        fields = {"radius_mm": self._object.radius_field, "radius_sd_mm": self._object.sd_field}
+        await kit.submit(self._viewer, {**fields, "reference_radius_mm": self._presses.ball_mm}, begin)
 
 
 EVERY_S = 0.5  # between two readings of the store
@@ -285,7 +278,7 @@ class HardnessPage:
                     self._controls.why()
                 self._object = ObjectPart(instrument, viewer, self._controls)
                 self._presses = PressPart(instrument, viewer, self._controls)
-                self._estimating = Estimating(instrument, viewer, self._object.radius, self._presses.ball_radius)
+                self._estimating = Estimating(instrument, viewer, self._object, self._presses)
         self._result = HardnessPanel(viewer)
         viewer.every(EVERY_S, self._refresh)
         viewer.follow(self._show)

@@ -100,6 +100,8 @@ def number_text(value: float) -> str:
 class Editing(ABC, Generic[Record]):
     """The fields of a record in a dialog; ``leave`` labels the button that changes nothing."""
 
+    _fields: Mapping[str, ui.input | ui.textarea]  # by their names in errors
+
     def __init__(self, page: TargetContext, record: Record, dialog: ui.dialog, *, leave: str) -> None:
         self._page, self._record, self._dialog = page, record, dialog
         self._lay_out()
@@ -133,7 +135,7 @@ class Editing(ABC, Generic[Record]):
         self._conflict.clear()
 
     async def _save(self) -> None:
-        result = await self._page.viewer.attempt(self._edited, *self._written())
+        result = await kit.submit(self._page.viewer, self._fields, self._edited, *self._written())
         if result is None:
             return
         if result.refused:
@@ -220,6 +222,7 @@ class _PressEditing(Editing["StoredPress"]):
             names, label="Flags", multiple=True, with_input=True, new_value_mode="add-unique"
         ).props("use-chips")
         self._note = kit.text_area("Note").props("autogrow")
+        self._fields = {"force": self._force, "note": self._note}
         kit.muted(tr("Where force or role are changed, recompute the estimates."))
 
     def _show(self, record: StoredPress) -> None:
@@ -288,9 +291,7 @@ def state_banner(page: TargetContext, view: TargetView) -> None:
 
 
 async def _set_state(page: TargetContext, target: Target, state: str) -> None:
-    refusal = await page.viewer.refusal(lambda: page.instrument.store.set_state(target, state))
-    if refusal:
-        page.viewer.complain(refusal)
+    if await page.viewer.attempt(lambda: (page.instrument.store.set_state(target, state), True)) is None:
         return
     page.viewer.notify(tr("Target {number} is {state}.", number=target.number, state=state or "restored"))
     await page.load()
@@ -317,6 +318,7 @@ class _TargetEditing(Editing["Target"]):
         self._note = kit.text_area("Note").props("autogrow")
         self._truth = kit.text_area("True values, one on a line: diameter_mm=10").props("autogrow")
         self._truth.set_visibility(not subject)
+        self._fields = {"name": self._name, "note": self._note, "true value": self._truth, "truth": self._truth}
 
     def _show(self, record: Target) -> None:
         self._name.value, self._note.value = record.name, record.note

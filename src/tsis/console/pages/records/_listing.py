@@ -316,7 +316,9 @@ def backup_button(instrument: Instrument, viewer: kit.Viewer, place: ui.element)
             folder.props("outlined dense")
 
             async def begin() -> None:
-                path = Path((folder.value or "").strip())
+                path = await kit.submit(viewer, {"folder": folder}, _whole_path, folder.value or "")
+                if path is None:
+                    return
                 dialog.close()
                 await follow_job(
                     viewer, results, lambda: _backup(instrument, path), partial(_show_backup, results, path)
@@ -329,9 +331,14 @@ def backup_button(instrument: Instrument, viewer: kit.Viewer, place: ui.element)
     kit.button(tr("Back up"), ask, icon="save", look="outline dense")
 
 
-def _backup(instrument: Instrument, path: Path) -> Job:
+def _whole_path(text: str) -> Path:
+    path = Path(text.strip())
     if not path.is_absolute():
-        raise InputError(f"folder must be a whole path on the console's computer; got {str(path)!r:.80}")
+        raise InputError(f"folder must be a whole path on the console's computer; got {text.strip()!r:.80}")
+    return path
+
+
+def _backup(instrument: Instrument, path: Path) -> Job:
     return instrument.jobs.begin(
         "backup of the store", lambda job: back_up_store(instrument.store, path, progress=job.advance)
     )

@@ -140,7 +140,7 @@ async def compare(page: TargetContext, view: TargetView, *, same_light: bool = F
     position.set_visibility(True)
     position.clear()
     with position:
-        ui.label(tr("Reading and drawing ...")).classes("muted").props('role="status"')
+        ui.label(tr("Loading …")).classes("muted").props('role="status"')
     result = await page.viewer.attempt(_compared, page.instrument.store, view.target, chosen, same_light=same_light)
     position.clear()
     if result is None:
@@ -216,7 +216,7 @@ def ask_to_compare(page: TargetContext, view: TargetView) -> None:
         def go() -> None:
             text = (other.value or "").strip()
             if not text.isdecimal():
-                page.viewer.complain(tr("the other target must be given by its number"))
+                other.error = tr("The other target must be given by its number.")
                 return
             dialog.close()
             ui.navigate.to(f"/records/compare/{number}-{int(text[:20])}")

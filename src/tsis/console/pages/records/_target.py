@@ -57,7 +57,7 @@ def sequences(workspace: Path, number: int, dialogs: ui.element) -> None:
     kit.panel_title(tr("Sequences"))
     found = sequence_folders(workspace, number)
     if not found:
-        kit.muted(tr("None was recorded. Examine records them."))
+        kit.muted(tr("No sequence yet: record one on the page Examine."))
         return
     with kit.rows_under((tr("Sequence"), tr("Frames"), ""), label=f"Sequences of target {number}"):
         for name, frames in found.items():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -101,7 +102,6 @@ def _state(read: int, repeats: int) -> str:
     return f"read {read} of {repeats}" if read else "left"
 
 
-PROBABILITY = "least probability of an inclusion, of the virtual probe; other devices bring theirs"
 USUAL_FORCES = (0.5, 1.0)  # at most; a flat probe has one
 LARGE = 1000  # readings, beyond which the size is confirmed first
 SECONDS_PER_READING = 0.55  # of one core, with four presses; measured on the domed probe
@@ -131,7 +131,7 @@ class StudySize:
 
 
 DURATIONS = (("days", 86400.0), ("hours", 3600.0), ("minutes", 60.0), ("seconds", 1.0))
-LIKE = {"printed": "like the printed study", "random": "drawn by chance"}
+LIKE = {"printed": "like the printed study", "random": "random"}
 LABELS = {"present": "targets with an inclusion", "blank": "blanks", "forces_n": "forces"}
 MOST_FORCES = 16
 MOST_REPEATS = 1000
@@ -171,7 +171,7 @@ class StudyDraft:
         return name
 
     def _threshold(self) -> float:
-        return require_number("threshold", kit.typed_number("threshold", self.threshold), 0.0, 1.0, hint=PROBABILITY)
+        return require_number("threshold", kit.typed_number("threshold", self.threshold), 0.0, 1.0)
 
     def size(self) -> StudySize:
         """Readings and presses of the virtual probe; `InputError` for an invalid field."""
@@ -199,9 +199,7 @@ def typed_whole(name: str, text: str) -> int:
 
 EVERY_S, PROGRESS_EVERY_S = 1.0, 0.5
 HEADINGS = ("Study", "Targets", "Readings", "State")
-NONE_YET = (
-    "There is no study yet. Make one here: its targets get codes, in an order by chance, and what they are is sealed."
-)
+NONE_YET = "There is no study yet. Make one here: its targets get codes in random order, and the truth is sealed."
 MEANT = (
     "Codes and order follow from the seed. Whoever knows it can read the truth; left empty it is drawn, and sealed "
     "with the truth. Targets, probe, forces and threshold are fixed once the study is made."
@@ -284,6 +282,14 @@ class _NewStudy:
             "threshold": threshold,
             "seed": seed,
         }
+        named = {
+            "targets with an inclusion": present,
+            "blanks": blank,
+            "force": forces,
+            "operator": self._who,
+            "actor": self._who,
+        }
+        self._fields = {**named, **self._texts}
         for field in (present, blank, forces, repeats):
             field.on_value_change(self._count)
         threshold.props["hint"] = "probability, 0 to 1"
@@ -314,14 +320,12 @@ class _NewStudy:
         try:
             self._size.text = self._draft().size().text()
         except InputError as error:
-            self._size.text = f"{error}."
+            self._size.text = kit.plain_message(str(error))
 
     async def _make(self) -> None:
         draft = self._draft()
-        try:
-            size = draft.size()
-        except InputError as error:
-            self._viewer.complain(str(error))
+        size = await kit.submit(self._viewer, self._fields, draft.size)
+        if size is None:
             return
         if size.readings <= LARGE:
             await self._made(draft)
@@ -341,7 +345,8 @@ class _NewStudy:
 
         with kit.loading(self._button):
             who = name_in(self._viewer, self._who)
-            created = await self._viewer.attempt(draft.make, self._repository, actor=who, progress=sealed)
+            make = partial(draft.make, self._repository, actor=who, progress=sealed)
+            created = await kit.submit(self._viewer, self._fields, make)
         self._sealed = 0.0
         if created is not None:
             ui.navigate.to(f"/study/{created}")

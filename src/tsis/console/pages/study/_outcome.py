@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import partial
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING
 
@@ -311,9 +312,9 @@ class Running:
     async def _run(self) -> None:
         page = self._page
         with kit.loading(self._begin):
-            await page.viewer.attempt(
-                begin_reading, page.jobs, page.repository, page.name, operator=name_in(page.viewer, self._who)
-            )
+            begin = partial(begin_reading, page.jobs, page.repository, page.name)
+            operator = name_in(page.viewer, self._who)
+            await kit.submit(page.viewer, {"operator": self._who}, partial(begin, operator=operator))
 
 
 EXPLAINED = (
@@ -321,7 +322,7 @@ EXPLAINED = (
     "likelier, an empty one is undecided; the last three may be empty. A table is entered whole or not at all."
 )
 TOO_LARGE = f"readings must be one CSV file of at most {kit.LARGEST_MIB} MiB here; larger ones: tsis study import"
-CUT = "the file did not come whole; try again"
+CUT = "The file did not arrive whole: try again."
 
 
 def import_button(page: StudyContext) -> ui.button:
@@ -344,9 +345,9 @@ def import_button(page: StudyContext) -> ui.button:
             viewer.complain(CUT)
             return
         named = one_line(PurePosixPath(event.file.name.replace("\\", "/")).name or "readings.csv")
-        entered = await viewer.attempt(
-            _enter, page, content, named, (device.value or "").strip(), threshold.value or "", name_in(viewer, who)
-        )
+        fields = {"device": device, "threshold": threshold, "actor": who}
+        texts = (device.value or "").strip(), threshold.value or "", name_in(viewer, who)
+        entered = await kit.submit(viewer, fields, _enter, page, content, named, *texts)
         if entered is not None:
             viewer.notify(tr("{entered} readings entered.", entered=entered))
             dialog.close()
