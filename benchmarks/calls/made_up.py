@@ -95,6 +95,7 @@ class MadeUpCalls:
             max_examples=each,
             phases=(Phase.generate,),
             database=None,
+            deadline=None,
             suppress_health_check=list(HealthCheck),
         )
         @given(case=strategy)
