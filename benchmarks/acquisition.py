@@ -212,8 +212,8 @@ def day(hours: float) -> None:
     acquisition.start()
     marks = []
     for part in range(21):
-        wanted = 3600 * hours * part / 20
-        until(partial(_reached, source, wanted), 36000.0)
+        expected = 3600 * hours * part / 20
+        until(partial(_reached, source, expected), 36000.0)
         gc.collect()
         marks.append((_resident_mb(), len(list(Path("/proc/self/fd").iterdir()))))
     account = acquisition.account()

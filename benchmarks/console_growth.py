@@ -24,8 +24,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from benchmarks.goals import Goal, missed_goals
 from benchmarks.tables import show
-from benchmarks.wanted import Wanted, told
 from tests.console.api.script import Script
 from tests.console.browser import chromium
 from tests.console.operator import tab
@@ -208,8 +208,8 @@ def main() -> int:
         series = [float(getattr(look, name)) for look in looks]
         before, after = statistics.median(series[:FEW]), statistics.median(series[-FEW:])
         what = f"{name.replace('_mb', ' memory')} {unit}".strip()
-        growth = Wanted(name=f"growth of {what}", value=after - before, most=MOST_GROWTH[name], form="{:+.1f}")
-        rows.append((what, f"{before:.1f}", f"{after:.1f}", growth.shown, growth.wish))
+        growth = Goal(name=f"growth of {what}", value=after - before, most=MOST_GROWTH[name], form="{:+.1f}")
+        rows.append((what, f"{before:.1f}", f"{after:.1f}", growth.shown, growth.goal))
         growths.append(growth)
     print("resident memory, MB: " + " ".join(f"{look.resident_mb:.0f}" for look in looks))
     print(f"{arguments.hours:g} hours of use in {took_s / 60:.1f} minutes: {dict(done)}")
@@ -217,7 +217,7 @@ def main() -> int:
     title = "held by the server at the beginning of the day and at its end"
     show(title, ("what", "before", "after", "growth", "wanted"), rows, markdown=arguments.markdown)
     print(RESEARCH_USE_ONLY)
-    return told(growths)
+    return missed_goals(growths)
 
 
 if __name__ == "__main__":

@@ -16,9 +16,9 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from benchmarks.goals import Goal, missed_goals
 from benchmarks.live.processor import CoreShare
 from benchmarks.tables import show
-from benchmarks.wanted import Wanted, told
 from tests.console.browser import chromium
 from tests.console.operator import PATIENCE_MS
 from tests.console.running import running_console
@@ -86,18 +86,18 @@ def main() -> int:
                 first_s, image_s, first_work_s, image_work_s = timed(Path(folder), browser)
             run = f"run {number + 1}"
             figures += [
-                Wanted(name=f"{run}, command to first page", value=first_s, most=MOST_PAGE_S, form=SECONDS),
-                Wanted(name=f"{run}, Start to image", value=image_s, most=MOST_IMAGE_S, form=SECONDS),
-                Wanted(name=f"{run}, server's processor time to first page", value=first_work_s, form=SECONDS),
-                Wanted(name=f"{run}, server's processor time, Start to image", value=image_work_s, form=SECONDS),
+                Goal(name=f"{run}, command to first page", value=first_s, most=MOST_PAGE_S, form=SECONDS),
+                Goal(name=f"{run}, Start to image", value=image_s, most=MOST_IMAGE_S, form=SECONDS),
+                Goal(name=f"{run}, server's processor time to first page", value=first_work_s, form=SECONDS),
+                Goal(name=f"{run}, server's processor time, Start to image", value=image_work_s, form=SECONDS),
             ]
         with tempfile.TemporaryDirectory(prefix="tsis-console-start-") as folder:
             acts = counted(Path(folder), browser)
-    figures.append(Wanted(name="clicks from first page to report", value=acts["click"], form=COUNT))
-    figures.append(Wanted(name="keys from first page to report", value=acts["keydown"], form=COUNT))
+    figures.append(Goal(name="clicks from first page to report", value=acts["click"], form=COUNT))
+    figures.append(Goal(name="keys from first page to report", value=acts["keydown"], form=COUNT))
     rows = (item.row for item in figures)
     show("Start of the console, and one examination", ("what", "is", "wanted"), rows, markdown=options.markdown)
-    return told(figures)
+    return missed_goals(figures)
 
 
 if __name__ == "__main__":

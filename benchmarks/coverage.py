@@ -21,8 +21,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from benchmarks.finished_lines import append_line, read_lines
 from benchmarks.judgement import Judgement, compared, rows_of
-from benchmarks.kept_lines import keep_line, read_lines
 from benchmarks.press_bank import PressBank
 from benchmarks.simulated_presses import DEFAULT, PROTOCOLS
 from benchmarks.tables import show
@@ -81,12 +81,12 @@ def run(
     missing = [index for index in range(presses) if index not in found]
     if missing:
         first = judge(bank, missing[0], strain)  # fills the caches of light and surrogate before the workers share them
-        keep_line(out, first)
+        append_line(out, first)
         found[missing[0]] = first
     with ProcessPoolExecutor(max_workers=workers or os.cpu_count()) as pool:
         for future in as_completed([pool.submit(judge, bank, index, strain) for index in missing[1:]]):
             line = future.result()
-            keep_line(out, line)
+            append_line(out, line)
             found[line["index"]] = line
             if progress is not None:
                 progress(len(found), presses)

@@ -42,8 +42,8 @@ def study(
         curve = roc(rng.normal(size=2 * size) + shift * present, present)
         for method in METHODS:
             try:
-                wanted = None if method == "default" else method
-                interval = curve.auc_interval(LEVEL, wanted, rng=rng, draws=draws)
+                expected = None if method == "default" else method
+                interval = curve.auc_interval(LEVEL, expected, rng=rng, draws=draws)
             except InputError:  # no spread, so no interval
                 continue
             held[method] += interval.holds(area)

@@ -19,7 +19,7 @@ from benchmarks.detection_judgement import (
     reaches,
 )
 from benchmarks.detection_tables import Printed, area, area_cells, pairs, share
-from benchmarks.wanted import Wanted, told
+from benchmarks.goals import Goal, missed_goals
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.detection import brier_interval, brier_score, recalibration, reliability_curve
@@ -79,7 +79,7 @@ def report(lines: Sequence[Mapping[str, Any]], *, study: str, markdown: bool, qu
         for kind, here in (("inclusions", True), ("blanks", False))
     }
     document["areas"] = _areas(searched, out)
-    limits = tuple(detection_limit(searched, wanted) for wanted in SPECIFICITIES)
+    limits = tuple(detection_limit(searched, expected) for expected in SPECIFICITIES)
     document["limits"] = [_limit(one, out) for one in limits]
     document["reach"] = [
         {"diameter_mm": d, "depth_mm": h, "reach_mm": r}
@@ -91,8 +91,8 @@ def report(lines: Sequence[Mapping[str, Any]], *, study: str, markdown: bool, qu
     document["classes"] = _classes(kept, out)
     document["both_ways"] = _both_ways(lines, out)
     least = f"area, d >= {WITHIN[0]:g} mm, h <= {WITHIN[1]:g} mm, by evidence"
-    wanted = [Wanted(name=least, value=document["areas"]["wanted"]["auc"], least=AREA, form="{:.4f}")]
-    code = int(not all(one.met for one in wanted)) if quiet else told(wanted)
+    expected = [Goal(name=least, value=document["areas"]["wanted"]["auc"], least=AREA, form="{:.4f}")]
+    code = int(not all(one.met for one in expected)) if quiet else missed_goals(expected)
     return Answer(document=document, code=code, limits=limits, searched=searched)
 
 

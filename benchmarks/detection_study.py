@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from benchmarks.detection_figure import write_results
 from benchmarks.detection_report import report
-from benchmarks.kept_lines import keep_line, read_lines
+from benchmarks.finished_lines import append_line, read_lines
 from benchmarks.searched_presses import COVERING_N, PRIOR, UNEVEN_SD, draw, examine
 from benchmarks.simulated_presses import PROTOCOLS
 from benchmarks.uneven_tissue import lump_changes
@@ -97,14 +97,14 @@ def judge(task: Task) -> dict[str, Any]:
         )
     except TsisError as error:
         return line | {"refused": str(error)}
-    told = target_evidence(found, draws=DRAWS)
+    result = target_evidence(found, draws=DRAWS)
     seconds = {"press_s": round(pressed - began, 2), "estimate_s": round(time.perf_counter() - pressed, 2)}
     return line | probe | seconds | {
         "presence": found.presence,
         "evidence": found.log_bayes_factor,
         "mean": [found.untrusted.mean[name] for name in tsis.inclusion.PARAMETERS],
         "sd": [found.untrusted.sd[name] for name in tsis.inclusion.PARAMETERS],
-        "samples": np.round(told.samples, 3).tolist(),
+        "samples": np.round(result.samples, 3).tolist(),
         "trusted": found.trusted,
         "flags": list(found.flags),
     }  # fmt: skip
@@ -124,11 +124,11 @@ def run(
         lump_changes(PROTOCOLS[protocol].probe, COVERING_N)
     if missing:
         found[missing[0].name] = judge(missing[0])
-        keep_line(out, found[missing[0].name])
+        append_line(out, found[missing[0].name])
     with ProcessPoolExecutor(max_workers=workers) as pool:
         for future in as_completed([pool.submit(judge, task) for task in missing[1:]]):
             line = future.result()
-            keep_line(out, line)
+            append_line(out, line)
             found[line["name"]] = line
             if progress is not None:
                 progress(len(found), len(tasks))

@@ -36,9 +36,9 @@ PROGRAMS = ("dciodvfy", "getscu", "storescp")
 def judged(dossiers: Iterable[TargetRecord], folder: Path) -> tuple[int, Counter[str]]:
     """Number of instances that dciodvfy saw, and what it said, without the place that it said it of."""
     instances, said = 0, Counter[str]()
-    for number, dossier in enumerate(dossiers):
+    for number, record in enumerate(dossiers):
         for identified in (False, True):
-            for path in write_dicom(dossier, folder / f"{number}-{identified}", identified=identified):
+            for path in write_dicom(record, folder / f"{number}-{identified}", identified=identified):
                 instances += 1
                 run = subprocess.run(["dciodvfy", str(path)], capture_output=True, text=True, check=False)
                 said.update(line for line in run.stderr.splitlines() if line.startswith(("Error", "Warning")))
@@ -47,9 +47,9 @@ def judged(dossiers: Iterable[TargetRecord], folder: Path) -> tuple[int, Counter
 
 def by_own_interface(archive: Archive, files: tuple[DicomFile, ...], _: Path) -> Iterable[Any]:
     c_store(files, host=LOOPBACK, port=archive.dicom_port, called_ae=AE)
-    wanted = {file.sop_instance_uid for file in files}
+    expected = {file.sop_instance_uid for file in files}
     every = (pydicom.dcmread(BytesIO(archive.file(identity))) for identity in archive.instances())
-    return [each for each in every if each.SOPInstanceUID in wanted]
+    return [each for each in every if each.SOPInstanceUID in expected]
 
 
 def by_web(archive: Archive, files: tuple[DicomFile, ...], _: Path) -> Iterable[Any]:
@@ -100,7 +100,7 @@ def same(dossier: TargetRecord, files: tuple[DicomFile, ...], back: Iterable[Any
     left = [dossier.levels(press) for press in dossier.presses]
     equal = 0
     for frame in frames:
-        place = next((i for i, wanted in enumerate(left) if np.array_equal(frame, wanted)), None)
+        place = next((i for i, expected in enumerate(left) if np.array_equal(frame, expected)), None)
         if place is not None and left.pop(place).dtype == frame.dtype:
             equal += 1
     return equal, whole
@@ -126,19 +126,19 @@ def main() -> None:
         (folder / "archive").mkdir()
         with orthanc(folder / "archive") as archive:
             for route, (title, call) in enumerate(ROUTES.items()):
-                frames = wanted_frames = whole = wanted = 0
+                frames = wanted_frames = whole = expected = 0
                 started = perf_counter()
-                for number, dossier in enumerate(kinds):
+                for number, record in enumerate(kinds):
                     own = folder / f"route-{route}-{number}"
                     own.mkdir()
-                    files = dicom_files(dossier)
-                    equal, complete = same(dossier, files, call(archive, files, own))
+                    files = dicom_files(record)
+                    equal, complete = same(record, files, call(archive, files, own))
                     frames, whole = frames + equal, whole + complete
-                    wanted_frames, wanted = wanted_frames + len(dossier.presses), wanted + len(files)
+                    wanted_frames, expected = wanted_frames + len(record.presses), expected + len(files)
                 took = perf_counter() - started
                 print(f"{title}:")
                 print(f"  {frames} of {wanted_frames} frames pixel for pixel, ", end="")
-                print(f"{whole} of {wanted} instances equal in every element, {took:.1f} s")
+                print(f"{whole} of {expected} instances equal in every element, {took:.1f} s")
 
 
 if __name__ == "__main__":

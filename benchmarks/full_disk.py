@@ -39,11 +39,11 @@ def real_disks() -> tuple[Tally, int]:
         if done.returncode:
             found.wrong.append(done.stderr.strip()[-300:])
             continue
-        told = json.loads(done.stdout)
-        found.points += told["points"]
-        found.refused += told["refused"]
-        found.wrong += told["wrong"]
-        acknowledged += told["acknowledged"][-1]
+        result = json.loads(done.stdout)
+        found.points += result["points"]
+        found.refused += result["refused"]
+        found.wrong += result["wrong"]
+        acknowledged += result["acknowledged"][-1]
     return found, acknowledged
 
 
@@ -75,8 +75,8 @@ def summed(parts: Iterable[Tally]) -> Tally:
 
 def inside(folder: Path) -> None:
     """Fill the file system of ``folder``."""
-    told = list(filled(folder, 100_000))
-    print(json.dumps({"acknowledged": [number for number, _ in told], **asdict(told[-1][1])}))
+    result = list(filled(folder, 100_000))
+    print(json.dumps({"acknowledged": [number for number, _ in result], **asdict(result[-1][1])}))
 
 
 def main() -> int:

@@ -133,11 +133,11 @@ def main() -> None:
             print(f"left out: {error}")
     print("| cases | trusted | identified | 90 % interval holds | median error of the identified |")
     print("| --- | --- | --- | --- | --- |")
-    told = [case for case in cases if case.identified]
-    median = np.median([abs(case.median_kpa / case.young_kpa - 1) for case in told])
+    result = [case for case in cases if case.identified]
+    median = np.median([abs(case.median_kpa / case.young_kpa - 1) for case in result])
     held = np.mean([case.inside for case in cases])
     trusted = sum(case.trusted for case in cases)
-    print(f"| {len(cases)} | {trusted} | {len(told)} | {100 * held:.0f} % | {100 * median:.1f} % |")
+    print(f"| {len(cases)} | {trusted} | {len(result)} | {100 * held:.0f} % | {100 * median:.1f} % |")
 
 
 if __name__ == "__main__":

@@ -120,22 +120,22 @@ def summary(truths: Sequence[float], answers: Sequence[dict[str, Any]]) -> dict[
     """Errors and coverage of the trusted answers."""
     used = [(truth, one) for truth, one in zip(truths, answers, strict=True) if one.get("trusted")]
     flags = [flag for one in answers for flag in one.get("flags", ())]
-    told = {
+    result = {
         "cases": len(answers),
         "trusted": len(used),
         "refused": sum("refused" in one for one in answers),
         "flags": {flag: flags.count(flag) for flag in sorted(set(flags))},
     }
     if not used:
-        return told
+        return result
     error = np.array([one["mean"] / truth - 1 for truth, one in used])
-    told |= {"mean_relative_error": float(np.abs(error).mean()), "bias": float(error.mean())}
-    told["median_relative_error"] = float(np.median(np.abs(error)))
+    result |= {"mean_relative_error": float(np.abs(error).mean()), "bias": float(error.mean())}
+    result["median_relative_error"] = float(np.median(np.abs(error)))
     for name, level in (("half", "50"), ("most", "90")):
         inside = sum(one[name][0] <= truth <= one[name][1] for truth, one in used)
-        told[f"coverage_{level}"] = inside / len(used)
-        told[f"coverage_{level}_wilson"] = wilson(inside, len(used))
-    return told
+        result[f"coverage_{level}"] = inside / len(used)
+        result[f"coverage_{level}_wilson"] = wilson(inside, len(used))
+    return result
 
 
 def ball_on(probe: Probe) -> SolvedSphere:
@@ -162,20 +162,20 @@ def run(
         except TsisError as error:
             print(f"sphere {index} of {bank.young_kpa[0]:.1f} kPa: {error}", file=sys.stderr)
             unsolved += 1
-    told: dict[str, Any] = {"probe": probe.name, "unsolved": unsolved, "seed": seed}
-    told["all"] = _both(cases)
+    result: dict[str, Any] = {"probe": probe.name, "unsolved": unsolved, "seed": seed}
+    result["all"] = _both(cases)
     for low, high in pairwise(BANDS_KPA):
-        told[f"{low:g} to {high:g} kPa"] = _both([case for case in cases if low <= case.young_kpa < high])
+        result[f"{low:g} to {high:g} kPa"] = _both([case for case in cases if low <= case.young_kpa < high])
     for place, name in enumerate(PRINTED):
         if progress is not None:
             progress(count + place, count + len(PRINTED))
         try:
-            told[name] = _both(material(probe, ball, name, seed)) | {"printed_relative_error": PRINTED[name]}
+            result[name] = _both(material(probe, ball, name, seed)) | {"printed_relative_error": PRINTED[name]}
         except TsisError as error:
             print(f"{name}: {error}", file=sys.stderr)
     seconds = [case.alone["seconds"] for case in cases if "seconds" in case.alone]
-    told["seconds_an_estimate"] = float(np.median(seconds)) if seconds else None
-    return told
+    result["seconds_an_estimate"] = float(np.median(seconds)) if seconds else None
+    return result
 
 
 def material(probe: Probe, ball: SolvedSphere | None, name: str, seed: int) -> list[Case]:
@@ -193,9 +193,9 @@ def material(probe: Probe, ball: SolvedSphere | None, name: str, seed: int) -> l
 
 def _both(cases: Sequence[Case]) -> dict[str, Any]:
     truths = [case.young_kpa for case in cases]
-    told = {"alone": summary(truths, [case.alone for case in cases])}
+    result = {"alone": summary(truths, [case.alone for case in cases])}
     with_ball = [case.with_ball for case in cases if case.with_ball is not None]
-    return told | ({"with_ball": summary(truths, with_ball)} if with_ball else {})
+    return result | ({"with_ball": summary(truths, with_ball)} if with_ball else {})
 
 
 def show(told: dict[str, Any]) -> None:
@@ -226,8 +226,8 @@ def _row(name: str, ball: str, one: dict[str, Any]) -> str:
 
     flags = ", ".join(f"{flag} {count}" for flag, count in one["flags"].items()) or "none"
     error, bias = (f"{100 * one[key]:+.2f} %" for key in ("mean_relative_error", "bias"))
-    told = (name, "yes" if ball == "with_ball" else "no", one["cases"], one["trusted"], error[1:], bias)
-    return "| " + " | ".join(str(part) for part in (*told, held("50"), held("90"), flags)) + " |"
+    result = (name, "yes" if ball == "with_ball" else "no", one["cases"], one["trusted"], error[1:], bias)
+    return "| " + " | ".join(str(part) for part in (*result, held("50"), held("90"), flags)) + " |"
 
 
 def main() -> int:
@@ -243,11 +243,11 @@ def main() -> int:
     with progress_bar("pressing spheres") as progress:
         probe = tsis.load_probe(options.probe)
         ball = ball_on(probe) if options.ball else None
-        told = run(probe, options.spheres, options.rigs, options.seed, ball, progress)
+        result = run(probe, options.spheres, options.rigs, options.seed, ball, progress)
     if options.json:
-        print(json.dumps(told, indent=2))
+        print(json.dumps(result, indent=2))
     else:
-        show(told)
+        show(result)
     return 0
 
 

@@ -24,10 +24,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.request import urlopen
 
+from benchmarks.goals import Goal, missed_goals
 from benchmarks.live.processor import CoreShare
 from benchmarks.live.shown import shown_in
 from benchmarks.tables import show
-from benchmarks.wanted import Wanted, told
 from tests.console.browser import chromium
 from tests.console.running import running_console
 
@@ -54,7 +54,7 @@ DRAWINGS = 100
 PAINTERS = Path(__file__).parent / "live" / "painters.js"
 
 
-def of_the_console(camera: str, seconds: float, browser: Browser) -> Iterator[Wanted]:
+def of_the_console(camera: str, seconds: float, browser: Browser) -> Iterator[Goal]:
     """Each number of the console."""
     options = () if camera == "virtual" else ("--camera", f"aravis:tsis-VirtualProbe-{SERIAL}")
     with tempfile.TemporaryDirectory() as folder, running_console(Path(folder), *options) as console:
@@ -65,41 +65,41 @@ def of_the_console(camera: str, seconds: float, browser: Browser) -> Iterator[Wa
         page.get_by_text("frames/s shown").wait_for(timeout=30000)
         time.sleep(SETTLE_S)
         size = page.evaluate("() => (({ width, height }) => [width, height])(document.querySelector('.live canvas'))")
-        yield Wanted(name="frames, width", value=size[0], form="{:.0f} pixels")
-        yield Wanted(name="frames, height", value=size[1], form="{:.0f} pixels")
+        yield Goal(name="frames, width", value=size[0], form="{:.0f} pixels")
+        yield Goal(name="frames, height", value=size[1], form="{:.0f} pixels")
         work = CoreShare(server)
         shown = shown_in(page, seconds)
         watched = 100.0 * work.so_far()
         least = LEAST_FRAMES - 1.0 / seconds  # one frame may fall on the edge of the measured time
-        yield Wanted(name="frames shown a second", value=shown.frames_per_s, least=least, form="{:.2f}")
-        yield Wanted(name="age when drawn, median", value=shown.age_p50_ms, form=AGE)
-        yield Wanted(name="age when drawn, 95th percentile", value=shown.age_p95_ms, most=MOST_AGE_MS, form=AGE)
+        yield Goal(name="frames shown a second", value=shown.frames_per_s, least=least, form="{:.2f}")
+        yield Goal(name="age when drawn, median", value=shown.age_p50_ms, form=AGE)
+        yield Goal(name="age when drawn, 95th percentile", value=shown.age_p95_ms, most=MOST_AGE_MS, form=AGE)
         yield from of_the_relief(page, seconds)
         page.context.close()
         time.sleep(SETTLE_S)
         alone = 100.0 * CoreShare(server).over(seconds)
         most = math.inf if camera == "virtual" else MOST_CORE_PERCENT  # the console computes the virtual probe itself
-        yield Wanted(name="server with one viewer", value=watched, most=most, form=CORE)
-        yield Wanted(name="server without viewers: camera, judging", value=alone, form=CORE)
-        yield Wanted(name="what the viewer costs", value=watched - alone, most=MOST_CORE_PERCENT, form=CORE)
+        yield Goal(name="server with one viewer", value=watched, most=most, form=CORE)
+        yield Goal(name="server without viewers: camera, judging", value=alone, form=CORE)
+        yield Goal(name="what the viewer costs", value=watched - alone, most=MOST_CORE_PERCENT, form=CORE)
         opening = sorted(opening_s(console, browser) for _ in range(OPENINGS))
         median = opening[OPENINGS // 2]
-        yield Wanted(name="page can be used after, median", value=median, most=MOST_OPENING_S, form=SECONDS)
-        yield Wanted(name="page can be used after, longest", value=opening[-1], form=SECONDS)
+        yield Goal(name="page can be used after, median", value=median, most=MOST_OPENING_S, form=SECONDS)
+        yield Goal(name="page can be used after, longest", value=opening[-1], form=SECONDS)
 
 
-def of_the_relief(page: Page, seconds: float) -> Iterator[Wanted]:
+def of_the_relief(page: Page, seconds: float) -> Iterator[Goal]:
     """The relief beside the live image."""
     page.get_by_role("switch", name="3-D").click()
     page.locator("figure.surface").wait_for()
     time.sleep(SETTLE_S)
     both = shown_in(page, seconds)
-    yield Wanted(name="with the relief: reliefs a second", value=both.surface_per_s, least=LEAST_RELIEFS)
-    yield Wanted(name="with the relief: frames a second", value=both.frames_per_s, least=LEAST_FRAMES_BESIDE)
-    yield Wanted(name="with the relief: age, 95th percentile", value=both.age_p95_ms, form=AGE)
+    yield Goal(name="with the relief: reliefs a second", value=both.surface_per_s, least=LEAST_RELIEFS)
+    yield Goal(name="with the relief: frames a second", value=both.frames_per_s, least=LEAST_FRAMES_BESIDE)
+    yield Goal(name="with the relief: age, 95th percentile", value=both.age_p95_ms, form=AGE)
     own = page.evaluate(PAINTERS.read_text(encoding="utf-8"), ["own", DRAWINGS])
     for name, value in zip(("median", "95th percentile"), own, strict=True):
-        yield Wanted(name=f"a relief painted, {name}", value=value, form=AGE)
+        yield Goal(name=f"a relief painted, {name}", value=value, form=AGE)
 
 
 def opened(console: RunningConsole, browser: Browser) -> Page:
@@ -121,7 +121,7 @@ def opening_s(console: RunningConsole, browser: Browser) -> float:
     return took
 
 
-def of_others(seconds: float, browser: Browser) -> Iterator[Wanted]:
+def of_others(seconds: float, browser: Browser) -> Iterator[Goal]:
     """The same frames and the same relief shown in other ways."""
     for way in OTHERS:
         with program("benchmarks.live.other_ways", way) as (address, process):
@@ -135,8 +135,8 @@ def of_others(seconds: float, browser: Browser) -> Iterator[Wanted]:
             watched = CoreShare(process.pid).over(seconds)
             rate = (sent(address) - before) / (time.monotonic() - begun)
             page.context.close()
-        yield Wanted(name=f"{way}: frames sent a second", value=rate)
-        yield Wanted(name=f"{way}: what the viewer costs", value=100.0 * (watched - alone), form=CORE)
+        yield Goal(name=f"{way}: frames sent a second", value=rate)
+        yield Goal(name=f"{way}: what the viewer costs", value=100.0 * (watched - alone), form=CORE)
     with program("benchmarks.live.other_ways", "three") as (address, _):
         page = browser.new_page()
         page.goto(address)
@@ -144,7 +144,7 @@ def of_others(seconds: float, browser: Browser) -> Iterator[Wanted]:
         took = page.evaluate(PAINTERS.read_text(encoding="utf-8"), ["three", DRAWINGS])
         page.close()
     for name, value in zip(("median", "95th percentile"), took, strict=True):
-        yield Wanted(name=f"three.js: a relief painted, {name}", value=value, form=AGE)
+        yield Goal(name=f"three.js: a relief painted, {name}", value=value, form=AGE)
 
 
 def sent(address: str) -> int:
@@ -211,7 +211,7 @@ def main() -> int:
         title = f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}; Chromium {browser.version}"
     show(title, ("what", "measured", "wanted"), [each.row for each in found], markdown=arguments.markdown)
     print(RESEARCH_USE_ONLY)
-    return told(found)
+    return missed_goals(found)
 
 
 if __name__ == "__main__":

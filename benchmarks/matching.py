@@ -143,8 +143,8 @@ def hotel_targets(levels: Sequence[TrialSummary]) -> Iterator[Target]:
     rivals = [means[hidden, name] for name in RIVAL_METHODS if (hidden, name) in means]
     if rivals:
         own, best = means[hidden, JUDGED], min(rivals)
-        told = f"{own:.3f} px, CPD {best:.3f} px"
-        yield Target(what="hotel, 30 % hidden", wanted="below the best CPD", measured=told, met=own < best)
+        result = f"{own:.3f} px, CPD {best:.3f} px"
+        yield Target(what="hotel, 30 % hidden", wanted="below the best CPD", measured=result, met=own < best)
 
 
 def time_targets(rows: Sequence[TrialRow]) -> Iterator[Target]:

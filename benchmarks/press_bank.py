@@ -57,15 +57,15 @@ class PressBank:
     def __post_init__(self) -> None:
         if self.folder is None:
             return
-        told = json.dumps(self.content(), indent=2)
+        result = json.dumps(self.content(), indent=2)
         note = self._place / "bank.json"
-        if note.exists() and note.read_text() != told:
+        if note.exists() and note.read_text() != result:
             raise SystemExit(
                 f"{self._place} holds presses that were simulated otherwise (see {note}): give another folder"
             )
         self._place.mkdir(parents=True, exist_ok=True)
         remove_unfinished(self._place)
-        write_durably(note, told.encode())
+        write_durably(note, result.encode())
 
     @property
     def _place(self) -> Path:
@@ -147,7 +147,7 @@ def _bytes(case: SimulatedCase) -> bytes:
 def _read(content: bytes, calibration: Calibration) -> SimulatedCase:
     with np.load(io.BytesIO(content)) as file:
         about, grey = json.loads(str(file["about"])), file["grey"]
-    frames = tuple(TactileImage(grey=one, **told) for one, told in zip(grey, about["frames"], strict=True))
+    frames = tuple(TactileImage(grey=one, **result) for one, result in zip(grey, about["frames"], strict=True))
     phantom = about["phantom"]
     inclusion = phantom["inclusion"]
     return SimulatedCase(

@@ -25,12 +25,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from benchmarks.coverage import code, counted
+from benchmarks.finished_lines import append_line, read_lines
+from benchmarks.goals import Goal, missed_goals
 from benchmarks.judgement import Judgement, compared
-from benchmarks.kept_lines import keep_line, read_lines
 from benchmarks.press_bank import PressBank
 from benchmarks.simulated_presses import DEFAULT, PROTOCOLS
 from benchmarks.tables import show
-from benchmarks.wanted import Wanted, told
 from benchmarks.worlds import RANDOM_SD, WORLDS, World
 
 from tsis.catalog import inclusion_prior_toml, list_inclusion_priors, parse_prior
@@ -97,7 +97,7 @@ def run(
     with ProcessPoolExecutor(max_workers=workers) as pool:
         for future in as_completed([pool.submit(judge, bank, index) for index in missing]):
             line = future.result()
-            keep_line(out, line)
+            append_line(out, line)
             found[line["index"]] = line
             if progress is not None:
                 progress(sum(index in found for index in range(cases)), cases)
@@ -170,16 +170,16 @@ class PriorTable:
             "the bound's 90 % interval holds, %": (100 * self.best_coverage).tolist(),
         }
 
-    def wanted(self) -> list[Wanted]:
+    def wanted(self) -> list[Goal]:
         """What is asked of the priors."""
         middle = np.median(self.relative, axis=0)
         ratio = float(self.rmse[2] / self.bound[2])
         return [
-            Wanted(name="median error of d, %", value=float(middle[0]), most=LARGEST_ERROR),
-            Wanted(name="median error of h, %", value=float(middle[1]), most=LARGEST_ERROR),
-            Wanted(name="RMSE of E over the Bayes bound", value=ratio, most=LARGEST_RATIO, form="{:.2f}"),
-            Wanted(name="median error of E, %", value=float(middle[2]), most=AIMS["median"]),
-            Wanted(name="mean error of E, %", value=float(self.relative[:, 2].mean()), most=AIMS["mean"]),
+            Goal(name="median error of d, %", value=float(middle[0]), most=LARGEST_ERROR),
+            Goal(name="median error of h, %", value=float(middle[1]), most=LARGEST_ERROR),
+            Goal(name="RMSE of E over the Bayes bound", value=ratio, most=LARGEST_RATIO, form="{:.2f}"),
+            Goal(name="median error of E, %", value=float(middle[2]), most=AIMS["median"]),
+            Goal(name="mean error of E, %", value=float(self.relative[:, 2].mean()), most=AIMS["mean"]),
         ]
 
 
@@ -231,7 +231,7 @@ def main() -> int:
         return 1
     table = PriorTable.of(lines, bank.prior)
     report(options, table, lines)
-    return told(table.wanted())
+    return missed_goals(table.wanted())
 
 
 if __name__ == "__main__":

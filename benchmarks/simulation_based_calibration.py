@@ -257,13 +257,13 @@ def _line(truth: NDArray[np.float64], samples: NDArray[np.float64]) -> dict[str,
 
 def rows(found: Calibrated, prior: InclusionPrior) -> list[Sequence[str]]:
     """Lines of the table, a column a parameter."""
-    told: list[Sequence[str]] = [*rows_of(found.judgement.summary(prior))]
-    told.append(("uniform ranks, chi-square", *(f"{chance:.3g}" for chance in found.chances())))
+    result: list[Sequence[str]] = [*rows_of(found.judgement.summary(prior))]
+    result.append(("uniform ranks, chi-square", *(f"{chance:.3g}" for chance in found.chances())))
     if len(found.exact):
-        told.append(
+        result.append(
             (f"rmse over exact mean's, {len(found.exact)} draws", *(f"{one:.3f}" for one in found.rmse_over_exact()))
         )
-    return told
+    return result
 
 
 def main() -> None:

@@ -269,11 +269,11 @@ def rows(protocol: str, inclusion: Sequence[float], found: Comparison) -> list[l
     lines = [[f"{protocol} ({numbers})", "tsis", *cells(found.mean, found.sd), factor, f"{found.seconds:.2f} s"]]
     for name, (one, plain) in found.samplers.items():
         other, error = found.sampled_log_bayes_factor(name)
-        told = "" if plain is None else f"{other:.2f} ± {error:.2f}"
+        result = "" if plain is None else f"{other:.2f} ± {error:.2f}"
         effort = f"{one.seconds:.0f} s, {one.calls:,} evaluations, {one.effective:.0f} effective"
         apart = zip(found.shift(name), found.widening(name), strict=True)
         lines += [
-            ["", name, *cells(one.mean, one.sd), told, effort],
+            ["", name, *cells(one.mean, one.sd), result, effort],
             ["", f"tsis against {name}", *(f"{shift:+.3f} sd, x {wide:.3f}" for shift, wide in apart), "", ""],
         ]
     return lines

@@ -23,8 +23,8 @@ from typing import Any
 
 import numpy as np
 from benchmarks.coverage import code
+from benchmarks.finished_lines import append_line, read_lines
 from benchmarks.judgement import compared
-from benchmarks.kept_lines import keep_line, read_lines
 from benchmarks.simulated_presses import DEFAULT, PROTOCOLS, Protocol, examine
 from benchmarks.tables import show
 
@@ -143,7 +143,7 @@ def main() -> None:
         for done, (number, repeat) in enumerate(cases, 1):
             if f"{number}-{repeat}" not in found:
                 line = judge(protocol, options.seed, number, repeat)
-                keep_line(out, line)
+                append_line(out, line)
                 found[line["case"]] = line
             progress(done, len(cases))
     lines = [found[f"{number}-{repeat}"] for number, repeat in cases]

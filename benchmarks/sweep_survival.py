@@ -94,8 +94,8 @@ def with_cluster_deaths(plan: Path, folder: Path, workers: int, kills: int, shar
     for kill in range(kills):
         with LoopbackCluster(logs, workers) as cluster:
             sweep = start(plan, folder, "--scheduler", cluster.address)
-            wanted, until = shards * (kill + 1) // (kills + 1), time.monotonic() + PATIENCE_S
-            while files(folder) < wanted:
+            expected, until = shards * (kill + 1) // (kills + 1), time.monotonic() + PATIENCE_S
+            while files(folder) < expected:
                 if sweep.poll() is not None or time.monotonic() > until:
                     raise RuntimeError("the sweep stopped by itself")
                 time.sleep(0.05)

@@ -111,11 +111,11 @@ def report(result: Result) -> str:
     heading = f"{'':<28}{'d mm':>7}{'h mm':>7}{'E kPa':>7}  {'E known':>7}  {'nine: d':>8}{'h':>7}{'E':>7}   breaks"
     lines = ["expected errors over the prior's ranges, and over the nine inclusions of table 6.2", heading]
     for design, nine, alike in zip(result.designs, result.nine, result.alike, strict=True):
-        name, told = design.protocol.name, design.information
-        ours = "".join(f"{value:7.2f}" for value in told.rmse.values())
+        name, output = design.protocol.name, design.information
+        ours = "".join(f"{value:7.2f}" for value in output.rmse.values())
         on_nine = "{:8.2f}{:7.2f}{:7.2f}".format(*nine.rmse.values())
         lines.append(
-            f"{name:<28}{ours}  {told.identified_fraction:7.0%}  {on_nine}   {', '.join(design.limits.broken)}"
+            f"{name:<28}{ours}  {output.identified_fraction:7.0%}  {on_nine}   {', '.join(design.limits.broken)}"
         )
         lines.append("{:<28}{:7.2f}{:7.2f}{:7.2f}".format("  sites alike", *alike.information.rmse.values()))
         if name in EARLIER:

@@ -259,10 +259,10 @@ def report(result: Result) -> None:
         least, most = min(one.young_kpa for one in found), max(one.young_kpa for one in found)
         print(f"  a grey level {DEPTHS_MM[0]:g} to {DEPTHS_MM[-1]:g} mm deep: {least:.1f} to {most:.1f} kPa")
         place = result.nearest_depth(_other(name))
-        told = found[place].young_kpa
+        output = found[place].young_kpa
         print(
-            f"  {DEPTHS_MM[place]:.3g} mm, nearest for {_other(name)}: {told:.1f} kPa, "
-            f"error {told / sphere.young_kpa - 1:+.1%}"
+            f"  {DEPTHS_MM[place]:.3g} mm, nearest for {_other(name)}: {output:.1f} kPa, "
+            f"error {output / sphere.young_kpa - 1:+.1%}"
         )
         mean, held = result.contact_kpa(name).mean(), result.held(name)
         print(f"  contact mechanics {mean:.1f} kPa, mean error {result.contact_error(name):.2%}", end="")

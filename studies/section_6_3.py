@@ -232,9 +232,9 @@ def correlations(result: Result) -> dict[str, float]:
 def what_outputs_tell(result: Result) -> dict[str, NDArray[np.float64]]:
     """How far greatest, total and area vary, and how well lines map them."""
     rows = {}
-    for name, told in result.readings.items():
-        rows[f"{name}: variation in simulations, %"] = 100 * told.simulated_variation
-        rows[f"{name}: spread of the nine over that of repeats"] = told.told_apart
+    for name, output in result.readings.items():
+        rows[f"{name}: variation in simulations, %"] = 100 * output.simulated_variation
+        rows[f"{name}: spread of the nine over that of repeats"] = output.told_apart
     for field, share in result.r_squared.items():
         rows[f"R² of lines from frames to simulated {SIMULATED[field]}"] = share
     return rows
@@ -246,7 +246,7 @@ def _rows(table: dict[str, NDArray[np.float64]]) -> list[str]:
 
 def report(result: Result) -> str:
     """Both tables, and how much the outputs say, as text."""
-    told = (f"{name:<58}{value:7.2f}" for name, value in correlations(result).items())
+    output = (f"{name:<58}{value:7.2f}" for name, value in correlations(result).items())
     return "\n".join(
         [
             f"table 6.1: root mean square error{'d mm':>32} {'h mm':>7} {'E kPa':>7}",
@@ -254,7 +254,7 @@ def report(result: Result) -> str:
             "\ntable 6.2: estimates and relative errors in %",
             *table_6_2(result),
             "\ncorrelation of estimated with true modulus",
-            *told,
+            *output,
             f"\nwhat the outputs tell{'greatest':>44} {'total':>7} {'area':>7}",
             *_rows(what_outputs_tell(result)),
             "Research use only",

@@ -133,7 +133,7 @@ def one_study(protocol: Protocol, place: Place, seed: np.random.SeedSequence) ->
             probe.press_prepared(BLANK, nearby, force) for force in protocol.forces_n if protocol.with_reference
         ]
         try:
-            told = estimate(
+            result = estimate(
                 frames,
                 probe=protocol.probe,
                 calibration=probe.calibration,
@@ -143,7 +143,7 @@ def one_study(protocol: Protocol, place: Place, seed: np.random.SeedSequence) ->
         except TsisError:
             found.append(float("nan"))
             continue
-        found.append(float("nan") if told.presence is None else told.presence)
+        found.append(float("nan") if result.presence is None else result.presence)
     return found
 
 

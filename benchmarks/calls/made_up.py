@@ -120,14 +120,14 @@ class MadeUpCalls:
             _name_what_is_there(case, rng, known)
             if case.operation.body:
                 case.body = self.bench.sound(case.operation.label, case.body, rng)
-        wanted = case.as_transport_kwargs(base_url=f"{self.address}/api")
-        headers = dict(wanted.pop("headers") or {})
+        expected = case.as_transport_kwargs(base_url=f"{self.address}/api")
+        headers = dict(expected.pop("headers") or {})
         if held and not _is_forbidden(case, ParameterLocation.HEADER):
             headers |= self.bench.act
         if way == WAYS[2]:
-            _spoil(wanted, headers, case, rng)
+            _spoil(expected, headers, case, rng)
         try:
-            answer = self.session.request(**wanted, headers=headers, timeout=PATIENCE_S, allow_redirects=False)
+            answer = self.session.request(**expected, headers=headers, timeout=PATIENCE_S, allow_redirects=False)
         except (requests.exceptions.InvalidHeader, UnicodeError):  # cannot be sent at all
             return
         self.tally.add(way, case.operation.label, answer.status_code, answer.elapsed.total_seconds())
@@ -142,11 +142,11 @@ class MadeUpCalls:
             return [f"server error {status}: {answer.text[:200]}"]
         found = []
         if status >= 400 and "json" in answer.headers.get("content-type", ""):
-            told = answer.json()
-            if set(told) != {"error", "kind"} or "\n" in told["error"] or "Traceback" in told["error"]:
+            result = answer.json()
+            if set(result) != {"error", "kind"} or "\n" in result["error"] or "Traceback" in result["error"]:
                 found.append(f"no sentence: {answer.text[:200]} {answer.request.url}")
-            if way == WAYS[0] and status == 422 and told.get("kind") == "RequestValidationError":
-                found.append(f"as described, and refused: {told['error']} {case.body!r:.200} {case.query!r:.80}")
+            if way == WAYS[0] and status == 422 and result.get("kind") == "RequestValidationError":
+                found.append(f"as described, and refused: {result['error']} {case.body!r:.200} {case.query!r:.80}")
         judged = [*CHECKS, checks.negative_data_rejection] if way == WAYS[1] else CHECKS
         try:
             case.validate_response(answer, checks=judged)

@@ -17,7 +17,7 @@ from benchmarks.hostile.json_changed import changed_document, text_of
 from benchmarks.hostile.loader import Loader
 from benchmarks.hostile.picture_loaders import token
 from tests.records.export.bundles import plain, sealed
-from tests.records.sample import sample_dossier, sample_estimate
+from tests.records.sample import sample_estimate, sample_record
 
 from tsis.files import read_bytes
 from tsis.instrument import Frame, png_bytes, save_snapshot
@@ -50,7 +50,7 @@ def store_loaders() -> tuple[Loader, ...]:
 
 def _exchanged() -> tuple[Loader, ...]:
     with tempfile.TemporaryDirectory() as place:
-        write_bundle(sample_dossier(), Path(place) / "bundle.zip")
+        write_bundle(sample_record(), Path(place) / "bundle.zip")
         bundle = (Path(place) / "bundle.zip").read_bytes()
     return (
         Loader(

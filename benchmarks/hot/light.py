@@ -34,8 +34,8 @@ def modes(place: Place) -> Iterator[Contest]:
             absent.append((program, "not installed, or does not run on this machine"))
             continue
         note = f"the other found {len(found['n_eff'])}"
-        told = _told(place.peer_python, program, {**stack, "count": count})
-        peers.append(Side(program=f"{program} {found['version']}", seconds=told, note=note))
+        result = _told(place.peer_python, program, {**stack, "count": count})
+        peers.append(Side(program=f"{program} {found['version']}", seconds=result, note=note))
     yield Contest(
         task=f"guided modes of {GUIDE}, TE",
         own=Side(

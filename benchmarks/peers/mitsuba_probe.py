@@ -79,26 +79,26 @@ class Tracer:
         return [float(value) for value in face.numpy()]
 
     def _followed(self, face: Any, rng: Any, position: Any, direction: Any, share: float) -> None:
-        mi, dr, told, scene = self.mi, self.dr, self.told, self.scene
-        bins, radius, top = told["bins"], told["radius"], len(told["indices"])
+        mi, dr, result, scene = self.mi, self.dr, self.told, self.scene
+        bins, radius, top = result["bins"], result["radius"], len(result["indices"])
         first = scene.ray_intersect(mi.Ray3f(position, direction))
         at = first.p
         across = dr.sqrt(at.x**2 + at.y**2)
-        active = first.is_valid() & (dr.abs(across - radius) < 1e-3) & (at.z > 0) & (at.z < told["level"][-1])
+        active = first.is_valid() & (dr.abs(across - radius) < 1e-3) & (at.z > 0) & (at.z < result["level"][-1])
         medium = dr.zeros(mi.UInt32, dr.width(at.x))
-        for level in told["level"][1:-1]:
+        for level in result["level"][1:-1]:
             medium += dr.select(at.z > level, mi.UInt32(1), mi.UInt32(0))
         normal = mi.Vector3f(at.x / radius, at.y / radius, 0)
         cosine = -dr.dot(direction, normal)
         active &= cosine > 0
         index = dr.gather(mi.Float, self.indices, medium)
-        back, through = self.reflectance(cosine, mi.Float(told["outside"]), index)
-        ratio = told["outside"] / index
+        back, through = self.reflectance(cosine, mi.Float(result["outside"]), index)
+        ratio = result["outside"] / index
         direction = ratio * direction + (ratio * cosine - through) * normal
         weight = dr.select(active, share * (1 - back), 0)
         ray = mi.Ray3f(at, direction)
         ray.o = at + 1e-4 * direction
-        weak, count = share * told["weak"], mi.UInt32(0)
+        weak, count = share * result["weak"], mi.UInt32(0)
 
         def goes_on(*state: Any) -> Any:
             return state[5] & (state[6] < LOOPS)
@@ -121,7 +121,7 @@ class Tracer:
             edge = wall | (met == 0) | (met == top)
             next_medium = dr.select(down, dr.maximum(medium, 1) - 1, medium + 1)
             there = dr.select(
-                edge, told["outside"], dr.gather(mi.Float, self.indices, dr.minimum(next_medium, top - 1), active)
+                edge, result["outside"], dr.gather(mi.Float, self.indices, dr.minimum(next_medium, top - 1), active)
             )
             back, through = self.reflectance(cosine, here, there)
             touched = active & ~wall & (met == 0)
@@ -149,10 +149,10 @@ class Tracer:
 
 def main() -> None:
     """Trace and print."""
-    told = json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))
+    result = json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))
     rays, seeds = int(float(sys.argv[2])), int(sys.argv[3])
-    tracer = Tracer(told)
-    a_lamp = rays // len(told["lamps"])
+    tracer = Tracer(result)
+    a_lamp = rays // len(result["lamps"])
     tracer.traced(a_lamp, 0)
     seconds, maps = [], []
     for seed in range(1, seeds + 1):

@@ -56,9 +56,9 @@ def tidy3d(stack: dict[str, Any]) -> list[float]:
     )
     data = solver.solve()
     share = data.pol_fraction.te.values[0]  # of the field along the first axis of the plane, across the layers
-    wanted = share < 0.5 if stack["polarization"] == "TE" else share > 0.5
+    expected = share < 0.5 if stack["polarization"] == "TE" else share > 0.5
     low = max(stack["index_below"], stack["index_above"])
-    found = data.n_eff.values[0][wanted].tolist()
+    found = data.n_eff.values[0][expected].tolist()
     return [n for n in found if low < n < max(stack["index"])]
 
 

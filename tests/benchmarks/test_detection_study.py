@@ -58,8 +58,8 @@ def test_around_the_axis_a_moved_change_is_what_the_estimate_takes_it_for() -> N
         away = np.hypot(grid.x, grid.y)
         for low in (0.0, 2.0, 5.0, 8.0):
             ring = (away >= low) & (away < low + 1.0)
-            wanted = np.array([np.interp(away[ring], radius, one).mean() for one in rings.T])
-            assert over[:, ring].mean(axis=1) == pytest.approx(wanted, rel=0.02, abs=2e-4)
+            expected = np.array([np.interp(away[ring], radius, one).mean() for one in rings.T])
+            assert over[:, ring].mean(axis=1) == pytest.approx(expected, rel=0.02, abs=2e-4)
 
 
 def test_without_lumps_on_the_axis_a_press_is_that_of_the_virtual_probe() -> None:

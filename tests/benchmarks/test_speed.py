@@ -110,8 +110,8 @@ def test_a_document_holds_every_turn_and_says_where(tmp_path: Path) -> None:
         versions={"numpy": "2", "gone": None},
         date=datetime(2026, 1, 2, tzinfo=UTC),
     )
-    told = json.loads(json.dumps(document(rows, machine)))
-    assert told["rows"][3] == {
+    result = json.loads(json.dumps(document(rows, machine)))
+    assert result["rows"][3] == {
         "task": "second",
         "tsis_s": [2.0, 2.0],
         "peer": "other",
@@ -119,7 +119,7 @@ def test_a_document_holds_every_turn_and_says_where(tmp_path: Path) -> None:
         "ratio": 0.5,
         "note": "",
     }
-    assert told["machine"]["load"] == [0.5, 1.5]
+    assert result["machine"]["load"] == [0.5, 1.5]
     assert machine.sentence() == (
         "P, 2 cores, load 0.5 before and 1.5 after, 02 January 2026. numpy 2. Not installed: gone."
     )

@@ -29,15 +29,15 @@ ADDRESS = f"http://127.0.0.1:8642/?token={TOKEN}"
 @pytest.fixture
 def opened(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> queue.Queue[str]:
     """What a browser was told to open while the console was served."""
-    told: queue.Queue[str] = queue.Queue()
+    result: queue.Queue[str] = queue.Queue()
     found: queue.Queue[str] = queue.Queue()
 
     def served(_: ConsoleSettings, *, ready: Callable[[str], None]) -> None:
         ready(ADDRESS)
-        found.put(told.get(timeout=HANGS_S))
+        found.put(result.get(timeout=HANGS_S))
 
     monkeypatch.setenv(FOLDER, str(tmp_path / "user"))
-    monkeypatch.setattr(webbrowser, "open", told.put)
+    monkeypatch.setattr(webbrowser, "open", result.put)
     monkeypatch.setattr(serving, "serve_console", served)
     monkeypatch.setattr(gc, "freeze", lambda: None)  # this process goes on
     return found

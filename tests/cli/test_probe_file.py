@@ -99,10 +99,10 @@ def test_what_the_console_saves_is_read_as_it_was(
 def test_a_file_that_is_no_probe_is_refused_in_one_sentence(tmp_path: Path, text: str, phrase: str) -> None:
     file = tmp_path / "mine.toml"
     file.write_text(text, encoding="utf-8")
-    with pytest.raises(FileInputError) as told:
+    with pytest.raises(FileInputError) as result:
         read_probe(file)
-    assert phrase in str(told.value)
-    assert "mine.toml" in str(told.value)
+    assert phrase in str(result.value)
+    assert "mine.toml" in str(result.value)
 
 
 def test_a_file_that_is_no_text_or_not_there_is_refused(tmp_path: Path) -> None:

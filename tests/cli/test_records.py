@@ -13,7 +13,7 @@ import pytest
 from tests.records.dicom.variants import hardness, with_estimate
 from tests.records.importing.snapshot_folder import save
 from tests.records.pressed_object import pressed, stored_object
-from tests.records.sample import WHEN, levels, sample_calibration, sample_dossier
+from tests.records.sample import WHEN, levels, sample_calibration, sample_record
 
 import tsis.hardness
 from tsis.calibration.file import calibration_sha256
@@ -69,7 +69,7 @@ def test_a_target_is_shown_with_its_estimate_and_pages_of_presses(run_tsis: RunT
 
 
 def test_the_last_estimate_of_each_kind_is_shown(run_tsis: RunTsis, tmp_path: Path) -> None:
-    given = sample_dossier()
+    given = sample_record()
     (first,) = given.estimates
     (hard,) = with_estimate(given, hardness(), "hardness").estimates
     again = replace(first, id="estimate-c", supersedes=first.id, made=first.made + timedelta(seconds=1))
@@ -83,7 +83,7 @@ def test_the_last_estimate_of_each_kind_is_shown(run_tsis: RunTsis, tmp_path: Pa
 
 
 def test_an_estimate_with_numbers_that_json_has_not_is_shown(run_tsis: RunTsis, tmp_path: Path) -> None:
-    given = sample_dossier()
+    given = sample_record()
     (stored,) = given.estimates
     odd = {"limit": float("inf"), "nothing": float("nan")}
     estimate = replace(stored.estimate, provenance=odd)
@@ -104,9 +104,9 @@ def test_a_sound_store_ends_with_its_audit_head(run_tsis: RunTsis, records: Path
         head = verify_store(store).head
     finished = run_tsis("records", "verify", *STORE, "--json")
     assert finished.code == 0
-    told = json.loads(finished.out)
-    assert (told["sound"], told["faults"]) == (True, [])
-    assert told["audit"] == {"number": head.number, "hash": head.hash}
+    result = json.loads(finished.out)
+    assert (result["sound"], result["faults"]) == (True, [])
+    assert result["audit"] == {"number": head.number, "hash": head.hash}
     assert head.hash in run_tsis("records", "verify", *STORE).out
 
 
@@ -121,9 +121,9 @@ def test_an_anchor_that_lags_is_told(run_tsis: RunTsis, records: Path, monkeypat
         monkeypatch.setattr("tsis.records.store._store.write_anchor", full)
         for _ in range(3):
             store.add_target()
-    told = run_tsis("records", "verify", *STORE, "--json")
-    assert told.code == 0
-    assert json.loads(told.out)["unanchored"] == 3
+    result = run_tsis("records", "verify", *STORE, "--json")
+    assert result.code == 0
+    assert json.loads(result.out)["unanchored"] == 3
     assert "does not vouch for the last 3 entries of the audit" in run_tsis("records", "verify", *STORE).out
 
 
@@ -134,9 +134,9 @@ def test_a_damaged_store_is_exit_code_1_with_what_is_wrong(run_tsis: RunTsis, re
     assert finished.code == 1
     assert frame.stem in finished.out.replace("\n", "")
     assert "NOT as it was stored: 1 fault:" in finished.out
-    told = json.loads(run_tsis("records", "verify", *STORE, "--json").out)
-    assert told["sound"] is False
-    assert len(told["faults"]) == 1
+    result = json.loads(run_tsis("records", "verify", *STORE, "--json").out)
+    assert result["sound"] is False
+    assert len(result["faults"]) == 1
 
 
 def test_edits_change_what_people_wrote_and_count_versions(run_tsis: RunTsis, records: Path) -> None:
@@ -189,10 +189,10 @@ def test_of_all_targets_one_that_fails_stops_no_other(run_tsis: RunTsis, records
         store.edit_press(store.presses(target)[1], role="plain")
     finished = run_tsis("records", "recompute", "--all", *STORE, "--json")
     assert finished.code == 1
-    told = json.loads(finished.out)
-    assert [each["target"] for each in told["estimates"]] == [1]
-    assert [each["target"] for each in told["failed"]] == [3]
-    assert "at least one press on the target" in told["failed"][0]["reason"]
+    result = json.loads(finished.out)
+    assert [each["target"] for each in result["estimates"]] == [1]
+    assert [each["target"] for each in result["failed"]] == [3]
+    assert "at least one press on the target" in result["failed"][0]["reason"]
 
 
 OTHER_CODES = {
@@ -310,8 +310,8 @@ def test_a_full_disk_is_one_sentence_and_what_was_stored_stays(
     assert "1 of 3 presses are stored and stay" in finished.err
     monkeypatch.undo()
     monkeypatch.chdir(tmp_path)
-    told = json.loads(run_tsis("records", "import", "Target3", *STORE, "--json").out)["imported"]
-    assert [(each["added"], each["present"]) for each in told] == [(2, 1)]
+    result = json.loads(run_tsis("records", "import", "Target3", *STORE, "--json").out)["imported"]
+    assert [(each["added"], each["present"]) for each in result] == [(2, 1)]
 
 
 def test_ctrl_c_in_an_import_says_what_is_stored(
@@ -354,8 +354,8 @@ def test_calibrations_that_snapshots_cite_open_the_store_once(
         return opened(*chosen, **how)
 
     monkeypatch.setattr(importing, "opened", counted)
-    told = json.loads(run_tsis("records", "import", "Target3", *STORE, "--json").out)["imported"]
-    assert (told[0]["added"], told[0]["notes"]) == (4, [])
+    result = json.loads(run_tsis("records", "import", "Target3", *STORE, "--json").out)["imported"]
+    assert (result[0]["added"], result[0]["notes"]) == (4, [])
     assert len(opens) == 2  # to look calibrations up, and to store
     for path in (tmp_path / "records" / "files").glob("*/*.json"):
         path.write_bytes(path.read_bytes()[:-3])

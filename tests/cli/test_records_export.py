@@ -39,8 +39,8 @@ def test_several_forms_appear_together_or_not_at_all(
 @pytest.mark.usefixtures("records")
 def test_a_single_form_gets_a_name_of_its_own(run_tsis: RunTsis, tmp_path: Path) -> None:
     for form, name in (("html", "target-2.html"), ("csv", "target-2-csv"), ("bundle", "target-2.zip")):
-        told = json.loads(run_tsis("records", "export", "2", "--format", form, *STORE, "--json").out)
-        assert told["files"] == {form: str(tmp_path / name)}
+        result = json.loads(run_tsis("records", "export", "2", "--format", form, *STORE, "--json").out)
+        assert result["files"] == {form: str(tmp_path / name)}
         assert (tmp_path / name).exists()
         assert run_tsis("records", "export", "2", "--format", form, *STORE).code == 2
 

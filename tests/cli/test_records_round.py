@@ -73,8 +73,8 @@ def test_every_form_is_what_its_reader_takes(run: RunTsis, kept: Path) -> None:
     assert json.loads(Path(files["fhir"]).read_text())["resourceType"] == "Bundle"
     modalities = {pydicom.dcmread(path).Modality for path in Path(files["dicom"]).iterdir()}
     assert "SR" in modalities
-    dossier = read_bundle(files["bundle"])
-    np.testing.assert_array_equal(dossier.levels(dossier.presses[1]), grey)
+    record = read_bundle(files["bundle"])
+    np.testing.assert_array_equal(record.levels(record.presses[1]), grey)
 
 
 def test_a_bundle_is_the_same_target_elsewhere_and_estimates_the_same(run: RunTsis, tmp_path: Path) -> None:

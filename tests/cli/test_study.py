@@ -129,9 +129,9 @@ def test_a_change_ends_verify_with_1(run_tsis: RunTsis) -> None:
     done = run_tsis("study", "verify", folder)
     assert done.code == 1
     assert "study.json was changed" in done.out
-    told = run_tsis("study", "verify", folder, "--json")
-    assert told.code == 1
-    assert json.loads(told.out)["sound"] is False
+    result = run_tsis("study", "verify", folder, "--json")
+    assert result.code == 1
+    assert json.loads(result.out)["sound"] is False
 
 
 def test_ctrl_c_between_readings_keeps_what_was_read(run_tsis: RunTsis, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -71,8 +71,8 @@ def test_without_a_table_of_its_own_a_plan_takes_the_measured_one(app: typer.Typ
     for one in document["smallest_found"]:
         if one["diameter_mm"] is not None:
             assert measured(one["diameter_mm"], one["depth_mm"]) >= document["worst_distance_mm"] - 1e-6
-    told = CliRunner().invoke(app, [*AREA, "--spacing-mm", "5"])
-    assert "of this probe on the virtual rig" in " ".join(told.stdout.split())
+    result = CliRunner().invoke(app, [*AREA, "--spacing-mm", "5"])
+    assert "of this probe on the virtual rig" in " ".join(result.stdout.split())
 
 
 @pytest.mark.parametrize(

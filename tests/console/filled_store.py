@@ -6,7 +6,7 @@ from datetime import timedelta
 from typing import TYPE_CHECKING
 
 from tests.records.pressed_object import stored_object
-from tests.records.sample import WHEN, levels, sample_calibration, sample_dossier
+from tests.records.sample import WHEN, levels, sample_calibration, sample_record
 
 from tsis.model import TactileImage
 from tsis.records.store import open_store
@@ -23,7 +23,7 @@ PRESSES = 30
 def fill(folder: Path) -> None:
     """Three targets: one estimated, one of many presses, one whose hardness can be estimated again."""
     with open_store(folder) as store:
-        store.import_target(sample_dossier())
+        store.import_target(sample_record())
         many = store.add_target(number=MANY, name="many presses", note="a long series\nof two lines")
         for at in range(PRESSES):
             image = TactileImage(

@@ -79,12 +79,12 @@ def test_a_sphere_is_for_hardness(console: RunningConsole, browser: Browser) -> 
 @pytest.mark.parametrize(
     ("label", "typed", "message"),
     [
-        ("Depth", "deep", "depth must be a number, as 2 or 0.5; got 'deep'"),
-        ("Depth", "500", "depth must lie in"),
-        ("Diameter", "-1", "diameter must lie in"),
-        ("Modulus", "1e999", "modulus must lie in"),
-        ("Seed", "4.5", "seed must be a whole number; got 4.5"),
-        ("Seed", "", "seed must be a number, as 2 or 0.5; got ''"),
+        ("Depth", "deep", "Depth must be a number, as 2 or 0.5 (you entered 'deep')."),
+        ("Depth", "500", "Depth must be 0.2–200 mm from the skin to the inclusion's top (you entered 500)."),
+        ("Diameter", "-1", "Diameter must be 0.1–100 mm (you entered −1)."),
+        ("Modulus", "1e999", "Modulus must be 0.1–1e+06 kPa (what you entered is too large)."),
+        ("Seed", "4.5", "Seed must be a whole number (you entered 4.5)."),
+        ("Seed", "", "Seed must be a number, as 2 or 0.5 (nothing was entered)."),
     ],
 )
 def test_values_that_no_phantom_has(
@@ -95,7 +95,13 @@ def test_values_that_no_phantom_has(
         _choose(page, "Pressed object", "size-14")
         page.get_by_label(label).fill(typed)
         page.get_by_role("button", name="Apply").click()
-        page.get_by_text(message).wait_for()
+        field = page.locator(".q-field", has=page.get_by_label(label))
+        field.get_by_role("alert").get_by_text(message).wait_for()
+        expect(page.get_by_label(label)).to_be_focused()  # to be corrected
+        expect(page.get_by_label(label)).to_have_value(typed)
+        assert page.locator(".q-notification").count() == 0
+        page.get_by_label(label).fill("1")
+        field.get_by_role("alert").wait_for(state="hidden")
     assert requested(console, "/state")["camera"]["choice"] == before
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import pytest
+from playwright.sync_api import expect
 from tests.console.accessible import AXE, broken_rules, faults, too_wide
 from tests.console.browser import needs_browser, picture
 from tests.console.contrast import contrast, contrast_on, texts
@@ -232,3 +233,11 @@ def test_the_live_image_fills_a_narrow_screen(
         assert box is not None
         assert box["width"] > 0.85 * width
         assert too_wide(page) == []
+
+
+def test_the_link_of_the_open_page_is_in_reach_on_a_telephone(
+    console: RunningConsole, browser: Browser, desktop: Page
+) -> None:
+    with tab(browser, console, "/records", size=(390, 844), color_scheme="light") as page:
+        link = page.get_by_role("navigation").get_by_role("link", name="Records", exact=True)
+        expect(link).to_be_in_viewport(ratio=1)

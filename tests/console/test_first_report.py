@@ -34,8 +34,8 @@ def test_no_hardware_to_a_saved_report(tmp_path: Path, browser: Browser) -> None
     for label in ("Diameter d", "Depth h", "Modulus E", "truth 10 mm", RESEARCH_USE_ONLY):
         assert label in text
     with open_store(store) as remaining:
-        dossier = remaining.record(remaining.target(1))
-    assert len(dossier.presses) == len(ROLES) * len(FORCES)
-    (stored,) = dossier.estimates
-    error = stored.estimate.mean["diameter_mm"] - dossier.target.truth["diameter_mm"]
+        target_record = remaining.record(remaining.target(1))
+    assert len(target_record.presses) == len(ROLES) * len(FORCES)
+    (stored,) = target_record.estimates
+    error = stored.estimate.mean["diameter_mm"] - target_record.target.truth["diameter_mm"]
     assert abs(error) < SURE * stored.estimate.sd["diameter_mm"]

@@ -35,7 +35,7 @@ def refused(page: Page, label: str, value: str, button: str, message: str) -> No
 
 def test_it_says_what_to_begin_with(console: RunningConsole, browser: Browser) -> None:
     with operating(browser, console, "/hardness") as page:
-        page.get_by_text("Next: lay an object under the virtual probe.").wait_for()
+        page.get_by_text("Next: place an object under the virtual probe.").wait_for()
         expect(page.get_by_role("button", name="Estimate", exact=True)).to_be_disabled()
         expect(page.get_by_role("button", name="Press and save")).to_be_hidden()
         picture(page, "hardness-first")
@@ -82,11 +82,11 @@ def test_from_an_object_to_its_modulus(console: RunningConsole, browser: Browser
         page.set_viewport_size({"width": TABLET[0], "height": TABLET[1]})
         picture(page, "hardness-result-tablet-dark")
         with open_store(console.store, kind="phantom") as store:
-            dossier = store.record(store.target(1))
-        (stored,) = dossier.estimates
+            target_record = store.record(store.target(1))
+        (stored,) = target_record.estimates
         assert stored.kind == "hardness"
-        assert [press.force_n for press in dossier.presses] == [0.7, 1.2]
-        assert set(stored.presses) == {press.id for press in dossier.presses}
+        assert [press.force_n for press in target_record.presses] == [0.7, 1.2]
+        assert set(stored.presses) == {press.id for press in target_record.presses}
         assert stored.options["radius_sd_mm"] == 0.03
         low, high = stored.estimate.interval(0.9)["young_kpa"]
         assert low < load_sphere(SPHERE).young_kpa < high

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import pytest
-from tests.records.sample import sample_dossier
+from tests.records.sample import sample_record
 
 from tsis.console.pages.records._context import AT_ONCE, UNKNOWN_FLAG, flags_of, read_target
 from tsis.console.pages.records._edit import changed, edit_press, edit_target, truth_text
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 @pytest.fixture
 def store(tmp_path: Path) -> Iterator[Store]:
     with open_store(tmp_path / "store") as opened:
-        opened.import_target(sample_dossier())
+        opened.import_target(sample_record())
         yield opened
 
 
@@ -87,9 +87,9 @@ def test_a_page_of_a_target_is_a_sheet_of_its_presses(store: Store) -> None:
 
 
 def test_of_a_subject_pages_show_the_pseudonym_and_known_flags(tmp_path: Path) -> None:
-    dossier = sample_dossier(kind="subject")
+    target_record = sample_record(kind="subject")
     with open_store(tmp_path / "subjects", kind="subject") as store:
-        store.import_target(dossier)
+        store.import_target(target_record)
         target = store.target(3)
         store.edit_target(target, note="Jane Doe")
         store.edit_press(store.press(target, "press-1"), flags=("moving", "Jane Doe"))

@@ -18,7 +18,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 from tests.console.files_client import FilesOf
-from tests.records.sample import levels, sample_dossier
+from tests.records.sample import levels, sample_record
 from tests.report.pdf_readers import sheets
 from tests.report.rough_pictures import rough_pictures
 
@@ -45,7 +45,7 @@ PRESS = "press-1"
 @pytest.fixture(scope="module")
 def store(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Store]:
     with open_store(tmp_path_factory.mktemp("files") / "store") as opened:
-        opened.import_target(sample_dossier())
+        opened.import_target(sample_record())
         yield opened
 
 
@@ -145,7 +145,7 @@ def test_a_folder_comes_packed_with_all_that_is_in_it(client: FilesOf) -> None:
 def test_a_bundle_can_be_read_again(client: FilesOf, tmp_path: Path) -> None:
     path = tmp_path / "bundle.zip"
     path.write_bytes(client.get(f"/files/export/{NUMBER}/bundle").content)
-    assert read_bundle(path).target == sample_dossier().target
+    assert read_bundle(path).target == sample_record().target
 
 
 def test_names_are_told_only_where_they_were_asked_for(client: FilesOf) -> None:
@@ -211,7 +211,7 @@ def test_paths_lead_nowhere(client: FilesOf, address: str) -> None:
 
 def test_a_damaged_frame_has_no_picture_and_stops_no_other(tmp_path: Path) -> None:
     with open_store(tmp_path / "store") as store:
-        store.import_target(sample_dossier())
+        store.import_target(sample_record())
         press = store.press(store.target(NUMBER), PRESS)
         file = store.blobs.path(press.frame, "png")
         content = bytearray(file.read_bytes())

@@ -13,7 +13,7 @@ from tests.console.browser import needs_browser, picture
 from tests.console.filled_store import ESTIMATED, HARD, MANY, PRESSES, fill, still
 from tests.console.operator import TABLET, tab
 from tests.console.running import RunningConsole, running_console
-from tests.records.sample import WHEN, levels, sample_dossier
+from tests.records.sample import WHEN, levels, sample_record
 
 from tsis.model import TactileImage
 from tsis.records.export.bundle import read_bundle, write_bundle
@@ -101,7 +101,7 @@ def test_a_target_shows_its_presses_a_sheet_at_a_time(console: RunningConsole, b
 def test_a_deep_link_shows_the_numbers_in_force(console: RunningConsole, browser: Browser) -> None:
     with tab(browser, console, f"/records/{ESTIMATED}") as page:
         all_shown(page, 4)
-        estimate = sample_dossier().estimates[0].estimate
+        estimate = sample_record().estimates[0].estimate
         card = page.locator(".card", has_text="Diameter")
         assert f"{estimate.mean['diameter_mm']:.3g} mm" in card.inner_text()
         assert "not identified" in page.locator(".card", has_text="Modulus").inner_text()

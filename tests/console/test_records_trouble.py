@@ -16,7 +16,7 @@ from tests.console.contrast import texts
 from tests.console.filled_store import ESTIMATED, fill, still
 from tests.console.operator import tab
 from tests.console.running import running_console
-from tests.records.sample import sample_dossier
+from tests.records.sample import sample_record
 
 from tsis.records.store import open_store
 
@@ -45,7 +45,7 @@ def test_an_empty_store_says_how_to_begin(browser: Browser, tmp_path: Path) -> N
         assert faults(page) == []
         picture(page, "records-empty")
         with open_store(console.store) as store:
-            store.import_target(sample_dossier())
+            store.import_target(sample_record())
         page.get_by_role("link", name="size-10").wait_for()
         with open_store(console.store) as store:
             for number in range(100, 160):
@@ -65,8 +65,8 @@ def test_what_is_damaged_is_said_and_hides_nothing_else(browser: Browser, tmp_pa
     fill(tmp_path / "records")
     with open_store(tmp_path / "records") as store:
         target = store.target(ESTIMATED)
-        dossier = store.record(target)
-        damage(store.blobs.path(dossier.presses[0].frame, "png"))
+        target_record = store.record(target)
+        damage(store.blobs.path(target_record.presses[0].frame, "png"))
     with running_console(tmp_path) as console:
         with tab(browser, console, f"/records/{ESTIMATED}", expected=REFUSED) as page:
             page.get_by_text("This frame cannot be shown").wait_for()
@@ -99,7 +99,7 @@ def test_what_is_damaged_is_said_and_hides_nothing_else(browser: Browser, tmp_pa
 
 def test_of_a_subject_the_pseudonym_alone_is_shown(browser: Browser, tmp_path: Path) -> None:
     with open_store(tmp_path / "records", kind="subject") as store:
-        store.import_target(sample_dossier(kind="subject"))
+        store.import_target(sample_record(kind="subject"))
         target = store.edit_target(store.target(3), note="Jane Doe, room 7")
         store.edit_press(store.press(target, "press-0"), note="Jane's left", flags=("Jane Doe",))
     with (

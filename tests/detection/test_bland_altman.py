@@ -36,8 +36,8 @@ def test_bias_and_slope_are_those_of_scipy(size: int) -> None:
 
 @pytest.mark.parametrize("row", REFERENCES["noncentral_t"])
 def test_quantiles_of_the_noncentral_t_are_those_of_r(row: list[float]) -> None:
-    probability, free, noncentral, told = row
-    assert nct.ppf(probability, free, noncentral) == pytest.approx(told, rel=2e-7)  # R's are no better
+    probability, free, noncentral, result = row
+    assert nct.ppf(probability, free, noncentral) == pytest.approx(result, rel=2e-7)  # R's are no better
 
 
 def test_limits_by_hand() -> None:

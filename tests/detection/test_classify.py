@@ -85,8 +85,8 @@ def test_probabilities_are_those_of_scikit_learn_called_directly() -> None:
 
 
 def test_validation_is_that_of_a_plain_loop_with_scikit_learns_losses() -> None:
-    told: list[tuple[int, int]] = []
-    found = cross_validate(*STUDY, SPLIT, folds=4, progress=lambda done, total: told.append((done, total)))
+    result: list[tuple[int, int]] = []
+    found = cross_validate(*STUDY, SPLIT, folds=4, progress=lambda done, total: result.append((done, total)))
     features, labels = TRAINING.features, np.asarray(TRAINING.labels)
     mean = np.empty((len(labels), 3))
     for kept, out in StratifiedKFold(4, shuffle=True, random_state=0).split(features, labels):
@@ -101,7 +101,7 @@ def test_validation_is_that_of_a_plain_loop_with_scikit_learns_losses() -> None:
     right = found.proportion(2, 2)
     assert right.interval() == wilson_interval(int(table[2, 2]), int(table[2].sum()))
     assert found.accuracy.successes == np.trace(table)
-    assert told == [(1, 4), (2, 4), (3, 4), (4, 4)]
+    assert result == [(1, 4), (2, 4), (3, 4), (4, 4)]
 
 
 def test_no_target_is_judged_by_a_classifier_that_knew_it() -> None:

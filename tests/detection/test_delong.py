@@ -18,28 +18,28 @@ SETS = sorted(REFERENCES["roc"])
 
 
 def _read(name: str) -> tuple[dict[str, Any], np.ndarray, np.ndarray]:
-    told = REFERENCES["roc"][name]
-    return told, np.array([told["first"], told["second"]]), np.array(told["present"]) == 1
+    result = REFERENCES["roc"][name]
+    return result, np.array([result["first"], result["second"]]), np.array(result["present"]) == 1
 
 
 @pytest.mark.parametrize("name", SETS)
 def test_areas_and_covariances_are_those_of_proc(name: str) -> None:
-    told, scores, present = _read(name)
+    result, scores, present = _read(name)
     found = auc_covariance(scores, present)
-    assert found.auc == pytest.approx(told["auc"], abs=1e-10)
-    assert np.diag(found.covariance) == pytest.approx(told["variance"], abs=1e-10)
-    assert found.covariance[0, 1] == found.covariance[1, 0] == pytest.approx(told["covariance"], abs=1e-10)
-    assert list(roc(scores[0], present).auc_interval(0.9, "delong")) == pytest.approx(told["interval_90"], abs=1e-10)
+    assert found.auc == pytest.approx(result["auc"], abs=1e-10)
+    assert np.diag(found.covariance) == pytest.approx(result["variance"], abs=1e-10)
+    assert found.covariance[0, 1] == found.covariance[1, 0] == pytest.approx(result["covariance"], abs=1e-10)
+    assert list(roc(scores[0], present).auc_interval(0.9, "delong")) == pytest.approx(result["interval_90"], abs=1e-10)
 
 
 @pytest.mark.parametrize("name", SETS)
 def test_paired_tests_are_those_of_proc(name: str) -> None:
-    told, scores, present = _read(name)
+    result, scores, present = _read(name)
     found = compare_detectors(scores[0], scores[1], present)
-    assert found.z == pytest.approx(told["z"], abs=1e-10)
-    assert found.p == pytest.approx(told["p"], abs=1e-10)
+    assert found.z == pytest.approx(result["z"], abs=1e-10)
+    assert found.p == pytest.approx(result["p"], abs=1e-10)
     assert found.interval is not None
-    assert list(found.interval) == pytest.approx(told["difference_interval_95"], abs=1e-10)
+    assert list(found.interval) == pytest.approx(result["difference_interval_95"], abs=1e-10)
     assert found.method == found.interval.method == "delong"
 
 
@@ -89,14 +89,14 @@ def test_a_faultless_method_beside_a_useless_one_has_a_difference_without_spread
 
 @pytest.mark.parametrize("name", ["large", "uneven"])
 def test_the_bootstrap_compares_alike(name: str) -> None:
-    told, scores, present = _read(name)
+    result, scores, present = _read(name)
     heard: list[tuple[int, int]] = []
     found = bootstrap_compare_detectors(
         scores[0], scores[1], present, rng=np.random.default_rng(6), draws=20000, progress=lambda *at: heard.append(at)
     )
-    assert found.z == pytest.approx(told["z"], rel=0.05)
+    assert found.z == pytest.approx(result["z"], rel=0.05)
     assert found.interval is not None
-    assert list(found.interval) == pytest.approx(told["difference_interval_95"], abs=0.02)
+    assert list(found.interval) == pytest.approx(result["difference_interval_95"], abs=0.02)
     assert heard[-1] == (20000, 20000)
     assert len(heard) > 1
 

@@ -25,13 +25,13 @@ OF_PSYCH = dict(zip(FORMS, ("ICC1", "ICC2", "ICC3", "ICC1k", "ICC2k", "ICC3k"), 
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("name", sorted(TABLES))
 def test_all_forms_are_those_of_psych(name: str, form: str) -> None:
-    told = TABLES[name]["forms"][OF_PSYCH[form]]
+    result = TABLES[name]["forms"][OF_PSYCH[form]]
     found = intraclass_correlation(TABLES[name]["table"], form)
-    assert found.value == pytest.approx(told["value"], abs=1e-10)
-    assert found.f == pytest.approx(told["f"], rel=1e-10)
-    assert found.degrees_of_freedom == (told["df1"], told["df2"])
-    assert found.p == pytest.approx(told["p"], rel=1e-8)
-    assert list(found.interval()) == pytest.approx(told["interval_95"], abs=1e-10)
+    assert found.value == pytest.approx(result["value"], abs=1e-10)
+    assert found.f == pytest.approx(result["f"], rel=1e-10)
+    assert found.degrees_of_freedom == (result["df1"], result["df2"])
+    assert found.p == pytest.approx(result["p"], rel=1e-8)
+    assert list(found.interval()) == pytest.approx(result["interval_95"], abs=1e-10)
 
 
 def test_the_printed_example_of_shrout_and_fleiss() -> None:

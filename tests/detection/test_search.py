@@ -147,9 +147,9 @@ def test_a_reach_by_trials_is_where_the_share_falls() -> None:
     rng = np.random.default_rng(1)
     away = rng.uniform(0, 6, 20000)
     found = rng.random(20000) < 1 / (1 + np.exp((away - 4.0) / 0.5))
-    for wanted in (0.5, 0.9):
-        true = 4.0 - 0.5 * math.log(wanted / (1 - wanted))
-        assert detection_range_of_trials(away, found, probability=wanted) == pytest.approx(true, abs=0.15)
+    for expected in (0.5, 0.9):
+        true = 4.0 - 0.5 * math.log(expected / (1 - expected))
+        assert detection_range_of_trials(away, found, probability=expected) == pytest.approx(true, abs=0.15)
     assert detection_range_of_trials(away, np.zeros(20000, dtype=bool)) == 0.0
     assert detection_range_of_trials(away, np.ones(20000, dtype=bool)) == away.max()
 

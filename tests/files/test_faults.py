@@ -15,7 +15,7 @@ from unittest import mock
 
 import numpy as np
 import pytest
-from tests.records.sample import WHEN, levels, sample_dossier
+from tests.records.sample import WHEN, levels, sample_record
 from tests.study.made import made_study, table
 from tests.sweep.conftest import small_plan
 from tests.sweep.stand_ins import quick
@@ -96,11 +96,11 @@ def checks(folder: Path) -> None:
 
 
 def bundle(folder: Path) -> None:
-    write_bundle(sample_dossier(), folder / "bundle.zip")
+    write_bundle(sample_record(), folder / "bundle.zip")
 
 
 def spreadsheet(folder: Path) -> None:
-    write_csv(sample_dossier(), folder / "csv")
+    write_csv(sample_record(), folder / "csv")
 
 
 MAKING: dict[Make, Callable[[Path], object]] = {

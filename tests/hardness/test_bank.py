@@ -36,10 +36,10 @@ def test_the_summary_counts_what_lies_inside() -> None:
         {"mean": 100.0, "half": (95.0, 105.0), "most": (90.0, 110.0), "trusted": True, "flags": ("one_force",)},
         {"refused": "no contact"},
     ]
-    told = summary([100.0, 100.0, 100.0], answers)
-    assert told["mean_relative_error"] == pytest.approx(0.05)
-    assert (told["trusted"], told["refused"], told["flags"]) == (2, 1, {"one_force": 1})
-    assert (told["coverage_50"], told["coverage_90"]) == (0.5, 1.0)
+    result = summary([100.0, 100.0, 100.0], answers)
+    assert result["mean_relative_error"] == pytest.approx(0.05)
+    assert (result["trusted"], result["refused"], result["flags"]) == (2, 1, {"one_force": 1})
+    assert (result["coverage_50"], result["coverage_90"]) == (0.5, 1.0)
 
 
 def test_wilson_holds_the_share_and_is_not_symmetric_near_one() -> None:

@@ -101,15 +101,15 @@ def test_limits_of_the_gel_widen_and_a_rigid_ball_narrows() -> None:
     known = estimate_from_contacts(by_force(60.0), sensor=GEL, geometry=R_MM)
     wide = estimate_from_contacts(by_force(60.0), sensor=unknown, geometry=R_MM)
     ball = by_force(1e9)
-    told = estimate_from_contacts(
+    result = estimate_from_contacts(
         by_force(60.0), sensor=unknown, geometry=R_MM, reference=ball, reference_radius_mm=R_MM
     )
     sd = {
         name: float(np.log(each.untrusted.samples["young_kpa"]).std())
-        for name, each in (("known", known), ("wide", wide), ("told", told))
+        for name, each in (("known", known), ("wide", wide), ("told", result))
     }
     assert sd["known"] < sd["told"] < 0.9 * sd["wide"]
-    assert abs(np.log(middle(told) / 60.0)) < 2 * sd["told"]
+    assert abs(np.log(middle(result) / 60.0)) < 2 * sd["told"]
 
 
 @pytest.mark.slow

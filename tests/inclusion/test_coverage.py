@@ -163,8 +163,8 @@ def toy(spread: float, *, cases: int = 2000) -> Judgement:
         inside = [low <= value <= high for value, (low, high) in zip(truth, found.interval(0.9).values(), strict=True)]
         lines.append(line | {"inside": inside})
     judged = Judgement.of(lines)
-    told = np.array([line["inside"] for line in lines])
-    assert (judged.holds(0.9) == told).mean() > 0.995, "ranks say what intervals say, but for the last sample"
+    result = np.array([line["inside"] for line in lines])
+    assert (judged.holds(0.9) == result).mean() > 0.995, "ranks say what intervals say, but for the last sample"
     return judged
 
 

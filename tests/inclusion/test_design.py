@@ -186,25 +186,26 @@ def test_expected_errors_of_sharp_presses_are_those_of_a_normal_posterior() -> N
     rng, at = np.random.default_rng(1), np.array([8.0, 8.0, 80.0])
     root = rng.standard_normal((5, 3, 3)) / [0.5, 0.5, 1.0] + np.diag([3.0, 3.0, 5.0])
     matrix = np.swapaxes(root, 1, 2) @ root
-    told = told_by(matrix, at)
+    result = told_by(matrix, at)
     before = np.diag(np.array([PRIOR.sd["diameter_mm"], PRIOR.sd["depth_mm"], np.inf]) ** -2)
     by_hand = np.array([np.sqrt(np.diag(np.linalg.inv(one + before))) for one in matrix])
     assert by_hand[:, 2].max() < 3.0, "the range of the modulus must not matter"
-    np.testing.assert_allclose(told.expected_sd, by_hand, rtol=0.02)
-    np.testing.assert_allclose(told.cramer_rao_sd, [np.sqrt(np.diag(np.linalg.inv(one))) for one in matrix], rtol=1e-6)
-    np.testing.assert_allclose(list(told.rmse.values()), np.sqrt((told.expected_sd**2).mean(axis=0)))
-    assert told.log_sd == pytest.approx(np.log(told.expected_sd / list(PRIOR.sd.values())).sum() / 5)
-    assert told.identified_fraction == 1.0
+    np.testing.assert_allclose(result.expected_sd, by_hand, rtol=0.02)
+    bound = [np.sqrt(np.diag(np.linalg.inv(one))) for one in matrix]
+    np.testing.assert_allclose(result.cramer_rao_sd, bound, rtol=1e-6)
+    np.testing.assert_allclose(list(result.rmse.values()), np.sqrt((result.expected_sd**2).mean(axis=0)))
+    assert result.log_sd == pytest.approx(np.log(result.expected_sd / list(PRIOR.sd.values())).sum() / 5)
+    assert result.identified_fraction == 1.0
 
 
 def test_what_no_press_tells_keeps_its_prior() -> None:
-    told = told_by(np.array([np.zeros((3, 3)), np.diag([1 / 9.0, 0.0, 4.0])]), np.array([8.0, 8.0, 80.0]))
-    np.testing.assert_allclose(told.expected_sd[0], list(PRIOR.sd.values()), rtol=2e-3)
-    assert told.expected_sd[1, 0] == pytest.approx(1 / np.sqrt(1 / 9.0 + PRIOR.sd["diameter_mm"] ** -2))
-    assert told.expected_sd[1, 1] == pytest.approx(PRIOR.sd["depth_mm"])
-    assert told.expected_sd[1, 2] == pytest.approx(0.5, rel=0.01)
-    assert np.isinf(told.cramer_rao_sd).all()
-    assert told.identified_fraction == 0.5
+    result = told_by(np.array([np.zeros((3, 3)), np.diag([1 / 9.0, 0.0, 4.0])]), np.array([8.0, 8.0, 80.0]))
+    np.testing.assert_allclose(result.expected_sd[0], list(PRIOR.sd.values()), rtol=2e-3)
+    assert result.expected_sd[1, 0] == pytest.approx(1 / np.sqrt(1 / 9.0 + PRIOR.sd["diameter_mm"] ** -2))
+    assert result.expected_sd[1, 1] == pytest.approx(PRIOR.sd["depth_mm"])
+    assert result.expected_sd[1, 2] == pytest.approx(0.5, rel=0.01)
+    assert np.isinf(result.cramer_rao_sd).all()
+    assert result.identified_fraction == 0.5
 
 
 def test_inclusions_are_spread_evenly() -> None:
@@ -258,10 +259,10 @@ def test_alternatives_change_one_thing(aspect: str) -> None:
             "reference": one.has_reference,
         }
 
-    wanted = "softness" if aspect == "layers" else aspect
+    expected = "softness" if aspect == "layers" else aspect
     for other in found:
         before, after = parts(TWO_FORCES), parts(other)
-        assert {name for name in before if before[name] != after[name]} == {wanted}
+        assert {name for name in before if before[name] != after[name]} == {expected}
 
 
 def test_layers_of_one_modulus_give_way_as_the_graded_ones() -> None:

@@ -50,12 +50,12 @@ def test_the_raw_frame_comes_back_bit_for_bit(tmp_path: Path, picture: str, bits
 
 def test_the_sidecar_tells_how_it_was_taken_and_proves_the_files(tmp_path: Path) -> None:
     saved = save_snapshot(_frame(), tmp_path, target=3, when=WHEN, colour=_red, about={"calibration": "abc"})
-    told = json.loads(saved.sidecar.read_text())
-    assert (told["target"], told["sequence"], told["time_s"], told["settings"]) == (3, 41, 1.4, {"gain": 2.0})
-    assert told["calibration"] == "abc"
-    assert told["taken"].startswith("2011-02-04T13:11:12")
-    assert "Research use only" in told["notice"]
-    for ending, digest in told["sha256"].items():
+    result = json.loads(saved.sidecar.read_text())
+    assert (result["target"], result["sequence"], result["time_s"], result["settings"]) == (3, 41, 1.4, {"gain": 2.0})
+    assert result["calibration"] == "abc"
+    assert result["taken"].startswith("2011-02-04T13:11:12")
+    assert "Research use only" in result["notice"]
+    for ending, digest in result["sha256"].items():
         file = tmp_path / "Target3" / f"Target3-020411-131112{ending}"
         assert hashlib.sha256(file.read_bytes()).hexdigest() == digest
 

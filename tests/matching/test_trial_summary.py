@@ -72,9 +72,9 @@ def test_pooled_levels_meet_the_best_rival_of_each() -> None:
 def test_answers_that_a_method_does_not_trust_are_counted() -> None:
     rows = rows_of("fish/noise", 1, "tprl", [0.01, 0.2], reliable="no")
     rows += rows_of("fish/noise", 1, "cpd", [0.01, 0.2], reliable="yes")
-    withheld, told = summarise(rows, rivals=("cpd",))
+    withheld, result = summarise(rows, rivals=("cpd",))
     assert (withheld.failures, withheld.withheld, withheld.unannounced) == (0.5, 1.0, 0.0)
-    assert (told.failures, told.withheld, told.unannounced) == (0.5, 0.0, 0.5)
+    assert (result.failures, result.withheld, result.unannounced) == (0.5, 0.0, 0.5)
 
 
 def test_without_a_rival_there_is_no_ratio() -> None:

@@ -181,10 +181,10 @@ def test_housed_sides_agree_with_the_axisymmetric_press() -> None:
 
 
 def test_stages_are_told() -> None:
-    told: list[str] = []
+    result: list[str] = []
     phantom = replace(PLAIN, inclusion=replace(SMALL, young_kpa=77.0))  # that no other test has kept
-    press_solid(PROBE, phantom, force_n=0.1, resolution=ROUGH, threads=1, progress=told.append)
-    assert [text.split()[0] for text in told] == ["meshing", "factorising", "solving"]
+    press_solid(PROBE, phantom, force_n=0.1, resolution=ROUGH, threads=1, progress=result.append)
+    assert [text.split()[0] for text in result] == ["meshing", "factorising", "solving"]
 
 
 @pytest.mark.slow

@@ -32,9 +32,9 @@ def _archive(**arrays: Any) -> bytes:
 def test_what_numpy_writes_comes_back(one: Any, two: Any, by_column: bool) -> None:
     one = np.asfortranarray(one) if by_column else one
     found = read_arrays(_archive(one=one, two=two))
-    for name, wanted in (("one", one), ("two", two)):
-        assert found[name].dtype == wanted.dtype
-        np.testing.assert_array_equal(found[name], wanted)
+    for name, expected in (("one", one), ("two", two)):
+        assert found[name].dtype == expected.dtype
+        np.testing.assert_array_equal(found[name], expected)
     assert list(read_arrays(_archive(one=one, two=two), ["two", "three"])) == ["two"]
 
 

@@ -70,8 +70,8 @@ def test_what_a_bill_lacks_is_said(bill: Bill) -> None:
         bare = copy.deepcopy(bill)
         del next(each for each in bare["components"] if each["name"] == "numpy")[field]
         assert faults(bare, {"numpy"}) == [f"numpy must have its {field}"]
-    told = bill | {"note": "file:///srv/wheels/numpy"}
-    assert faults(told, {"numpy"}) == ["the bill must hold no address of an index or of a file"]
+    result = bill | {"note": "file:///srv/wheels/numpy"}
+    assert faults(result, {"numpy"}) == ["the bill must hold no address of an index or of a file"]
 
 
 def test_extras_of_dependencies_are_followed_and_markers_obeyed() -> None:

@@ -22,7 +22,7 @@ def test_every_command_and_name_in_the_pages_exists() -> None:
 
 
 def test_no_command_is_overlooked() -> None:
-    told = [
+    result = [
         words
         for pattern in PAGES
         for path in ROOT.glob(pattern)
@@ -30,8 +30,8 @@ def test_no_command_is_overlooked() -> None:
         if kind == "console"
         for words in commands.commands(text)
     ]
-    assert len(told) > 100
-    assert {"demo", "console", "examine", "study", "records", "sweep"} <= {words[0] for words in told if words}
+    assert len(result) > 100
+    assert {"demo", "console", "examine", "study", "records", "sweep"} <= {words[0] for words in result if words}
 
 
 @pytest.mark.parametrize(

@@ -69,13 +69,13 @@ def killed_cycles(folder: Path, cycles: int, *, seed: int, writers: int = 2, eve
     """Let so many programs be killed, some at a time, and look after them; all is verified after ``every`` so many."""
     rng, found = random.Random(seed), Found()
     for cycle in range(writers, cycles + 1, writers):
-        told = _killed([_started(folder, rng.getrandbits(32), disk) for _ in range(writers)], rng)
-        found.faults += [each["said"] for each in told if each["kind"] == "failed"]
-        told = [each for each in told if each["kind"] != "failed"]
-        found.cycles, found.acknowledged = cycle, found.acknowledged + len(told)
+        result = _killed([_started(folder, rng.getrandbits(32), disk) for _ in range(writers)], rng)
+        found.faults += [each["said"] for each in result if each["kind"] == "failed"]
+        result = [each for each in result if each["kind"] != "failed"]
+        found.cycles, found.acknowledged = cycle, found.acknowledged + len(result)
         try:
             with open_store(folder, actor="after") as store:
-                _look(store, told, found)
+                _look(store, result, found)
                 if cycle % every == 0 or cycle + writers > cycles:
                     _look_at_all(store, found)
         except TsisError as error:
@@ -128,7 +128,7 @@ def _tell(pipe: int, **what: Any) -> None:
 
 def _killed(programs: list[tuple[int, int]], rng: random.Random) -> list[dict[str, Any]]:
     """Kill them all at random moments; what they had acknowledged by then."""
-    told = []
+    result = []
     for number, pipe in programs:
         if rng.random() < 0.7:  # else perhaps while it is still opening
             select.select([pipe], [], [], 10.0)
@@ -136,8 +136,8 @@ def _killed(programs: list[tuple[int, int]], rng: random.Random) -> list[dict[st
         os.kill(number, signal.SIGKILL)
         os.waitpid(number, 0)
         with os.fdopen(pipe, "rb") as lines:
-            told += [json.loads(line) for line in lines]
-    return told
+            result += [json.loads(line) for line in lines]
+    return result
 
 
 def _look(store: Store, told: list[dict[str, Any]], found: Found) -> None:

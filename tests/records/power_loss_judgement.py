@@ -76,10 +76,10 @@ class Judge:
             return [] if self._under_way or not self.kept else ["anchor"]
         try:
             document = json.loads(content)
-            number, told = document["number"], document["hash"]
+            number, result = document["number"], document["hash"]
         except (ValueError, KeyError, TypeError):
             return ["torn anchor"]
-        if number and self._chains[state.commit].get(number) != told:
+        if number and self._chains[state.commit].get(number) != result:
             return ["anchor ahead"]
         return ["old anchor"] if number < self._anchor else []
 

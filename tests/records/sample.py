@@ -57,7 +57,7 @@ def sample_estimate(*, trusted: bool = True) -> Estimate:
     )
 
 
-def sample_dossier(*, full_scale: float = 255.0, kind: str = "phantom", estimated: bool = True) -> TargetRecord:
+def sample_record(*, full_scale: float = 255.0, kind: str = "phantom", estimated: bool = True) -> TargetRecord:
     """Two presses on a target and two on plain tissue, with a calibration and an estimate."""
     known = sample_calibration()
     frames: dict[str, NDArray[Any]] = {}

@@ -165,11 +165,11 @@ class Disk:
 
 def traced(folder: Path, program: str) -> tuple[list[Call], str]:
     """Calls of a Python program that is told in ``sys.argv`` where to store, and where to acknowledge."""
-    root, acknowledged, told = folder / "disk", folder / "acknowledged", folder / "told"
+    root, acknowledged, result = folder / "disk", folder / "acknowledged", folder / "told"
     root.mkdir()
-    strace = ["strace", "-f", "-y", "-xx", "-s", "4000000", "-e", f"trace={CALLS}", "-o", str(told)]
+    strace = ["strace", "-f", "-y", "-xx", "-s", "4000000", "-e", f"trace={CALLS}", "-o", str(result)]
     subprocess.run([*strace, sys.executable, "-c", program, str(root), str(acknowledged)], check=True, cwd=ROOT)
-    return list(_calls(told)), str(root)
+    return list(_calls(result)), str(root)
 
 
 def _calls(told: Path) -> Iterator[Call]:

@@ -6,7 +6,7 @@ import stat
 from typing import TYPE_CHECKING
 
 import pytest
-from tests.records.sample import WHEN, levels, sample_dossier
+from tests.records.sample import WHEN, levels, sample_record
 
 from tsis.errors import FileInputError, RecordsError
 from tsis.model import TactileImage
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 @pytest.fixture
 def filled(tmp_path: Path) -> Iterator[Store]:
     with open_store(tmp_path / "store") as store:
-        store.import_target(sample_dossier())
+        store.import_target(sample_record())
         yield store
 
 

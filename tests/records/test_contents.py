@@ -7,7 +7,7 @@ from datetime import datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from tests.records.sample import WHEN, levels, sample_calibration, sample_dossier, sample_estimate
+from tests.records.sample import WHEN, levels, sample_calibration, sample_estimate, sample_record
 
 from tsis.errors import InputError
 from tsis.model import TactileImage
@@ -59,11 +59,11 @@ def test_estimates_rest_on_presses_that_were_read_with_them(place: Place, monkey
 
         with monkeypatch.context() as racing:
             racing.setattr(Database, "reading", raced)
-            dossier = store.record(target)
+            target_record = store.record(target)
         assert next(seeds) > 2  # another did enter something
-        for stored in dossier.estimates:
-            assert [dossier.press(identity).id for identity in stored.presses] == list(stored.presses)
-        assert len(store.estimates(target)) > len(dossier.estimates)
+        for stored in target_record.estimates:
+            assert [target_record.press(identity).id for identity in stored.presses] == list(stored.presses)
+        assert len(store.estimates(target)) > len(target_record.estimates)
 
 
 def test_a_clock_that_was_set_back_puts_no_old_estimate_in_force(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -83,7 +83,7 @@ def test_a_clock_that_was_set_back_puts_no_old_estimate_in_force(store: Store, m
 
 
 def test_presses_are_counted_without_being_read(store: Store) -> None:
-    given = sample_dossier()
+    given = sample_record()
     target = store.import_target(given).target
     empty = store.add_target()
     assert (store.press_count(target), store.press_count(empty)) == (len(given.presses), 0)

@@ -7,7 +7,7 @@ from datetime import timedelta
 from typing import TYPE_CHECKING
 
 import pytest
-from tests.records.sample import WHEN, levels, sample_dossier
+from tests.records.sample import WHEN, levels, sample_record
 
 from tsis.errors import InputError, StaleRecordError
 from tsis.model import TactileImage
@@ -87,9 +87,9 @@ def test_names_are_one_line_and_notes_may_be_more(store: Store) -> None:
 
 
 def test_what_earlier_releases_accepted_stays_readable_and_can_be_mended(store: Store) -> None:
-    dossier = sample_dossier()
-    odd = replace(dossier.target, name="two\nlines", truth={"diameter_mm": -1.0})
-    store.import_target(replace(dossier, target=odd))
+    record = sample_record()
+    odd = replace(record.target, name="two\nlines", truth={"diameter_mm": -1.0})
+    store.import_target(replace(record, target=odd))
     read = store.target(odd.number)
     assert (read.name, dict(read.truth)) == ("two\nlines", {"diameter_mm": -1.0})
     noted = store.edit_target(read, note="mend its truth")

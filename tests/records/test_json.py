@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.records.sample import sample_dossier
+from tests.records.sample import sample_record
 
 from tsis.errors import FileInputError, InputError
 from tsis.files import free_to_json, from_json_value, to_json_value
@@ -200,7 +200,7 @@ def test_nesting_without_end_is_refused_both_ways() -> None:
     endless.append(endless)
     with pytest.raises(InputError, match="nested at most"):
         free_to_json(endless, "settings")
-    plain = to_json_value(sample_dossier().presses[0])
+    plain = to_json_value(sample_record().presses[0])
     deep: Any = 1
     for _ in range(50):
         deep = {"a": deep}
@@ -233,7 +233,7 @@ def test_nesting_without_end_is_refused_both_ways() -> None:
     ],
 )
 def test_a_press_with_another_value_is_refused(change: dict[str, Any]) -> None:
-    plain = to_json_value(sample_dossier().presses[0])
+    plain = to_json_value(sample_record().presses[0])
     from_json_value(StoredPress, plain, "press", complete=True)
     with pytest.raises(InputError):
         from_json_value(StoredPress, plain | change, "press", complete=True)

@@ -8,7 +8,7 @@ from datetime import timedelta
 from typing import TYPE_CHECKING
 
 import pytest
-from tests.records.sample import WHEN, sample_dossier
+from tests.records.sample import WHEN, sample_record
 
 from tsis.records.store._reader import in_lineage
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def made(name: str, minutes: int, supersedes: str | None = None) -> StoredEstimate:
-    (stored,) = sample_dossier().estimates
+    (stored,) = sample_record().estimates
     return replace(stored, id=name, made=WHEN + timedelta(minutes=minutes), supersedes=supersedes)
 
 

@@ -239,7 +239,7 @@ def test_the_migrations_make_what_the_tables_say(place: Place) -> None:
             made[name] = (columns, indexes, unique, keys, looked.get_pk_constraint(name)["constrained_columns"])
         options = {"compare_type": place.database is not None}  # SQLite reflects DOUBLE PRECISION as REAL
         changes = compare_metadata(MigrationContext.configure(connection, opts=options), tables.metadata)
-    wanted = {
+    expected = {
         name: (
             {column.name: column.nullable for column in table.columns},
             {str(index.name): tuple(column.name for column in index.columns) for index in table.indexes},
@@ -249,5 +249,5 @@ def test_the_migrations_make_what_the_tables_say(place: Place) -> None:
         )
         for name, table in tables.metadata.tables.items()
     }
-    assert made == wanted
+    assert made == expected
     assert changes == []

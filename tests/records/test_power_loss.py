@@ -71,17 +71,17 @@ def test_opening_sees_what_the_judge_sees(recorded: Recorded) -> None:
 
 
 def test_every_sync_left_out_is_missed(recorded: Recorded) -> None:
-    wanted = {
+    expected = {
         label(step) for run in islice(recorded, FIRST) for step in run.trace.steps if step.kind in SYNCS and step.site
     }
-    assert len(wanted) >= 10
+    assert len(expected) >= 10
     for run in recorded:
         for number, step in enumerate(run.trace.steps):
-            if step.kind in SYNCS and label(step) in wanted and without(run, number)[1]:
-                wanted.discard(label(step))
-        if not wanted:
+            if step.kind in SYNCS and label(step) in expected and without(run, number)[1]:
+                expected.discard(label(step))
+        if not expected:
             break
-    assert not wanted, "nothing is lost where these are left out: they are needless, or the model is too kind"
+    assert not expected, "nothing is lost where these are left out: they are needless, or the model is too kind"
 
 
 @pytest.mark.parametrize("pragma", ["synchronous=NORMAL", "synchronous=OFF"])

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 from sqlalchemy import delete, update
 from tests.records.old_store import make_old
-from tests.records.sample import WHEN, levels, sample_dossier
+from tests.records.sample import WHEN, levels, sample_record
 
 from tsis.errors import RecordsError
 from tsis.model import TactileImage
@@ -55,36 +55,36 @@ def test_it_lasts_in_its_store(place: Place) -> None:
 
 def test_who_has_the_identity_does_not_have_the_pseudonym(tmp_path: Path) -> None:
     with open_store(tmp_path / "one") as one, open_store(tmp_path / "other") as other:
-        dossier = filled(one)
-        write_bundle(dossier, tmp_path / "bundle")
+        target_record = filled(one)
+        write_bundle(target_record, tmp_path / "bundle")
         handed = read_bundle(tmp_path / "bundle")
-        assert handed.target.id == dossier.target.id
+        assert handed.target.id == target_record.target.id
         assert pseudonym(handed) != pseudonym(read_bundle(tmp_path / "bundle"))
         other.import_target(handed)
         taken = other.record(other.target(1))
-        assert len({pseudonym(each) for each in (dossier, handed, taken)}) == 3
-        assert public_identity(taken.target) == public_identity(dossier.target)  # that of identified exports
+        assert len({pseudonym(each) for each in (target_record, handed, taken)}) == 3
+        assert public_identity(taken.target) == public_identity(target_record.target)  # that of identified exports
 
 
 def test_no_export_holds_the_secret(tmp_path: Path) -> None:
     with open_store(tmp_path / "store") as store:
-        dossier, secret = filled(store), secret_of(store)
+        record, secret = filled(store), secret_of(store)
         assert secret is not None
-        write_bundle(dossier, tmp_path / "out" / "bundle")
-        write_hdf5(dossier, tmp_path / "out" / "one.h5")
-        write_zarr(dossier, tmp_path / "out" / "one.zarr")
+        write_bundle(record, tmp_path / "out" / "bundle")
+        write_hdf5(record, tmp_path / "out" / "one.h5")
+        write_zarr(record, tmp_path / "out" / "one.zarr")
         assert verify_store(store).sound
     contents = [path.read_bytes() for path in (tmp_path / "out").rglob("*") if path.is_file()]
-    contents += csv_files(dossier).values()
+    contents += csv_files(record).values()
     for identified in (False, True):
-        contents.append(fhir_observations(dossier, identified=identified))
-        contents += [file.content for file in dicom_files(dossier, identified=identified)]
+        contents.append(fhir_observations(record, identified=identified))
+        contents += [file.content for file in dicom_files(record, identified=identified)]
     assert len(contents) > 12
     for content in contents:
-        for each in (secret, dossier.secret):
+        for each in (secret, record.secret):
             assert each.encode() not in content
             assert bytes.fromhex(each) not in content
-    assert dossier.secret not in repr(dossier)
+    assert record.secret not in repr(record)
 
 
 def test_an_older_store_gets_one_once_and_its_audit_says_so(place: Place) -> None:
@@ -112,7 +112,7 @@ def test_a_secret_that_was_taken_out_is_not_made_anew(tmp_path: Path) -> None:
 
 
 def test_what_stands_for_an_identity_tells_kinds_apart() -> None:
-    dossier = sample_dossier()
-    assert hidden_identity(dossier, "press", "a") != hidden_identity(dossier, "estimate", "a")
-    assert hidden_identity(dossier, "press", "a") != hidden_identity(replace(dossier, secret="00" * 32), "press", "a")
-    assert hidden_identity(dossier, "press", "a") == hidden_identity(dossier, "press", "a")
+    record = sample_record()
+    assert hidden_identity(record, "press", "a") != hidden_identity(record, "estimate", "a")
+    assert hidden_identity(record, "press", "a") != hidden_identity(replace(record, secret="00" * 32), "press", "a")
+    assert hidden_identity(record, "press", "a") == hidden_identity(record, "press", "a")

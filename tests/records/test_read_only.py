@@ -63,16 +63,16 @@ def sealed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_it_is_read_and_verified_and_nothing_is_touched(sealed: Path, create: bool) -> None:
     before = content(sealed)
     with open_store(sealed, create=create) as store:
-        dossier = store.record(store.target(1))
-        assert [dossier.levels(press).shape for press in dossier.presses] == [(16, 20)] * 4
-        assert len(dossier.estimates) == 1
+        target_record = store.record(store.target(1))
+        assert [target_record.levels(press).shape for press in target_record.presses] == [(16, 20)] * 4
+        assert len(target_record.estimates) == 1
         found = verify_store(store)
         assert (found.faults, found.notes) == ((), ())
         assert found.rows > 10
         with pytest.raises(RecordsError, match=r"to be added to.*copy the whole folder"):
             store.add_target()
         with pytest.raises(RecordsError, match=r"to be added to.*copy the whole folder"):
-            store.edit_target(dossier.target, name="b")
+            store.edit_target(target_record.target, name="b")
     assert content(sealed) == before
 
 
@@ -102,9 +102,11 @@ def test_a_store_of_an_old_schema_is_not_migrated_there(tmp_path: Path, monkeypa
     make_old(Place(tmp_path / "old"))
     before = content(tmp_path / "old")
     monkeypatch.setattr("tsis.records.store._opening.only_readable", lambda _: True)
-    with pytest.raises(RecordsError, match=r"must have schema 2 where nothing can be written; it has 1: copy") as told:
+    with pytest.raises(
+        RecordsError, match=r"must have schema 2 where nothing can be written; it has 1: copy"
+    ) as result:
         open_store(tmp_path / "old")
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(result.value)
     assert content(tmp_path / "old") == before
 
 
@@ -121,8 +123,8 @@ def read_on_a_medium(folder: Path, out: Path) -> dict[str, object]:
     if "mount:" in done.stderr:
         pytest.skip(f"no mount is allowed here: {done.stderr.strip()}")
     assert done.returncode == 0, done.stderr
-    told: dict[str, object] = json.loads(done.stdout)
-    return told
+    result: dict[str, object] = json.loads(done.stdout)
+    return result
 
 
 @pytest.mark.system
@@ -132,9 +134,9 @@ def test_a_real_medium(tmp_path: Path) -> None:
         fill(store, 1)
         rows = verify_store(store).rows
     before = content(tmp_path / "store")
-    told = read_on_a_medium(tmp_path / "store", tmp_path / "bundle")
-    assert (told["targets"], told["faults"], told["rows"]) == (1, [], rows)
-    assert "copy the whole folder" in str(told["refused"])
+    result = read_on_a_medium(tmp_path / "store", tmp_path / "bundle")
+    assert (result["targets"], result["faults"], result["rows"]) == (1, [], rows)
+    assert "copy the whole folder" in str(result["refused"])
     assert (tmp_path / "bundle" / "manifest.json").is_file()
     assert content(tmp_path / "store") == before
 
@@ -147,6 +149,6 @@ def test_a_real_medium_with_a_log_that_was_never_taken_in(tmp_path: Path) -> Non
         shutil.copytree(tmp_path / "living", tmp_path / "store")
     (tmp_path / "store" / "records.sqlite3-shm").unlink()
     assert (tmp_path / "store" / "records.sqlite3-wal").stat().st_size > 0
-    told = read_on_a_medium(tmp_path / "store", tmp_path / "bundle")
-    assert "copy the whole folder" in str(told["error"])
-    assert "\n" not in str(told["error"])
+    result = read_on_a_medium(tmp_path / "store", tmp_path / "bundle")
+    assert "copy the whole folder" in str(result["error"])
+    assert "\n" not in str(result["error"])

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from sqlalchemy import text
-from tests.records.sample import WHEN, levels, sample_dossier
+from tests.records.sample import WHEN, levels, sample_record
 
 from tsis.errors import InputError, RecordsError
 from tsis.model import TactileImage
@@ -65,7 +65,7 @@ def test_a_deleted_target_takes_no_press_until_it_is_restored(store: Store) -> N
 
 
 def test_what_was_deleted_long_ago_is_erased_and_what_others_cite_stays(store: Store) -> None:
-    erased = store.import_target(sample_dossier()).target
+    erased = store.import_target(sample_record()).target
     stays = store.add_target(name="stays")
     shared = store.add_press(erased, image(1), taken=WHEN)
     press = store.add_press(stays, image(1), taken=WHEN)  # of the same frame

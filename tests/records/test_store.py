@@ -15,15 +15,16 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from sqlalchemy import insert, select
-from tests.records.sample import WHEN, levels, sample_calibration, sample_dossier, sample_estimate
+from tests.records.sample import WHEN, levels, sample_calibration, sample_estimate, sample_record
 
 from tsis.calibration.file import calibration_sha256
 from tsis.errors import InputError, RecordsError
 from tsis.model import TactileImage
 from tsis.records import environment
+from tsis.records.store import DELETED, UNDO_DAYS, _reader, open_store, verify_store
 from tsis.records.store import _engines as engines
 from tsis.records.store import _tables as tables
-from tsis.records.store import open_store, verify_store
+from tsis.records.store._reader import target_summaries
 from tsis.report import html
 from tsis.report.target import target_page
 
@@ -31,9 +32,10 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from numpy.typing import NDArray
+    from sqlalchemy import Connection
     from tests.records.place import Place
 
-    from tsis.records.store import Store
+    from tsis.records.store import Store, TargetSummary
 
 
 HOUR = timedelta(hours=1)
@@ -161,7 +163,7 @@ def test_after_the_largest_number_one_must_be_given(store: Store) -> None:
         store.add_target(number=number)
     with pytest.raises(InputError, match=r"holds target 99999, after which there is none.*give one that is free, as 3"):
         store.add_target()
-    given = sample_dossier()
+    given = sample_record()
     assert store.import_target(replace(given, target=replace(given.target, number=2))).target.number == 3
     assert store.add_target(number=4).number == 4
 
@@ -339,7 +341,29 @@ def test_a_damaged_file_hides_nothing_else_of_a_target(tmp_path: Path, ending: s
             found.require_whole()
         for kind in ("phantom", "subject"):
             page = target_page(replace(found, target=replace(target, kind=kind)))
-            told = [note for note in page.notes if note.startswith("Left out: ")]
-            assert len(told) == 1
-            assert (tmp_path.name in told[0]) is (kind == "phantom")
+            result = [note for note in page.notes if note.startswith("Left out: ")]
+            assert len(result) == 1
+            assert (tmp_path.name in result[0]) is (kind == "phantom")
             assert html(page)
+
+
+def test_a_list_counts_anew_only_what_another_program_changed(place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
+    counted: list[object] = []
+
+    def spy(connection: Connection, some: set[str] | None = None) -> dict[str, TargetSummary]:
+        counted.append(some)
+        return target_summaries(connection, some)
+
+    monkeypatch.setattr(_reader, "target_summaries", spy)
+    with place.open() as store, place.open() as other:
+        first, second = store.add_target(), store.add_target()
+        assert [item.presses for item in store.targets()] == [0, 0]
+        assert store.targets() == store.targets()
+        other.add_press(second, image(1), taken=WHEN)
+        other.add_press(second, image(2), taken=WHEN)
+        assert [item.presses for item in store.targets()] == [0, 2]
+        assert counted == [None, {second.id}]
+        other.set_state(first, DELETED)
+        assert store.targets() == other.targets()
+        other.erase_expired(now=datetime.now(UTC) + timedelta(days=UNDO_DAYS, hours=1))
+        assert [item.target for item in store.targets(hidden=True)] == [second]

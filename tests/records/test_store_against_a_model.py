@@ -139,21 +139,21 @@ class StoreMachine(RuleBasedStateMachine):
     @rule(of=targets)
     def look_into_a_target(self, of: Target) -> None:
         held = self.held[of.id]
-        dossier = self.store.record(self.store.target(held.target.number))
-        assert dossier.target == held.target
-        for press in dossier.presses:
-            np.testing.assert_array_equal(dossier.levels(press), held.presses[press.id][1])
-        assert [each.id for each in dossier.estimates] == [each.id for each in held.estimates]
-        assert [each.supersedes for each in dossier.estimates] == [each.supersedes for each in held.estimates]
+        target_record = self.store.record(self.store.target(held.target.number))
+        assert target_record.target == held.target
+        for press in target_record.presses:
+            np.testing.assert_array_equal(target_record.levels(press), held.presses[press.id][1])
+        assert [each.id for each in target_record.estimates] == [each.id for each in held.estimates]
+        assert [each.supersedes for each in target_record.estimates] == [each.supersedes for each in held.estimates]
 
     @invariant()
     def it_lists_what_the_model_holds(self) -> None:
         summaries = self.store.targets()
-        wanted = sorted(self.held.values(), key=lambda each: each.target.number)
+        expected = sorted(self.held.values(), key=lambda each: each.target.number)
         assert [(each.target, each.presses, each.estimates) for each in summaries] == [
-            (each.target, len(each.presses), len(each.estimates)) for each in wanted
+            (each.target, len(each.presses), len(each.estimates)) for each in expected
         ]
-        for held in wanted:
+        for held in expected:
             in_order = sorted((press for press, _ in held.presses.values()), key=lambda press: (press.taken, press.id))
             assert list(self.store.presses(held.target)) == in_order
 

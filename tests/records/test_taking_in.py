@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from sqlalchemy import select
-from tests.records.sample import sample_dossier
+from tests.records.sample import sample_record
 
 from tsis.errors import RecordsError
 from tsis.files import to_json_value
@@ -29,8 +29,8 @@ def require_equal(one: TargetRecord, other: TargetRecord, *, but_frames: bool = 
     assert to_json_value(one.target) == to_json_value(other.target)
     for mine, theirs in zip(one.presses, other.presses, strict=True):
         np.testing.assert_array_equal(one.levels(mine), other.levels(theirs))
-        wanted = replace(mine, frame=theirs.frame) if but_frames else mine
-        assert to_json_value(wanted) == to_json_value(theirs)
+        expected = replace(mine, frame=theirs.frame) if but_frames else mine
+        assert to_json_value(expected) == to_json_value(theirs)
     for mine_made, theirs_made in zip(one.estimates, other.estimates, strict=True):
         assert estimate_to_json(mine_made) == estimate_to_json(theirs_made)
         for name, values in mine_made.estimate.samples.items():
@@ -40,7 +40,7 @@ def require_equal(one: TargetRecord, other: TargetRecord, *, but_frames: bool = 
 
 @pytest.mark.parametrize("full_scale", [255.0, 4095.0])
 def test_everything_keeps_its_identity_and_value(store: Store, full_scale: float) -> None:
-    given = sample_dossier(full_scale=full_scale)
+    given = sample_record(full_scale=full_scale)
     taken = store.import_target(given)
     assert (taken.new, taken.presses, taken.estimates, taken.present, taken.differing) == (True, 4, 1, 0, 0)
     require_equal(given, store.record(store.target(3)), but_frames=True)
@@ -50,7 +50,7 @@ def test_everything_keeps_its_identity_and_value(store: Store, full_scale: float
 
 
 def test_a_bundle_of_one_store_is_the_same_target_in_another(tmp_path: Path, store: Store) -> None:
-    target = store.import_target(sample_dossier()).target
+    target = store.import_target(sample_record()).target
     write_bundle(store.record(target), tmp_path / "target-3.zip")
     with open_store(tmp_path / "other") as other:
         taken = other.import_target(read_bundle(tmp_path / "target-3.zip"))
@@ -59,15 +59,15 @@ def test_a_bundle_of_one_store_is_the_same_target_in_another(tmp_path: Path, sto
 
 
 def test_a_second_time_nothing_is_added(store: Store) -> None:
-    store.import_target(sample_dossier())
+    store.import_target(sample_record())
     before = verify_store(store).head
-    taken = store.import_target(sample_dossier())
+    taken = store.import_target(sample_record())
     assert (taken.new, taken.presses, taken.estimates, taken.present) == (False, 0, 0, 5)
     assert verify_store(store).head == before
 
 
 def test_what_came_later_finds_its_place_and_what_was_edited_here_stays(store: Store) -> None:
-    later = sample_dossier()
+    later = sample_record()
     store.import_target(replace(later, presses=later.presses[:3], estimates=()))
     store.edit_press(store.presses(store.target(3))[0], force_n=0.75)
     store.edit_target(store.target(3), name="mine")
@@ -81,7 +81,7 @@ def test_what_came_later_finds_its_place_and_what_was_edited_here_stays(store: S
 def test_frames_that_another_library_packed_otherwise_are_the_same(
     store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    target = store.import_target(sample_dossier()).target
+    target = store.import_target(sample_record()).target
     store.edit_press(store.presses(target)[0], note="edited")  # two presses of one frame, one of them only in the store
     write_bundle(store.record(target), tmp_path / "bundle")
     given = read_bundle(tmp_path / "bundle")
@@ -103,7 +103,7 @@ def test_frames_that_another_library_packed_otherwise_are_the_same(
 
 
 def test_a_frame_of_other_levels_differs(store: Store) -> None:
-    given = sample_dossier()
+    given = sample_record()
     store.import_target(given)
     other = replace(given, read=lambda name: 255 - given.read(name))
     assert store.import_target(other).differing == len(given.presses)
@@ -111,7 +111,7 @@ def test_a_frame_of_other_levels_differs(store: Store) -> None:
 
 @pytest.mark.parametrize("reverse", [False, True])
 def test_estimates_come_after_what_they_supersede_however_they_are_handed_in(store: Store, reverse: bool) -> None:
-    given = sample_dossier()
+    given = sample_record()
     (first,) = given.estimates
     later = replace(first, id="estimate-b", supersedes=first.id, made=first.made - timedelta(hours=1))
     estimates = (later, first) if reverse else (first, later)
@@ -121,15 +121,15 @@ def test_estimates_come_after_what_they_supersede_however_they_are_handed_in(sto
 
 def test_a_taken_number_gives_way_to_a_free_one(store: Store) -> None:
     mine = store.add_target(number=3, name="mine")
-    taken = store.import_target(sample_dossier())
+    taken = store.import_target(sample_record())
     assert (taken.target.number, taken.target.id) == (4, "target-a")
     assert store.target(3) == mine
-    assert store.import_target(sample_dossier()).target.number == 4
+    assert store.import_target(sample_record()).target.number == 4
 
 
 def test_the_audit_tells_an_import_from_what_was_measured_here(store: Store) -> None:
     store.add_target()
-    store.import_target(sample_dossier())
+    store.import_target(sample_record())
     with store.database.reading() as connection:
         entries = connection.execute(select(tables.audit_table.c.action, tables.audit_table.c.kind)).all()
     imported = [kind for action, kind in entries if action == "import"]
@@ -138,12 +138,12 @@ def test_the_audit_tells_an_import_from_what_was_measured_here(store: Store) -> 
 
 def test_phantoms_and_subjects_are_kept_apart(store: Store) -> None:
     with pytest.raises(RecordsError, match=r"a store of phantoms must hold nothing else.*--kind subject"):
-        store.import_target(sample_dossier(kind="subject"))
+        store.import_target(sample_record(kind="subject"))
     assert store.targets() == ()
 
 
 def test_all_of_it_or_nothing(store: Store) -> None:
-    given = sample_dossier()
+    given = sample_record()
     (estimate,) = given.estimates
     with pytest.raises(RecordsError):
         store.import_target(replace(given, estimates=(replace(estimate, supersedes="of another store"),)))
@@ -152,8 +152,8 @@ def test_all_of_it_or_nothing(store: Store) -> None:
 
 
 def test_an_identity_that_is_another_targets_here_is_refused(store: Store) -> None:
-    store.import_target(sample_dossier())
-    given = sample_dossier()
+    store.import_target(sample_record())
+    given = sample_record()
     other = replace(given.target, id="target-b", number=9)
     presses = tuple(replace(press, target="target-b") for press in given.presses)
     with pytest.raises(RecordsError, match="must be of this target; here it is of another"):
@@ -165,10 +165,10 @@ def test_presses_are_found_by_their_frames_however_many_are_asked_for(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("tsis.records.store._reader.MOST_AT_ONCE", 3)
-    store.import_target(sample_dossier())
+    store.import_target(sample_record())
     presses = store.presses(store.target(3))
     unknown = [f"{number:064x}" for number in range(5)]
-    wanted = [press.frame for press in presses[:3]]
-    found = store.presses_of_frames([*unknown, *wanted])
+    expected = [press.frame for press in presses[:3]]
+    found = store.presses_of_frames([*unknown, *expected])
     assert {press.id for press in found} == {press.id for press in presses[:3]}
     assert store.presses_of_frames(unknown) == store.presses_of_frames([]) == ()

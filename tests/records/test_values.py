@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from tests.records.sample import sample_dossier
+from tests.records.sample import sample_record
 
 from tsis.errors import InputError
 from tsis.files import to_json_value
@@ -28,17 +28,17 @@ from tsis.files import to_json_value
 )
 def test_a_press_out_of_range_is_refused(values: dict[str, Any], sentence: str) -> None:
     with pytest.raises(InputError, match=sentence):
-        replace(sample_dossier().presses[0], **values)
+        replace(sample_record().presses[0], **values)
 
 
 @pytest.mark.parametrize("name", ["", " ", "\x1b[31mred", "two\nlines", "d" * 201, 1])
 def test_a_true_value_has_a_name_that_can_be_shown(name: Any) -> None:
     with pytest.raises(InputError, match="a name in truth must be 1 to 200 printable characters"):
-        replace(sample_dossier().target, truth={name: 1.0})
+        replace(sample_record().target, truth={name: 1.0})
 
 
 def test_numbers_of_targets_end_where_names_of_folders_do() -> None:
-    given = sample_dossier().target
+    given = sample_record().target
     assert replace(given, number=99_999).number == 99_999
     with pytest.raises(InputError, match=r"number must lie in \[1, 99999\]; got 100000"):
         replace(given, number=100_000)
@@ -53,14 +53,14 @@ def test_numbers_of_targets_end_where_names_of_folders_do() -> None:
 )
 def test_what_recomputing_could_not_read_is_refused(values: dict[str, Any], sentence: str) -> None:
     with pytest.raises(InputError, match=sentence):
-        replace(sample_dossier().estimates[0], **values)
+        replace(sample_record().estimates[0], **values)
 
 
 def test_letters_that_join_others_may_be_in_a_name() -> None:
     family = "\U0001f468\u200d\U0001f469\u200d\U0001f467 \u0645\u06cc\u200c\u062e\u0648\u0627\u0647\u0645"
-    assert replace(sample_dossier().target, name=family).name == family
+    assert replace(sample_record().target, name=family).name == family
 
 
 def test_half_a_letter_in_settings_is_refused() -> None:
     with pytest.raises(InputError, match=r"settings\.maker must be text that UTF-8 can hold"):
-        to_json_value(replace(sample_dossier().presses[0], settings={"maker": "half \ud800"}))
+        to_json_value(replace(sample_record().presses[0], settings={"maker": "half \ud800"}))

@@ -223,9 +223,9 @@ def test_garbage_is_one_sentence_wherever_it_is_read(template: Stores, tmp_path:
         try:
             with open_store(tmp_path / "trial") as store:
                 for summary in store.targets():
-                    dossier = store.record(summary.target)
-                    for press in dossier.presses:
-                        dossier.image(press)
+                    target_record = store.record(summary.target)
+                    for press in target_record.presses:
+                        target_record.image(press)
                 store.edit_target(store.target(1), note="x")
                 store.add_target()
         except TsisError as error:

@@ -7,7 +7,7 @@ import zipfile
 from typing import TYPE_CHECKING
 
 import pytest
-from tests.records.sample import sample_dossier
+from tests.records.sample import sample_record
 
 from tsis.errors import FileInputError
 from tsis.records.export import fhir_observations
@@ -19,17 +19,17 @@ if TYPE_CHECKING:
 
 
 def test_a_page_and_a_resource_are_those_of_their_writers(tmp_path: Path) -> None:
-    dossier = sample_dossier()
-    assert write_form("html", dossier, tmp_path / "a.html", identified=False) == ""
-    assert (tmp_path / "a.html").read_bytes() == html(target_page(dossier))
+    record = sample_record()
+    assert write_form("html", record, tmp_path / "a.html", identified=False) == ""
+    assert (tmp_path / "a.html").read_bytes() == html(target_page(record))
     for identified in (False, True):
         path = tmp_path / f"{identified}.fhir.json"
-        write_form("fhir", dossier, path, identified=identified)
-        assert path.read_bytes() == fhir_observations(dossier, identified=identified)
+        write_form("fhir", record, path, identified=identified)
+        assert path.read_bytes() == fhir_observations(record, identified=identified)
 
 
 def test_a_bundle_is_known_by_the_sum_of_its_manifest(tmp_path: Path) -> None:
-    seal = write_form("bundle", sample_dossier(), tmp_path / "a.zip", identified=False)
+    seal = write_form("bundle", sample_record(), tmp_path / "a.zip", identified=False)
     with zipfile.ZipFile(tmp_path / "a.zip") as bundle:
         assert seal == hashlib.sha256(bundle.read("manifest.json")).hexdigest()
 
@@ -42,7 +42,7 @@ def test_nothing_is_written_over(tmp_path: Path) -> None:
         with pytest.raises(FileInputError, match="must be a new name"):
             require_absent(path)
     with pytest.raises(FileInputError):
-        write_form("html", sample_dossier(), taken, identified=False)
+        write_form("html", sample_record(), taken, identified=False)
     assert taken.read_text() == "mine"
     require_absent(tmp_path / "new")
 

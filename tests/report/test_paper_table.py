@@ -14,14 +14,14 @@ COLUMNS = st.lists(st.tuples(st.floats(0, 600), st.floats(0, 600)), min_size=1, 
 
 @given(COLUMNS, st.floats(100, 600))
 def test_columns_fill_the_width_and_words_fit_if_they_can(pairs: list[tuple[float, float]], available: float) -> None:
-    least, wanted = [low for low, _ in pairs], [low + more for low, more in pairs]
-    widths = column_widths(least, wanted, available)
+    least, expected = [low for low, _ in pairs], [low + more for low, more in pairs]
+    widths = column_widths(least, expected, available)
     assert sum(widths) == pytest.approx(available)
     assert all(each >= 0 for each in widths)
     if sum(least) <= available:
         assert all(each >= low - 1e-6 for each, low in zip(widths, least, strict=True))
-    if sum(wanted) <= available:
-        assert all(each >= high - 1e-6 for each, high in zip(widths, wanted, strict=True))
+    if sum(expected) <= available:
+        assert all(each >= high - 1e-6 for each, high in zip(widths, expected, strict=True))
 
 
 def test_one_endless_word_does_not_squeeze_short_ones() -> None:
@@ -50,10 +50,10 @@ def test_short_rows_are_filled_and_long_cells_go_on_in_rows_of_their_own() -> No
 
 
 def test_nested_values_are_told_by_their_paths() -> None:
-    told = leaves(
+    result = leaves(
         {"a": {"b": [{"c": 1, "d": None}, {"c": "x", "h": [1, 2]}], "e": []}, "f": (1.5, 2), "g": {}, 3: [[1, 2], [3]]}
     )
-    assert told == [
+    assert result == [
         ("a", "e: none"),
         ("a.b[0]", "c: 1; d: None"),
         ("a.b[1]", "c: x; h: 1, 2"),

@@ -137,11 +137,11 @@ def test_names_read_from_the_right_come_out_in_their_order(tmp_path: Path) -> No
 def test_the_file_tells_what_it_is_and_holds_its_fonts(tmp_path: Path) -> None:
     path = tmp_path / "a.pdf"
     path.write_bytes(pdf(a_page("A <page> é")))
-    told = poppler("pdfinfo", path)
-    assert re.search(r"^Title: +A <page> é$", told, re.MULTILINE)
-    assert RESEARCH_USE_ONLY in told
-    assert f"tsis {__version__}" in told
-    assert "(A4)" in told
+    result = poppler("pdfinfo", path)
+    assert re.search(r"^Title: +A <page> é$", result, re.MULTILINE)
+    assert RESEARCH_USE_ONLY in result
+    assert f"tsis {__version__}" in result
+    assert "(A4)" in result
     fonts = poppler("pdffonts", path).splitlines()[2:]
     assert len(fonts) >= 3
     assert all(re.search(r"DejaVuSans\S* +TrueType +\S+ +yes yes yes", font) for font in fonts)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from tests.records.dicom.variants import SECRETS, named
-from tests.records.sample import WHEN, sample_dossier, sample_estimate
+from tests.records.sample import WHEN, sample_estimate, sample_record
 from tests.report.pdf_readers import sheets
 from tests.report.test_pages import HOSTILE, Reader
 
@@ -50,9 +50,9 @@ def other_presses(dossier: TargetRecord, **changes: Any) -> TargetRecord:
 
 
 def test_the_estimate_in_force_stands_beside_the_truth() -> None:
-    dossier = sample_dossier()
-    page = target_page(dossier)
-    estimate = dossier.estimates[0].estimate
+    record = sample_record()
+    page = target_page(record)
+    estimate = record.estimates[0].estimate
     rows = {row[0]: row[1:] for row in table(page, "Current estimate").rows}
     low, high = estimate.interval(0.9)["depth_mm"]
     assert rows["Depth h"][:2] == (f"{np.mean(estimate.samples['depth_mm']):.3g} mm", f"{low:.3g} to {high:.3g} mm")
@@ -72,31 +72,31 @@ def test_the_estimate_in_force_stands_beside_the_truth() -> None:
 
 
 def test_every_press_is_told_and_its_flag_explained() -> None:
-    dossier = sample_dossier()
-    page = target_page(dossier)
+    record = sample_record()
+    page = target_page(record)
     rows = table(page, "Presses").rows
     assert [row[1] for row in rows] == [f"2026-11-22 09:{30 + i // 3}:{20 * i % 60:02d}" for i in range(4)]
-    assert [row[6] for row in rows] == [press.frame[:12] for press in dossier.presses]
+    assert [row[6] for row in rows] == [press.frame[:12] for press in record.presses]
     assert rows[1][2:6] == ("target", "1 N", "0.12 × 0.14", "moving")
     assert f"Press 2 is flagged moving: {GUARD_FLAGS['moving'].means}." in page.notes
-    assert all(press.frame in str(page.provenance) for press in dossier.presses), "whole hashes"
-    odd = target_page(other_presses(dossier, flags=("mine",)))
+    assert all(press.frame in str(page.provenance) for press in record.presses), "whole hashes"
+    odd = target_page(other_presses(record, flags=("mine",)))
     assert any(
         note.startswith("Presses 1, 2, 3 and 4 are flagged mine: no flag of the press guard") for note in odd.notes
     )
 
 
 def test_the_strongest_press_is_shown_against_the_nearest_on_plain_tissue() -> None:
-    shown = {picture.title: picture.caption for picture in target_page(sample_dossier()).pictures}
+    shown = {picture.title: picture.caption for picture in target_page(sample_record()).pictures}
     assert shown["Tactile image"].startswith("target-1N.png, 1 N.")
     assert shown["What the inclusion adds"].startswith("target-1N.png minus plain-1N.png")
 
 
 def test_history_goes_from_the_first_to_the_one_in_force() -> None:
-    dossier = sample_dossier()
-    first = dossier.estimates[0]
+    record = sample_record()
+    first = record.estimates[0]
     distrusted = replace(first, id="estimate-b", supersedes="estimate-a", estimate=sample_estimate(trusted=False))
-    page = target_page(replace(dossier, estimates=(first, distrusted)))
+    page = target_page(replace(record, estimates=(first, distrusted)))
     rows = table(page, "All estimates").rows
     assert [row[1] for row in rows] == ["estimate-a", "estimate-b"]
     low, high = first.estimate.interval(0.9)["diameter_mm"]
@@ -105,9 +105,9 @@ def test_history_goes_from_the_first_to_the_one_in_force() -> None:
 
 
 def test_what_is_not_to_be_trusted_shows_no_number() -> None:
-    dossier = sample_dossier()
-    stored = replace(dossier.estimates[0], estimate=sample_estimate(trusted=False))
-    page = target_page(replace(dossier, estimates=(stored,)))
+    record = sample_record()
+    stored = replace(record.estimates[0], estimate=sample_estimate(trusted=False))
+    page = target_page(replace(record, estimates=(stored,)))
     said = words(page)
     for name, (low, high) in stored.estimate.untrusted.interval(0.9).items():
         assert f"{low:.3g} to {high:.3g}" not in said
@@ -123,7 +123,7 @@ def unreadable(name: str) -> NDArray[Any]:
 
 def poor_dossiers() -> dict[str, TargetRecord]:
     """Targets of which much is not known."""
-    whole = sample_dossier(estimated=False)
+    whole = sample_record(estimated=False)
     bare = other_presses(whole, mm_per_pixel=None, force_n=None, calibration=None, probe="", name="")
     untouched = replace(bare.presses[0], role="untouched")
     return {
@@ -131,7 +131,7 @@ def poor_dossiers() -> dict[str, TargetRecord]:
         "no scale": replace(bare, calibrations={}),
         "one untouched": replace(bare, presses=(untouched,), calibrations={}),
         "nothing": replace(bare, presses=(), calibrations={}),
-        "unreadable": replace(sample_dossier(), read=unreadable),
+        "unreadable": replace(sample_record(), read=unreadable),
     }
 
 
@@ -161,30 +161,30 @@ def test_what_little_is_known_is_drawn_on_paper(case: str) -> None:
 
 
 def test_a_probe_that_the_catalog_lacks_has_no_rings() -> None:
-    dossier = sample_dossier()
-    page = target_page(replace(dossier, estimates=(replace(dossier.estimates[0], probe="mine"),)))
+    record = sample_record()
+    page = target_page(replace(record, estimates=(replace(record.estimates[0], probe="mine"),)))
     assert "The profiles that the estimate rests on" not in pictures(page)
     assert "Profiles in rings are left out: the catalog has no probe mine." in page.notes
 
 
 def test_another_kind_of_prior_is_not_drawn_as_ours() -> None:
-    dossier = sample_dossier()
-    odd = replace(dossier.estimates[0], options={"prior": {"of_another_kind": 1.0}})
-    page = target_page(replace(dossier, estimates=(odd,)))
+    record = sample_record()
+    odd = replace(record.estimates[0], options={"prior": {"of_another_kind": 1.0}})
+    page = target_page(replace(record, estimates=(odd,)))
     assert "Posterior of each parameter" not in pictures(page)
     assert any("prior" in note and "draw" in note for note in page.notes)
 
 
 @pytest.mark.parametrize("known_from", ["options", "provenance"])
 def test_the_prior_that_was_used_is_drawn(known_from: str) -> None:
-    dossier = sample_dossier()
-    stored, prior = dossier.estimates[0], {"prior": {"depth_mm": [4.0, 9.0]}}
+    record = sample_record()
+    stored, prior = record.estimates[0], {"prior": {"depth_mm": [4.0, 9.0]}}
     own = (
         replace(stored, options=prior)
         if known_from == "options"
         else replace(stored, options={}, estimate=replace(stored.estimate, provenance=prior))
     )
-    (shown, *_) = target_page(replace(dossier, estimates=(own,))).pictures
+    (shown, *_) = target_page(replace(record, estimates=(own,))).pictures
     figure = Figure()
     shown.draw(figure)
     low, high = figure.axes[1].get_xlim()
@@ -192,7 +192,7 @@ def test_the_prior_that_was_used_is_drawn(known_from: str) -> None:
 
 
 def hardness_dossier() -> TargetRecord:
-    dossier = sample_dossier()
+    record = sample_record()
     estimate = Estimate(
         samples={"young_kpa": np.random.default_rng(0).normal(300, 20, 400)},
         prior_sd={"young_kpa": 100.0},
@@ -204,12 +204,12 @@ def hardness_dossier() -> TargetRecord:
         estimate=estimate,
         made=WHEN,
         probe="tsis-2011",
-        presses=tuple(press.id for press in dossier.presses[:2]),
+        presses=tuple(press.id for press in record.presses[:2]),
         calibration="0" * 64,
         id="estimate-h",
     )
-    untouched = tuple(replace(press, role="untouched", force_n=None) for press in dossier.presses[2:])
-    return replace(dossier, presses=(*dossier.presses[:2], *untouched), estimates=(stored,))
+    untouched = tuple(replace(press, role="untouched", force_n=None) for press in record.presses[2:])
+    return replace(record, presses=(*record.presses[:2], *untouched), estimates=(stored,))
 
 
 def test_an_object_shows_its_hardness() -> None:
@@ -242,19 +242,19 @@ def test_a_subject_is_a_pseudonym_and_nothing_else() -> None:
 
 
 def test_names_of_digits_change_no_number_of_a_subject() -> None:
-    whole = sample_dossier(kind="subject")
+    whole = sample_record(kind="subject")
     renamed = tuple(replace(press, name=name) for press, name in zip(whole.presses, "192p", strict=True))
-    told, plain = (target_page(each) for each in (replace(whole, presses=renamed), whole))
-    assert told.notes == plain.notes
+    result, plain = (target_page(each) for each in (replace(whole, presses=renamed), whole))
+    assert result.notes == plain.notes
     low, high = whole.estimates[0].estimate.interval(0.9)["diameter_mm"]
-    assert any(f"The diameter lies between {low:.3g} and {high:.3g} mm" in note for note in told.notes)
+    assert any(f"The diameter lies between {low:.3g} and {high:.3g} mm" in note for note in result.notes)
 
 
 def test_both_kinds_of_estimate_are_in_force() -> None:
-    dossier = sample_dossier()
+    record = sample_record()
     (hard,) = hardness_dossier().estimates
-    first = replace(dossier.estimates[0], id="estimate-0", estimate=sample_estimate(trusted=False))
-    page = target_page(replace(dossier, estimates=(first, *dossier.estimates, hard)))
+    first = replace(record.estimates[0], id="estimate-0", estimate=sample_estimate(trusted=False))
+    page = target_page(replace(record, estimates=(first, *record.estimates, hard)))
     assert [card.title for card in page.cards] == [
         *(f"{what} (inclusion)" for what in ("Diameter d", "Depth h", "Modulus E", "Is there an inclusion?")),
         "Young's modulus (hardness)",
@@ -265,16 +265,16 @@ def test_both_kinds_of_estimate_are_in_force() -> None:
     assert "Of the hardness: The modulus is identified." in page.notes
     assert str(page.provenance).count("'supersedes'") == 2
     newer = replace(hard, made=WHEN + timedelta(hours=1))
-    assert target_page(replace(dossier, estimates=(*dossier.estimates, newer))).cards[0].title.startswith("Young")
+    assert target_page(replace(record, estimates=(*record.estimates, newer))).cards[0].title.startswith("Young")
 
 
 def hostile_dossier() -> TargetRecord:
-    dossier = sample_dossier()
-    stored = dossier.estimates[0]
+    record = sample_record()
+    stored = record.estimates[0]
     estimate = replace(stored.estimate, notes=(HOSTILE,), provenance={HOSTILE: [{HOSTILE: HOSTILE}]})
     return replace(
-        other_presses(dossier, name=HOSTILE, note=HOSTILE, flags=(HOSTILE,), settings={HOSTILE: HOSTILE}),
-        target=replace(dossier.target, name=HOSTILE, note=HOSTILE),
+        other_presses(record, name=HOSTILE, note=HOSTILE, flags=(HOSTILE,), settings={HOSTILE: HOSTILE}),
+        target=replace(record.target, name=HOSTILE, note=HOSTILE),
         estimates=(replace(stored, estimate=estimate, id=HOSTILE, supersedes=HOSTILE, environment={"tsis": HOSTILE}),),
     )
 
@@ -296,7 +296,7 @@ def test_hostile_names_do_no_harm() -> None:
 
 @pytest.mark.system
 def test_paper_and_screen_tell_the_same(tmp_path: Path) -> None:
-    page = target_page(sample_dossier())
+    page = target_page(sample_record())
     read = sheets(pdf(page), tmp_path)
     assert 2 <= len(read) <= 4
     close = "".join(read).replace(" ", "")
@@ -307,5 +307,5 @@ def test_paper_and_screen_tell_the_same(tmp_path: Path) -> None:
                 assert all(part in close for part in cell.split()), cell
     for card in page.cards:
         assert card.value.replace(" ", "") in close
-    for press in sample_dossier().presses:
+    for press in sample_record().presses:
         assert press.frame in close

@@ -19,7 +19,7 @@ import pytest
 import zarr
 from rich.console import Console
 from tests.records.dicom.variants import with_estimate
-from tests.records.sample import sample_dossier
+from tests.records.sample import sample_record
 from tests.report.pdf_readers import sheets
 from tests.report.test_pages import a_press
 
@@ -159,7 +159,7 @@ def target_pdf(estimate: Estimate, folder: Path) -> str:
 
 
 def stored(estimate: Estimate) -> Any:
-    return with_estimate(replace(sample_dossier(), estimates=()), estimate)
+    return with_estimate(replace(sample_record(), estimates=()), estimate)
 
 
 def dicom(estimate: Estimate) -> str:
@@ -194,7 +194,7 @@ def recomputed(estimate: Estimate) -> str:
         notes=(),
         stored=True,
     )
-    target = sample_dossier().target
+    target = sample_record().target
     return f"{shift_table(item)} {json.dumps(recomputation_document(target, item))}"
 
 

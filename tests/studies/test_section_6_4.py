@@ -88,10 +88,10 @@ def test_a_prepared_press_is_that_of_the_virtual_probe() -> None:
 
 @pytest.mark.slow
 def test_a_short_study_over_the_inclusion_finds_all_and_says_what_it_is() -> None:
-    told: list[tuple[int, int]] = []
-    result = run(np.random.default_rng(1), repetitions=1, progress=lambda *at: told.append(at))
+    report: list[tuple[int, int]] = []
+    result = run(np.random.default_rng(1), repetitions=1, progress=lambda *at: report.append(at))
     assert result.presence.shape == (1, 16)
-    assert told == [(1, 1)]
+    assert report == [(1, 1)]
     assert not np.isnan(result.presence).any()
     assert (result.presence[:, 4:8] > 0.99).all(), "7 and 10 mm are found on the axis"
     assert np.median(result.presence[:, 8:]) < 0.5

@@ -28,11 +28,11 @@ def test_readings_come_out_as_they_went_in(tmp_path: Path) -> None:
     given_rows = list(csv.reader(io.StringIO((tmp_path / "readings.csv").read_text())))
     out = list(csv.reader(io.StringIO(export_readings(study).decode())))
     assert out[0] == given_rows[0]
-    for was, told in zip(given_rows[1:], out[1:], strict=True):
+    for was, result in zip(given_rows[1:], out[1:], strict=True):
         assert [float(each) if each else None for each in (was[1], *was[3:])] == [
-            float(each) if each else None for each in (told[1], *told[3:])
+            float(each) if each else None for each in (result[1], *result[3:])
         ]
-        assert (was[0], was[2]) == (told[0], told[2])
+        assert (was[0], was[2]) == (result[0], result[2])
     twin = made_study(tmp_path / "twin")
     (tmp_path / "out.csv").write_bytes(export_readings(study))
     assert import_readings(twin, tmp_path / "out.csv", device="feeler").readings == study.readings
@@ -45,8 +45,8 @@ def test_no_operator_becomes_a_formula(tmp_path: Path, operator: str) -> None:
     guarded = operator if operator != "'quoted" else "''quoted"
     study = import_table(study, f"{HEADINGS}\n{row.replace(operator, guarded)}\n".encode(), "a.csv", device="feeler")
     assert study.readings[0].operator == operator
-    told = list(csv.reader(io.StringIO(export_readings(study).decode())))[1][2]
-    assert not told.startswith(("=", "+", "-", "@", "＝"))
+    result = list(csv.reader(io.StringIO(export_readings(study).decode())))[1][2]
+    assert not result.startswith(("=", "+", "-", "@", "＝"))
     twin = import_table(made_study(tmp_path / "twin"), export_readings(study), "b.csv", device="feeler")
     assert twin.readings[0].operator == operator
 

@@ -11,7 +11,7 @@ import numpy as np
 import pydicom
 import pytest
 from tests.records.dicom.variants import framed, noise
-from tests.records.sample import sample_dossier
+from tests.records.sample import sample_record
 from tests.system.orthanc_peer import AE, LOOPBACK, Archive, free_port, installed, listening, missing, orthanc
 
 from tsis.errors import RecordsError
@@ -33,8 +33,8 @@ def of_its_own(dossier: TargetRecord, identity: str) -> TargetRecord:
 
 
 KINDS = {
-    "8 bit": sample_dossier(),
-    "12 bit": sample_dossier(full_scale=4095.0, kind="subject"),
+    "8 bit": sample_record(),
+    "12 bit": sample_record(full_scale=4095.0, kind="subject"),
     "16 bit, odd": framed([noise(5, 7, bits=16, seed=seed) for seed in range(3)], full_scale=65535.0),
     "8 bit, odd, one frame": framed([noise(5, 7)], mm_per_pixel=(0.1, 0.2)),
 }
@@ -60,9 +60,9 @@ def check_same(dossier: TargetRecord, files: Iterable[DicomFile], back: Iterable
         assert came == sent  # pydicom compares every element
         if "PixelData" in came:
             levels += list(np.reshape(came.pixel_array, (-1, came.Rows, came.Columns)))
-    wanted = [dossier.levels(press) for press in dossier.presses]
-    assert len(levels) == len(wanted)
-    for one, other in zip(levels, wanted, strict=True):
+    expected = [dossier.levels(press) for press in dossier.presses]
+    assert len(levels) == len(expected)
+    for one, other in zip(levels, expected, strict=True):
         assert one.dtype == other.dtype
         np.testing.assert_array_equal(one, other)
 

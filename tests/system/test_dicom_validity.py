@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 
 import pytest
 from tests.records.dicom.variants import hardness, variants, with_estimate, with_presses
-from tests.records.sample import sample_dossier
+from tests.records.sample import sample_record
 
 from tsis.records.dicom import write_dicom
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from tsis.records import TargetRecord
 
 pytestmark = pytest.mark.system
-PLAIN = sample_dossier()
+PLAIN = sample_record()
 KINDS = {
     **dict(variants()),
     "two probes": replace(PLAIN, presses=(replace(PLAIN.presses[0], probe="tsis-domed"), *PLAIN.presses[1:])),
@@ -58,8 +58,8 @@ def remarks(path: Path) -> list[str]:
 @pytest.mark.parametrize("identified", [False, True], ids=["de-identified", "identified"])
 @pytest.mark.parametrize("kind", KINDS)
 def test_dciodvfy_finds_no_error(kind: str, identified: bool, tmp_path: Path) -> None:
-    dossier: TargetRecord = KINDS[kind]
-    for path in write_dicom(dossier, tmp_path, identified=identified):
+    record: TargetRecord = KINDS[kind]
+    for path in write_dicom(record, tmp_path, identified=identified):
         said = remarks(path)
         assert [line for line in said if not any(known in line for known in KNOWN)] == [], path.name
 
@@ -67,7 +67,7 @@ def test_dciodvfy_finds_no_error(kind: str, identified: bool, tmp_path: Path) ->
 def test_the_judge_finds_a_wrong_file(tmp_path: Path) -> None:
     import pydicom
 
-    path = write_dicom(sample_dossier(), tmp_path)[0]
+    path = write_dicom(sample_record(), tmp_path)[0]
     dataset = pydicom.dcmread(path)
     del dataset.ConversionType
     dataset.save_as(path)
@@ -75,7 +75,7 @@ def test_the_judge_finds_a_wrong_file(tmp_path: Path) -> None:
 
 
 def test_dcmtk_reads_the_report(tmp_path: Path) -> None:
-    path = next(each for each in write_dicom(sample_dossier(), tmp_path) if "report" in each.name)
+    path = next(each for each in write_dicom(sample_record(), tmp_path) if "report" in each.name)
     tool = program("dsrdump", "dcmtk")
     shown = subprocess.run([tool, "+Pl", str(path)], capture_output=True, text=True, check=True).stdout
     assert 'contains NUM:(,,"Diameter")="9.75771" (mm,UCUM,"millimeter")' in shown
@@ -86,7 +86,7 @@ def test_dcmtk_reads_the_report(tmp_path: Path) -> None:
 
 
 def test_dcmtk_reads_the_frames(tmp_path: Path) -> None:
-    path = write_dicom(sample_dossier(full_scale=4095.0), tmp_path)[0]
+    path = write_dicom(sample_record(full_scale=4095.0), tmp_path)[0]
     said = subprocess.run([program("dcm2xml", "dcmtk"), str(path)], capture_output=True, check=True).stdout
     root = ElementTree.fromstring(said)
     found = {each.get("name"): each.text for each in root.iter("element")}

@@ -229,7 +229,7 @@ def test_no_frame_shows_one_press_under_the_force_of_another() -> None:
     while not over.is_set():
         seen.add(_told_and_shown(flat))
     pressing.join(HANGS_S)
-    assert all(told == shown for told, shown in seen)
+    assert all(result == shown for result, shown in seen)
 
 
 def test_known_light_is_not_computed_again() -> None:

@@ -13,7 +13,7 @@ from tsis.compiled import one_blas_thread
 from tsis.errors import InputError, NotCalibratedError
 from tsis.inclusion._frames import covering_force_n, mean_of_repeats, require_valid_forces, with_gain_of_presses
 from tsis.inclusion._prior import PARAMETERS, InclusionPrior
-from tsis.inclusion._reading import FrameReading, PressTables, press_tables, read_frames
+from tsis.inclusion._reading import FrameReading, PressTables, covered_presses, press_tables, read_frames
 from tsis.inclusion._verdict import (
     UNTRUSTED_FLAGS,
     cramer_rao_sd,
@@ -32,7 +32,6 @@ from tsis.inclusion.posterior import (
     InclusionLikelihood,
     explore_inclusion,
 )
-from tsis.mechanics.surrogate import build_full_contact_surrogate
 from tsis.model import (
     IMPROBABLE,
     NOT_TRUSTED,
@@ -182,10 +181,7 @@ def analyse(
     stated = stated_strain([frame.settings for frame in targets + references])
     strain = stated if strain is None else require_one_of("strain", strain, STRAINS)
     targets, references, calibration = mean_of_repeats(targets, references, calibration)
-    if progress is None:
-        surrogate = _covered(probe, prior)
-    else:
-        surrogate = build_full_contact_surrogate(probe, prior.box(), progress=progress)
+    surrogate = _covered(probe, prior) if progress is None else covered_presses(probe, prior, progress=progress)
     # Before the table of finite strain is built, which takes minutes
     require_valid_forces(targets + references, surrogate, probe=probe, prior=prior, strain=strain)
     if progress is None:
@@ -241,7 +237,7 @@ def _tables(probe: Probe, prior: InclusionPrior, strain: str) -> PressTables:
 
 @lru_cache(maxsize=4)
 def _covered(probe: Probe, prior: InclusionPrior) -> FullContactSurrogate:
-    return build_full_contact_surrogate(probe, prior.box())
+    return covered_presses(probe, prior)
 
 
 def stated_strain(settings: Iterable[Mapping[str, Any]]) -> str:

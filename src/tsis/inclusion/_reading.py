@@ -63,6 +63,13 @@ class PressTables:
     error: float
 
 
+def covered_presses(
+    probe: Probe, prior: InclusionPrior, *, progress: Callable[[int, int], None] | None = None
+) -> FullContactSurrogate:
+    """The table at small strain of presses that cover the face; seconds, where it is not in the disk cache."""
+    return build_full_contact_surrogate(probe, prior.box(), progress=progress)
+
+
 def press_tables(
     probe: Probe,
     prior: InclusionPrior,
@@ -73,11 +80,11 @@ def press_tables(
 ) -> PressTables:
     """Build the tables that an estimate at ``strain`` needs, or load them from the disk cache.
 
-    ``surrogate`` is that of the prior's box, where it is there already; ``progress`` is called with (solved, all) of
+    ``surrogate`` is that of `covered_presses`, where it is there already; ``progress`` is called with (solved, all) of
     each table.
     """
     box = prior.box()
-    surrogate = surrogate or build_full_contact_surrogate(probe, box, progress=progress)
+    surrogate = surrogate or covered_presses(probe, prior, progress=progress)
     correction = build_finite_correction(probe, box, progress=progress) if strain == "finite" else None
     of_correction = 0.0 if correction is None else correction.error_in(box)
     return PressTables(

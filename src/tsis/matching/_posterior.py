@@ -259,6 +259,7 @@ HIDDEN, STRAY, BOTH = 2.0, 3.0, 80.0
 LINEAR_SUPPORT, MOST_SUPPORT = 12.0, 30.0
 CONTRADICTED = 3.0  # log odds against an answer beyond which its distance from the best map counts
 LEAST_SHEAR = 0.3  # log ratio of the affine map's singular values from which it counts
+UNRELATED = 7  # place of the log probability of unrelated sets among the measures
 MOST_UNSUPPORTED, MOST_UNSOUND = 0.99, 0.5
 WIDEST = 0.9  # log ratio of singular values: no reliable answer of the calibration had more
 # Fitted to seed 70011, then all times 0.893 and the constant plus 0.423, as fits seed 90001.

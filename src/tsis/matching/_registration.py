@@ -30,6 +30,7 @@ from tsis.matching._fit import (
 )
 from tsis.matching._posterior import (
     RELIABLE,
+    UNRELATED,
     WIDEST_DEG,
     is_collapsed,
     is_sound,
@@ -279,7 +280,10 @@ def fit_and_measures(
     fit, posterior = _fitted(method, source, target, rng, rotation_sd_deg, searched)
     few = np.count_nonzero(fit.matches != UNMATCHED) < source.shape[1] + 2
     sound = not few and not is_collapsed(posterior) and is_sound(fit.move, source)
-    return fit, posterior, trust_measures(posterior, fit.move(source), sound=sound)
+    measures = trust_measures(posterior, fit.move(source), sound=sound)
+    if few:
+        measures[UNRELATED] = 0.0  # which makes the confidence 0
+    return fit, posterior, measures
 
 
 def _fitted(

@@ -132,11 +132,11 @@ def test_lamps_and_light_from_outside_are_told_apart(lamps: float, stray: float)
 
 
 def test_a_frame_that_clips_all_over_is_saturated_and_one_that_is_black_shows_no_contact() -> None:
-    for grey, told, denied in ((255.0, "saturated", "no-contact"), (0.0, "no-contact", "saturated")):
+    for grey, result, denied in ((255.0, "saturated", "no-contact"), (0.0, "no-contact", "saturated")):
         frame = TactileImage(grey=np.full((ROWS, COLUMNS), grey), mm_per_pixel=(0.05, 0.05))
         for against in (reference(), GuardReference()):
             found = names(frame, against)
-            assert told in found
+            assert result in found
             assert denied not in found
 
 
@@ -147,8 +147,8 @@ def test_a_camera_that_moved_against_the_face_is_told_by_two_flags() -> None:
     virtual = VirtualProbe(probe, rng=np.random.default_rng(1), strain="small")
     against = GuardReference(untouched=virtual.no_contact(), face_radius_mm=probe.radius_mm)
     press = virtual.press(tsis.load_phantom("plain"), force_n=1.0)
-    for shift, axis, told in ((80, 1, ["off-centre", "ambient-light"]), (40, 0, ["tilted"])):
-        assert names(replace(press, grey=np.roll(press.grey, shift, axis)), against) == told
+    for shift, axis, result in ((80, 1, ["off-centre", "ambient-light"]), (40, 0, ["tilted"])):
+        assert names(replace(press, grey=np.roll(press.grey, shift, axis)), against) == result
 
 
 def test_a_level_press_takes_uneven_lamps_out() -> None:
@@ -300,8 +300,8 @@ def test_an_empty_window_of_force_is_refused() -> None:
 
 def test_the_page_names_every_flag_with_its_meaning_and_its_limit() -> None:
     rows = [line.strip("| ").split(" | ") for line in PAGE.read_text().splitlines() if line.startswith("| `")]
-    told = {cells[0].strip("`"): cells[1:4] for cells in rows}
-    assert told == {
+    result = {cells[0].strip("`"): cells[1:4] for cells in rows}
+    assert result == {
         name: [one.means, f"{getattr(GuardLimits(), one.limit):g} {one.unit}", one.needs or "-"]
         for name, one in GUARD_FLAGS.items()
     }

@@ -102,10 +102,10 @@ def test_the_sheet_is_measured(bench: Bench, made: tuple[ProbeCalibration, Sessi
 def test_the_same_frames_give_the_same_file_and_grow_no_younger(
     bench: Bench, made: tuple[ProbeCalibration, SessionResult]
 ) -> None:
-    told: list[tuple[int, int]] = []
-    again, _ = calibrate(bench.session, days=90, progress=lambda done, total: told.append((done, total)))
+    result: list[tuple[int, int]] = []
+    again, _ = calibrate(bench.session, days=90, progress=lambda done, total: result.append((done, total)))
     assert calibration_bytes(again) == calibration_bytes(made[0])
-    done, totals = zip(*told, strict=True)
+    done, totals = zip(*result, strict=True)
     assert list(done) == sorted(set(done))
     assert set(totals) == {done[-1]}
 

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 import pytest
 from tests.console.files_client import FilesOf
-from tests.records.sample import sample_dossier
+from tests.records.sample import sample_record
 from tests.report.rough_pictures import rough_pictures
 
 from tsis.console.files import Reports, write_export
@@ -33,7 +33,7 @@ NUMBER = 3
 @pytest.mark.slow
 def test_a_report_is_made_elsewhere_and_is_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with open_store(tmp_path / "records") as store, closing(Reports(store)) as reports:
-        store.import_target(sample_dossier())
+        store.import_target(sample_record())
         target = store.target(NUMBER)
         here = {form: page_bytes(form, store.record(target)) for form in PAGE_FORMS}
         monkeypatch.setattr(
@@ -52,7 +52,7 @@ def test_a_report_is_made_elsewhere_and_is_the_same(tmp_path: Path, monkeypatch:
 
 def test_another_store_in_its_place_is_not_taken_for_it(tmp_path: Path) -> None:
     with open_store(tmp_path) as store:
-        store.import_target(sample_dossier())
+        store.import_target(sample_record())
         position = StoreAddress(folder=tmp_path, kind=store.kind, database=None, identity=store.identity)
     with rough_pictures():
         report = report_of_stored_target(position, NUMBER, "html")
@@ -70,7 +70,7 @@ def test_a_frame_of_a_sequence_is_shown_and_nothing_else(tmp_path: Path) -> None
     for number, levels in enumerate((dark, light)):
         (folder / f"frame-{number:06d}.png").write_bytes(encode_picture(levels))
     with open_store(tmp_path / "records") as store:
-        store.import_target(sample_dossier())
+        store.import_target(sample_record())
         files = FilesOf(store, workspace=tmp_path)
         shown = [files.get(f"/files/sequence/{NUMBER}/sequence/{number}.png?size=64") for number in (0, 1)]
         assert [item.status_code for item in shown] == [200, 200]
@@ -91,7 +91,7 @@ def test_a_recorded_sequence_is_downloaded_and_nothing_else_of_its_folder(tmp_pa
     (folder / "frame-000001.raw").write_bytes(b"frame")
     (folder.parent / "other").mkdir()
     with open_store(tmp_path / "records") as store:
-        store.import_target(sample_dossier())
+        store.import_target(sample_record())
         files = FilesOf(store, workspace=workspace)
         sent = files.get(f"/files/sequence/{NUMBER}/sequence-2.zip")
         assert sent.status_code == 200

@@ -12,7 +12,7 @@ from nicegui import ui
 from tests.console.filled_store import ESTIMATED
 from tests.console.pages.simulated import at_console
 from tests.console.services.instruments import ANN, BOB, gauge
-from tests.records.sample import sample_dossier
+from tests.records.sample import sample_record
 from tests.waiting import HANGS_S
 
 from tsis.console.live import LiveView
@@ -245,7 +245,7 @@ def test_of_two_operators_one_commands_and_the_other_watches(lit: Instrument) ->
 
 
 def test_an_estimate_without_a_calibration_is_refused_and_a_stored_one_shown(lit: Instrument) -> None:
-    stored = lit.store.import_target(sample_dossier()).target.number
+    stored = lit.store.import_target(sample_record()).target.number
     assert stored == ESTIMATED
 
     async def script(operator: Operator) -> None:

@@ -93,7 +93,7 @@ def test_the_virtual_probe_has_no_object_until_one_lies_under_it(lit: Instrument
     lit.control.release(ANN)
 
     async def script(operator: Operator) -> None:
-        await operator.sees("Next: lay an object under the virtual probe.", "Virtual sphere")
+        await operator.sees("Next: place an object under the virtual probe.", "Virtual sphere")
         assert not operator.enabled("Estimate")
         assert operator.named("Press and save") == []
 

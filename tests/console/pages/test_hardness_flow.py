@@ -92,7 +92,7 @@ def test_a_new_object_gets_a_number_of_its_own(store: Store) -> None:
 def test_what_stands_in_the_way_is_named() -> None:
     virtual, sphere = CameraChoice(), CameraChoice(probe="tsis-direct", phantom="cl2000x")
     real = CameraChoice(spec="aravis:x")
-    lay = ("lay an object under the virtual probe.",)
+    lay = ("place an object under the virtual probe.",)
     assert missing_text(state(virtual), scaled=False, responds=True) == lay
     assert missing_text(state(sphere, running=False), scaled=False, responds=True) == lay
     assert missing_text(state(sphere), scaled=False, responds=True) == ()

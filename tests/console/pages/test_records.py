@@ -11,7 +11,7 @@ import pytest
 from tests.console.filled_store import ESTIMATED, HARD, MANY, PRESSES, fill
 from tests.console.pages.simulated import at_console
 from tests.console.services.instruments import lit_instrument
-from tests.records.sample import sample_dossier
+from tests.records.sample import sample_record
 
 from tsis.records.export.bundle import read_bundle, write_bundle
 from tsis.records.store import open_store
@@ -213,7 +213,7 @@ def test_an_estimate_of_presses_of_nothing_fails_in_one_sentence(filled: Instrum
 
 def test_a_bundle_is_imported_once_and_other_files_are_refused(lit: Instrument, tmp_path: Path) -> None:
     with open_store(tmp_path / "other") as other:
-        target = other.import_target(sample_dossier()).target
+        target = other.import_target(sample_record()).target
         write_bundle(other.record(target), tmp_path / "bundle.zip")
     content = (tmp_path / "bundle.zip").read_bytes()
 

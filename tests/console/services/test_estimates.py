@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from tests.console.services.instruments import ANN, virtual_instrument
 from tests.hardness.stand_ins import by_table
-from tests.records.sample import WHEN, sample_dossier
+from tests.records.sample import WHEN, sample_record
 from tests.waiting import HANGS_S
 
 import tsis
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from tsis.console.services import Instrument, Job, SavedPress
     from tsis.records import StoredPress, TargetRecord
 
-SAMPLE = sample_dossier()
+SAMPLE = sample_record()
 FIRST = SAMPLE.presses[0]
 
 

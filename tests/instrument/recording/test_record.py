@@ -54,9 +54,9 @@ def test_a_folder_gives_back_every_frame_and_its_index(tmp_path: Path) -> None:
         rows = list(csv.DictReader(index))
     assert [int(row["sequence"]) for row in rows] == [0, 1, 4]
     assert [row["kept_in"] for row in rows] == [f"frame-{number:06d}.png" for number in range(3)]
-    told = json.loads((folder / "recording.json").read_text())
-    assert told["report"]["kept"] == 3
-    assert told["camera"] == "scripted"
+    result = json.loads((folder / "recording.json").read_text())
+    assert result["report"]["kept"] == 3
+    assert result["camera"] == "scripted"
 
 
 def test_a_video_is_lossless(tmp_path: Path) -> None:

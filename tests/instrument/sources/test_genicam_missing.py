@@ -40,9 +40,9 @@ def test_a_library_that_is_not_installed_is_named_with_its_cure(
         f'install it with: python -m pip install "tsis[camera-{name}]"'
     )
     assert source.missing_requirement() == sentence
-    with pytest.raises(MissingExtraError) as told:
+    with pytest.raises(MissingExtraError) as result:
         camera().open()
-    assert str(told.value) == sentence
+    assert str(result.value) == sentence
 
 
 def test_producers_are_those_of_the_variable_in_its_order_each_once(

@@ -17,7 +17,7 @@ from pynetdicom.sop_class import (  # type: ignore[attr-defined]
     MultiFrameGrayscaleByteSecondaryCaptureImageStorage,
 )
 from tests.records.dicom.variants import framed, noise
-from tests.records.sample import sample_dossier
+from tests.records.sample import sample_record
 
 from tsis.errors import InputError, RecordsError
 from tsis.records.dicom import c_store, dicom_files
@@ -37,7 +37,7 @@ HOST = "127.0.0.1"
 @cache
 def files() -> tuple[DicomFile, ...]:
     """Files of the sample, made by the worker that needs them."""
-    return dicom_files(sample_dossier())
+    return dicom_files(sample_record())
 
 
 @contextmanager

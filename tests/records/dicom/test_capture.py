@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.records.dicom.variants import framed, noise, with_presses
-from tests.records.sample import WHEN, sample_dossier
+from tests.records.sample import WHEN, sample_record
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.errors import RecordsError
@@ -65,7 +65,7 @@ def test_grey_levels_above_full_scale_are_kept() -> None:
 
 
 def test_series_are_the_roles_and_frames_their_times() -> None:
-    first, second = images(sample_dossier())
+    first, second = images(sample_record())
     assert first.SeriesInstanceUID != second.SeriesInstanceUID
     assert first.StudyInstanceUID == second.StudyInstanceUID
     assert "target" in first.SeriesDescription
@@ -75,11 +75,11 @@ def test_series_are_the_roles_and_frames_their_times() -> None:
 
 
 def test_frames_are_in_the_order_of_their_times() -> None:
-    dossier = framed([noise(3, 3, seed=seed) for seed in range(3)])
-    moved = replace(dossier.presses[0], taken=WHEN + timedelta(minutes=1))
-    (image,) = images(replace(dossier, presses=(moved, *dossier.presses[1:])))
-    wanted = [dossier.levels(dossier.presses[i]) for i in (1, 2, 0)]
-    np.testing.assert_array_equal(image.pixel_array, wanted)
+    record = framed([noise(3, 3, seed=seed) for seed in range(3)])
+    moved = replace(record.presses[0], taken=WHEN + timedelta(minutes=1))
+    (image,) = images(replace(record, presses=(moved, *record.presses[1:])))
+    expected = [record.levels(record.presses[i]) for i in (1, 2, 0)]
+    np.testing.assert_array_equal(image.pixel_array, expected)
     assert [float(each) for each in image.FrameTimeVector] == [0.0, 1_000.0, 58_000.0]
 
 
@@ -105,7 +105,7 @@ def test_long_series_are_cut_into_instances(monkeypatch: pytest.MonkeyPatch) -> 
 @pytest.mark.parametrize("identified", [False, True])
 @pytest.mark.parametrize("kind", ["phantom", "subject"])
 def test_every_instance_says_what_it_is(kind: str, identified: bool) -> None:
-    for image in images(sample_dossier(kind=kind), identified=identified):
+    for image in images(sample_record(kind=kind), identified=identified):
         assert image.ImageComments.startswith(RESEARCH_USE_ONLY)
         assert image.QualityControlSubject == ("YES" if kind == "phantom" else "NO")
         assert image.PatientIdentityRemoved == ("NO" if identified else "YES")
@@ -113,26 +113,26 @@ def test_every_instance_says_what_it_is(kind: str, identified: bool) -> None:
 
 
 def test_a_frame_that_is_not_what_its_press_says_is_refused() -> None:
-    dossier = with_presses(framed([noise(3, 4)]), rows=4)
+    record = with_presses(framed([noise(3, 4)]), rows=4)
     with pytest.raises(RecordsError, match=r"must hold 4 x 4 grey levels of 8 or 16 bits.*; got shape \(3, 4\)"):
-        dicom_files(dossier)
+        dicom_files(record)
 
 
 def test_no_press_is_refused() -> None:
     with pytest.raises(RecordsError, match="at least one press"):
-        dicom_files(replace(sample_dossier(), presses=()))
+        dicom_files(replace(sample_record(), presses=()))
 
 
 def test_another_probe_is_another_series_that_starts_with_its_own_first_press() -> None:
-    dossier = framed([noise(3, 4), noise(3, 4, seed=1), noise(5, 4, seed=2), noise(4, 3, seed=3)])
+    record = framed([noise(3, 4), noise(3, 4, seed=1), noise(5, 4, seed=2), noise(4, 3, seed=3)])
     probes, times = ("tsis-2011", "tsis-domed", "tsis-2011", "mine"), (3, 0, 2, 1)
     presses = tuple(
         replace(press, probe=probe, taken=WHEN + timedelta(days=day))
-        for press, probe, day in zip(dossier.presses, probes, times, strict=True)
+        for press, probe, day in zip(record.presses, probes, times, strict=True)
     )
     for identified, third in ((False, "other probe"), (True, "mine")):
         series: dict[str, set[tuple[str, ...]]] = {}
-        for image in images(replace(dossier, presses=presses), identified=identified):
+        for image in images(replace(record, presses=presses), identified=identified):
             said = (image.SeriesDescription, str(image.SeriesNumber), image.get("SeriesDate", ""))
             series.setdefault(image.SeriesInstanceUID, set()).add(said)
         assert all(len(said) == 1 for said in series.values())

@@ -10,7 +10,7 @@ import pytest
 from highdicom.sr import ComprehensiveSR
 from pydicom.sr.codedict import codes
 from tests.records.dicom.variants import hardness, with_estimate, with_presses
-from tests.records.sample import sample_dossier, sample_estimate
+from tests.records.sample import sample_estimate, sample_record
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.model import Estimate
@@ -59,42 +59,42 @@ def texts(dossier: TargetRecord, *, identified: bool = False) -> list[tuple[str,
 
 def test_numbers_are_those_of_the_estimate() -> None:
     estimate = sample_estimate()
-    found = numbers(sample_dossier())
+    found = numbers(sample_record())
     for name, concept in (("diameter_mm", "Diameter"), ("depth_mm", "Depth")):
         samples = np.asarray(estimate.samples[name])
         low, high = np.quantile(samples, [0.05, 0.95])
-        for derivation, wanted in ((MEAN, samples.mean()), (SD, samples.std()), (LOW, low), (HIGH, high)):
+        for derivation, expected in ((MEAN, samples.mean()), (SD, samples.std()), (LOW, low), (HIGH, high)):
             value, unit = found[concept, derivation]
-            assert value == pytest.approx(wanted, rel=1e-5)
+            assert value == pytest.approx(expected, rel=1e-5)
             assert unit == "mm"
     assert found["Probability", ""] == (0.97, "1")
 
 
 def test_a_parameter_that_is_not_identified_has_a_range_alone() -> None:
-    found = numbers(sample_dossier())
+    found = numbers(sample_record())
     assert {derivation for concept, derivation in found if concept == "Elasticity"} == {LOW, HIGH}
     assert found["Elasticity", LOW][1] == "kPa"
-    assert ("Parameter without a number", "young_kpa") in texts(sample_dossier())
+    assert ("Parameter without a number", "young_kpa") in texts(sample_record())
 
 
 def test_a_parameter_without_a_code_is_named_without_a_number() -> None:
     estimate = Estimate(samples={"slip_mm": np.array([1.0, 2.0])}, prior_sd={"slip_mm": 1.0})
-    dossier = with_estimate(sample_dossier(), estimate)
-    assert numbers(dossier) == {}
-    assert ("Parameter without a number", "other_1_mm") in texts(dossier)
-    assert ("Parameter without a number", "slip_mm") in texts(dossier, identified=True)
+    record = with_estimate(sample_record(), estimate)
+    assert numbers(record) == {}
+    assert ("Parameter without a number", "other_1_mm") in texts(record)
+    assert ("Parameter without a number", "slip_mm") in texts(record, identified=True)
 
 
 def test_an_untrusted_estimate_has_no_numbers_anywhere() -> None:
-    told = replace(
+    result = replace(
         sample_estimate(trusted=False), identifiability="Diameter 9.8 ± 0.4 mm.", flags=("model_does_not_fit",)
     )
-    dossier = with_estimate(sample_dossier(), told)
-    assert numbers(dossier) == {}
-    said = texts(dossier)
+    record = with_estimate(sample_record(), result)
+    assert numbers(record) == {}
+    said = texts(record)
     assert ("Quality flag", "model_does_not_fit") in said
     assert not any("9.8" in sentence for _, sentence in said)
-    evaluation = [item for item in items(report(dossier)) if item.ValueType == "CODE"]
+    evaluation = [item for item in items(report(record)) if item.ValueType == "CODE"]
     answers = {
         each.ConceptNameCodeSequence[0].CodeMeaning: each.ConceptCodeSequence[0].CodeMeaning for each in evaluation
     }
@@ -102,22 +102,22 @@ def test_an_untrusted_estimate_has_no_numbers_anywhere() -> None:
 
 
 def test_hardness_is_a_modulus_with_a_mean() -> None:
-    dossier = with_estimate(sample_dossier(), hardness(), "hardness", tsis="0.0.9", code_sha256="ab" * 32)
-    found = numbers(dossier)
+    record = with_estimate(sample_record(), hardness(), "hardness", tsis="0.0.9", code_sha256="ab" * 32)
+    found = numbers(record)
     assert found["Elasticity", MEAN][0] == pytest.approx(hardness().mean["young_kpa"], rel=1e-5)
     assert found["Elasticity", MEAN][1] == "kPa"
     assert {concept for concept, _ in found} == {"Elasticity"}
-    said = texts(dossier)
+    said = texts(record)
     assert ("Algorithm Name", "tsis hardness") in said
     assert ("Algorithm Version", "0.0.9") in said  # of the program that computed it
     assert ("Algorithm Parameters", f"code_sha256={'ab' * 32}") in said
 
 
 def test_forces_belong_to_frames() -> None:
-    dossier = sample_dossier()
-    image = dicom_files(dossier)[0].dataset()
+    record = sample_record()
+    image = dicom_files(record)[0].dataset()
     found: dict[tuple[str, Any], float] = {}
-    for group in items(report(dossier)):
+    for group in items(report(record)):
         inner = list(group.get("ContentSequence", []))
         force = [each for each in inner if each.ConceptNameCodeSequence[0].CodeValue == "111647"]
         if force:
@@ -131,37 +131,37 @@ def test_forces_belong_to_frames() -> None:
 
 
 def test_highdicom_reads_it_as_a_measurement_report() -> None:
-    document = ComprehensiveSR.from_dataset(report(sample_dossier()))
+    document = ComprehensiveSR.from_dataset(report(sample_record()))
     content: Any = document.content
     groups = content.get_image_measurement_groups()
     assert len(groups) == 5
     measured = groups[0].get_measurements(name=codes.SCT.Diameter)
     assert [each.unit.value for each in measured] == ["mm"] * 4
     evidence = {str(uid) for _, _, uid, _ in document.get_evidence()}
-    assert evidence == {file.sop_instance_uid for file in dicom_files(sample_dossier())[:-1]}
+    assert evidence == {file.sop_instance_uid for file in dicom_files(sample_record())[:-1]}
 
 
 def test_the_notice_comes_first() -> None:
-    document = report(sample_dossier())
+    document = report(sample_record())
     meanings = [item.ConceptNameCodeSequence[0].CodeMeaning for item in document.ContentSequence]
     assert meanings.index("Notice") < meanings.index("Imaging Measurements")
-    assert ("Notice", RESEARCH_USE_ONLY) in texts(sample_dossier())
+    assert ("Notice", RESEARCH_USE_ONLY) in texts(sample_record())
 
 
 def test_the_guards_flags_are_told() -> None:
-    assert ("Quality flag", "moving") in texts(sample_dossier(estimated=False))
+    assert ("Quality flag", "moving") in texts(sample_record(estimated=False))
 
 
 def test_nothing_known_is_no_report() -> None:
-    dossier = with_presses(sample_dossier(estimated=False), force_n=None, flags=())
-    assert all("report" not in file.name for file in dicom_files(dossier))
+    record = with_presses(sample_record(estimated=False), force_n=None, flags=())
+    assert all("report" not in file.name for file in dicom_files(record))
 
 
 def test_the_last_estimate_of_each_kind_is_told() -> None:
-    dossier = sample_dossier()
-    (hard,) = with_estimate(dossier, hardness(), "hardness").estimates
-    first = replace(dossier.estimates[0], estimate=replace(sample_estimate(), presence=0.5), id="estimate-0")
-    both = replace(dossier, estimates=(first, *dossier.estimates, hard))
+    record = sample_record()
+    (hard,) = with_estimate(record, hardness(), "hardness").estimates
+    first = replace(record.estimates[0], estimate=replace(sample_estimate(), presence=0.5), id="estimate-0")
+    both = replace(record, estimates=(first, *record.estimates, hard))
     for identified in (False, True):
         said = texts(both, identified=identified)
         assert [text for what, text in said if what == "Algorithm Name"] == ["tsis inclusion", "tsis hardness"]

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pydicom
 import pytest
-from tests.records.sample import sample_dossier
+from tests.records.sample import sample_record
 
 from tsis.errors import MissingExtraError, RecordsError
 from tsis.files import _atomic as durable
@@ -17,27 +17,27 @@ if TYPE_CHECKING:
 
 
 def test_files_are_named_by_a_pattern(tmp_path: Path) -> None:
-    dossier = sample_dossier()
-    names = [path.name for path in write_dicom(dossier, tmp_path / "new" / "folder")]
+    record = sample_record()
+    names = [path.name for path in write_dicom(record, tmp_path / "new" / "folder")]
     stem = pydicom.dcmread(tmp_path / "new" / "folder" / names[0]).PatientID.lower()
     assert names == [f"{stem}-1-target-01.dcm", f"{stem}-2-plain-01.dcm", f"{stem}-9-report-01.dcm"]
-    told = [path.name for path in write_dicom(dossier, tmp_path, identified=True)]
-    assert told == ["tsis-00003-1-target-01.dcm", "tsis-00003-2-plain-01.dcm", "tsis-00003-9-report-01.dcm"]
+    result = [path.name for path in write_dicom(record, tmp_path, identified=True)]
+    assert result == ["tsis-00003-1-target-01.dcm", "tsis-00003-2-plain-01.dcm", "tsis-00003-9-report-01.dcm"]
 
 
 def test_writing_again_changes_nothing(tmp_path: Path) -> None:
-    first = [(path, path.read_bytes(), path.stat().st_ino) for path in write_dicom(sample_dossier(), tmp_path)]
-    again = [(path, path.read_bytes(), path.stat().st_ino) for path in write_dicom(sample_dossier(), tmp_path)]
+    first = [(path, path.read_bytes(), path.stat().st_ino) for path in write_dicom(sample_record(), tmp_path)]
+    again = [(path, path.read_bytes(), path.stat().st_ino) for path in write_dicom(sample_record(), tmp_path)]
     assert first == again
 
 
 def test_another_content_of_the_name_is_not_replaced(tmp_path: Path) -> None:
-    path = write_dicom(sample_dossier(), tmp_path)[1]
+    path = write_dicom(sample_record(), tmp_path)[1]
     path.write_bytes(b"mine")
     for other in set(tmp_path.iterdir()) - {path}:
         other.unlink()
     with pytest.raises(RecordsError, match="is there with another content"):
-        write_dicom(sample_dossier(), tmp_path)
+        write_dicom(sample_record(), tmp_path)
     assert list(tmp_path.iterdir()) == [path]
     assert path.read_bytes() == b"mine"
 
@@ -59,10 +59,10 @@ def test_a_disk_that_fails_at_any_file_leaves_no_half_of_a_set(
 
     monkeypatch.setattr(durable.Disk, step, fail)
     with pytest.raises(RecordsError, match=r"cannot be written to .*: No space left on device"):
-        write_dicom(sample_dossier(), tmp_path)
+        write_dicom(sample_record(), tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["mine"]
     monkeypatch.undo()
-    assert len(write_dicom(sample_dossier(), tmp_path)) == 3
+    assert len(write_dicom(sample_record(), tmp_path)) == 3
 
 
 def test_a_new_folder_is_not_there_when_the_disk_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -71,15 +71,15 @@ def test_a_new_folder_is_not_there_when_the_disk_fails(tmp_path: Path, monkeypat
 
     monkeypatch.setattr(durable.Disk, "sync", fail)
     with pytest.raises(RecordsError, match="No space left on device"):
-        write_dicom(sample_dossier(), tmp_path / "new")
+        write_dicom(sample_record(), tmp_path / "new")
     assert list(tmp_path.iterdir()) == []
 
 
 def test_what_is_missing_of_a_set_is_written_and_the_rest_left(tmp_path: Path) -> None:
-    paths = write_dicom(sample_dossier(), tmp_path)
+    paths = write_dicom(sample_record(), tmp_path)
     content, kept = paths[1].read_bytes(), paths[0].stat()
     paths[1].unlink()
-    assert write_dicom(sample_dossier(), tmp_path) == paths
+    assert write_dicom(sample_record(), tmp_path) == paths
     assert paths[1].read_bytes() == content
     assert (paths[0].stat().st_ino, paths[0].stat().st_mtime_ns) == (kept.st_ino, kept.st_mtime_ns)
 
@@ -87,10 +87,10 @@ def test_what_is_missing_of_a_set_is_written_and_the_rest_left(tmp_path: Path) -
 def test_a_folder_that_is_a_file_is_told(tmp_path: Path) -> None:
     (tmp_path / "taken").write_text("")
     with pytest.raises(RecordsError, match="cannot be written to"):
-        write_dicom(sample_dossier(), tmp_path / "taken")
+        write_dicom(sample_record(), tmp_path / "taken")
 
 
 def test_a_missing_library_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "pydicom", None)
     with pytest.raises(MissingExtraError, match=r"DICOM needs pydicom.*tsis\[dicom\]"):
-        dicom_files(sample_dossier())
+        dicom_files(sample_record())

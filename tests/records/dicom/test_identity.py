@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 from tests.records.dicom.variants import FRAME, NAME, NOTE, SECRETS, SETTING, TARGET_ID, framed, named, noise
-from tests.records.sample import WHEN, sample_dossier
+from tests.records.sample import WHEN, sample_record
 
 from tsis.errors import RecordsError
 from tsis.records._deidentify import public_identity
@@ -82,24 +82,24 @@ def test_an_identified_export_tells_label_and_time() -> None:
 
 
 def test_the_two_exports_share_no_uid() -> None:
-    hidden, told = dicom_files(sample_dossier()), dicom_files(sample_dossier(), identified=True)
+    hidden, result = dicom_files(sample_record()), dicom_files(sample_record(), identified=True)
     foreign = dicom_files(framed([noise(2, 2)], force_n=1.0))
     standing = every_uid(b"".join(file.content for file in foreign))
     for one in hidden:
-        for other in told:
+        for other in result:
             shared = every_uid(one.content) & every_uid(other.content)
             assert shared <= standing, shared  # that of this program and its version, which every export bears
 
 
 def test_the_same_is_exported_as_the_same_instance() -> None:
-    assert dicom_files(sample_dossier()) == dicom_files(sample_dossier())
-    uids = [file.sop_instance_uid for file in dicom_files(sample_dossier())]
+    assert dicom_files(sample_record()) == dicom_files(sample_record())
+    uids = [file.sop_instance_uid for file in dicom_files(sample_record())]
     assert len(set(uids)) == len(uids)
     assert all(re.fullmatch(r"2\.25\.[1-9]\d{0,38}", uid) for uid in uids)
 
 
 def test_another_content_is_another_instance_of_the_same_series() -> None:
-    plain = sample_dossier()
+    plain = sample_record()
     fewer = replace(plain, presses=plain.presses[1:])
     one, other = dicom_files(plain)[0].dataset(), dicom_files(fewer)[0].dataset()
     assert one.SeriesInstanceUID == other.SeriesInstanceUID
@@ -108,4 +108,4 @@ def test_another_content_is_another_instance_of_the_same_series() -> None:
 
 def test_a_target_without_identity_is_refused() -> None:
     with pytest.raises(RecordsError, match="must have an identity"):
-        dicom_files(replace(sample_dossier(), target=replace(sample_dossier().target, id="")))
+        dicom_files(replace(sample_record(), target=replace(sample_record().target, id="")))

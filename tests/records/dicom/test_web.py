@@ -11,7 +11,7 @@ from http.server import BaseHTTPRequestHandler, HTTPServer
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from tests.records.sample import sample_dossier
+from tests.records.sample import sample_record
 
 from tsis.errors import InputError, RecordsError
 from tsis.records.dicom import dicom_files, stow_rs
@@ -27,7 +27,7 @@ HOST, JSON = "127.0.0.1", "application/dicom+json"
 @cache
 def files() -> tuple[DicomFile, ...]:
     """Files of the sample, made by the worker that needs them."""
-    return dicom_files(sample_dossier())
+    return dicom_files(sample_record())
 
 
 @contextmanager

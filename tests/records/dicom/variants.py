@@ -8,7 +8,7 @@ from datetime import timedelta
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from tests.records.sample import SECRET, WHEN, sample_dossier, sample_estimate
+from tests.records.sample import SECRET, WHEN, sample_estimate, sample_record
 
 from tsis.calibration.file import ProbeCalibration, calibration_sha256
 from tsis.model import Calibration, Estimate, PosteriorSamples
@@ -93,7 +93,7 @@ def hardness() -> Estimate:
 
 def named(kind: str = "subject") -> TargetRecord:
     """A target whose every text says who it is of, some of them in words that look like those of this program."""
-    dossier = sample_dossier(kind=kind)
+    record = sample_record(kind=kind)
     known = ProbeCalibration(
         name=CALIBRATION,
         probe=PROBE,
@@ -112,18 +112,18 @@ def named(kind: str = "subject") -> TargetRecord:
             calibration=calibration_sha256(known),
             target=TARGET_ID,
         )
-        for i, press in enumerate(dossier.presses)
+        for i, press in enumerate(record.presses)
     )
-    told, rng = sample_estimate(), np.random.default_rng(3)
+    result, rng = sample_estimate(), np.random.default_rng(3)
     estimate = replace(
-        told,
+        result,
         untrusted=PosteriorSamples(
-            samples={**told.samples, PARAMETER: rng.normal(5, 1, 400)}, prior_sd={**told.prior_sd, PARAMETER: 2.0}
+            samples={**result.samples, PARAMETER: rng.normal(5, 1, 400)}, prior_sd={**result.prior_sd, PARAMETER: 2.0}
         ),
         identifiability=f"The frame {presses[0].name} tells all.",
         prior=f"as {NOTE} believed",
         notes=(NOTE,),
-        flags=(*told.flags, f"{PARAMETER}_not_identified", FLAG, "off_axis"),
+        flags=(*result.flags, f"{PARAMETER}_not_identified", FLAG, "off_axis"),
         provenance={
             "tsis": SETTING,
             SETTING: SETTING,
@@ -135,7 +135,7 @@ def named(kind: str = "subject") -> TargetRecord:
         },
     )
     stored = replace(
-        dossier.estimates[0],
+        record.estimates[0],
         estimate=estimate,
         probe=PROBE,
         calibration=calibration_sha256(known),
@@ -145,8 +145,8 @@ def named(kind: str = "subject") -> TargetRecord:
         id="estimate-b",
     )
     return replace(
-        dossier,
-        target=replace(dossier.target, id=TARGET_ID, name=NAME, note=NOTE),
+        record,
+        target=replace(record.target, id=TARGET_ID, name=NAME, note=NOTE),
         presses=presses,
         estimates=(stored,),
         calibrations={calibration_sha256(known): known},
@@ -157,18 +157,18 @@ def variants() -> Iterator[tuple[str, TargetRecord]]:
     """Name and dossier of each kind of export."""
     for kind in ("phantom", "subject"):
         for bits in (8, 10, 12, 16):
-            yield f"{kind}, {bits} bit", sample_dossier(kind=kind, full_scale=2.0**bits - 1)
-    plain = sample_dossier()
+            yield f"{kind}, {bits} bit", sample_record(kind=kind, full_scale=2.0**bits - 1)
+    plain = sample_record()
     one = replace(plain, presses=plain.presses[:1])
     yield "one frame, 8 bit", one
     deep = framed([noise(31, 33, bits=12)], full_scale=4095.0, mm_per_pixel=(0.1, 0.2), force_n=1.0)
     yield "one frame, 12 bit", deep
     yield "no scale", with_presses(plain, mm_per_pixel=None)
     yield "no force", with_presses(plain, force_n=None)
-    yield "no estimate", sample_dossier(estimated=False)
+    yield "no estimate", sample_record(estimated=False)
     yield (
         "nothing known",
-        with_presses(sample_dossier(estimated=False), force_n=None, mm_per_pixel=None, flags=(), probe=""),
+        with_presses(sample_record(estimated=False), force_n=None, mm_per_pixel=None, flags=(), probe=""),
     )
     yield "not trusted", with_estimate(plain, sample_estimate(trusted=False))
     yield "hardness", with_estimate(plain, hardness(), "hardness", tsis="0.1.0", code_sha256="ab" * 32)

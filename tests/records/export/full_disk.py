@@ -37,23 +37,23 @@ PARTS = 12  # of the largest file, which fail at the first byte, at the last, an
 
 def main(folder: Path, *, limit: bool) -> None:
     """Write frames that no gzip makes smaller in each form, and tell what was said and what is left."""
-    dossier = framed([noise(300, 400, seed=seed) for seed in range(8)])
+    record = framed([noise(300, 400, seed=seed) for seed in range(8)])
     found: list[dict[str, Any]] = []
     for name, write in WRITERS.items():
         most = 0
         if limit:
-            write(dossier, folder / "whole" / name)
+            write(record, folder / "whole" / name)
             written = folder / "whole" / name
             files = [written] if written.is_file() else [path for path in written.rglob("*") if path.is_file()]
             most = max(path.stat().st_size for path in files)
         for part in range(PARTS if limit else 1):
-            told = {"form": name, "said": "", "error": ""}
+            result = {"form": name, "said": "", "error": ""}
             with _limited(most * part // PARTS if limit else None):
                 try:
-                    write(dossier, folder / name)
+                    write(record, folder / name)
                 except TsisError as error:
-                    told |= {"said": str(error), "error": type(error).__name__}
-            found.append({**told, "left": [path.name for path in folder.iterdir() if path.name != "whole"]})
+                    result |= {"said": str(error), "error": type(error).__name__}
+            found.append({**result, "left": [path.name for path in folder.iterdir() if path.name != "whole"]})
     sys.stdout.write(json.dumps(found))
 
 

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 import pytest
 from tests.records.export.bundles import Memory, files_of, plain, sealed
-from tests.records.sample import sample_dossier
+from tests.records.sample import sample_record
 
 from tsis.errors import FileInputError
 from tsis.files import LARGEST_PIXELS
@@ -21,7 +21,7 @@ from tsis.records.export.bundle import read_bundle, write_bundle
 from tsis.records.export.bundle._layout import largest
 from tsis.records.export.bundle._reading import read_picture, read_source
 
-WHOLE = files_of(sample_dossier())
+WHOLE = files_of(sample_record())
 FRAMES = sorted(name for name in WHOLE if name.startswith("frames/"))
 MIB = 2**20
 
@@ -58,7 +58,7 @@ def refused(files: dict[str, bytes], says: str) -> None:
 
 
 def test_the_bundles_in_memory_are_bundles() -> None:
-    assert plain(read_source(Memory(WHOLE))) == plain(sample_dossier())
+    assert plain(read_source(Memory(WHOLE))) == plain(sample_record())
     assert sealed(WHOLE) == WHOLE
     good = png(96, 150, bytes(96 * 151))
     read_source(Memory(sealed(WHOLE | {FRAMES[0]: good})))  # so that what is refused below is refused for its fault
@@ -222,8 +222,8 @@ def test_a_thousand_changed_files_with_hashes_that_fit_raise_nothing_else() -> N
 
 
 def test_hundreds_of_changed_zip_files_are_refused_or_the_same(tmp_path: Path) -> None:
-    write_bundle(sample_dossier(), tmp_path / "out.zip")
-    whole, wanted = (tmp_path / "out.zip").read_bytes(), plain(sample_dossier())
+    write_bundle(sample_record(), tmp_path / "out.zip")
+    whole, expected = (tmp_path / "out.zip").read_bytes(), plain(sample_record())
     rng, directory = random.Random(7), len(whole) - 3000
     changed = tmp_path / "changed.zip"
     same = 0
@@ -235,7 +235,7 @@ def test_hundreds_of_changed_zip_files_are_refused_or_the_same(tmp_path: Path) -
             found = plain(read_bundle(changed))
         except FileInputError:
             continue
-        assert found == wanted  # a time or a right that nobody reads was changed
+        assert found == expected  # a time or a right that nobody reads was changed
         same += 1
     assert same < 320
 

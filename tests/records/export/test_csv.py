@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tests.records.sample import sample_dossier, sample_estimate
+from tests.records.sample import sample_estimate, sample_record
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.errors import FileInputError, RecordsError
@@ -26,18 +26,18 @@ def rows(content: bytes) -> list[dict[str, str]]:
 
 
 def test_tables_hold_what_the_dossier_holds() -> None:
-    dossier = sample_dossier()
-    files = csv_files(dossier)
+    record = sample_record()
+    files = csv_files(record)
     (target,) = rows(files["target.csv"])
     assert (target["target"], target["true depth (mm)"], target["true Young's modulus (kPa)"]) == ("3", "5.0", "80.0")
     presses = rows(files["presses.csv"])
-    assert [float(each["force (N)"]) for each in presses] == [press.force_n for press in dossier.presses]
-    assert [each["frame (SHA-256)"] for each in presses] == [press.frame for press in dossier.presses]
+    assert [float(each["force (N)"]) for each in presses] == [press.force_n for press in record.presses]
+    assert [each["frame (SHA-256)"] for each in presses] == [press.frame for press in record.presses]
     assert json.loads(presses[0]["settings (JSON)"]) == {"exposure_ms": 10.0, "gain": 1.0}
     assert presses[1]["flags"] == "moving"
     estimates = rows(files["estimates.csv"])
-    assert dossier.estimate is not None
-    found = dossier.estimate.estimate
+    assert record.estimate is not None
+    found = record.estimate.estimate
     for row in estimates:
         name = row["parameter"]
         mean, sd = row["mean (in unit)"], row["sd (in unit)"]
@@ -59,54 +59,54 @@ def test_tables_hold_what_the_dossier_holds() -> None:
 
 
 def test_what_nobody_measured_is_an_empty_cell() -> None:
-    dossier = sample_dossier(estimated=False)
-    press = replace(dossier.presses[0], force_n=None, mm_per_pixel=None, calibration=None)
-    files = csv_files(replace(dossier, presses=(press,)))
+    record = sample_record(estimated=False)
+    press = replace(record.presses[0], force_n=None, mm_per_pixel=None, calibration=None)
+    files = csv_files(replace(record, presses=(press,)))
     (row,) = rows(files["presses.csv"])
     assert (row["force (N)"], row["pixel size x (mm)"], row["calibration (SHA-256)"]) == ("", "", "")
     assert rows(files["estimates.csv"]) == []
 
 
 def test_the_last_estimate_of_each_kind_is_in_force() -> None:
-    dossier = sample_dossier()
-    stored = dossier.estimates[0]
+    record = sample_record()
+    stored = record.estimates[0]
     kinds = ("inclusion", "hardness", "inclusion", "hardness", "inclusion")
     found = rows(
-        csv_files(replace(dossier, estimates=tuple(replace(stored, kind=kind) for kind in kinds)))["estimates.csv"]
+        csv_files(replace(record, estimates=tuple(replace(stored, kind=kind) for kind in kinds)))["estimates.csv"]
     )
     assert [row["in force"] for row in found[::3]] == ["no", "no", "no", "yes", "yes"]
     assert [row["kind"] for row in found[::3]] == list(kinds)
 
 
 def test_an_estimate_that_is_not_trusted_has_no_result() -> None:
-    dossier = sample_dossier()
-    stored = dossier.estimates[0]
+    record = sample_record()
+    stored = record.estimates[0]
     doubted = replace(stored, estimate=sample_estimate(trusted=False))
-    found = rows(csv_files(replace(dossier, estimates=(stored, doubted)))["estimates.csv"])
+    found = rows(csv_files(replace(record, estimates=(stored, doubted)))["estimates.csv"])
     good, bad = found[:3], found[3:]
     empty = [{name for name, text in row.items() if not text} for row in (*good, *bad)]
     never = {"supersedes"}
     assert empty[:3] == [never, never, never | {"mean (in unit)", "sd (in unit)"}]
-    told = {
+    result = {
         name for name in found[0] if name.split(" (")[0] in ("mean", "sd", "Cramer-Rao sd", "narrowing", "presence")
     }
-    told |= {"90% interval from (in unit)", "90% interval to (in unit)"}
-    assert len(told) == 7
-    assert empty[3:] == [told | never | {"notes"}] * 3, "its note is on a parameter, with numbers"
+    result |= {"90% interval from (in unit)", "90% interval to (in unit)"}
+    assert len(result) == 7
+    assert empty[3:] == [result | never | {"notes"}] * 3, "its note is on a parameter, with numbers"
     assert [row["trusted"] for row in found] == ["yes"] * 3 + ["no"] * 3
     assert [float(row["prior sd (in unit)"]) for row in bad] == [4.04, 2.31, 23.1]
 
 
 @pytest.mark.parametrize("full_scale", [255.0, 4095.0])
 def test_frames_and_manifest_hold_every_level(tmp_path: Path, full_scale: float) -> None:
-    dossier = sample_dossier(full_scale=full_scale)
-    write_csv(dossier, tmp_path / "out")
-    files = csv_files(dossier)
-    for press, row in zip(dossier.presses, rows(files["presses.csv"]), strict=True):
+    record = sample_record(full_scale=full_scale)
+    write_csv(record, tmp_path / "out")
+    files = csv_files(record)
+    for press, row in zip(record.presses, rows(files["presses.csv"]), strict=True):
         read = cv2.imread(str(tmp_path / "out" / row["frame file"]), cv2.IMREAD_UNCHANGED)
         assert read is not None
-        assert read.dtype == dossier.levels(press).dtype
-        np.testing.assert_array_equal(read, dossier.levels(press))
+        assert read.dtype == record.levels(press).dtype
+        np.testing.assert_array_equal(read, record.levels(press))
     manifest = json.loads((tmp_path / "out" / "manifest.json").read_bytes())
     assert manifest["notice"] == RESEARCH_USE_ONLY
     on_disk = {str(path.relative_to(tmp_path / "out")) for path in (tmp_path / "out").rglob("*") if path.is_file()}
@@ -120,7 +120,7 @@ def test_frames_and_manifest_hold_every_level(tmp_path: Path, full_scale: float)
 def test_the_users_mask_says_who_may_read(tmp_path: Path) -> None:
     before = os.umask(0o077)
     try:
-        write_csv(sample_dossier(), tmp_path / "out")
+        write_csv(sample_record(), tmp_path / "out")
     finally:
         os.umask(before)
     assert {path.stat().st_mode & 0o077 for path in (tmp_path / "out", *(tmp_path / "out").rglob("*"))} == {0}
@@ -129,13 +129,13 @@ def test_the_users_mask_says_who_may_read(tmp_path: Path) -> None:
 def test_a_folder_that_exists_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     with pytest.raises(FileInputError, match="must be a new name"):
-        write_csv(sample_dossier(), tmp_path / "out")
+        write_csv(sample_record(), tmp_path / "out")
     assert list(tmp_path.rglob("*")) == [tmp_path / "out"]
 
 
 def test_a_frame_that_is_not_as_its_press_says_leaves_nothing(tmp_path: Path) -> None:
-    dossier = sample_dossier()
-    wrong = replace(dossier, presses=(*dossier.presses[:3], replace(dossier.presses[3], rows=95)))
+    record = sample_record()
+    wrong = replace(record, presses=(*record.presses[:3], replace(record.presses[3], rows=95)))
     with pytest.raises(RecordsError, match="95 x 150"):
         write_csv(wrong, tmp_path / "out")
     assert list(tmp_path.iterdir()) == []

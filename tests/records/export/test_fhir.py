@@ -6,7 +6,7 @@ import pytest
 from fhir.resources.bundle import Bundle as BundleR5
 from fhir.resources.R4B.bundle import Bundle as BundleR4B
 from tests.records.dicom.variants import SECRETS, named
-from tests.records.sample import sample_dossier, sample_estimate
+from tests.records.sample import sample_estimate, sample_record
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.records import TargetRecord
@@ -34,8 +34,8 @@ def with_estimate(dossier: TargetRecord, **changes: Any) -> TargetRecord:
 def test_the_bundle_is_valid_and_says_the_same_after_the_model(
     model: Any, trusted: bool, identified: bool, kind: str
 ) -> None:
-    dossier = with_estimate(sample_dossier(kind=kind), trusted=trusted)
-    content = fhir_observations(dossier, identified=identified)
+    record = with_estimate(sample_record(kind=kind), trusted=trusted)
+    content = fhir_observations(record, identified=identified)
     bundle = model.model_validate_json(content)
     assert json.loads(bundle.model_dump_json().replace('Z"', '+00:00"')) == json.loads(content)
     kinds = [type(entry.resource).__name__ for entry in bundle.entry]
@@ -44,17 +44,17 @@ def test_the_bundle_is_valid_and_says_the_same_after_the_model(
 
 @pytest.mark.parametrize("model", [BundleR4B, BundleR5], ids=["R4B", "R5"])
 def test_the_judge_refuses_what_is_wrong(model: Any) -> None:
-    content = json.loads(fhir_observations(sample_dossier()))
+    content = json.loads(fhir_observations(sample_record()))
     content["entry"][5]["resource"]["value"] = 3
     with pytest.raises(ValueError, match="value"):
         model.model_validate(content)
 
 
 def test_numbers_have_their_unit_and_their_interval() -> None:
-    dossier = sample_dossier()
-    found = observed(dossier)
-    assert dossier.estimate is not None
-    estimate = dossier.estimate.estimate
+    record = sample_record()
+    found = observed(record)
+    assert record.estimate is not None
+    estimate = record.estimate.estimate
     (depth,) = found["depth_mm"]
     assert depth["valueQuantity"]["code"] == "mm"
     assert depth["valueQuantity"]["value"] == pytest.approx(estimate.mean["depth_mm"], rel=1e-5)
@@ -73,37 +73,37 @@ def test_numbers_have_their_unit_and_their_interval() -> None:
 
 
 def test_what_may_not_be_used_is_absent_with_its_reason() -> None:
-    found = observed(sample_dossier())
+    found = observed(sample_record())
     (young,) = found["young_kpa"]  # the sample says that it is not identified
     assert "valueQuantity" not in young
     assert young["dataAbsentReason"]["coding"][0]["code"] == "unknown"
     bound = next(part for part in young["component"] if part["code"]["coding"][0]["code"] == "cramer-rao-sd")
     assert bound["dataAbsentReason"]["coding"][0]["code"] == "positive-infinity"
-    for name, each in observed(with_estimate(sample_dossier(), trusted=False, presence_trusted=False)).items():
+    for name, each in observed(with_estimate(sample_record(), trusted=False, presence_trusted=False)).items():
         if name != "force_n":
             assert each[0]["dataAbsentReason"]["coding"][0]["code"] == "error"
             assert not {"valueQuantity", "component"} & set(each[0])
 
 
 def test_times_and_names_are_told_only_when_asked_for() -> None:
-    dossier = sample_dossier(kind="subject")
-    dossier = replace(dossier, target=replace(dossier.target, name="P-17", note="Jane Doe, born 1950"))
-    masked, told = fhir_observations(dossier).decode(), fhir_observations(dossier, identified=True).decode()
+    record = sample_record(kind="subject")
+    record = replace(record, target=replace(record.target, name="P-17", note="Jane Doe, born 1950"))
+    masked, result = fhir_observations(record).decode(), fhir_observations(record, identified=True).decode()
     for secret in ("2026", "P-17", "Jane", ".png", "target-a"):
         assert secret not in masked
-    assert "target-a" not in told
+    assert "target-a" not in result
     everything = fhir_observations(named()).decode().casefold()
     for secret in SECRETS:
         assert secret.casefold() not in everything
-    assert "P-17" in told
-    assert "Jane" not in told
-    (depth,) = observed(dossier, identified=True)["depth_mm"]
+    assert "P-17" in result
+    assert "Jane" not in result
+    (depth,) = observed(record, identified=True)["depth_mm"]
     assert depth["effectiveDateTime"] == "2026-11-22T09:31:00+00:00"
-    assert observed(dossier)["depth_mm"][0]["_effectiveDateTime"]["extension"][0]["valueCode"] == "masked"
+    assert observed(record)["depth_mm"][0]["_effectiveDateTime"]["extension"][0]["valueCode"] == "masked"
 
 
 def test_every_observation_is_preliminary_and_says_what_it_is_for() -> None:
-    content = json.loads(fhir_observations(sample_dossier()))
+    content = json.loads(fhir_observations(sample_record()))
     names = {entry["fullUrl"] for entry in content["entry"]}
     assert len(names) == len(content["entry"])
     for entry in content["entry"]:
@@ -116,10 +116,10 @@ def test_every_observation_is_preliminary_and_says_what_it_is_for() -> None:
 
 
 def test_the_last_estimate_of_each_kind_is_told() -> None:
-    dossier = sample_dossier()
-    first = dossier.estimates[0]
+    record = sample_record()
+    first = record.estimates[0]
     second = replace(first, estimate=replace(sample_estimate(), presence=0.5), id="b", supersedes=first.id)
-    both = observed(replace(dossier, estimates=(first, second)))
+    both = observed(replace(record, estimates=(first, second)))
     assert [each["valueQuantity"]["value"] for each in both["presence"]] == [0.5]
-    assert "depth_mm" not in observed(replace(dossier, estimates=()))
-    assert fhir_observations(dossier) == fhir_observations(sample_dossier())
+    assert "depth_mm" not in observed(replace(record, estimates=()))
+    assert fhir_observations(record) == fhir_observations(sample_record())

@@ -166,9 +166,9 @@ def test_a_frame_that_changes_between_looking_and_storing_is_noticed(tmp_path: P
     saved, other = save(tmp_path, 2), save(tmp_path / "else", 3)
     looked = find_import_batches([tmp_path], ImportOptions())
     saved.raw.write_bytes(other.raw.read_bytes())
-    with pytest.raises(RecordsError) as told:
+    with pytest.raises(RecordsError) as result:
         import_batches(store, looked)
-    assert "it was changed meanwhile; 1 of 2 presses are stored and stay" in str(told.value)
+    assert "it was changed meanwhile; 1 of 2 presses are stored and stay" in str(result.value)
     assert len(store.presses(store.target(3))) == 1
     assert verify_store(store).sound
 

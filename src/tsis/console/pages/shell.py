@@ -93,6 +93,7 @@ def set_lost_connection_text() -> None:
 
 
 NOWHERE = "No such page"
+IN_REACH = "getHtmlElement(%d)?.scrollIntoView({ block: 'nearest', inline: 'center' })"  # where links scroll sideways
 
 
 class Navigation:
@@ -126,6 +127,7 @@ class Navigation:
         for address, link in self._links.items():
             if address == here:
                 link.classes(add="here").props('aria-current="page"')
+                ui.run_javascript(IN_REACH % link.id)
             else:
                 link.classes(remove="here").props(remove="aria-current")
         ui.page_title(f"{tr(title_of(self._path))} · tsis console")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from datetime import datetime
+from threading import Lock
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from sqlalchemy import func, select
@@ -16,11 +17,12 @@ from tsis.model import require_integer
 from tsis.records._target_record import TargetRecord
 from tsis.records.store import _rows as rows
 from tsis.records.store import _tables as tables
+from tsis.records.store._audit import AuditHead, has_entry
 from tsis.records.store._files import frame_levels, samples_of
 from tsis.records.store._rows import target_of_row
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Collection, Iterable, Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -42,6 +44,7 @@ class StoreReader:
 
     def __init__(self, folder: Path, database: Database, blobs: Blobs, *, identity: str, kind: str) -> None:
         self.folder, self.database, self.blobs, self.identity, self.kind = folder, database, blobs, identity, kind
+        self._summaries = _Summaries()
 
     def entries(self) -> int:
         """Number of audit entries; it grows with every change, so a view knows when to update."""
@@ -51,7 +54,7 @@ class StoreReader:
     def targets(self, *, hidden: bool = False) -> tuple[TargetSummary, ...]:
         """Summaries of the targets, by number; ``hidden`` adds those that are archived or deleted."""
         with self.database.reading() as connection:
-            result = target_summaries(connection)
+            result = self._summaries.read(connection)
         return tuple(item for item in result if hidden or item.state is None)
 
     def state(self, target: Target) -> TargetState | None:
@@ -246,24 +249,73 @@ class TargetSummary:
     state: TargetState | None = None  # whether it is archived or deleted
 
 
-def target_summaries(connection: Connection) -> tuple[TargetSummary, ...]:
-    pressed, created = tables.press_table.c, tables.estimate_table.c
+class _Summaries:
+    """The summaries of all targets, counted once; after a change the audit names the targets that are counted anew."""
+
+    def __init__(self) -> None:
+        self._head: AuditHead | None = None
+        self._known: dict[str, TargetSummary] = {}
+        self._lock = Lock()
+
+    def read(self, connection: Connection) -> tuple[TargetSummary, ...]:
+        """The summaries by number, as this transaction sees the store."""
+        row = connection.execute(select(tables.audit_head_table)).first()
+        if row is None:  # the audit was damaged; the counts of the tables are still true
+            return tuple(target_summaries(connection).values())
+        head = AuditHead(number=row.number, hash=row.hash)
+        with self._lock:
+            if head != self._head:
+                changed = self._changed(connection)
+                if changed is None:
+                    self._known = target_summaries(connection)
+                else:
+                    stay = {name: item for name, item in self._known.items() if name not in changed}
+                    self._known = stay | target_summaries(connection, changed)
+                self._head = head
+            return tuple(sorted(self._known.values(), key=lambda item: item.target.number))
+
+    def _changed(self, connection: Connection) -> set[str] | None:
+        """Identities of the targets that changed since the last time; None where all may have."""
+        if self._head is None or not has_entry(connection, self._head):
+            return None
+        log = tables.audit_table.c
+        since = select(log.kind, log.row).where(log.number > self._head.number).limit(MOST_AT_ONCE + 1)
+        entries = connection.execute(since).all()
+        if len(entries) > MOST_AT_ONCE:
+            return None
+        result = {row for kind, row in entries if kind == tables.target_table.name}
+        result |= {row.removeprefix(TERM_OF) for _, row in entries if row.startswith(TERM_OF)}
+        for table in (tables.press_table, tables.estimate_table):
+            of_table = {row for kind, row in entries if kind == table.name}
+            found = connection.execute(select(table.c.id, table.c.target).where(table.c.id.in_(of_table))).all()
+            if len(found) < len(of_table):  # a row was removed, with it the name of its target
+                return None
+            result |= {row.target for row in found}
+        return result
+
+
+def target_summaries(connection: Connection, some: Collection[str] | None = None) -> dict[str, TargetSummary]:
+    """The summaries of all targets, or of those with these identities, by identity in the order of their numbers."""
+    pressed, created, named = tables.press_table.c, tables.estimate_table.c, tables.target_table.c
     count = select(pressed.target, func.count().label("number"), func.max(pressed.taken).label("last"))
+    created_count = select(created.target, func.count().label("number"))
+    query = select(tables.target_table).order_by(named.number)
+    if some is not None:
+        count, created_count = count.where(pressed.target.in_(some)), created_count.where(created.target.in_(some))
+        query = query.where(named.id.in_(some))
     presses = {row.target: (row.number, row.last) for row in connection.execute(count.group_by(pressed.target))}
-    query = select(created.target, func.count().label("number")).group_by(created.target)
-    estimates = {row.target: row.number for row in connection.execute(query)}
+    estimates = {row.target: row.number for row in connection.execute(created_count.group_by(created.target))}
     states = read_states(connection)
-    targets = connection.execute(select(tables.target_table).order_by(tables.target_table.c.number))
-    return tuple(
-        TargetSummary(
+    return {
+        row.id: TargetSummary(
             target=target_of_row(row._asdict()),
             presses=presses.get(row.id, (0, None))[0],
             estimates=estimates.get(row.id, 0),
             last=_moment(presses[row.id][1]) if row.id in presses else None,
             state=states.get(row.id),
         )
-        for row in targets
-    )
+        for row in connection.execute(query)
+    }
 
 
 def _moment(stored: object) -> datetime:

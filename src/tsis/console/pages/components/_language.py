@@ -104,10 +104,12 @@ def plain_message(message: str) -> str:
     --------
     >>> plain_message("gain must lie in [0, 24]; got -5 (dB)")
     'Gain must be 0–24 dB (you entered −5).'
-    >>> plain_message("length must lie in [-1, 50]; got 1e+99 (millimetres)")
-    'Length must be −1 to 50 mm (you entered 1e+99).'
+    >>> plain_message("length must lie in [-1, 50]; got 1e+99 (millimetres of travel)")
+    'Length must be −1 to 50 mm of travel (you entered 1e+99).'
     >>> plain_message("target must be a number, as 2 or 0.5; got ''")
     'Target must be a number, as 2 or 0.5 (nothing was entered).'
+    >>> plain_message("depth must lie in [1, 2]; got 3 (the surrogate's box)")
+    "Depth must be 1–2, the surrogate's box (you entered 3)."
     >>> plain_message("own.png: no image")
     'own.png: no image.'
     """
@@ -119,9 +121,9 @@ def plain_message(message: str) -> str:
 
 def _range(found: re.Match[str]) -> str:
     low, high, entered, hint = found.groups()
-    unit, comma, more = (hint or "").partition(", ")
-    sign = UNITS.get(unit, unit if len(unit) <= LONGEST_SIGN else "")
-    behind = f" {sign}{comma}{more}" if sign else f", {hint}" * bool(hint)
+    unit = re.split(r"\W", hint or "", maxsplit=1)[0]
+    sign = UNITS.get(unit, unit if unit == hint and len(unit) <= LONGEST_SIGN else "")
+    behind = f" {sign}{hint[len(unit) :]}" if sign else f", {hint}" * bool(hint)
     between = f"{low} to {high}" if low.startswith("-") else f"{low}–{high}"
     reach = f"{low} or more" if high == "inf" else between
     return f"must be {reach.replace('-', '−')}{behind}{_entered(entered, None)}"

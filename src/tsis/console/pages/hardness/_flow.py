@@ -69,7 +69,7 @@ def missing_text(state: InstrumentState, *, scaled: bool, responds: bool) -> tup
     """
     camera = state.camera
     if camera.choice.is_virtual:
-        return () if camera.choice.is_sphere and camera.running else ("lay an object under the virtual probe.",)
+        return () if camera.choice.is_sphere and camera.running else ("place an object under the virtual probe.",)
     stopped = () if camera.running else ("start the camera, on the page Examine; it is stopped.",)
     results = ["wait until the camera is back; it is away."] if camera.running and camera.lost else [*stopped]
     if not state.calibration_identity:

@@ -102,7 +102,6 @@ def _state(read: int, repeats: int) -> str:
     return f"read {read} of {repeats}" if read else "left"
 
 
-PROBABILITY = "least probability of an inclusion, of the virtual probe; other devices bring theirs"
 USUAL_FORCES = (0.5, 1.0)  # at most; a flat probe has one
 LARGE = 1000  # readings, beyond which the size is confirmed first
 SECONDS_PER_READING = 0.55  # of one core, with four presses; measured on the domed probe
@@ -172,7 +171,7 @@ class StudyDraft:
         return name
 
     def _threshold(self) -> float:
-        return require_number("threshold", kit.typed_number("threshold", self.threshold), 0.0, 1.0, hint=PROBABILITY)
+        return require_number("threshold", kit.typed_number("threshold", self.threshold), 0.0, 1.0)
 
     def size(self) -> StudySize:
         """Readings and presses of the virtual probe; `InputError` for an invalid field."""

@@ -345,7 +345,7 @@ def import_button(page: StudyContext) -> ui.button:
             viewer.complain(CUT)
             return
         named = one_line(PurePosixPath(event.file.name.replace("\\", "/")).name or "readings.csv")
-        fields = {"device": device, "threshold": threshold, "operator": who, "actor": who}
+        fields = {"device": device, "threshold": threshold, "actor": who}
         texts = (device.value or "").strip(), threshold.value or "", name_in(viewer, who)
         entered = await kit.submit(viewer, fields, _enter, page, content, named, *texts)
         if entered is not None:

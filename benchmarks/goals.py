@@ -1,4 +1,4 @@
-"""Numbers that were measured, and where they are wanted: a benchmark that misses one says which, and ends with 1."""
+"""Measured numbers and their goals: a benchmark that misses one says which, and ends with 1."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Wanted:
-    """One number.
+class Goal:
+    """A measured number and its goal.
 
     Attributes
     ----------
     name, value
         What was measured.
     least, most
-        Where it is wanted, both included; anywhere by default.
+        Its bounds, both included; none by default.
     form
         How a value is shown, as of `str.format`.
     """
@@ -32,7 +32,7 @@ class Wanted:
 
     @property
     def met(self) -> bool:
-        """Whether it lies there; what is not a number does not."""
+        """Whether the value lies within its bounds; what is not a number does not."""
         unbounded = math.isinf(self.least) and math.isinf(self.most)
         return unbounded or self.least <= self.value <= self.most
 
@@ -42,20 +42,20 @@ class Wanted:
         return self.form.format(self.value)
 
     @property
-    def wish(self) -> str:
-        """Where it is wanted; empty for anywhere."""
+    def goal(self) -> str:
+        """The bounds as a text; empty without any."""
         ends = ((">=", self.least), ("<=", self.most))
         return " and ".join(f"{sign} {self.form.format(end)}" for sign, end in ends if math.isfinite(end))
 
     @property
     def row(self) -> tuple[str, str, str]:
-        """Name, value and wish."""
-        return self.name, self.shown, self.wish
+        """Name, value and goal."""
+        return self.name, self.shown, self.goal
 
 
-def told(found: Iterable[Wanted]) -> int:
-    """Print a line for each number that was missed; the exit code of the program."""
-    missed = [each for each in found if not each.met]
-    for each in missed:
-        print(f"missed: {each.name} is {each.shown}, wanted {each.wish}")
+def missed_goals(numbers: Iterable[Goal]) -> int:
+    """Print a line for each missed number; the exit code of the program."""
+    missed = [number for number in numbers if not number.met]
+    for number in missed:
+        print(f"missed: {number.name} is {number.shown}, its goal {number.goal}")
     return int(bool(missed))

@@ -21,7 +21,7 @@ def read_lines(path: Path | None, key: str) -> dict[Any, dict[str, Any]]:
     return found
 
 
-def keep_line(path: Path | None, line: dict[str, Any]) -> None:
+def append_line(path: Path | None, line: dict[str, Any]) -> None:
     """Append a line, where lines are kept."""
     if path is None:
         return
