@@ -250,7 +250,7 @@ def test_an_estimate_without_a_calibration_is_refused_and_a_stored_one_shown(lit
 
     async def script(operator: Operator) -> None:
         await operator.clicks("Estimate", ui.button)
-        await operator.hears("Target must be a number that this store of phantoms holds (you entered 1)")
+        await operator.hears("Target 1 must have a press on the target to be estimated")
         await operator.types("Target", str(stored))
         await operator.sees(f"Target {stored}")
         (current,) = (await operator.requested(f"/targets/{stored}/estimates"))["estimates"]

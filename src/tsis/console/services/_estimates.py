@@ -23,6 +23,12 @@ if TYPE_CHECKING:
     from tsis.records.store import Store
 
 
+NO_PRESS = (
+    "target {number} must have a press on the target to be estimated; it has none (start the camera, press the target, "
+    "and save a snapshot)"
+)
+
+
 def estimate_target(
     store: Store,
     number: int,
@@ -91,7 +97,11 @@ def require_estimable(
     require_options(kind, options)
     if presses is not None and not (len(presses) > 0 and all(isinstance(press, str) for press in presses)):
         raise InputError(f"presses must be identities of presses, one at least; got {presses!r:.80}")
-    store.target(require_integer("target", number, 1, LARGEST_TARGET, hint="number of the target"))
+    require_integer("target", number, 1, LARGEST_TARGET, hint="number of the target")
+    try:
+        store.target(number)
+    except InputError as error:  # its first press would have made it
+        raise InputError(NO_PRESS.format(number=number)) from error
 
 
 def warm_up(probe: str) -> None:
@@ -135,10 +145,7 @@ def _named(record: TargetRecord, identities: Sequence[str]) -> tuple[StoredPress
 def _terms(presses: Sequence[StoredPress], number: int) -> tuple[str, str]:
     """The probe and the calibration that all presses share."""
     if not presses:
-        raise RecordsError(
-            f"target {number} must have a press on the target to be estimated; it has none (start the camera, "
-            "press the target, and save a snapshot)"
-        )
+        raise RecordsError(NO_PRESS.format(number=number))
     result = {(press.probe, press.calibration) for press in presses}
     if len(result) > 1:
         raise RecordsError("presses must be of one probe under one calibration; these are of several (choose fewer)")
