@@ -23,12 +23,6 @@ if TYPE_CHECKING:
     from tsis.records.store import Store
 
 
-NO_PRESS = (
-    "target {number} must have a press on the target to be estimated; it has none (start the camera, press the target, "
-    "and save a snapshot)"
-)
-
-
 def estimate_target(
     store: Store,
     number: int,
@@ -98,10 +92,8 @@ def require_estimable(
     if presses is not None and not (len(presses) > 0 and all(isinstance(press, str) for press in presses)):
         raise InputError(f"presses must be identities of presses, one at least; got {presses!r:.80}")
     require_integer("target", number, 1, LARGEST_TARGET, hint="number of the target")
-    try:
-        store.target(number)
-    except InputError as error:  # its first press would have made it
-        raise InputError(NO_PRESS.format(number=number)) from error
+    if all(item.target.number != number for item in store.targets(hidden=True)):
+        raise InputError(_no_press(number))
 
 
 def warm_up(probe: str) -> None:
@@ -145,11 +137,14 @@ def _named(record: TargetRecord, identities: Sequence[str]) -> tuple[StoredPress
 def _terms(presses: Sequence[StoredPress], number: int) -> tuple[str, str]:
     """The probe and the calibration that all presses share."""
     if not presses:
-        raise RecordsError(NO_PRESS.format(number=number))
-    result = {(press.probe, press.calibration) for press in presses}
-    if len(result) > 1:
+        raise RecordsError(_no_press(number))
+    (probe, calibration), *others = {(press.probe, press.calibration) for press in presses}
+    if others:
         raise RecordsError("presses must be of one probe under one calibration; these are of several (choose fewer)")
-    probe, calibration = result.pop()
     if calibration is None:
         raise RecordsError("presses must have been taken under a calibration to be estimated; these were not")
     return probe, calibration
+
+
+def _no_press(number: int) -> str:
+    return f"target {number} must have a press on the target to be estimated; it has none (press it, save a snapshot)"
