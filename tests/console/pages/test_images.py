@@ -44,7 +44,7 @@ def test_own_images_are_opened_measured_and_saved(tmp_path: Path, monkeypatch: p
             page.scale_field.value = "0.1"
             row.force.value = "half"
             await page.measure()
-            assert row.force.error.startswith("Force of press.png must be a number"), viewer.complaints
+            assert (row.force.error or "").startswith("Force of press.png must be a number"), viewer.complaints
             row.force.value = "0.5"
             await page.measure()
             assert "Contact in press.png" in texts(viewer)
@@ -52,7 +52,7 @@ def test_own_images_are_opened_measured_and_saved(tmp_path: Path, monkeypatch: p
             assert "Saved 1 press of target 1." in texts(viewer)
             page.number_field.value = "0"
             await page.save()
-            assert page.number_field.error.startswith("Target must be 1–"), viewer.complaints
+            assert (page.number_field.error or "").startswith("Target must be 1–"), viewer.complaints
             page.number_field.value = "1"
             await page.save()
             assert "Saved 0 presses of target 1." in texts(viewer), "what is there is not saved twice"
