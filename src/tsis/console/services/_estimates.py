@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from tsis.records import StoredEstimate, StoredPress, TargetRecord
     from tsis.records.store import Store
 
+NO_PRESS = "target {} must have a press on the target to be estimated; it has none (press it, save a snapshot)"
+
 
 def estimate_target(
     store: Store,
@@ -92,8 +94,10 @@ def require_estimable(
     if presses is not None and not (len(presses) > 0 and all(isinstance(press, str) for press in presses)):
         raise InputError(f"presses must be identities of presses, one at least; got {presses!r:.80}")
     require_integer("target", number, 1, LARGEST_TARGET, hint="number of the target")
-    if all(item.target.number != number for item in store.targets(hidden=True)):
-        raise InputError(_no_press(number))
+    try:
+        store.target(number)
+    except InputError as error:  # the first press makes a target
+        raise InputError(NO_PRESS.format(number)) from error
 
 
 def warm_up(probe: str) -> None:
@@ -128,23 +132,18 @@ def newest_presses(record: TargetRecord, kind: str, *, tissue: TissueReading | N
 
 def _named(record: TargetRecord, identities: Sequence[str]) -> tuple[StoredPress, ...]:
     by_identity = {press.id: press for press in record.presses}
-    for identity in identities:
-        if identity not in by_identity:
-            raise RecordsError(f"presses must be those of target {record.target.number}; {identity!r:.40} is none")
+    for identity in set(identities) - by_identity.keys():
+        raise RecordsError(f"presses must be those of target {record.target.number}; {identity!r:.40} is none")
     return tuple(by_identity[identity] for identity in identities)
 
 
 def _terms(presses: Sequence[StoredPress], number: int) -> tuple[str, str]:
     """The probe and the calibration that all presses share."""
     if not presses:
-        raise RecordsError(_no_press(number))
+        raise RecordsError(NO_PRESS.format(number))
     (probe, calibration), *others = {(press.probe, press.calibration) for press in presses}
     if others:
         raise RecordsError("presses must be of one probe under one calibration; these are of several (choose fewer)")
     if calibration is None:
         raise RecordsError("presses must have been taken under a calibration to be estimated; these were not")
     return probe, calibration
-
-
-def _no_press(number: int) -> str:
-    return f"target {number} must have a press on the target to be estimated; it has none (press it, save a snapshot)"
