@@ -12,6 +12,8 @@ from playwright.sync_api import TimeoutError as Late
 from tests.console.browser import picture
 from tests.waiting import HANGS_S
 
+from tsis.console.pages import PAGES, UNLISTED
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
@@ -21,7 +23,7 @@ if TYPE_CHECKING:
 INSTRUMENT, TABLET = (1280, 800), (1024, 768)
 API = "/api/v1"
 PATIENCE_MS = int(1000 * HANGS_S)  # a busy machine is late, and no wait is measured
-BY_ITSELF_MS = 8_000
+BY_ITSELF_MS, TRIES = 8_000, 5
 TAKE, RELEASE, OVER = "Take the camera", "Release the camera", "Take it over"
 
 
@@ -101,6 +103,31 @@ def follow(page: Page, name: str, address: str) -> None:
     """Click a link, and wait until its page is there."""
     page.get_by_role("link", name=name, exact=True).click()
     page.wait_for_url(address)
+
+
+def go_to(page: Page, title: str) -> None:
+    """Open a page by its link in the navigation, or by that of the header's list.
+
+    A page that was out of touch with the console, on a busy machine, loads anew and loses a click: it is clicked again.
+    """
+    heading = page.get_by_role("heading", level=1, name=title, exact=True)
+    for _ in range(TRIES):
+        _click_link(page, title)
+        with suppress(Late):
+            heading.wait_for(timeout=BY_ITSELF_MS)
+            break
+    heading.wait_for()
+    page.locator("main .panel").first.wait_for()
+
+
+def _click_link(page: Page, title: str) -> None:
+    if any(PAGES[address][0] == title for address in UNLISTED):
+        link = page.get_by_role("link", name=f"All {title.lower()} and their history")
+        if not link.is_visible():
+            page.get_by_role("button", name=title).click()
+        link.click()
+    else:
+        page.get_by_role("navigation").get_by_role("link", name=title, exact=True).click()
 
 
 def press_with(page: Page, force: str) -> None:

@@ -9,7 +9,7 @@ from urllib.parse import urlsplit
 
 import pytest
 from tests.console.browser import needs_browser, picture
-from tests.console.operator import INSTRUMENT, PATIENCE_MS, choose_target, follow, hold, requested, run
+from tests.console.operator import INSTRUMENT, PATIENCE_MS, choose_target, follow, go_to, hold, requested, run
 from tests.console.running import running_console
 from tests.console.services.test_own_images import disc
 
@@ -36,7 +36,7 @@ def test_a_day_s_work(tmp_path: Path, browser: Browser) -> None:
         hold(page)
         calibrated(page)
         active = requested(morning, "/state")["calibration_identity"]
-        _open(page, "Examine")
+        go_to(page, "Examine")
         run(page)
         for target in (1, 2, 3):
             examined(page, target)
@@ -68,14 +68,9 @@ def test_a_day_s_work(tmp_path: Path, browser: Browser) -> None:
         assert image.mm_per_pixel == (0.1, 0.1)
 
 
-def _open(page: Page, title: str) -> None:
-    page.get_by_role("navigation").get_by_role("link", name=title, exact=True).click()
-    page.get_by_role("heading", level=1, name=title, exact=True).wait_for()
-
-
 def calibrated(page: Page) -> None:
     """The virtual rig takes every step; the calibration is computed and activated."""
-    _open(page, "Calibrate")
+    go_to(page, "Calibrate")
     page.get_by_label("Name", exact=True).fill("morning")
     page.get_by_role("button", name="Begin", exact=True).click()
     page.get_by_role("button", name="Take all open steps").click()
@@ -113,13 +108,13 @@ def deleted(page: Page, target: int) -> None:
     page.get_by_role("button", name="Delete").click()
     page.get_by_role("dialog").get_by_role("button", name="Delete").click()
     page.get_by_text(f"Target {target} is deleted.").wait_for()
-    _open(page, "Records")
+    go_to(page, "Records")
     page.get_by_text("4 targets").wait_for()
 
 
 def imported(page: Page, image: Path) -> None:
     """An image file of one's own is measured and saved as a new target."""
-    _open(page, "My images")
+    go_to(page, "My images")
     page.locator("input[type=file]").set_input_files(image)
     page.get_by_label("Scale, or x,y").fill("0.1")
     page.get_by_role("button", name="Measure contact").click()
@@ -130,7 +125,7 @@ def imported(page: Page, image: Path) -> None:
 
 def studied(page: Page, console: RunningConsole) -> None:
     """A blinded study is made, read by the virtual probe, and unblinded."""
-    _open(page, "Study")
+    go_to(page, "Study")
     given = {"Name": "day", "Made by": "Ada", "With an inclusion": "2", "Blanks": "2", "Forces": "1", "Seed": "3"}
     for label, text in given.items():
         page.get_by_label(label, exact=True).fill(text)

@@ -9,9 +9,9 @@ from playwright.sync_api import expect
 from tests.console.accessible import AXE, broken_rules, faults, too_wide
 from tests.console.browser import needs_browser, picture
 from tests.console.contrast import contrast, contrast_on, texts
-from tests.console.operator import TABLET, hold, run, tab
+from tests.console.operator import TABLET, go_to, hold, run, tab
 
-from tsis.console.pages import PAGES, UNLISTED
+from tsis.console.pages import PAGES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -45,9 +45,7 @@ def tablet(console: RunningConsole, browser: Browser, desktop: Page) -> Iterator
 @pytest.mark.parametrize("where", ["desktop", "tablet"])
 def test_a_page_keeps_nobody_out(where: str, title: str, request: pytest.FixtureRequest) -> None:
     page: Page = request.getfixturevalue(where)
-    _open(page, title)
-    page.get_by_role("heading", level=1, name=title, exact=True).wait_for()
-    page.locator("main .panel").first.wait_for()
+    go_to(page, title)
     picture(page, f"{title.lower()}-{where}-{'light' if where == 'desktop' else 'dark'}")
     assert faults(page) == []
     assert too_wide(page) == []
@@ -65,9 +63,7 @@ def test_a_page_fits_every_width(console: RunningConsole, browser: Browser, sche
         run(page)
         for title in TITLES:
             page.set_viewport_size({"width": DESKTOP, "height": 900})
-            _open(page, title)
-            page.get_by_role("heading", level=1, name=title, exact=True).wait_for()
-            page.locator("main .panel").first.wait_for()
+            go_to(page, title)
             for width in WIDTHS:
                 page.set_viewport_size({"width": width, "height": 900})
                 picture(page, f"{title.lower()}-{width}-{scheme}")
@@ -82,9 +78,7 @@ def test_controls_are_large_enough_for_a_finger(console: RunningConsole, browser
     with tab(browser, console, size=(390, 844), has_touch=True) as page:
         hold(page)
         for title in TITLES:
-            _open(page, title)
-            page.get_by_role("heading", level=1, name=title, exact=True).wait_for()
-            page.locator("main .panel").first.wait_for()
+            go_to(page, title)
             if result := page.evaluate(SMALL) + too_wide(page):
                 small[title] = result
     assert small == {}
@@ -102,10 +96,8 @@ SMALL = r"""() => [...document.querySelectorAll(
 @pytest.mark.parametrize("where", ["desktop", "tablet"])
 def test_the_help_of_a_page_explains_each_of_its_fields(where: str, title: str, request: pytest.FixtureRequest) -> None:
     page: Page = request.getfixturevalue(where)
-    _open(page, title)
-    page.get_by_role("heading", level=1, name=title, exact=True).wait_for()
-    page.locator("main .panel").first.wait_for()
-    page.wait_for_function(f"() => {{ const left = ({UNEXPLAINED})(); return left.length === 0; }}", timeout=20_000)
+    go_to(page, title)
+    page.wait_for_function(f"() => {{ const left = ({UNEXPLAINED})(); return left.length === 0; }}")
     page.get_by_role("button", name="Help").click()
     dialog = page.get_by_role("dialog")
     try:
@@ -124,22 +116,12 @@ UNEXPLAINED = """() => [...document.querySelectorAll('main .q-field')]
   .map((each) => each.innerText)"""
 
 
-def _open(page: Page, title: str) -> None:
-    """Follow the link of the navigation, or that of the header's list."""
-    if any(PAGES[address][0] == title for address in UNLISTED):
-        page.get_by_role("button", name=title).click()
-        page.get_by_role("link", name=f"All {title.lower()} and their history").click()
-    else:
-        page.get_by_role("navigation").get_by_role("link", name=title, exact=True).click()
-
-
 @pytest.mark.parametrize("title", ["Examine", "Camera", "Design"])
 @pytest.mark.parametrize("where", ["desktop", "tablet"])
 def test_the_focus_is_outlined_in_both_themes(where: str, title: str, request: pytest.FixtureRequest) -> None:
     """Each control that Tab reaches has an outline of 2 px or more, 3 : 1 against what it stands on (WCAG 1.4.11)."""
     page: Page = request.getfixturevalue(where)
-    _open(page, title)
-    page.locator("main .panel").first.wait_for()
+    go_to(page, title)
     page.evaluate("document.activeElement.blur()")
     seen = []
     for _ in range(40):
@@ -217,8 +199,7 @@ def test_the_keyboard_opens_the_choice_of_a_file(console: RunningConsole, browse
 
 
 def test_the_list_of_jobs_closes_on_its_page(desktop: Page) -> None:
-    _open(desktop, "Jobs")
-    desktop.get_by_role("heading", level=1, name="Jobs", exact=True).wait_for()
+    go_to(desktop, "Jobs")
     desktop.get_by_role("dialog", name="Jobs").wait_for(state="hidden")
 
 

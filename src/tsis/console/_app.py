@@ -132,7 +132,7 @@ def console_app(instrument: Instrument, *, access: Access, hosts: Collection[str
         dark=None,
         tailwind=False,
         show_welcome_message=False,
-        reconnect_timeout=5.0,
+        reconnect_timeout=20.0,  # a shorter silence, of a busy machine or a weak radio link, loses no page and no click
         gzip_middleware_factory=None,  # pages are marked on their way out, and files are local
     )
     pages.config.quasar_config["loadingBar"]["skipHijack"] = True  # a bar that readers of the screen have no name for
