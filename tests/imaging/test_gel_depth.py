@@ -21,6 +21,8 @@ from tsis.imaging.depth import (
     depth_calibration_json,
     integrate_gradients,
     parse_depth_calibration,
+    polynomial_features,
+    polynomial_slopes,
 )
 from tsis.virtual import marker_ink, rendered_series
 
@@ -139,3 +141,18 @@ def test_a_depth_by_three_terms_is_the_root_of_its_polynomial() -> None:
         change = -80.0 * depth + 20.0 * depth**2 - 2.0 * depth**3
         assert calibration.depth_of_grey(np.array([change]))[0] == pytest.approx(depth, abs=2e-4)
     assert calibration.depth_of_grey(np.array([10.0]))[0] == 0.0
+
+
+def test_slopes_of_colours_are_the_cubic_polynomial_written_out() -> None:
+    """Every monomial to the third degree, and those to the second times x and y, over more than one block."""
+    rng = np.random.default_rng(12)
+    count = 5000
+    change, place = rng.uniform(-60.0, 60.0, (count, 3)), rng.uniform(-1.0, 1.0, (count, 2))
+    r, g, b = (change / 64.0).T
+    low = [r, g, b, r * r, r * g, r * b, g * g, g * b, b * b]
+    cubic = [r**3, r * r * g, r * r * b, r * g * g, r * g * b, r * b * b, g**3, g * g * b, g * b * b, b**3]
+    written = np.stack([*low, *cubic, *(t * place[:, 0] for t in low), *(t * place[:, 1] for t in low)], axis=1)
+    weights = rng.normal(size=(written.shape[1], 2))
+    found = polynomial_slopes(change.astype(np.float32), place.astype(np.float32), weights.astype(np.float32))
+    assert found == pytest.approx(written @ weights, abs=1e-4)
+    assert polynomial_features(change, place) == pytest.approx(written, abs=1e-5)

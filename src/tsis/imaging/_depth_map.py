@@ -7,12 +7,12 @@ from itertools import combinations_with_replacement
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from scipy import fft
 from scipy.ndimage import binary_dilation, distance_transform_edt, gaussian_filter
 
 from tsis.errors import InputError, import_extra
-from tsis.imaging._colour import require_pattern
+from tsis.imaging._colour import largest_channel, require_pattern
 from tsis.imaging._gel_change import BLACK, GLARE, gel_levels, marker_pixels
+from tsis.imaging._height_surface import integrate_gradients
 from tsis.model import ContentValue, GelSensor, freeze_arrays, require_number, require_one_of
 
 if TYPE_CHECKING:
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 DEPTH_METHODS = ("ratio", "polynomial", "table", "grey", "relative")
 GRADIENT_DEGREE = 3  # of the polynomial in the colours
 COLOUR_SCALE = 64.0  # levels
+PIXELS_AT_ONCE = 4096
 RIDGE = 1e-3  # of the mean square of the features
 BINS, BIN_LEVELS = 32, 6.0  # of the table, a channel
 
@@ -42,15 +43,37 @@ def polynomial_features(
     degree
         Highest degree in the colours.
     """
+    monomials = _monomials(change, degree)
+    x, y = np.asarray(place, dtype=np.float32).T
+    low = [value for key, value in monomials.items() if len(key) < degree]
+    features = [*monomials.values(), *(value * x for value in low), *(value * y for value in low)]
+    return np.stack(features, axis=1)
+
+
+def _monomials(change: NDArray[Any], degree: int) -> dict[tuple[int, ...], NDArray[np.float32]]:
+    """Products of up to ``degree`` colours by their channels, shape (n,) each, the lower degrees first."""
     colours = np.asarray(change, dtype=np.float32).T / np.float32(COLOUR_SCALE)
-    products: dict[tuple[int, ...], NDArray[np.float32]] = {(): np.ones(colours.shape[1], np.float32)}
-    for order in range(1, degree + 1):
+    products: dict[tuple[int, ...], NDArray[np.float32]] = {(channel,): row for channel, row in enumerate(colours)}
+    for order in range(2, degree + 1):
         for key in combinations_with_replacement(range(len(colours)), order):
             products[key] = products[key[:-1]] * colours[key[-1]]
-    monomials = [value for key, value in products.items() if key]
-    x, y = np.asarray(place, dtype=np.float32).T
-    low = [value for key, value in products.items() if 0 < len(key) < degree]
-    return np.stack([*monomials, *(value * x for value in low), *(value * y for value in low)], axis=1)
+    return products
+
+
+def polynomial_slopes(
+    change: NDArray[Any], place: NDArray[Any], weights: NDArray[Any], degree: int = GRADIENT_DEGREE
+) -> NDArray[np.float32]:
+    """`polynomial_features` times their weights, in blocks that fit into the processor's cache, shape (n, 2)."""
+    slope = np.empty((len(change), 2), np.float32)
+    for first in range(0, len(change), PIXELS_AT_ONCE):
+        block = slice(first, first + PIXELS_AT_ONCE)
+        rows = np.stack(list(_monomials(change[block], degree).values()))
+        low = (len(weights) - len(rows)) // 2
+        of_x, of_y = weights[len(rows) : len(rows) + low], weights[len(rows) + low :]
+        x, y = place[block].T
+        even, across, down = weights[: len(rows)].T @ rows, of_x.T @ rows[:low], of_y.T @ rows[:low]
+        slope[block] = (even + across * x + down * y).T
+    return slope
 
 
 def fit_polynomial(
@@ -194,49 +217,6 @@ class DepthMap(ContentValue):
         return xarray.Dataset(layers, coords={"x": x, "y": y}, attrs={"frame": self.name})
 
 
-def integrate_gradients(
-    slope_x: NDArray[Any], slope_y: NDArray[Any], mm_per_pixel: tuple[float, float]
-) -> NDArray[np.float64]:
-    """The surface whose slopes are nearest, by least squares with free borders (Poisson's equation by DCT).
-
-    Parameters
-    ----------
-    slope_x, slope_y
-        Slopes along the columns' index and the rows', shape (rows, columns).
-    mm_per_pixel
-        Size (x, y) of a pixel, mm.
-
-    Returns
-    -------
-    numpy.ndarray
-        Heights in mm with mean 0, shape (rows, columns).
-
-    Examples
-    --------
-    >>> y, x = np.mgrid[:40, :50] * 0.1
-    >>> plane = integrate_gradients(np.full(x.shape, 0.2), np.full(x.shape, -0.1), (0.1, 0.1))
-    >>> bool(np.abs(plane - plane.mean() - (0.2 * x - 0.1 * y - (0.2 * x - 0.1 * y).mean())).max() < 1e-9)
-    True
-    """
-    rows, columns = slope_x.shape
-    sx, sy = mm_per_pixel
-    # Differences between neighbours are the means of their slopes; their divergence has zero flux at the border.
-    across = (slope_x[:, 1:] + slope_x[:, :-1]) * 0.5
-    down = (slope_y[1:] + slope_y[:-1]) * 0.5
-    source = np.zeros((rows, columns), dtype=across.dtype)
-    source[:, :-1] += across / sx
-    source[:, 1:] -= across / sx
-    source[:-1] += down / sy
-    source[1:] -= down / sy
-    eigen = (2.0 - 2.0 * np.cos(np.pi * np.arange(columns) / columns)) / sx**2
-    other = (2.0 - 2.0 * np.cos(np.pi * np.arange(rows) / rows)) / sy**2
-    total = (eigen[None, :] + other[:, None]).astype(source.dtype)
-    total[0, 0] = 1.0
-    spectrum = fft.dctn(source, type=2, norm="ortho") / -total
-    spectrum[0, 0] = 0.0
-    return np.asarray(fft.idctn(spectrum, type=2, norm="ortho"))
-
-
 class DepthMapper:
     """Depth maps of one calibrated sensor and one reference, frame after frame.
 
@@ -298,7 +278,8 @@ class DepthMapper:
             depth = integrate_gradients(slope[..., 0], slope[..., 1], self.mm_per_pixel)
             depth = self._levelled(depth - np.median(depth[self.strip]))
         sd = np.hypot(self.calibration.sd_mm, self.calibration.sd_relative * depth)
-        clipped = (levels >= GLARE).any(axis=2) | (levels.max(axis=2) <= BLACK)
+        brightest = largest_channel(levels)
+        clipped = (brightest >= GLARE) | (brightest <= BLACK)
         return DepthMap(
             depth_mm=depth, sd_mm=np.where(clipped, CLIPPED_SD * sd, sd), mm_per_pixel=self.mm_per_pixel, name=name
         )
@@ -324,7 +305,7 @@ class DepthMapper:
         if self.calibration.method == "table":
             slope = self.calibration.weights.astype(np.float32)[table_index(flat)]
         else:
-            slope = polynomial_features(flat, self.place) @ self.calibration.weights.astype(np.float32)
+            slope = polynomial_slopes(flat, self.place, self.calibration.weights.astype(np.float32))
         return np.asarray(slope.reshape(*change.shape[:2], 2))
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.ndimage import binary_dilation, gaussian_filter
 
 from tsis.errors import ImageMismatchError, InputError
-from tsis.imaging._colour import require_pattern
+from tsis.imaging._colour import largest_channel, require_pattern
 from tsis.model import GelSensor, TactileImage, require_type
 
 if TYPE_CHECKING:
@@ -47,16 +47,17 @@ def gel_levels(frame: Any, sensor: GelSensor, *, what: str = "frame") -> NDArray
         raise InputError(f"{what} must have the shape (rows, columns) or (rows, columns, 3); got {levels.shape}")
     sensor.require_frame(levels.shape[1], levels.shape[0])
     result = levels[..., :3].astype(np.float64) * (255.0 / full)
-    if not np.isfinite(result).all() or result.min() < 0.0 or result.max() > 255.5:
-        raise InputError(f"{what} must have levels from 0 to 255, or 16 bits; got {result.min():g} to {result.max():g}")
-    if result.max() <= BLACK:
+    low, high = float(result.min()), float(result.max())
+    if not (low >= 0.0 and high <= 255.5):  # nor NaN
+        raise InputError(f"{what} must have levels from 0 to 255, or 16 bits; got {low:g} to {high:g}")
+    if high <= BLACK:
         raise InputError(f"{what} must be lit; got a black frame: switch the sensor's lamps on")
-    clipped = float((result.min(axis=2) >= GLARE).mean())
-    if clipped > MOST_CLIPPED:
+    darkest = -largest_channel(-result)
+    if (clipped := float((darkest >= GLARE).mean())) > MOST_CLIPPED:
         raise InputError(f"{what} must not be saturated; got {clipped:.0%} white pixels: lower the exposure")
     if sensor.light == "white":
         return np.asarray(result.mean(axis=2, keepdims=True))
-    if result.shape[2] == 1 or np.ptp(result, axis=2).max() < 1.0:
+    if result.shape[2] == 1 or (largest_channel(result) - darkest).max() < 1.0:
         raise InputError(
             f"{what} must be in colour, because {sensor.name} has coloured lamps; got grey: save the camera's colours"
         )
@@ -118,7 +119,7 @@ def gel_change(
         )
     change = levels - reference
     drift = np.median(change, axis=(0, 1))
-    typical = float(np.median(np.abs(change - drift).max(axis=2)))
+    typical = float(np.median(largest_channel(np.abs(change - drift))))
     if max(typical, float(np.abs(drift).max()) / 2.0) > FOREIGN:
         raise ImageMismatchError(
             f"reference must be an untouched frame of the sensor that took {what}, under the same light; got one that "
@@ -126,9 +127,8 @@ def gel_change(
         )
     require_pattern(levels, reference, what)
     change -= drift
-    clipped = (np.maximum(levels, reference) >= GLARE).any(axis=2) | (
-        np.minimum(levels, reference).max(axis=2) <= BLACK
-    )
+    brightest, lit = (largest_channel(pick(levels, reference)) for pick in (np.maximum, np.minimum))
+    clipped = (brightest >= GLARE) | (lit <= BLACK)
     marker = np.zeros(clipped.shape, dtype=bool)
     if sensor.marker_pitch_mm is not None:
         marker = binary_dilation(marker_pixels(levels, sensor) | marker_pixels(reference, sensor), iterations=1)

@@ -1,11 +1,12 @@
-"""A signal as a surface in space, reduced to the points that a screen can show."""
+"""A signal as a surface in space, reduced to the points that a screen can show; a surface from its slopes."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy import fft
 
 from tsis.imaging._corrections import require_image
 from tsis.imaging._filters import block_means
@@ -85,3 +86,46 @@ def _block_centres(pixels: int, blocks: int) -> NDArray[np.float64]:
     """Pixel coordinates of the centres of equal blocks that cover a row of pixels."""
     centres: NDArray[np.float64] = (np.arange(blocks, dtype=np.float64) + 0.5) * (pixels / blocks) - 0.5
     return centres
+
+
+def integrate_gradients(
+    slope_x: NDArray[Any], slope_y: NDArray[Any], mm_per_pixel: tuple[float, float]
+) -> NDArray[np.float64]:
+    """The surface whose slopes are nearest, by least squares with free borders (Poisson's equation by DCT).
+
+    Parameters
+    ----------
+    slope_x, slope_y
+        Slopes along the columns' index and the rows', shape (rows, columns).
+    mm_per_pixel
+        Size (x, y) of a pixel, mm.
+
+    Returns
+    -------
+    numpy.ndarray
+        Heights in mm with mean 0, shape (rows, columns).
+
+    Examples
+    --------
+    >>> y, x = np.mgrid[:40, :50] * 0.1
+    >>> plane = integrate_gradients(np.full(x.shape, 0.2), np.full(x.shape, -0.1), (0.1, 0.1))
+    >>> bool(np.abs(plane - plane.mean() - (0.2 * x - 0.1 * y - (0.2 * x - 0.1 * y).mean())).max() < 1e-9)
+    True
+    """
+    rows, columns = slope_x.shape
+    sx, sy = mm_per_pixel
+    # Differences between neighbours are the means of their slopes; their divergence has zero flux at the border.
+    across = (slope_x[:, 1:] + slope_x[:, :-1]) * 0.5
+    down = (slope_y[1:] + slope_y[:-1]) * 0.5
+    source = np.zeros((rows, columns), dtype=across.dtype)
+    source[:, :-1] += across / sx
+    source[:, 1:] -= across / sx
+    source[:-1] += down / sy
+    source[1:] -= down / sy
+    eigen = (2.0 - 2.0 * np.cos(np.pi * np.arange(columns) / columns)) / sx**2
+    other = (2.0 - 2.0 * np.cos(np.pi * np.arange(rows) / rows)) / sy**2
+    total = (eigen[None, :] + other[:, None]).astype(source.dtype)
+    total[0, 0] = 1.0
+    spectrum = fft.dctn(source, type=2, norm="ortho") / -total
+    spectrum[0, 0] = 0.0
+    return np.asarray(fft.idctn(spectrum, type=2, norm="ortho"))

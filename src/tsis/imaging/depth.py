@@ -22,12 +22,13 @@ from tsis.imaging._depth_map import (
     fit_polynomial,
     fit_table,
     frame_places,
-    integrate_gradients,
     polynomial_features,
+    polynomial_slopes,
     relative_brightness,
 )
 from tsis.imaging._gel_change import gel_change, gel_levels, gel_reference
 from tsis.imaging._gel_contacts import GelContact, find_gel_contact
+from tsis.imaging._height_surface import integrate_gradients
 from tsis.mechanics.gel import gel_force
 from tsis.model import GelSensor, require_number
 
@@ -51,6 +52,7 @@ __all__ = [
     "integrate_gradients",
     "parse_depth_calibration",
     "polynomial_features",
+    "polynomial_slopes",
 ]
 SLOPE_METHODS = ("ratio", "polynomial", "table")
 USED, FLAT = 0.9, 2.2  # of the contact's radius: the ball's slope inside, an almost flat face outside
