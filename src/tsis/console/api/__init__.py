@@ -6,6 +6,7 @@ import asyncio
 import threading
 from contextlib import contextmanager
 from functools import cached_property
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -35,9 +36,8 @@ class Calls:
     @cached_property
     def application(self) -> FastAPI:
         """The application, which is built now if it was not yet."""
-        from tsis.console.api._application import api_app
-
-        return api_app(self._instrument, self._reports)
+        result: FastAPI = import_module(f"{__name__}._application").api_app(self._instrument, self._reports)
+        return result
 
     @property
     def routes(self) -> list[BaseRoute]:
