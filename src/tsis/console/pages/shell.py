@@ -292,7 +292,7 @@ class Help:
 
 
 OPEN_EVERY_S = 2.0  # between two reports that a page is still open
-SHOWN_S = 0.5  # after which a page that was built is shown
+SHOWN_S = 0.1  # after the connection of a page, by which it is shown
 MAIN = "page"  # identity of the element that holds the page, for the link that skips to it
 
 
