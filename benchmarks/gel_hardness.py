@@ -1,18 +1,18 @@
 """How often the modulus from contacts of a gel sensor holds, on objects pressed by finite elements at finite strain.
 
-    python -m benchmarks.gel_hardness [--seed 20] [--cases 60] [--object cylinder] [--gripper] [--no-force]
+    python -m benchmarks.gel_hardness [--seed 20] [--cases 60] [--object cylinder] [--gripper] [--each]
 
-Gel, object and radius are drawn anew for each case, and so are the errors of force, radius, scale and gel, which the
-estimate knows only by their sizes. The mesh of spheres is finer than that to which the correction was fitted; cylinders
-are pressed by NGSolve (extra fem3d). The two fingers of a gripper have gels and scales of their own, of which the
-estimate knows the limits; without a force the dents are read.
+Gel, object and radius are drawn anew for each case, and so are the errors of force, radius, dent, scale and gel, which
+the estimate knows only by their sizes. The mesh of spheres is finer than that to which the correction was fitted;
+cylinders are pressed by NGSolve (extra fem3d). The two fingers of a gripper have gels and scales of their own, of which
+the estimate knows the limits. One row has the estimates from forces and radii, the other those from dents and radii.
 """
 
 from __future__ import annotations
 
 import argparse
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from benchmarks.soft_cylinder import Solid, cylinder_presses
@@ -23,10 +23,14 @@ from tsis.hardness import ObjectGeometry, estimate_from_contacts, hertzian_radiu
 from tsis.mechanics.finite_strain import SphereResolution
 from tsis.model import BoundedValue, GelSensor, Layer, Probe, SoftSphere
 
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
 MESH = SphereResolution(order=3, cells=7, rings=2, face_cells=7)
 LOADS = np.array([0.12, 0.35])  # force times compliance over the radius squared
 GEL_KPA, GEL_SPREAD, RATIOS = 150.0, 0.1, (0.48, 0.495)
 ERROR, DENT = 0.02, 0.03  # relative standard deviations of scale, reading, press and force; of dents
+KNOWN = {"force": ("force_n", "radius_mm"), "dent": ("radius_mm", "depth_mm")}  # what the estimates read
 APPROACHES, LENGTH_MM = (0.07, 0.2), 10.0  # of a cylinder: equator's travel over the radius, length of contact
 
 
@@ -36,22 +40,31 @@ class Case:
 
     young_kpa: float
     median_kpa: float
-    inside: bool
-    identified: bool
+    ends_kpa: tuple[float, float]
+    flags: tuple[str, ...]
     trusted: bool
+
+    @property
+    def inside(self) -> bool:
+        """Whether the 90 % interval holds the truth."""
+        return self.ends_kpa[0] < self.young_kpa < self.ends_kpa[1]
+
+    @property
+    def identified(self) -> bool:
+        """Whether the modulus is given, not withheld."""
+        return self.trusted and "young_kpa_not_identified" not in self.flags
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options:
-    """What touches, by how many fingers, and whether their force is known."""
+    """What touches, and by how many fingers."""
 
     shape: Literal["sphere", "cylinder"] = "sphere"
     fingers: int = 1
-    force: bool = True
 
 
-def one(rng: np.random.Generator, options: Options) -> Case:
-    """Draw, press, read with errors, and estimate."""
+def one(rng: np.random.Generator, dents: np.random.Generator, options: Options) -> dict[str, Case]:
+    """Draw, press, read with errors, and estimate, by the names of `KNOWN`; ``dents`` draws the errors of the dents."""
     thickness, gel = rng.uniform(3.0, 8.0), GEL_KPA * np.exp(rng.uniform(-GEL_SPREAD, GEL_SPREAD))
     ratio, own_ratio, radius = rng.uniform(*RATIOS), rng.uniform(0.45, 0.49), rng.uniform(4.0, 8.0)
     young = float(np.exp(rng.uniform(np.log(20.0), np.log(500.0))))
@@ -64,8 +77,7 @@ def one(rng: np.random.Generator, options: Options) -> Case:
         for force, read, dent in touches:
             contact = {"force_n": force * np.exp(ERROR * rng.standard_normal())}
             contact["radius_mm"] = read * scale * np.exp(ERROR * np.sqrt(2) * rng.standard_normal())
-            if not options.force:
-                contact = {"radius_mm": contact["radius_mm"], "depth_mm": dent * np.exp(DENT * rng.standard_normal())}
+            contact["depth_mm"] = dent * np.exp(DENT * dents.standard_normal())
             contacts.append(contact)
     sensor = GelSensor(
         name="drawn",
@@ -80,16 +92,20 @@ def one(rng: np.random.Generator, options: Options) -> Case:
     stated = ObjectGeometry(
         shape=options.shape, radius_mm=radius * np.exp(0.01 * rng.standard_normal()), length_mm=length
     )
-    found = estimate_from_contacts(contacts, sensor=sensor, geometry=stated)
-    samples = found.untrusted.samples["young_kpa"]
-    low, high = np.quantile(samples, [0.05, 0.95])
-    return Case(
-        young_kpa=young,
-        median_kpa=float(np.median(samples)),
-        inside=bool(low < young < high),
-        identified="young_kpa_not_identified" not in found.flags,
-        trusted=found.trusted,
-    )
+    cases = {}
+    for name, columns in KNOWN.items():
+        kept = [{key: contact[key] for key in columns} for contact in contacts]
+        found = estimate_from_contacts(kept, sensor=sensor, geometry=stated)
+        samples = found.untrusted.samples["young_kpa"]
+        low, high = np.quantile(samples, [0.05, 0.95]).tolist()
+        cases[name] = Case(
+            young_kpa=young,
+            median_kpa=float(np.median(samples)),
+            ends_kpa=(low, high),
+            flags=found.flags,
+            trusted=found.trusted,
+        )
+    return cases
 
 
 def sphere_touches(gel: Solid, own: Solid, radius: float, thickness: float) -> list[tuple[float, float, float]]:
@@ -114,6 +130,18 @@ def cylinder_touches(gel: Solid, own: Solid, radius: float, thickness: float) ->
     return [(press.force_n_mm * LENGTH_MM, press.half_mm, press.dent_mm) for press in presses]
 
 
+def row(name: str, cases: Sequence[Case]) -> str:
+    """A row of the table."""
+    result = [case for case in cases if case.identified]
+    error = np.array([case.median_kpa / case.young_kpa - 1 for case in result])
+    middle = f"{100 * np.median(np.abs(error)):.1f} % | {100 * np.median(error):+.1f} %" if result else "- | -"
+    held, given = (
+        f"{100 * np.mean([case.inside for case in part]):.0f} %" if part else "-" for part in (cases, result)
+    )
+    trusted = sum(case.trusted for case in cases)
+    return f"| {name} | {len(cases)} | {trusted} | {len(result)} | {held} | {given} | {middle} |"
+
+
 def main() -> None:
     """Run the cases and print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -121,23 +149,26 @@ def main() -> None:
     parser.add_argument("--cases", type=int, default=60)
     parser.add_argument("--object", choices=("sphere", "cylinder"), default="sphere")
     parser.add_argument("--gripper", action="store_true", help="two sensors, each with a gel of its own")
-    parser.add_argument("--no-force", action="store_true", help="dents are read instead of the force")
+    parser.add_argument("--each", action="store_true", help="a line for each case")
     arguments = parser.parse_args()
-    options = Options(shape=arguments.object, fingers=2 if arguments.gripper else 1, force=not arguments.no_force)
-    rng = np.random.default_rng(arguments.seed)
-    cases: list[Case] = []
+    options = Options(shape=arguments.object, fingers=2 if arguments.gripper else 1)
+    rng, dents = np.random.default_rng(arguments.seed), np.random.default_rng([arguments.seed, 1])
+    found: dict[str, list[Case]] = {name: [] for name in KNOWN}
     for _ in track(range(arguments.cases), "pressing"):
         try:
-            cases.append(one(rng, options))
+            made = one(rng, dents, options)
         except (MechanicsError, RuntimeError) as error:  # the mesh did not converge: no case
             print(f"left out: {error}")
-    print("| cases | trusted | identified | 90 % interval holds | median error of the identified |")
-    print("| --- | --- | --- | --- | --- |")
-    result = [case for case in cases if case.identified]
-    median = np.median([abs(case.median_kpa / case.young_kpa - 1) for case in result])
-    held = np.mean([case.inside for case in cases])
-    trusted = sum(case.trusted for case in cases)
-    print(f"| {len(cases)} | {trusted} | {len(result)} | {100 * held:.0f} % | {100 * median:.1f} % |")
+            continue
+        for name, case in made.items():
+            found[name].append(case)
+            if arguments.each:
+                low, high = case.ends_kpa
+                print(f"{name}: {case.young_kpa:.1f} kPa: {case.median_kpa:.1f} [{low:.1f}, {high:.1f}]", *case.flags)
+    print("| known | cases | trusted | identified | holds, all | holds, identified | median error | bias |")
+    print("| --- | --- | --- | --- | --- | --- | --- | --- |")
+    for name, cases in found.items():
+        print(row(name, cases))
 
 
 if __name__ == "__main__":

@@ -196,7 +196,7 @@ def compared(body: Body, truth: Truth, sensor: GelSensor, rng: np.random.Generat
 
 
 def _by_layer(body: Body, truth: Truth, sensor: GelSensor) -> str:
-    """Force over the true one by the model of `tsis hardness --cylinder-mm` from the true width."""
+    """Force over the true one by the layer at small strain, which `tsis hardness` corrects, from the true width."""
     if body.radius_mm is None:
         return ""
     half = float(truth.place_mm[truth.pressure_kpa > 0.01 * truth.pressure_kpa.max()].max())

@@ -217,7 +217,7 @@ def rehearse(
     if sealed.unblinded is None:
         on_bench = opened(folder / "bench", made.targets, seed=seed, probe=probe_name, repeats=repeats)
         _require_same_codes(sealed, on_bench)
-        lamps = calibrated_probe(law, tsis.load_probe(probe_name))
+        lamps = calibrated_probe(law, tsis.load_probe(probe_name), seed)
         virtual = UnevenProbe(
             tsis.load_probe(probe_name), rng=np.random.default_rng([seed, 2]), strain=strain, lamps=lamps
         )

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     from tsis.model import Probe, TactileImage
 
-SEED, SATURATION_KPA = 25, 100.0
+SATURATION_KPA = 100.0
 BRIGHTEST_GREY, INNER_KPA, RIM_KPA, RIM = 230.0, 4.5, 18.0, 0.93  # exposure of tissue: these pressures fill the scale
 PADS_KPA = (5.0, 10.0)
 TIPS_MM = (6.0, 10.0, 14.0)  # a sharper one would sink through half of a soft probe
@@ -84,12 +84,12 @@ class CalibratedProbe:
 
 
 @lru_cache(maxsize=8)
-def calibrated_probe(law: str, probe: Probe) -> CalibratedProbe:
-    """The probe under a lamp law with its calibration, from the cache or made."""
+def calibrated_probe(law: str, probe: Probe, seed: int) -> CalibratedProbe:
+    """The probe under a lamp law with its calibration, from the cache or made; each seed has its own errors."""
     light = lamp_law(law, probe)
     machine = VirtualLoadingMachine(
         probe,
-        rng=np.random.default_rng(SEED),
+        rng=np.random.default_rng(seed),
         errors=MachineErrors(shading_sd=0.0, stray_grey=0.0),  # the frames of tissue have neither
         saturation_kpa=SATURATION_KPA,
         light=light,
@@ -113,15 +113,15 @@ def calibrated_probe(law: str, probe: Probe) -> CalibratedProbe:
         offset_sd=0.0,  # `benchmarks.worlds` adds the stray light
         light=light if isinstance(light, LightMap) else light.near_undented(),
     )
-    return CalibratedProbe(light=light, truth=at_tissue, known=_session(law, probe, machine), exposure=exposure)
+    return CalibratedProbe(light=light, truth=at_tissue, known=_session(law, probe, machine, seed), exposure=exposure)
 
 
-def _session(law: str, probe: Probe, machine: VirtualLoadingMachine) -> UsableCalibration:
+def _session(law: str, probe: Probe, machine: VirtualLoadingMachine, seed: int) -> UsableCalibration:
     """The calibration of a session with this machine, kept in the cache."""
     decided_by = {
         "law": law,
         "probe": asdict(probe),
-        "seed": SEED,
+        "seed": seed,
         "saturation": SATURATION_KPA,
         "tips": TIPS_MM,
         "pads": PADS_KPA,
@@ -129,7 +129,7 @@ def _session(law: str, probe: Probe, machine: VirtualLoadingMachine) -> UsableCa
     }
     file = cache_folder() / "lamp-laws" / f"{law}-{content_key(decided_by)}.json"
     if not file.exists():
-        bench = VirtualBench(probe, rng=np.random.default_rng([SEED, 1]), machine=machine)
+        bench = VirtualBench(probe, rng=np.random.default_rng([seed, 1]), machine=machine)
         with tempfile.TemporaryDirectory() as folder:
             session = SessionFolder(folder + "/session")
             setup = SessionSetup(

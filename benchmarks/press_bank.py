@@ -99,7 +99,7 @@ class PressBank:
 
     def case(self, index: int) -> SimulatedCase:
         """Case ``index``; a MechanicsError where the drawn tissue is too soft for the mechanics."""
-        return seen_by_product(self.world, self.protocol, self._raw(index))
+        return seen_by_product(self.world, self.protocol, self._raw(index), seed=self.seed)
 
     def _raw(self, index: int) -> SimulatedCase:
         if self.folder is None:

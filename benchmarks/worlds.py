@@ -197,11 +197,12 @@ def simulate_world(
     """Case ``index`` of a seed in a world; ``blank`` leaves the inclusion out.
 
     The frames are raw, with the nominal calibration; `seen_by_product` gives those of a world of lamps to an estimate.
+    Under lamps the probe and its calibration are drawn by the seed too, the same for all its cases.
     """
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(index,)))
     phantom = draw_phantom(prior, rng)
     phantom = phantom.without_inclusion() if blank else phantom
-    lamps = calibrated_probe(world.lamps, protocol.probe) if world.lamps else None
+    lamps = calibrated_probe(world.lamps, protocol.probe, seed) if world.lamps else None
     virtual = UnevenProbe(protocol.probe, rng=rng, strain=world.strain, lamps=lamps)
     nearby = phantom.young_kpa * float(np.exp(virtual.calibration.site_sd * rng.standard_normal()))
     drawn_sd, drawn_mm = rng.uniform(*RANDOM_SD), float(np.exp(rng.uniform(*np.log(RANDOM_MM))))
@@ -215,11 +216,11 @@ def simulate_world(
     return SimulatedCase(phantom=phantom, frames=presses[0], references=presses[1], calibration=virtual.calibration)
 
 
-def seen_by_product(world: World, protocol: Protocol, case: SimulatedCase) -> SimulatedCase:
+def seen_by_product(world: World, protocol: Protocol, case: SimulatedCase, *, seed: int) -> SimulatedCase:
     """The case with the frames and the calibration that the product hands to an estimate."""
     if not world.lamps:
         return case
-    lamps = calibrated_probe(world.lamps, protocol.probe)
+    lamps = calibrated_probe(world.lamps, protocol.probe, seed)
     frames, known = lamps.corrected((*case.frames, *case.references), with_dents=world.dents_measured)
     count = len(case.frames)
     return replace(case, frames=frames[:count], references=frames[count:], calibration=known)

@@ -1,9 +1,10 @@
-"""The commands of the tutorial of gel sensors, in its order, and the number at its end."""
+"""The commands of the tutorial of gel sensors, in its order, and the numbers at the end of its parts."""
 
 from __future__ import annotations
 
 import json
 import shlex
+import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,8 +16,9 @@ if TYPE_CHECKING:
 PAGE = Path(__file__).parents[2] / "docs" / "tutorial" / "my-gelsight.md"
 
 
-def page_commands() -> list[list[str]]:
-    lines = PAGE.read_text(encoding="utf-8").splitlines()
+def page_commands(*, real: bool = False) -> list[list[str]]:
+    """The commands on the virtual sensor's frames, or those on real ones."""
+    lines = PAGE.read_text(encoding="utf-8").split("## The same on real frames")[real].splitlines()
     return [shlex.split(line.removeprefix("$ tsis ")) for line in lines if line.startswith("$ tsis ")]
 
 
@@ -50,3 +52,21 @@ def test_the_commands_of_the_page_end_in_its_modulus(run_tsis: RunTsis, tmp_path
     truth = json.loads((tmp_path / "my-frames" / "truth" / "truth.json").read_text())["ball_kpa"]
     assert low < truth < high
     assert found["mean"] == pytest.approx(104, rel=0.05)
+
+
+@pytest.mark.slow
+def test_the_commands_on_real_frames_give_the_numbers_of_the_page(
+    run_tsis: RunTsis, tmp_path: Path, shared_data: Path
+) -> None:
+    for name, kind in (("untouched", "ref"), ("ball", "sample")):
+        source = shared_data / "real" / "9dtact" / "sensor_1" / f"depth_calibration_rectify_crop_{kind}.png"
+        shutil.copy(source, tmp_path / f"{name}.png")
+    commands = page_commands(real=True)
+    assert [words[0] for words in commands] == ["contacts", "depth", "depth"]
+    printed = []
+    for words in commands:
+        finished = run_tsis(*words)
+        assert finished.code == 0, finished.err or finished.out
+        printed.append(finished.out)
+    for number, out in zip(("2.81 ± 0.04", "0.0254", "1.540"), printed, strict=True):
+        assert number in out

@@ -4,8 +4,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from playwright.sync_api import expect
-from tests.console.browser import chromium
-from tests.console.operator import PATIENCE_MS
+from tests.console.browser import PATIENCE_MS, chromium
 from tests.console.running import RunningConsole, running_console
 from tests.waiting import HANGS_S
 

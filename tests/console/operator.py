@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 INSTRUMENT, TABLET = (1280, 800), (1024, 768)
 API = "/api/v1"
-PATIENCE_MS = int(1000 * HANGS_S)  # a busy machine is late, and no wait is measured
 BY_ITSELF_MS, TRIES = 8_000, 5
 TAKE, RELEASE, OVER = "Take the camera", "Release the camera", "Take it over"
 
@@ -40,7 +39,6 @@ def tab(
     """A page in a browser of its own; what it complained of fails the test, but for what is ``expected``."""
     context = browser.new_context(viewport={"width": size[0], "height": size[1]}, **how)
     page = context.new_page()
-    page.set_default_timeout(PATIENCE_MS)
     faults: list[str] = []
     page.on("pageerror", lambda error: faults.append(str(error)))
     page.on("console", lambda message: faults.append(message.text) if message.type == "error" else None)

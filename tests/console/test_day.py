@@ -9,7 +9,7 @@ from urllib.parse import urlsplit
 
 import pytest
 from tests.console.browser import needs_browser, picture
-from tests.console.operator import INSTRUMENT, PATIENCE_MS, choose_target, follow, go_to, hold, requested, run
+from tests.console.operator import INSTRUMENT, choose_target, follow, go_to, hold, requested, run
 from tests.console.running import running_console
 from tests.console.services.test_own_images import disc
 
@@ -28,7 +28,6 @@ def test_a_day_s_work(tmp_path: Path, browser: Browser) -> None:
     own = disc(tmp_path, "own.png")
     context = browser.new_context(viewport={"width": INSTRUMENT[0], "height": INSTRUMENT[1]})
     page = context.new_page()
-    page.set_default_timeout(PATIENCE_MS)
     failures: list[str] = []
     page.on("pageerror", lambda error: failures.append(str(error)))
     with running_console(tmp_path) as morning:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from tests.console.browser import needs_browser, picture
-from tests.console.operator import PATIENCE_MS, RELEASE, TAKE, hold, tab
+from tests.console.operator import RELEASE, TAKE, hold, tab
 from tests.console.running import running_console
 
 if TYPE_CHECKING:
@@ -134,7 +134,6 @@ def test_what_is_given_back_goes_to_another_and_not_to_oneself(opened: Callable[
 def test_a_lost_console_is_said_in_our_words(browser: Browser, tmp_path: Path) -> None:
     context = browser.new_context(viewport={"width": 1280, "height": 800})
     page = context.new_page()
-    page.set_default_timeout(PATIENCE_MS)
     with running_console(tmp_path) as console:
         page.goto(console.entrance)
         page.get_by_role("button", name=RELEASE).wait_for()

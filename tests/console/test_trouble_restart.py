@@ -8,7 +8,7 @@ from urllib.parse import urlsplit
 import pytest
 from playwright.sync_api import expect
 from tests.console.browser import needs_browser, picture
-from tests.console.operator import INSTRUMENT, PATIENCE_MS, hold, run
+from tests.console.operator import INSTRUMENT, hold, run
 from tests.console.running import running_console
 
 if TYPE_CHECKING:
@@ -22,7 +22,6 @@ pytestmark = [pytest.mark.system, pytest.mark.slow, needs_browser]
 def test_the_page_comes_back_by_itself(tmp_path: Path, browser: Browser) -> None:
     context = browser.new_context(viewport={"width": INSTRUMENT[0], "height": INSTRUMENT[1]})
     page = context.new_page()
-    page.set_default_timeout(PATIENCE_MS)
     with running_console(tmp_path) as console:
         page.goto(console.entrance)
         hold(page)

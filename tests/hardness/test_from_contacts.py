@@ -143,6 +143,24 @@ def test_a_cylinder_on_its_side() -> None:
     assert middle(found) == pytest.approx(60.0, rel=0.1)
 
 
+@pytest.mark.parametrize("columns", [("force_n", "radius_mm"), ("radius_mm", "depth_mm")])
+def test_a_soft_cylinder_at_finite_strain(columns: tuple[str, str]) -> None:
+    """Two presses by NGSolve (benchmarks/soft_cylinder.py), not those to which the correction was fitted."""
+    pressed = [
+        {"force_n": 0.28307, "radius_mm": 1.6002, "depth_mm": 0.10891},
+        {"force_n": 1.34929, "radius_mm": 3.2215, "depth_mm": 0.26309},
+    ]
+    gel = replace(GEL, thickness_mm=BoundedValue(value=4.0))
+    found = estimate_from_contacts(
+        [{name: press[name] for name in columns} for press in pressed],
+        sensor=gel,
+        geometry=ObjectGeometry(shape="cylinder", radius_mm=6.0, length_mm=10.0),
+    )
+    low, high = found.interval(0.9)["young_kpa"]
+    assert low < 100.0 < high
+    assert middle(found) == pytest.approx(100.0, rel=0.05)
+
+
 @pytest.mark.parametrize(
     ("contacts", "geometry", "reason"),
     [

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from tsis.model import Calibration, PressField, Probe
 
     Floats = NDArray[np.float64]
+    Integers = NDArray[np.intp]
 
 __all__ = ["LEAST_PAD_N", "PAD_THICKNESS_MM", "DentLight", "PadPresses", "fit_dent_light", "ring_edges_mm"]
 
@@ -48,6 +49,8 @@ FEWEST_PRESSES = 3
 PAD_LIGHT_SD = 0.01  # light from pad to pad, relative, as from tip to tip
 FRAME_SD, STRAY_SD = 0.003, 0.003  # force of a frame, and stray light over the frame's mean, relative
 MODEL_SD = 0.003  # of a ring: mesh, pattern of the probe
+LAW_SD, LAW_RINGS = 0.01, 5.0  # what no term describes, the same in all presses; it varies over so many rings
+LEFT_PER_MM = 0.0075  # of the log light by each term of the growth: what differs between presses and no term describes
 PROBE_SD = 0.03  # of the probe's moduli, which acts as an error of the pads'
 STEP = 0.05  # of the log modulus of a pad, for its derivative
 DEEPEST_TIP_MM = 0.8  # dents of tips that second order describes
@@ -122,6 +125,7 @@ class _Rows:
     residual: Floats
     terms: Floats  # shape (rows, unknowns)
     covariance: Floats
+    rings: Integers  # of `LIGHT_RINGS`, none for a tip
 
 
 def ring_edges_mm(probe: Probe) -> Floats:
@@ -175,7 +179,7 @@ def fit_dent_light(
             f"the light on dents needs at least {FEWEST_PRESSES} presses on pads from {LEAST_PAD_N:g} N on; got "
             f"{len(presses)} (press a soft pad at several forces)"
         )
-    count, deepest = LIGHT_TERMS + 2 * len(pads), 0.0
+    count, deepest, law = LIGHT_TERMS + 2 * len(pads) + LIGHT_RINGS, 0.0, _law_root()
     rows, strongest = [], np.zeros((1, count))
     for number, pad, at in presses:
         force = float(pad.force_n[at])
@@ -187,6 +191,7 @@ def fit_dent_light(
         terms[:, :LIGHT_TERMS] = row.terms[:, :-1]
         terms[:, LIGHT_TERMS + 2 * number] = row.terms[:, -1]
         terms[:, LIGHT_TERMS + 2 * number + 1] = 1.0
+        terms[:, -LIGHT_RINGS:] = law[row.rings]
         rows.append(replace(row, terms=terms))
         if states[0][1].max() > deepest:
             deepest, strongest = float(states[0][1].max()), terms
@@ -195,11 +200,19 @@ def fit_dent_light(
     rows += _rows_of_tips(loadings, probe, response, pixel_mm2, count)
     mean, sd = _usual()
     nuisance_sd = np.tile([float(np.hypot(pad_sd, PROBE_SD)), PAD_LIGHT_SD], len(pads))
-    start, spread = np.concatenate([mean, np.zeros(2 * len(pads))]), np.concatenate([sd, nuisance_sd])
+    spread = np.concatenate([sd, nuisance_sd, np.ones(LIGHT_RINGS)])
+    start = np.concatenate([mean, np.zeros(count - LIGHT_TERMS)])
     solution, covariance, misfit = _solved(rows, start, spread)
+    covariance[:GROWTH_TERMS, :GROWTH_TERMS] += LEFT_PER_MM**2 * np.eye(GROWTH_TERMS)
     joint = strongest[:, :LIGHT_TERMS] @ covariance[:LIGHT_TERMS, :LIGHT_TERMS] @ strongest[:, :LIGHT_TERMS].T
     return DentLight(
-        response=_response(solution[:LIGHT_TERMS], covariance[:LIGHT_TERMS, :LIGHT_TERMS], probe, response),
+        response=_response(
+            solution[:LIGHT_TERMS],
+            covariance[:LIGHT_TERMS, :LIGHT_TERMS],
+            _left(rows, np.concatenate([solution[:-LIGHT_RINGS], np.zeros(LIGHT_RINGS)])),
+            probe,
+            response,
+        ),
         misfit=misfit,
         displacement_mm=deepest,
         gain_ratio=float(np.exp(solution[LIGHT_TERMS - 1])),
@@ -218,6 +231,13 @@ def _usual() -> tuple[Floats, Floats]:
         for sd, terms in ((GROWTH_SD, GROWTH_TERMS), (BEND_SD, BEND_TERMS), (FLUX_SD, FLUX_TERMS))
     )
     return mean, np.concatenate([growth, bend, flux, [LOSS_SD, SQUARE_SD, GAIN_SD]])
+
+
+def _law_root() -> Floats:
+    """Root of the covariance of the rings' common errors; without them, many presses would seem to know the law."""
+    apart = np.subtract.outer(np.arange(LIGHT_RINGS), np.arange(LIGHT_RINGS)) / LAW_RINGS
+    values, vectors = np.linalg.eigh(LAW_SD**2 * np.exp(-(apart**2) / 2))
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 def _pressed(probe: Probe, young_kpa: float, force_n: float, strain: str) -> tuple[Floats, Floats, Floats]:
@@ -266,6 +286,7 @@ def _rows_of_pad(pad: PadPresses, at: int, states: list[tuple[Floats, Floats, Fl
         residual=np.log(light / expected[good]),
         terms=np.column_stack([terms, by_modulus])[good],
         covariance=np.diag(noise) + FRAME_SD**2 + STRAY_SD**2 * np.outer(stray, stray),
+        rings=np.flatnonzero(good),
     )
 
 
@@ -295,6 +316,7 @@ def _rows_of_tips(
                     residual=np.array([np.log(gain / response.gain_grey_per_kpa)]),
                     terms=terms,
                     covariance=np.array([[TIP_SD**2 + (TIP_ZERO_N / force) ** 2]]),
+                    rings=np.array([], dtype=int),
                 )
             )
     return rows
@@ -322,7 +344,17 @@ def _solved(rows: list[_Rows], start: Floats, sd: Floats) -> tuple[Floats, Float
     return solution, (covariance + covariance.T) / 2, misfit
 
 
-def _response(mean: Floats, covariance: Floats, probe: Probe, response: Calibration) -> Calibration:
+def _left(rows: list[_Rows], solution: Floats) -> Floats:
+    """Log light of each ring that the terms leave in the mean of all presses on pads, shape (`LIGHT_RINGS`,)."""
+    total, count = np.zeros((2, LIGHT_RINGS))
+    for row in rows:
+        total[row.rings] += (row.residual - row.terms @ solution)[: len(row.rings)]
+        count[row.rings] += 1
+    seen = np.flatnonzero(count)
+    return np.interp(np.arange(LIGHT_RINGS), seen, total[seen] / count[seen])
+
+
+def _response(mean: Floats, covariance: Floats, left: Floats, probe: Probe, response: Calibration) -> Calibration:
     """The calibration for presses on tissue."""
     growth, bend, flux, (loss, square, gain) = np.split(mean, np.cumsum([GROWTH_TERMS, BEND_TERMS, FLUX_TERMS]))
     side = np.linspace(-probe.radius_mm, probe.radius_mm, GRID)
@@ -345,7 +377,7 @@ def _response(mean: Floats, covariance: Floats, probe: Probe, response: Calibrat
         light=LightMap(
             x_mm=side,
             y_mm=side,
-            relative=np.ones_like(distance),
+            relative=np.exp(np.interp(ring - 0.5, np.arange(LIGHT_RINGS), left)),
             flux_x=outwards * side,
             flux_y=outwards * side[:, None],
             growth_per_mm=legendre @ growth,

@@ -121,7 +121,6 @@ def gel_frame_paths(frames: Sequence[Path]) -> list[Path]:
     return list(frames)
 
 
-VIDEOS = (".avi", ".mkv", ".mov", ".mp4", ".webm")
 GAP = 1.8  # times the median time between frames
 
 
@@ -153,7 +152,9 @@ def _sidecar_force(frame: Path) -> tuple[float | None, float | None]:
 
 def read_gel_frame(path: Path) -> NDArray[Any]:
     """Levels of a frame as stored, in colour where the file has colour; a video is refused with what to do."""
-    if path.suffix.lower() in VIDEOS:
+    from tsis.instrument.drivers import VIDEO_ENDINGS
+
+    if path.suffix.lower() in VIDEO_ENDINGS:
         raise FileInputError(
             f"{path.name} must be a picture; got a video: tsis acquire --camera video:{path.name} --sensor NAME "
             "--frames 40 --out FOLDER writes its frames, and FOLDER can be given"

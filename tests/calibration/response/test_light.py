@@ -16,7 +16,7 @@ from tsis.errors import CalibrationError, InputError
 from tsis.imaging import rough_contact
 from tsis.mechanics import press
 from tsis.mechanics.small_strain import Resolution
-from tsis.model import LIGHT_TERMS, Calibration, LightMap, LightTerms
+from tsis.model import LIGHT_RINGS, LIGHT_TERMS, Calibration, LightMap, LightTerms
 
 PROBE = tsis.load_probe("tsis-domed")
 RESPONSE = Calibration(gain_grey_per_kpa=20.0, saturation_kpa=100.0, probe=PROBE.name)
@@ -86,13 +86,15 @@ def test_each_press_of_a_tip_that_is_seen_states_the_gain() -> None:
 
 def test_terms_of_nothing_leave_gain_and_saturation() -> None:
     count = LIGHT_TERMS
-    made = _response(np.zeros(count), np.zeros((count, count)), PROBE, RESPONSE)
+    made = _response(np.zeros(count), np.zeros((count, count)), np.zeros(LIGHT_RINGS), PROBE, RESPONSE)
     assert made.saturation_kpa == pytest.approx(RESPONSE.saturation_kpa)
     assert made.gain_grey_per_kpa == RESPONSE.gain_grey_per_kpa
     # Contact that bends as 1 - s p^2 with a larger s saturates earlier, by the law of rough contact.
     bent = np.zeros(count)
     bent[-2] = 3 * STEEPNESS / RESPONSE.saturation_kpa**2
-    assert _response(bent, np.zeros((count, count)), PROBE, RESPONSE).saturation_kpa == pytest.approx(50.0)
+    assert _response(
+        bent, np.zeros((count, count)), np.zeros(LIGHT_RINGS), PROBE, RESPONSE
+    ).saturation_kpa == pytest.approx(50.0)
 
 
 def test_the_product_is_known_better_than_its_factors() -> None:
@@ -125,6 +127,34 @@ def test_a_light_that_no_term_describes_widens_the_errors() -> None:
     )
     assert bent.misfit > 2
     assert bent.product_sd > straight.product_sd
+
+
+def test_what_all_presses_have_in_common_becomes_part_of_the_light() -> None:
+    """A step of 2 % at the rim, which no term of the light describes."""
+    step = np.where(np.arange(LIGHT_RINGS) > 16, 0.98, 1.0)
+    plain, stepped = (
+        fit_dent_light(
+            [replace(pad, grey=pad.grey * rim) for pad in pads(0.25, 0.5, 70.0)],
+            [],
+            probe=PROBE,
+            response=RESPONSE,
+            pixel_mm2=1e-3,
+            strain="small",
+        ).response.light
+        for rim in (1.0, step)
+    )
+    assert plain is not None
+    assert stepped is not None
+    middle = (ring_edges_mm(PROBE)[:-1] + ring_edges_mm(PROBE)[1:]) / 2
+    dent_mm = 0.2
+
+    def light(of: LightMap) -> np.ndarray:
+        relative, _, _, growth, bend = (part[0] for part in of.undented(middle, [0.0]))
+        return np.asarray(np.log(relative) + growth * dent_mm + bend * dent_mm**2)
+
+    left = light(stepped) - light(plain) - np.log(step)
+    assert np.ptp(np.log(step)) == pytest.approx(0.0202, abs=1e-4)
+    assert np.std(left) < 0.004  # 0.007 by the terms alone
 
 
 def test_too_few_presses_are_refused() -> None:

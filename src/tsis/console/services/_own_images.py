@@ -11,6 +11,7 @@ from tsis.calibration import read_press_image
 from tsis.errors import InputError, TsisError
 from tsis.files import encode_picture, file_error, printable_name, write_durably
 from tsis.instrument import connect
+from tsis.instrument.drivers import IMAGE_ENDINGS, VIDEO_ENDINGS
 from tsis.model import require_one_of
 from tsis.records.importing import ImportOptions, find_import_batches, import_batches
 from tsis.report import analyse_image
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
     from tsis.report import ImageFinding
 
 
-IMAGE_ENDINGS = (".png", ".bmp", ".tif", ".tiff", ".jpg", ".jpeg")
-VIDEO_ENDINGS = (".avi", ".mp4", ".mkv", ".mov")
 SIDECAR = ".json"
 OPENABLE = (*IMAGE_ENDINGS, *VIDEO_ENDINGS, SIDECAR)
 MOST_OWN_FRAMES = 500  # of one page

@@ -195,7 +195,8 @@ class VideoFile(OpenCVCapture, StoredFrames):
         return Frame(pixels=grey_of_opencv(pixels), sequence=sequence, time_s=time_s, name=f"{self.name}#{sequence}")
 
 
-IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff"})
+IMAGE_ENDINGS = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff")
+VIDEO_ENDINGS = (".avi", ".mkv", ".mov", ".mp4", ".webm")
 
 
 def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:
@@ -281,13 +282,13 @@ def _listed(path: Path) -> tuple[Path, ...]:
         if not path.is_dir():
             file_size(path)  # raises for what is no readable file
             return (path,)
-        entries = [entry for entry in path.iterdir() if entry.suffix.lower() in IMAGE_SUFFIXES]
+        entries = [entry for entry in path.iterdir() if entry.suffix.lower() in IMAGE_ENDINGS]
     except (OSError, ValueError) as error:
         if isinstance(error, FileInputError):
             raise
         raise FileInputError(f"{printable_path(path)} must be a readable file or folder; got: {error}") from error
     files = [entry for entry in entries if not entry.name.startswith(".")]
     if not files:
-        kinds = ", ".join(sorted(IMAGE_SUFFIXES))
+        kinds = ", ".join(IMAGE_ENDINGS)
         raise FileInputError(f"{printable_path(path)} must hold at least one image ({kinds}); got none")
     return tuple(sorted(files, key=lambda entry: (natural_key(entry.name), entry.name)))

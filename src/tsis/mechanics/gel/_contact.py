@@ -8,7 +8,7 @@ displacement of a half-space is a polynomial; what the backing takes off is an i
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cache, cached_property, lru_cache
 from typing import Literal
 
 import numpy as np
@@ -102,22 +102,28 @@ def layer_contact(
     require_number(
         "contact_radius_mm over thickness_mm", float(contact.max(initial=0.0)) / thickness_mm, 0.0, WIDEST_CONTACT
     )
-    flat = [array.ravel() for array in (contact, radius, soft, gel)]
-    results = [_solve(body, *parts, thickness=thickness_mm, poisson=poisson) for parts in zip(*flat, strict=True)]
-    force, dent, peak = (np.array(part).reshape(contact.shape) for part in zip(*results, strict=True))
-    return LayerContact(force=force, dent_mm=dent, peak_kpa=peak)
+    force, dent, peak = np.empty((3, contact.size))
+    radii, index = np.unique(contact, return_inverse=True)
+    for number, one in enumerate(radii.tolist()):
+        same = index.ravel() == number
+        parts = [array.ravel()[same] for array in (radius, soft, gel)]
+        force[same], dent[same], peak[same] = _solve(body, one, *parts, thickness=thickness_mm, poisson=poisson)
+    return LayerContact(
+        force=force.reshape(contact.shape), dent_mm=dent.reshape(contact.shape), peak_kpa=peak.reshape(contact.shape)
+    )
 
 
 def _solve(
-    body: str, contact: float, radius: float, soft: float, gel: float, *, thickness: float, poisson: float
-) -> tuple[float, float, float]:
-    """Force, dent and peak pressure."""
+    body: str, contact: float, radius: Floats, soft: Floats, gel: Floats, *, thickness: float, poisson: float
+) -> tuple[Floats, Floats, Floats]:
+    """Force, dent and peak pressure of contacts of one radius, shape (bodies,)."""
     half, backing, middle = _displacements(body, contact / thickness, poisson)
-    shape = contact * ((soft + gel) * half - gel * backing)  # displacement of both faces by unit pressures, mm/kPa
-    system = np.column_stack([shape, -np.ones(len(_PLACES))])
-    gap = -((contact * _PLACES) ** 2) / (2.0 * radius)
-    pressure = np.linalg.lstsq(system, gap, rcond=None)[0][:-1]
-    return float(_resultants(body, contact) @ pressure), float(contact * gel * middle @ pressure), float(pressure.sum())
+    stiff, soft = gel[:, None, None], soft[:, None, None]
+    shape = contact * ((soft + stiff) * half - stiff * backing)  # displacement of both faces by unit pressures, mm/kPa
+    system = np.concatenate([shape, np.broadcast_to(-1.0, (*shape.shape[:2], 1))], axis=2)
+    gap = -((contact * _PLACES) ** 2) / (2.0 * radius[:, None])
+    pressure = (np.linalg.pinv(system) @ gap[..., None])[:, :-1, 0]
+    return pressure @ _resultants(body, contact), contact * gel * (pressure @ middle), pressure.sum(axis=1)
 
 
 def _resultants(body: str, contact: float) -> Floats:
@@ -125,6 +131,13 @@ def _resultants(body: str, contact: float) -> Floats:
     if body == "sphere":
         return np.asarray(np.pi * contact**2 / (_POWERS + 1.0))
     return np.asarray(contact * np.sqrt(np.pi) * _gamma(_POWERS + 1.0) / _gamma(_POWERS + 1.5))
+
+
+@cache
+def _wave_nodes() -> tuple[Floats, Floats]:
+    """Nodes from -1 to 1 and weights of the integrals over wave numbers."""
+    node, weight = np.polynomial.legendre.leggauss(_WAVES)
+    return node, weight
 
 
 @lru_cache(maxsize=4096)
@@ -135,7 +148,7 @@ def _displacements(body: str, ratio: float, poisson: float) -> tuple[Floats, Flo
     middle that of the layer, shape (terms,). Those of a cylinder at the places are relative to the middle.
     """
     scale = max(ratio, 4.0 if body == "cylinder" else 0.0)  # the layer's own displacement needs shorter waves
-    node, weight = np.polynomial.legendre.leggauss(_WAVES)
+    node, weight = _wave_nodes()
     wave, weight = _LAST_WAVE * scale * (node + 1.0) / 2.0, _LAST_WAVE * scale * weight / 2.0  # over the contact radius
     layer = layer_compliance(wave, young_kpa=1.0, poisson=poisson, thickness_mm=1.0 / ratio)
     factor = layer.normal * wave / (2.0 * (1.0 - poisson**2))  # over that of a half-space
