@@ -6,10 +6,11 @@ import base64
 import io
 import threading
 from dataclasses import dataclass, field
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
-from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
+from jinja2 import Environment, PackageLoader, StrictUndefined, Template, select_autoescape
 from matplotlib.figure import Figure
 from PIL import Image
 
@@ -123,6 +124,15 @@ class Page:
 
 def html(page: Page) -> bytes:
     """The page as UTF-8."""
+    return (
+        _template()
+        .render(page=page, notice=RESEARCH_USE_ONLY, version=__version__, address=address)
+        .encode(errors="backslashreplace")
+    )
+
+
+@cache
+def _template() -> Template:
     environment = Environment(
         loader=PackageLoader("tsis.report"),
         autoescape=select_autoescape(default=True),
@@ -130,7 +140,4 @@ def html(page: Page) -> bytes:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    template = environment.get_template("page.html")
-    return template.render(page=page, notice=RESEARCH_USE_ONLY, version=__version__, address=address).encode(
-        errors="backslashreplace"
-    )
+    return environment.get_template("page.html")
