@@ -9,15 +9,15 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-import matplotlib as mpl
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template, select_autoescape
-from matplotlib.figure import Figure
 from PIL import Image
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
+
+    from matplotlib.figure import Figure
 
 
 DPI = 120
@@ -41,6 +41,9 @@ def pixels(picture: Picture, *, size: tuple[float, float], dpi: float = PAPER_DP
 
 
 def _drawn(picture: Picture, size: tuple[float, float], *, kind: str, dpi: float) -> bytes:
+    import matplotlib as mpl  # loaded with the first figure
+    from matplotlib.figure import Figure
+
     buffer = io.BytesIO()
     with FIGURE_LOCK, mpl.rc_context({"svg.hashsalt": "tsis", "font.size": 9.0}):
         figure = Figure(figsize=size, layout="constrained")
