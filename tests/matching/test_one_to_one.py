@@ -10,9 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial import KDTree
+from scipy.spatial.distance import cdist
 
 from tsis.matching import UNMATCHED
-from tsis.matching._fit import assign, assign_sparse, nearest_pairs, spacing
+from tsis.matching._fit import assign, assign_listed, nearest_pairs, nearest_within, pairs_within, spacing
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -28,8 +31,9 @@ def _cheapest(cost: np.ndarray, dummy: float) -> float:
 
 
 def _assign_listed(cost: np.ndarray, *, dummy: float) -> np.ndarray:
-    rows, columns = (each.ravel() for each in np.indices(cost.shape))
-    return assign_sparse(rows, columns, cost.ravel(), cost.shape, dummy=dummy)
+    rows, columns = cost.shape
+    start, column = columns * np.arange(rows + 1), np.tile(np.arange(columns), rows)
+    return assign_listed(start, column, cost.ravel(), columns, dummy)
 
 
 @pytest.mark.parametrize("method", [assign, _assign_listed])
@@ -40,6 +44,30 @@ def test_no_pairing_is_cheaper(method: Callable[..., np.ndarray], cost: np.ndarr
     assert len(set(taken)) == len(taken)
     paid = sum(dummy if j == UNMATCHED else cost[i, j] for i, j in enumerate(matches))
     assert paid == pytest.approx(_cheapest(cost, dummy))
+
+
+@pytest.mark.parametrize(("rows", "columns"), [(40, 60), (60, 40)])
+@pytest.mark.parametrize("gate", [0.3, 1.0, 4.0])
+def test_pairs_within_a_distance_are_those_of_the_whole_table(rows: int, columns: int, gate: float) -> None:
+    rng = np.random.default_rng(1)
+    moved, target = rng.normal(size=(rows, 2)), rng.normal(size=(columns, 2))
+    cost = np.minimum(cdist(moved, target, "sqeuclidean"), gate**2)
+    expected = np.full(rows, UNMATCHED)
+    at, to = linear_sum_assignment(cost)
+    expected[at] = np.where(cost[at, to] < gate**2, to, UNMATCHED)
+    start, column, squared = pairs_within(moved, target, np.full(rows, gate))
+    np.testing.assert_array_equal(assign_listed(start, column, squared, columns, gate**2), expected)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_nearest_within_a_distance_are_those_of_a_tree(dimension: int) -> None:
+    rng = np.random.default_rng(2)
+    points, target = rng.normal(size=(30, dimension)), rng.normal(size=(50, dimension))
+    order = np.argsort(target[:, 0])
+    near, away = nearest_within(points, target[order], order, 0.9, 5)
+    expected, index = KDTree(target).query(points, k=5, distance_upper_bound=0.9)
+    np.testing.assert_allclose(away, expected)
+    np.testing.assert_array_equal(near, np.where(np.isinf(expected), UNMATCHED, index))
 
 
 def test_permuting_the_target_permutes_the_matches() -> None:

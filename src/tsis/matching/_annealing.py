@@ -229,6 +229,7 @@ def fit(source: Floats, target: Floats, /, *, rng: np.random.Generator) -> Match
     return MatchFit(move=basis.spline(coordinates), matches=matches, trust=trust)
 
 
+LEAST_LOG = -12.0  # of a likelihood that is not neglected
 NO_PARTNER = 3.0  # standard deviations: an unmatched point is as likely as a partner at that distance
 FIELD_BALANCINGS = 3
 FIELD_WIDTHS, FIELD_AMPLITUDES = (0.5, 0.9), (0.05, 0.2)
@@ -257,32 +258,43 @@ def annealed_map(
 @fused
 def balanced_pairs(moved: Floats, target: Floats, sigma: float, rounds: int) -> Floats:
     """Soft pairs, shape (n, m), whose rows and columns sum to at most about one."""
-    n, dimension = moved.shape
-    m = len(target)
-    near = np.empty((n, m))
+    near = _likelihoods(moved, target, sigma, LEAST_LOG)
     unpaired = np.exp(-0.5 * NO_PARTNER**2)
-    rows, columns = np.ones(n), np.ones(m)
-    scale = -0.5 / sigma**2
-    for i in range(n):
-        for j in range(m):
-            away = 0.0
-            for axis in range(dimension):
-                away += (moved[i, axis] - target[j, axis]) ** 2
-            near[i, j] = np.exp(scale * away) if scale * away > -12.0 else 0.0
+    rows, columns = np.ones(len(moved)), np.ones(len(target))
     for _ in range(rounds):
-        totals = np.full(m, unpaired)
-        for i in range(n):
-            total = unpaired
-            for j in range(m):
-                total += near[i, j] * columns[j]
-            rows[i] = 1 / total
-            for j in range(m):
-                totals[j] += near[i, j] * rows[i]
-        for j in range(m):
-            columns[j] = 1 / totals[j]
-    for i in range(n):
-        for j in range(m):
+        rows = 1 / (unpaired + near @ columns)
+        columns = 1 / (unpaired + rows @ near)
+    for i in range(len(moved)):
+        for j in range(len(target)):
             near[i, j] *= rows[i] * columns[j]
+    return near
+
+
+@fused
+def _likelihoods(moved: Floats, target: Floats, sigma: float, least: float) -> Floats:
+    """``exp(-|x - y|**2 / (2 sigma**2))`` of each pair, shape (n, m); 0 below ``exp(least)``, where least >= -36."""
+    axes = np.ascontiguousarray(target.T)
+    near = np.zeros((len(moved), len(target)))
+    scale = -0.5 / sigma**2
+    for i in range(len(moved)):
+        for axis in range(len(axes)):
+            for j in range(len(target)):
+                near[i, j] += scale * (moved[i, axis] - axes[axis, j]) ** 2
+        for j in range(len(target)):
+            # the power 1024 of the series of exp(x / 1024), which the compiler turns into vector operations
+            x = max(near[i, j], least) / 1024
+            power = 1 + x * (1 + x / 2 * (1 + x / 3 * (1 + x / 4 * (1 + x / 5))))
+            power *= power
+            power *= power
+            power *= power
+            power *= power
+            power *= power
+            power *= power
+            power *= power
+            power *= power
+            power *= power
+            power *= power
+            near[i, j] = power if near[i, j] > least else 0.0
     return near
 
 
@@ -311,37 +323,32 @@ def _annealed(
     n, k = design.shape
     dimension = target.shape[1]
     coordinates = start.copy()
-    weighted = np.empty((n, k))
+    weighted = np.empty((k, n))
+    across = np.ascontiguousarray(design.T)
+    beside = np.ones((len(target), dimension + 1))
+    beside[:, :dimension] = target
     for sigma in sigmas:
         for _ in range(rounds):
-            pairs = balanced_pairs(np.ascontiguousarray(design @ coordinates), target, sigma, FIELD_BALANCINGS)
-            drawn = pairs @ target
-            for i in range(n):
-                paired = pairs[i].sum()
-                for c in range(k):
-                    weighted[i, c] = design[i, c] * paired
-            normal = weighted.T @ design
-            right = design.T @ drawn
+            pairs = balanced_pairs(design @ coordinates, target, sigma, FIELD_BALANCINGS)
+            drawn = pairs @ beside
+            for c in range(k):
+                for i in range(n):
+                    weighted[c, i] = across[c, i] * drawn[i, dimension]
+            normal = weighted @ design
+            right = across @ np.ascontiguousarray(drawn[:, :dimension])
             for c in range(k):
                 normal[c, c] += ridge[c] * sigma**2
                 for axis in range(dimension):
                     right[c, axis] += ridge[c] * sigma**2 * start[c, axis]
             coordinates = np.ascontiguousarray(np.linalg.solve(normal, right))
-    moved = np.ascontiguousarray(design @ coordinates)
+    moved = design @ coordinates
     return coordinates, _score(moved, target, sigmas[-1], ridge, coordinates, start)
 
 
 @fused
 def _score(moved: Floats, target: Floats, sigma: float, ridge: Floats, coordinates: Floats, start: Floats) -> float:
-    score = 0.0
-    for j in range(len(target)):
-        total = np.exp(-0.5 * NO_PARTNER**2)
-        for i in range(len(moved)):
-            away = 0.0
-            for axis in range(target.shape[1]):
-                away += (moved[i, axis] - target[j, axis]) ** 2
-            total += np.exp(-0.5 * away / sigma**2)
-        score += np.log(total)
+    totals = np.exp(-0.5 * NO_PARTNER**2) + np.ones(len(moved)) @ _likelihoods(moved, target, sigma, -36.0)
+    score = float(np.log(totals).sum())
     for c in range(len(ridge)):
         for axis in range(target.shape[1]):
             score -= 0.5 * ridge[c] * (coordinates[c, axis] - start[c, axis]) ** 2

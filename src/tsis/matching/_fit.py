@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import linear_sum_assignment
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 from scipy.spatial import KDTree
 from scipy.spatial.distance import cdist
 
+from tsis.compiled import fused
 from tsis.errors import InputError
 from tsis.model import require_array
 
@@ -101,6 +100,50 @@ def ridge_solution(normal: Floats, right: Floats, ridge: Floats | float) -> Floa
     return np.asarray(cho_solve(factor, right, check_finite=False))
 
 
+ALIGNED = 16  # rows of a table begin and end at multiples of so many: the compiler's vectors leave none over
+
+
+@fused
+def normal_system(design: Floats, matches: Integers, target: Floats) -> tuple[Floats, Floats]:
+    """Normal matrix, shape (k, k), and right side, shape (k, d), of the pairs of a design, shape (n, k)."""
+    rows = np.flatnonzero(matches >= 0)
+    return normal_matrix(design, rows, target[matches[rows]])
+
+
+@fused
+def normal_matrix(design: Floats, rows: Integers, partners: Floats) -> tuple[Floats, Floats]:
+    """`normal_system` of some rows and their partners, shape (l, d)."""
+    here = design[rows]
+    across = np.ascontiguousarray(here.T)
+    return across @ here, across @ partners
+
+
+@fused
+def ridge_map(normal: Floats, right: Floats, ridge: float) -> Floats:
+    """Coordinates of the map, shape (1 + d + r, d), with a ridge on all but its affine part, by elimination."""
+    rank, dimension = right.shape
+    wide = -(-rank // ALIGNED) * ALIGNED
+    upper, result = np.zeros((rank, wide)), right.copy()
+    upper[:, :rank] = normal
+    for k in range(dimension + 1, rank):
+        upper[k, k] += ridge
+    for k in range(rank):
+        for i in range(k + 1, rank):
+            share, left = upper[k, i] / upper[k, k], i // ALIGNED * ALIGNED
+            row, pivot = upper[i, left:], upper[k, left:]
+            for j in range(len(row)):
+                row[j] -= share * pivot[j]
+            for axis in range(dimension):
+                result[i, axis] -= share * result[k, axis]
+    for k in range(rank - 1, -1, -1):
+        for axis in range(dimension):
+            total = result[k, axis]
+            for j in range(k + 1, rank):
+                total -= upper[k, j] * result[j, axis]
+            result[k, axis] = total / upper[k, k]
+    return result
+
+
 TOLERANCE_SD = 3.0  # tolerance in standard deviations of a point's position
 
 
@@ -133,34 +176,147 @@ def assign(cost: Floats, *, dummy: float) -> Integers:
     >>> assign(np.array([[1.0, 2.0], [1.1, 9.0]]), dummy=5.0).tolist()
     [1, 0]
     """
-    # All pairs that cost at least ``dummy`` are equivalent: their rows are unmatched.
-    rows, columns = linear_sum_assignment(np.minimum(cost, dummy))
+    if np.isfinite(dummy):
+        return assign_listed(*_listed(np.ascontiguousarray(cost), dummy), cost.shape[1], dummy)
+    rows, columns = linear_sum_assignment(cost)
     matches = np.full(len(cost), UNMATCHED, dtype=np.int64)
-    cheap = cost[rows, columns] < dummy
-    matches[rows[cheap]] = columns[cheap]
+    matches[rows] = columns
     return matches
 
 
-def assign_sparse(rows: Integers, columns: Integers, cost: Floats, shape: tuple[int, int], *, dummy: float) -> Integers:
-    """`assign` with all pairs but the given ones left out, for sets whose table of all pairs is large.
+@fused
+def _listed(cost: Floats, dummy: float) -> tuple[Integers, Integers, Floats]:
+    """Pairs that cost less than ``dummy``, as `pairs_within` lists them."""
+    start = np.zeros(len(cost) + 1, dtype=np.int64)
+    for i in range(len(cost)):
+        start[i + 1] = start[i] + (cost[i] < dummy).sum()
+    column, value = np.empty(start[-1], dtype=np.int64), np.empty(start[-1])
+    at = 0
+    for i in range(len(cost)):
+        for j in range(cost.shape[1]):
+            if cost[i, j] < dummy:
+                column[at], value[at] = j, cost[i, j]
+                at += 1
+    return start, column, value
+
+
+def pairs_within(points: Floats, target: Floats, reach: Floats) -> tuple[Integers, Integers, Floats]:
+    """Pairs of points, shape (n, d), with targets nearer than each one's ``reach``, shape (n,).
+
+    Returns the place of each point's first pair, shape (n + 1,), and of all pairs, point by point, the target's index
+    and the squared distance.
+    """
+    order = np.argsort(target[:, 0], kind="stable")
+    return _within(np.ascontiguousarray(points), target[order], order, reach)
+
+
+@fused
+def _within(points: Floats, target: Floats, order: Integers, reach: Floats) -> tuple[Integers, Integers, Floats]:
+    """`pairs_within` of a target that ascends along the first axis."""
+    first_axis = np.ascontiguousarray(target[:, 0])
+    start = np.zeros(len(points) + 1, dtype=np.int64)
+    column, value = np.empty(8 * len(points), dtype=np.int64), np.empty(8 * len(points))
+    count = 0
+    for i in range(len(points)):
+        first = np.searchsorted(first_axis, points[i, 0] - reach[i])
+        last = np.searchsorted(first_axis, points[i, 0] + reach[i])
+        for j in range(first, last):
+            squared = 0.0
+            for axis in range(points.shape[1]):
+                squared += (points[i, axis] - target[j, axis]) ** 2
+            if squared < reach[i] ** 2:
+                if count == len(column):
+                    column = np.append(column, np.empty(count, dtype=np.int64))
+                    value = np.append(value, np.empty(count))
+                column[count], value[count] = order[j], squared
+                count += 1
+        start[i + 1] = count
+    return start, column[:count], value[:count]
+
+
+@fused
+def nearest_within(
+    points: Floats, ordered: Floats, ascending: Integers, window: float, count: int
+) -> tuple[Integers, Floats]:
+    """Indices of the ``count`` nearest targets of each point within a distance, -1 where there are fewer.
+
+    Also their distances, both of shape (n, count). The ``ordered`` targets ascend along the first axis.
+    """
+    first_axis = np.ascontiguousarray(ordered[:, 0])
+    near = np.full((len(points), count), -1)
+    away = np.full((len(points), count), np.inf)
+    for i in range(len(points)):
+        first = np.searchsorted(first_axis, points[i, 0] - window)
+        last = np.searchsorted(first_axis, points[i, 0] + window)
+        for j in range(first, last):
+            squared = 0.0
+            for axis in range(points.shape[1]):
+                squared += (points[i, axis] - ordered[j, axis]) ** 2
+            if squared >= window * window or squared >= away[i, count - 1]:
+                continue
+            place = count - 1
+            while place > 0 and away[i, place - 1] > squared:
+                away[i, place], near[i, place] = away[i, place - 1], near[i, place - 1]
+                place -= 1
+            away[i, place], near[i, place] = squared, ascending[j]
+    return near, np.sqrt(away)
+
+
+@fused
+def assign_listed(start: Integers, column: Integers, cost: Floats, columns: int, dummy: float) -> Integers:
+    """`assign` with the pairs of `pairs_within`, and no others, by shortest augmenting paths (Jonker and Volgenant).
 
     Examples
     --------
-    >>> rows, columns = np.array([0, 0, 1, 1]), np.array([0, 1, 0, 1])
-    >>> assign_sparse(rows, columns, np.array([1.0, 2.0, 1.1, 9.0]), (2, 2), dummy=5.0).tolist()
+    >>> start, column = np.array([0, 2, 4]), np.array([0, 1, 0, 1])
+    >>> assign_listed(start, column, np.array([1.0, 2.0, 1.1, 9.0]), 2, 5.0).tolist()
     [1, 0]
     """
-    count, cheap = shape[0], cost < dummy
-    own = np.arange(count)  # a column for each row that stays without partner
-    table = csr_array(
-        (
-            np.concatenate([cost[cheap], np.full(count, dummy)]) + 1.0,  # a stored zero would count as no pair
-            (np.concatenate([rows[cheap], own]), np.concatenate([columns[cheap], shape[1] + own])),
-        ),
-        shape=(count, shape[1] + count),
-    )
-    _, partner = min_weight_full_bipartite_matching(table)
-    return np.where(partner < shape[1], partner, UNMATCHED).astype(np.int64)
+    count = len(start) - 1
+    matches, owner = np.full(count, -1, dtype=np.int64), np.full(columns, -1, dtype=np.int64)
+    row_price, column_price = np.zeros(count), np.zeros(columns)
+    length, came = np.full(columns, np.inf), np.empty(columns, dtype=np.int64)
+    reached, closed = np.empty(columns, dtype=np.int64), np.zeros(columns, dtype=np.bool_)
+    for root in range(count):
+        row, low, found, leave, leaver = root, 0.0, 0, np.inf, root
+        while True:
+            if low + dummy - row_price[row] < leave:  # this row may stay without partner
+                leave, leaver = low + dummy - row_price[row], row
+            for k in range(start[row], start[row + 1]):
+                j = column[k]
+                along = low + cost[k] - row_price[row] - column_price[j]
+                if not closed[j] and along < length[j]:
+                    if length[j] == np.inf:
+                        reached[found] = j
+                        found += 1
+                    length[j], came[j] = along, row
+            low, at = leave, -1
+            for k in range(found):
+                j = reached[k]
+                if not closed[j] and length[j] < low:
+                    low, at = length[j], j
+            if at < 0:
+                break
+            closed[at] = True
+            if owner[at] < 0:
+                break
+            row = owner[at]
+        row_price[root] += low
+        for k in range(found):
+            j = reached[k]
+            if closed[j]:
+                column_price[j] -= low - length[j]
+                if owner[j] >= 0:
+                    row_price[owner[j]] += low - length[j]
+            length[j], closed[j] = np.inf, False
+        if at < 0:
+            at = matches[leaver]
+            matches[leaver] = -1
+        while at >= 0:
+            row = came[at]
+            owner[at] = row
+            at, matches[row] = matches[row], at
+    return matches
 
 
 def spacing(points: Floats) -> float:

@@ -19,7 +19,7 @@ from scipy.spatial.distance import cdist
 from scipy.special import betaln
 
 from tsis.compiled import fused
-from tsis.matching._fit import UNMATCHED
+from tsis.matching._fit import ALIGNED, UNMATCHED, normal_matrix, ridge_map
 from tsis.matching._spline import spread_out
 
 if TYPE_CHECKING:
@@ -88,17 +88,36 @@ def gaussian_kernel(points: Floats, control: Floats, width: float) -> Floats:
 
 def soft_evidence(field: SmoothField, target: Floats, pairs: Floats) -> PoseEvidence | None:
     """Evidence of soft pairs, shape (n, m), with the Bethe entropy of what they leave open; None with too few."""
-    sums = pairs.sum(axis=1)
-    rows = np.flatnonzero(sums > PAIRED)
+    matches, partners, scatter, entropy = _soft_partners(pairs, target)
+    rows = np.flatnonzero(matches != UNMATCHED)
     if len(rows) <= field.points.shape[1] + 1:
         return None
-    soft = pairs[rows] / sums[rows, None]
-    partners = soft @ target
-    scatter = float((soft @ (target**2).sum(axis=1)).sum() - (partners**2).sum())
-    some = soft[soft > 1e-9]
-    entropy = float((np.maximum(1 - some, 1e-300) * np.log(np.maximum(1 - some, 1e-300)) - some * np.log(some)).sum())
-    matches = np.where(sums > PAIRED, pairs.argmax(axis=1), UNMATCHED)
-    return _evidence(field, rows, partners, target, matches, scatter=max(scatter, 0.0), entropy=entropy)
+    return _evidence(field, rows, partners[rows], target, matches, scatter=max(scatter, 0.0), entropy=entropy)
+
+
+@fused
+def _soft_partners(pairs: Floats, target: Floats) -> tuple[Integers, Floats, float, float]:
+    """Heaviest partner of each point, or -1, mean partners, shape (n, d), their scatter about it, and the entropy."""
+    matches, partners = np.full(len(pairs), -1), np.zeros((len(pairs), target.shape[1]))
+    scatter, entropy = 0.0, 0.0
+    for i in range(len(pairs)):
+        total = pairs[i].sum()
+        if total <= PAIRED:
+            continue
+        matches[i] = pairs[i].argmax()
+        for j in range(len(target)):
+            share = pairs[i, j] / total
+            if share == 0.0:
+                continue
+            for axis in range(target.shape[1]):
+                partners[i, axis] += share * target[j, axis]
+                scatter += share * target[j, axis] ** 2
+            if share > 1e-9:
+                rest = max(1 - share, 1e-300)
+                entropy += rest * np.log(rest) - share * np.log(share)
+        for axis in range(target.shape[1]):
+            scatter -= partners[i, axis] ** 2
+    return matches, partners, scatter, entropy
 
 
 def hard_evidence(
@@ -133,37 +152,74 @@ def _evidence(
 ) -> PoseEvidence:
     count, dimension = partners.shape
     chosen = [number for number, value in enumerate(WIDTHS) if width in (None, value)]
-    size, stretch, systems, logs = 0.0, 0.0, [], []
+    size, stretch, rest, systems, logs = 0.0, 0.0, 0.0, [], []
     for number in chosen:
-        here = field.designs[number][rows]
-        normal, right = here.T @ here, here.T @ partners
+        found, normal, right, size, stretch, rest = _width_logs(
+            field.designs[number], rows, partners, scatter, size, stretch, rest, VARIANCES, SQUARES
+        )
         systems.append((normal, right))
-        inner, pull, affine, explained = _without_affine(normal, right)
-        if not size:
-            size, stretch = size_and_stretch(affine[1:])
-            rest = max(float((partners**2).sum()) - explained, 0.0)
-        logs.append(_levels(inner, pull, rest, scatter, size, count, VARIANCES, SQUARES))
-    stacked = np.array(logs)
-    best, number, level = (int(at) for at in np.unravel_index(int(np.argmax(stacked)), stacked.shape))
-    top = float(stacked[best, number, level])
-    solution = _ridge_solution(*systems[best], (SIGMAS[level] / AMPLITUDES[number]) ** 2)
+        logs.append(found)
+    top, share, place = _total(logs[0] if len(logs) == 1 else np.concatenate(logs))
+    best, number, level = place // logs[0].size, place // len(SIGMAS) % len(AMPLITUDES), place % len(SIGMAS)
+    of, ridge = chosen[best], (SIGMAS[level] / AMPLITUDES[number]) ** 2
+    affine, kernel_weights, moved = _best_map(*systems[best], ridge, field.designs[of], field.weights[of])
     freedom = (count - dimension - 1) * dimension
-    log_density = top + math.log(float(np.exp(stacked - top).sum())) - math.log(len(WIDTHS) * stacked[0].size)
+    log_density = top + share - math.log(len(WIDTHS) * logs[0].size)
     log_density -= freedom * (0.5 * math.log(2 * math.pi) + math.log(size))
     return PoseEvidence(
         log=log_density
         + entropy
         + _affine_prior(size, stretch, count, dimension)
         + _count_prior(count, len(field.points), target),
-        affine=solution[: dimension + 1],
-        kernel_weights=field.weights[chosen[best]] @ solution[dimension + 1 :],
-        width=WIDTHS[chosen[best]],
+        affine=affine,
+        kernel_weights=kernel_weights,
+        width=WIDTHS[of],
         amplitude=AMPLITUDES[number] * size,
         sigma=SIGMAS[level] * size,
         paired=count,
-        moved=field.designs[chosen[best]] @ solution,
+        moved=moved,
         matches=matches,
     )
+
+
+@fused
+def _width_logs(
+    design: Floats,
+    rows: Integers,
+    partners: Floats,
+    scatter: float,
+    size: float,
+    stretch: float,
+    rest: float,
+    variances: Floats,
+    squares: Floats,
+) -> tuple[Floats, Floats, Floats, float, float, float]:
+    """`_levels` of one width, the normal matrix and its right side; also size, stretch and rest, which 0 asks for."""
+    normal, right = normal_matrix(design, rows, partners)
+    inner, pull, affine, explained = _without_affine(normal, right)
+    if size == 0:
+        size, stretch = size_and_stretch(affine[1:])
+        rest = max((partners**2).sum() - explained, 0.0)
+    logs = _levels(inner, pull, rest, scatter, size, len(rows), variances, squares)
+    return logs, normal, right, size, stretch, rest
+
+
+@fused
+def _total(logs: Floats) -> tuple[float, float, int]:
+    """Largest of the logs, log of the sum of all over it, and its place in the flattened array."""
+    flat = logs.ravel()
+    place = int(flat.argmax())
+    return flat[place], np.log(np.exp(flat - flat[place]).sum()), place
+
+
+@fused
+def _best_map(
+    normal: Floats, right: Floats, ridge: float, design: Floats, weights: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Affine part, weights of the kernels and moved points of the map of a normal system."""
+    solution = ridge_map(normal, right, ridge)
+    affine = right.shape[1] + 1
+    return solution[:affine].copy(), weights @ solution[affine:], design @ solution
 
 
 @fused
@@ -211,92 +267,80 @@ def _levels(
     """Log density of the residuals at each variance of the displacement and of a coordinate, shape (a, s)."""
     rank, dimension = pull.shape
     diagonal, beside, along = _tridiagonal(inner, pull)
-    flat = count - dimension - 1 - rank
+    flat, levels = count - dimension - 1 - rank, len(amplitudes) * len(sigmas)
+    ridge = np.empty(levels)
+    for number in range(len(amplitudes)):
+        ridge[number * len(sigmas) : (number + 1) * len(sigmas)] = sigmas / amplitudes[number]
+    # all levels at once, so that the divisions of several run together
+    explained, volume, product = np.zeros(levels), np.zeros(levels), np.ones(levels)
+    pivot, before = np.ones(levels), np.zeros((dimension, levels))
+    for k in range(rank):
+        link = beside[k - 1] if k else 0.0
+        for level in range(levels):
+            pivot[level], ridge_share = diagonal[k] + ridge[level] - link * link / pivot[level], link / pivot[level]
+            product[level] *= pivot[level]
+            for axis in range(dimension):
+                before[axis, level] = along[k, axis] - ridge_share * before[axis, level]
+                explained[level] += before[axis, level] ** 2 / pivot[level]
+        if k % 8 == 7 or k == rank - 1:
+            volume += np.log(product)
+            product[:] = 1.0
     logs = np.empty((len(amplitudes), len(sigmas)))
-    before = np.empty(dimension)
     for number in range(len(amplitudes)):
         for level in range(len(sigmas)):
-            ridge = sigmas[level] / amplitudes[number]
-            explained, volume, product, pivot = 0.0, 0.0, 1.0, 1.0
-            before[:] = 0.0
-            for k in range(rank):
-                share = beside[k - 1] / pivot if k else 0.0
-                pivot = diagonal[k] + ridge - (share * beside[k - 1] if k else 0.0)
-                product *= pivot
-                if k % 8 == 7:
-                    volume += np.log(product)
-                    product = 1.0
-                for axis in range(dimension):
-                    before[axis] = along[k, axis] - share * before[axis]
-                    explained += before[axis] ** 2 / pivot
-            volume += np.log(product) + rank * np.log(amplitudes[number])
-            away = (max(rest - explained, 0.0) + scatter) / (size * size * sigmas[level])
-            logs[number, level] = -0.5 * (away + dimension * (volume + flat * np.log(sigmas[level])))
+            at = number * len(sigmas) + level
+            away = (max(rest - explained[at], 0.0) + scatter) / (size * size * sigmas[level])
+            space = volume[at] + rank * np.log(amplitudes[number]) + flat * np.log(sigmas[level])
+            logs[number, level] = -0.5 * (away + dimension * space)
     return logs
 
 
 @fused
 def _tridiagonal(inner: Floats, pull: Floats) -> tuple[Floats, Floats, Floats]:
     """Diagonal and secondary diagonal of a symmetric matrix under reflections (Householder), and the right side."""
-    matrix, along = inner.copy(), pull.copy()
+    along = pull.copy()
     rank, dimension = along.shape
+    wide = -(-rank // ALIGNED) * ALIGNED
+    matrix = np.zeros((rank, wide))
+    matrix[:, :rank] = inner
     beside = np.zeros(max(rank - 1, 0))
-    mirror, image = np.zeros(rank), np.zeros(rank)
+    mirror, image = np.zeros(wide), np.zeros(wide)
     for k in range(rank - 1):
         norm = 0.0
         for i in range(k + 1, rank):
             mirror[i] = matrix[k, i]
             norm += mirror[i] ** 2
         norm = np.sqrt(norm)
+        mirror[k] = 0.0
         if norm == 0.0:
             continue
         beside[k] = -norm if mirror[k + 1] > 0 else norm
         scale = 1 / (norm * (norm + abs(mirror[k + 1])))
         mirror[k + 1] -= beside[k]
+        # what is left of column k + 1 is not used again
+        left = (k + 1) // ALIGNED * ALIGNED
+        mirror_left, image_left = mirror[left:], image[left:]
+        image_left[:] = 0.0
         for i in range(k + 1, rank):
-            image[i] = 0.0
-        for i in range(k + 1, rank):
-            share = scale * mirror[i]
-            for j in range(k + 1, rank):
-                image[j] += share * matrix[i, j]
+            share, row = scale * mirror[i], matrix[i, left:]
+            for j in range(len(row)):
+                image_left[j] += share * row[j]
         overlap = 0.0
         for i in range(k + 1, rank):
             overlap += image[i] * mirror[i]
         for i in range(k + 1, rank):
             image[i] -= 0.5 * scale * overlap * mirror[i]
         for i in range(k + 1, rank):
-            for j in range(k + 1, rank):
-                matrix[i, j] -= mirror[i] * image[j] + image[i] * mirror[j]
+            mirrored, imaged, row = mirror[i], image[i], matrix[i, left:]
+            for j in range(len(row)):
+                row[j] -= mirrored * image_left[j] + imaged * mirror_left[j]
         for axis in range(dimension):
             overlap = 0.0
             for i in range(k + 1, rank):
                 overlap += mirror[i] * along[i, axis]
             for i in range(k + 1, rank):
                 along[i, axis] -= scale * overlap * mirror[i]
-    return np.diag(matrix).copy(), beside, along
-
-
-@fused
-def _ridge_solution(normal: Floats, right: Floats, ridge: float) -> Floats:
-    """Coordinates of the map, shape (1 + d + r, d), with a ridge on all but its affine part, by elimination."""
-    upper, result = normal.copy(), right.copy()
-    rank, dimension = result.shape
-    for k in range(dimension + 1, rank):
-        upper[k, k] += ridge
-    for k in range(rank):
-        for i in range(k + 1, rank):
-            share = upper[k, i] / upper[k, k]
-            for j in range(i, rank):
-                upper[i, j] -= share * upper[k, j]
-            for axis in range(dimension):
-                result[i, axis] -= share * result[k, axis]
-    for k in range(rank - 1, -1, -1):
-        for axis in range(dimension):
-            total = result[k, axis]
-            for j in range(k + 1, rank):
-                total -= upper[k, j] * result[j, axis]
-            result[k, axis] = total / upper[k, k]
-    return result
+    return np.diag(matrix[:, :rank]).copy(), beside, along
 
 
 def unrelated_evidence(target: Floats) -> float:
@@ -308,15 +352,16 @@ def unrelated_evidence(target: Floats) -> float:
     return float(betaln(1, count + 1) - count * min(box, cloud))
 
 
+@fused
 def size_and_stretch(matrix: Floats) -> tuple[float, float]:
     """Geometric mean of a matrix's singular values, and the log of their largest ratio."""
     if len(matrix) == 2:
-        (a, b), (c, d) = matrix.tolist()
-        same, opposite = math.hypot(a + d, c - b), math.hypot(a - d, c + b)
+        same = np.hypot(matrix[0, 0] + matrix[1, 1], matrix[1, 0] - matrix[0, 1])
+        opposite = np.hypot(matrix[0, 0] - matrix[1, 1], matrix[1, 0] + matrix[0, 1])
         most, least = max((same + opposite) / 2, 1e-6), max(abs(same - opposite) / 2, 1e-6)
-        return math.sqrt(most * least), math.log(most / least)
-    value = np.maximum(np.linalg.svd(matrix, compute_uv=False), 1e-6)
-    return float(np.exp(np.log(value).mean())), float(np.log(value[0] / value[-1]))
+        return np.sqrt(most * least), np.log(most / least)
+    value = np.maximum(np.linalg.svd(matrix)[1], 1e-6)
+    return np.exp(np.log(value).mean()), np.log(value[0] / value[-1])
 
 
 def _affine_prior(size: float, stretch: float, count: int, dimension: int) -> float:
@@ -325,9 +370,12 @@ def _affine_prior(size: float, stretch: float, count: int, dimension: int) -> fl
     return log - 0.5 * dimension * (dimension + 1) * math.log(count)
 
 
+@fused
 def _count_prior(count: int, source: int, target: Floats) -> float:
     """Log probability of which points have partners, and of the targets without one, uniform in their box."""
     stray = max(len(target) - count, 0)
     log = math.lgamma(count + 1) + math.lgamma(stray + 1) - math.lgamma(count + stray + 2)
     log += math.lgamma(source - count + 1) - math.lgamma(source + 1)
-    return log - stray * float(np.log(target.max(axis=0) - target.min(axis=0)).sum())
+    for axis in range(target.shape[1]):
+        log -= stray * np.log(target[:, axis].max() - target[:, axis].min())
+    return log

@@ -19,13 +19,7 @@ from tsis.matching import _refinement as refinement
 from tsis.matching._annealing import AFFINE_SD, START, Cooling, anneal, annealed_map, balanced_pairs, field_design
 from tsis.matching._fit import UNMATCHED, spacing
 from tsis.matching._outline import chains, laid_pieces, main_curve, outline_alignments, slid, successors
-from tsis.matching._pose_evidence import (
-    SIGMAS,
-    PoseEvidence,
-    SmoothField,
-    hard_evidence,
-    soft_evidence,
-)
+from tsis.matching._pose_evidence import SIGMAS, PoseEvidence, SmoothField, hard_evidence, soft_evidence
 from tsis.matching._relaxation import poses
 from tsis.matching._spline import spline_basis, spread_indices
 
@@ -268,7 +262,7 @@ def distinct(maps: Iterable[PoseEvidence], least: float) -> list[PoseEvidence]:
     chosen = np.empty((0, 0))
     for item in sorted(maps, key=lambda item: -item.log):
         moved = item.moved.ravel()
-        if not result or _least_square(moved, chosen[: len(result)]) > least**2 * len(item.moved):
+        if not result or _is_far(moved, chosen[: len(result)], least**2 * len(item.moved)):
             if len(result) == len(chosen):
                 chosen = np.concatenate([chosen.reshape(-1, len(moved)), np.empty((len(result) + 8, len(moved)))])
             chosen[len(result)] = moved
@@ -277,15 +271,17 @@ def distinct(maps: Iterable[PoseEvidence], least: float) -> list[PoseEvidence]:
 
 
 @fused
-def _least_square(moved: Floats, others: Floats) -> float:
-    """Least squared distance of a vector, shape (k,), from rows, shape (l, k)."""
-    least = np.inf
+def _is_far(moved: Floats, others: Floats, least: float) -> bool:
+    """Whether a vector, shape (k,), lies farther than a squared distance from all rows, shape (l, k)."""
     for row in range(len(others)):
         total = 0.0
         for k in range(len(moved)):
             total += (moved[k] - others[row, k]) ** 2
-        least = min(least, total)
-    return least
+            if total > least:
+                break
+        if total <= least:
+            return False
+    return True
 
 
 def _tightened(search: PoseSearch, evidence: PoseEvidence) -> PoseEvidence:

@@ -259,7 +259,6 @@ HIDDEN, STRAY, BOTH = 2.0, 3.0, 80.0
 LINEAR_SUPPORT, MOST_SUPPORT = 12.0, 30.0
 CONTRADICTED = 3.0  # log odds against an answer beyond which its distance from the best map counts
 LEAST_SHEAR = 0.3  # log ratio of the affine map's singular values from which it counts
-UNRELATED = 7  # place of the log probability of unrelated sets among the measures
 MOST_UNSUPPORTED, MOST_UNSOUND = 0.99, 0.5
 WIDEST = 0.9  # log ratio of singular values: no reliable answer of the calibration had more
 # Fitted to seed 70011, then all times 0.893 and the constant plus 0.423, as fits seed 90001.
@@ -267,21 +266,23 @@ WEIGHTS = (5.24, 0.0, 2.322, 0.0, 1.466, 1.86, 0.0)
 SURE, SURE_CASES = 5.42, 504  # log odds of being right above which none of so many answers was wrong
 
 
-def trust_measures(posterior: PosePosterior, moved: Floats, *, sound: bool) -> Floats:
+def trust_measures(posterior: PosePosterior, moved: Floats, *, sound: bool, related: bool = True) -> Floats:
     """What the trust in an answer's points, shape (n, d), depends on, shape (9,).
 
     Log odds of the answer; loss of a wrong alignment of the source's outline with itself; fractions of source and
     target without partner; log of the noise in spacings; distance from the best map, in tolerances; log ratio of the
-    best affine map's singular values; log probability of unrelated sets; 1 where the answer's map is ``sound``, else 0.
+    best affine map's singular values; log probability of unrelated sets, 0 where nothing shows that they are
+    ``related``; 1 where the answer's map is ``sound``, else 0.
     """
     odds, best, search = posterior.log_odds(moved), posterior.best, posterior.search
+    unrelated = posterior.unrelated if related else 0.0
     if best is None:
-        return np.array([odds, 0.0, 1.0, 1.0, MOST_NOISE, 1.0, 0.0, posterior.unrelated, 0.0])
+        return np.array([odds, 0.0, 1.0, 1.0, MOST_NOISE, 1.0, 0.0, unrelated, 0.0])
     resemblance = min(posterior.resemblance, MOST_RESEMBLANCE)
     far = distance(best.moved, moved) / (TOLERANCE * _radius(moved))
     hidden, stray = 1 - best.paired / len(moved), 1 - best.paired / len(search.target)
     noise, stretch = math.log(best.sigma / search.step), size_and_stretch(best.affine[1:])[1]
-    return np.array([odds, resemblance, hidden, stray, noise, far, stretch, posterior.unrelated, float(sound)])
+    return np.array([odds, resemblance, hidden, stray, noise, far, stretch, unrelated, float(sound)])
 
 
 def trust_features(measures: Floats) -> Floats:

@@ -10,12 +10,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import cho_solve, solve_triangular
 from scipy.spatial import KDTree
-from scipy.spatial.distance import cdist
 
 from tsis.compiled import fused
-from tsis.matching._fit import UNMATCHED, assign, assign_sparse
+from tsis.matching._fit import UNMATCHED, assign_listed, nearest_within, normal_system, pairs_within, ridge_map
 from tsis.matching._pose_evidence import SIGMAS, WIDTHS, PoseEvidence, gaussian_kernel, hard_evidence
 from tsis.matching._relaxation import rotations, whitening
 from tsis.matching._spline import spread_indices
@@ -30,8 +28,10 @@ ACCEPTED = 3.0  # predictive standard deviations of a pair
 FARTHEST = 1.5  # spacings
 GROWTHS, PATCHES, PATCH = 8, 8, 0.2
 CANDIDATES, WINDOW = 12, 3.0  # targets of a point along a curve, and their largest distance in spacings
+SHORTEST = 3  # points of a curve up to which it has no order
 MOST_SKIPPED = 5  # points without partner between two pairs of one run
 SKIP, BREAK = 2.5, 7.0  # costs of a point without partner, and of a new run
+AFFINE_RIDGE = 1e-9  # on the affine part of a map of few pairs
 POSITION = 1.5  # standard deviation of a position, in spacings
 STRAINS = (0.35, 0.3, 0.25, 0.15, 0.1)  # standard deviations of an edge, in spacings
 STIFFNESSES = (2.0, 1.0, 0.5, 0.25, 0.0)  # standard deviations of a pair of the stiff map, in spacings
@@ -45,44 +45,49 @@ MOST_RUNS, SEGMENT_SHIFTS, FOLLOWED_SEGMENTS = 30, (-2, -1, 1, 2), 3
 
 def predicted(field: SmoothField, pose: PoseEvidence) -> Floats:
     """Standard deviation of the source's moved points given the map's pairs, shape (n,)."""
-    design, factor = _system(field, pose.matches, pose.width, pose.amplitude, pose.sigma)
-    whitened = solve_triangular(factor, design.T, lower=True, check_finite=False)
-    return np.asarray(pose.sigma * np.sqrt((whitened**2).sum(axis=0)))
+    design = field.designs[WIDTHS.index(pose.width)]
+    ridge = (pose.sigma / max(pose.amplitude, 1e-6)) ** 2
+    return pose.sigma * _deviations(design, pose.matches, ridge, field.points.shape[1] + 1)
+
+
+@fused
+def _deviations(design: Floats, matches: Integers, ridge: float, affine: int) -> Floats:
+    """Standard deviation at each row of ``design``, shape (n, k), in those of a pair; ``affine`` columns are free."""
+    here = design[np.flatnonzero(matches >= 0)]
+    normal = np.ascontiguousarray(here.T) @ here
+    for k in range(len(normal)):
+        normal[k, k] += AFFINE_RIDGE if k < affine else ridge
+    factor = np.linalg.cholesky(normal)
+    whitened = np.ascontiguousarray(design.T)
+    total = np.zeros(len(design))
+    for k in range(len(factor)):
+        for other in range(k):
+            share = factor[k, other]
+            for i in range(len(design)):
+                whitened[k, i] -= share * whitened[other, i]
+        for i in range(len(design)):
+            whitened[k, i] /= factor[k, k]
+            total[i] += whitened[k, i] ** 2
+    return np.sqrt(total)
 
 
 def _stiff_map(field: SmoothField, target: Floats, matches: Integers, sigma: float) -> Floats:
     """Mean of the source's points, shape (n, d), under a stiff field and pairs with a standard deviation."""
-    design, factor = _system(field, matches, STIFF_WIDTH, STIFF_AMPLITUDE, sigma)
-    rows = np.flatnonzero(matches != UNMATCHED)
-    right = design[rows].T @ target[matches[rows]]
-    return np.asarray(design @ cho_solve((factor, True), right, check_finite=False))
+    return _mean(field.designs[WIDTHS.index(STIFF_WIDTH)], matches, target, (sigma / STIFF_AMPLITUDE) ** 2)
 
 
-def _system(
-    field: SmoothField, matches: Integers, width: float, amplitude: float, sigma: float
-) -> tuple[Floats, Floats]:
-    """Columns of the map, shape (n, k), and the lower triangle of its normal matrix (Cholesky)."""
-    design = field.designs[WIDTHS.index(width)]
-    here = design[matches != UNMATCHED]
-    normal = here.T @ here
-    normal[np.diag_indices_from(normal)] += (sigma / max(amplitude, 1e-6)) ** 2
-    affine = np.arange(field.points.shape[1] + 1)
-    normal[affine, affine] -= (sigma / max(amplitude, 1e-6)) ** 2
-    normal[affine, affine] += 1e-9
-    return design, np.linalg.cholesky(normal)
+@fused
+def _mean(design: Floats, matches: Integers, target: Floats, ridge: float) -> Floats:
+    normal, right = normal_system(design, matches, target)
+    for k in range(right.shape[1] + 1):
+        normal[k, k] += AFFINE_RIDGE
+    return design @ ridge_map(normal, right, ridge)
 
 
 def _paired_again(target: Floats, moved: Floats, radius: Floats, farthest: float) -> Integers:
-    if len(moved) * len(target) > MANY_PAIRS:
-        reach = min(farthest, ACCEPTED * float(radius.max()))
-        near = KDTree(moved).sparse_distance_matrix(KDTree(target), reach, output_type="coo_matrix")
-        cost = (near.data / radius[near.row]) ** 2
-        rows, columns = near.row.astype(np.int64), near.col.astype(np.int64)
-        return assign_sparse(rows, columns, cost, (len(moved), len(target)), dummy=ACCEPTED**2)
-    squared = cdist(moved, target, "sqeuclidean")
-    cost = squared / radius[:, None] ** 2
-    cost[squared > farthest**2] = np.inf
-    return assign(np.minimum(cost, 1e6), dummy=ACCEPTED**2)
+    start, column, squared = pairs_within(moved, target, np.minimum(ACCEPTED * radius, farthest))
+    cost = squared / np.repeat(radius, np.diff(start)) ** 2
+    return assign_listed(start, column, cost, len(target), ACCEPTED**2)
 
 
 def grown(field: SmoothField, target: Floats, step: float, pose: PoseEvidence) -> PoseEvidence:
@@ -126,26 +131,20 @@ def chained(
     field: SmoothField, target: Floats, step: float, curves: list[tuple[Integers, bool]], pose: PoseEvidence
 ) -> PoseEvidence:
     """The map after pairs along the source's curves follow the predicted edges rather than the predicted positions."""
-    tree = KDTree(target)
+    long = [order for order, _ in curves if len(order) > SHORTEST]
+    if not long:
+        return pose
+    order, ends = np.concatenate(long), np.cumsum([len(curve) for curve in long])
+    ascending = np.argsort(target[:, 0], kind="stable")
+    ordered = target[ascending]
     best, current = pose, pose
     for strain, stiffness in zip(STRAINS, STIFFNESSES, strict=True):
         moved = current.moved
         if stiffness:
             moved = _stiff_map(field, target, current.matches, stiffness * step)
-        away, near = tree.query(moved, k=min(CANDIDATES, len(target)), distance_upper_bound=WINDOW * step)
-        away, near = np.asarray(away), np.asarray(near)
-        matches = np.full(len(moved), UNMATCHED, dtype=np.int64)
-        for order, _ in curves:
-            if len(order) > 3:
-                matches[order] = _run_matches(
-                    moved[order],
-                    target,
-                    near[order],
-                    away[order],
-                    strain * step,
-                    POSITION * step,
-                )
-        matches = _without_repeats(matches, ((moved - target[matches]) ** 2).sum(axis=1))
+        matches = _along_curves(
+            moved, target, order, ends, ordered, ascending, WINDOW * step, strain * step, POSITION * step
+        )
         item = hard_evidence(field, target, matches, width=current.width)
         if item is None:
             break
@@ -158,13 +157,44 @@ def chained(
     return best if whole is None else whole
 
 
-def _without_repeats(matches: Integers, cost: Floats) -> Integers:
-    result = np.full(len(matches), UNMATCHED, dtype=np.int64)
-    rows = np.flatnonzero(matches != UNMATCHED)
-    rows = rows[np.argsort(cost[rows], kind="stable")]
-    _, first = np.unique(matches[rows], return_index=True)
-    result[rows[first]] = matches[rows[first]]
-    return result
+@fused
+def _along_curves(
+    moved: Floats,
+    target: Floats,
+    order: Integers,
+    ends: Integers,
+    ordered: Floats,
+    ascending: Integers,
+    window: float,
+    strain: float,
+    position: float,
+) -> Integers:
+    """Cheapest targets along all curves, no target twice.
+
+    ``order`` has the points of curve after curve, which end at ``ends``. The ``ordered`` targets ascend along the first
+    axis.
+    """
+    matches, cost = np.full(len(moved), -1), np.full(len(target), np.inf)
+    first = 0
+    for last in ends:
+        curve = order[first:last]
+        along = moved[curve]
+        near, away = nearest_within(along, ordered, ascending, window, CANDIDATES)
+        matches[curve] = _run_matches(along, target, near, away, strain, position)
+        first = last
+    owner = np.full(len(target), -1)
+    for i in range(len(moved)):
+        j = matches[i]
+        if j < 0:
+            continue
+        squared = ((moved[i] - target[j]) ** 2).sum()
+        if squared < cost[j]:
+            if owner[j] >= 0:
+                matches[owner[j]] = -1
+            cost[j], owner[j] = squared, i
+        else:
+            matches[i] = -1
+    return matches
 
 
 @fused
@@ -174,7 +204,6 @@ def _run_matches(
     """Cheapest targets along one curve; an edge costs its squared difference from the moved edge."""
     count, candidates = near.shape
     dimension = target.shape[1]
-    m = len(target)
     cost = np.full((count, candidates), 1e30)
     before = np.full((count, candidates, 2), -1)
     cheapest, cheapest_at = np.full(count + 1, 0.0), np.full((count + 1, 2), -1)
@@ -183,8 +212,8 @@ def _run_matches(
     for p in range(count):
         for c in range(candidates):
             j = near[p, c]
-            if j >= m:
-                continue
+            if j < 0:
+                break
             least = cheapest[p] + BREAK
             source, partner = cheapest_at[p, 0], cheapest_at[p, 1]
             for s in range(1, MOST_SKIPPED + 1):
@@ -193,7 +222,9 @@ def _run_matches(
                     break
                 for b in range(candidates):
                     i = near[q, b]
-                    if i >= m or i == j or cost[q, b] > 1e29:
+                    if i < 0:
+                        break
+                    if i == j or cost[q, b] + (s - 1) * SKIP >= least:
                         continue
                     squared = 0.0
                     for axis in range(dimension):
@@ -313,7 +344,8 @@ class Ranking:
 def one_to_one(moved: Floats, target: Floats, gate: float) -> Integers:
     """Pairs within a distance: cheapest in total, of very many points mutual nearest neighbours."""
     if len(moved) * len(target) <= MANY_PAIRS:
-        return assign(cdist(moved, target, "sqeuclidean"), dummy=gate**2)
+        start, column, squared = pairs_within(moved, target, np.full(len(moved), gate))
+        return assign_listed(start, column, squared, len(target), gate**2)
     away, nearest = (np.asarray(found) for found in KDTree(target).query(moved, distance_upper_bound=gate))
     matches = np.full(len(moved), UNMATCHED, dtype=np.int64)
     rows = np.flatnonzero(np.isfinite(away))

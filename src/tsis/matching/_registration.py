@@ -30,7 +30,6 @@ from tsis.matching._fit import (
 )
 from tsis.matching._posterior import (
     RELIABLE,
-    UNRELATED,
     WIDEST_DEG,
     is_collapsed,
     is_sound,
@@ -278,12 +277,10 @@ def fit_and_measures(
     """
     rng = np.random.default_rng(0) if rng is None else rng
     fit, posterior = _fitted(method, source, target, rng, rotation_sd_deg, searched)
-    few = np.count_nonzero(fit.matches != UNMATCHED) < source.shape[1] + 2
-    sound = not few and not is_collapsed(posterior) and is_sound(fit.move, source)
-    measures = trust_measures(posterior, fit.move(source), sound=sound)
-    if few:
-        measures[UNRELATED] = 0.0  # which makes the confidence 0
-    return fit, posterior, measures
+    # An affine map fits any d + 1 pairs exactly, so that no more than these are no sign of a relation.
+    related = np.count_nonzero(fit.matches != UNMATCHED) > source.shape[1] + 1
+    sound = related and not is_collapsed(posterior) and is_sound(fit.move, source)
+    return fit, posterior, trust_measures(posterior, fit.move(source), sound=sound, related=related)
 
 
 def _fitted(
