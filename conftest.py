@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from _pytest.doctest import DoctestModule
 from hypothesis import settings
 from threadpoolctl import threadpool_limits
 
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
 collect_ignore = ["docs/_build", "src/tsis/records/migrations/env.py"]  # which Alembic alone can run
 ROOT = Path(__file__).parent
+TESTS = ROOT / "tests"
 CACHES = Path(sys.prefix)  # the environment's own folder: .venv of `make test`
 TABLES = "test-tables"
 MEMORY, ROOM_BYTES = Path("/dev/shm"), 4 * 2**30  # Linux' file system in memory, and the room that tests may need
@@ -51,6 +53,7 @@ def pytest_configure(config: pytest.Config) -> None:
             os.environ.setdefault("TMPDIR", str(MEMORY))  # where synchronising a file waits for no disk
             tempfile.tempdir = None  # pytest's capture has asked for the folder already; ask anew
     threadpool_limits(limits=1, user_api="blas")  # threads slow down matrices this small, the more so in two workers
+    gc.set_threshold(20_000, 20, 20)  # looking for garbage after each 700 new objects takes a twentieth of the time
     platform.processor()  # asks a program once and keeps the answer
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # begun in the background, where shells ignore Ctrl-C
         signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -82,6 +85,13 @@ def pytest_collection() -> Generator[None, object, object]:
         gc.enable()
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_collect_file(file_path: Path) -> Generator[None, list[pytest.Collector], list[pytest.Collector]]:
+    """Look for no examples in the files of tests, which have none."""
+    found = yield
+    return found if TESTS not in file_path.parents else [one for one in found if not isinstance(one, DoctestModule)]
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark the pages whose examples start processes."""
     for item in items:
@@ -91,7 +101,6 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 def pytest_collection_finish() -> None:
     """Exempt what was loaded from garbage collection: looking through it stops a worker for half a second."""
-    gc.collect()
     gc.freeze()
 
 

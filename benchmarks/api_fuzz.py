@@ -85,7 +85,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cases", type=int, default=10_000)
     parser.add_argument("--each", type=int, default=3, help="cases of each way for each call in a round")
-    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument(
+        "--seed", type=int, default=1, choices=range(1, 90), metavar="1..89", help="targets are numbered by it"
+    )
     options = parser.parse_args()
     began = time.monotonic()
     people = Console(stderr=True)

@@ -9,7 +9,7 @@ import typer.main
 
 import tsis
 from tsis.cli._app import app
-from tsis.console.api import api_app
+from tsis.console.api._application import api_app
 from tsis.console.api._responses import CONTROL
 
 if TYPE_CHECKING:

@@ -56,7 +56,7 @@ def run_tsis(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with ``demo``, whose frames and estimate went into the store ``records``."""
     folder = tmp_path_factory.mktemp("round")
-    with pytest.MonkeyPatch.context() as patch:
+    with pytest.MonkeyPatch.context() as patch, rough_pictures():
         patch.chdir(folder)
         options = ["--seed", "4", "--strain", "small", "--phantom", "size-8", "--out", "demo"]
         patch.setattr(sys, "argv", ["tsis", "demo", "--save", "--store", "records", *options])
@@ -92,8 +92,8 @@ def records(filled: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(filled, tmp_path / "records"))
 
 
-@pytest.fixture(autouse=True)
+@pytest.fixture(scope="module", autouse=True)
 def _rough_pictures() -> Iterator[None]:
-    """Spare the rendering of pictures: tests of reports look at those."""
+    """Draw one picture of each title in a file and render none: tests of reports look at those."""
     with rough_pictures():
         yield

@@ -64,3 +64,19 @@ def test_who_wants_no_browser_gets_none(
     assert ended.code == 0
     assert ADDRESS in (json.loads(ended.out)["address"] if "--json" in options else ended.out)
     assert opened.empty()
+
+
+def test_no_garbage_is_collected_until_all_is_loaded(
+    run_tsis: RunTsis, monkeypatch: pytest.MonkeyPatch, opened: queue.Queue[str]
+) -> None:
+    collected = []
+
+    def served(_: ConsoleSettings, *, ready: Callable[[str], None]) -> None:
+        collected.append(gc.isenabled())
+        ready(ADDRESS)
+        collected.append(gc.isenabled())
+
+    monkeypatch.setattr(serving, "serve_console", served)
+    assert run_tsis("console", "--no-browser").code == 0
+    assert collected == [False, True]
+    assert opened.empty()

@@ -104,8 +104,8 @@ def test_a_recorded_gel_sensor_has_its_contacts(run_tsis: RunTsis, small_sensor:
 def test_the_live_view_of_the_virtual_sensor_has_contact_depth_and_force(
     run_tsis: RunTsis, small_sensor: tuple[str, str]
 ) -> None:
-    run_tsis("acquire", *small_sensor, "--seed", "12", "--frames", "6", "--out", "rec")
-    presses = [f"rec/frame-{number:06d}.png" for number in range(1, 6)]
+    run_tsis("acquire", *small_sensor, "--seed", "12", "--frames", "4", "--out", "rec")
+    presses = [f"rec/frame-{number:06d}.png" for number in range(1, 4)]
     common = (*small_sensor, "--reference", "rec/frame-000000.png")
     made = run_tsis("depth", "calibrate", *presses, *common, "--ball-mm", "6", "--out", "depth.json")
     assert made.code == 0, made.err

@@ -21,6 +21,7 @@ from rich.console import Console
 from tests.records.dicom.variants import with_estimate
 from tests.records.sample import sample_record
 from tests.report.pdf_readers import sheets
+from tests.report.rough_pictures import rough_pictures
 from tests.report.test_pages import a_press
 
 import tsis
@@ -47,7 +48,7 @@ from tsis.report.paper import pdf
 from tsis.report.target import target_page
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
 SOURCE = Path(tsis.__file__).parent
 NAMES = ("diameter_mm", "depth_mm", "young_kpa")
@@ -66,6 +67,13 @@ READS_WITHHELD = {
 MIDDLE = {"diameter_mm": 8.3717, "depth_mm": 5.6139, "young_kpa": 77.293}
 SPREAD = {"diameter_mm": 0.6871, "depth_mm": 0.4783, "young_kpa": 9.2433}
 PRESENCE = 0.73519
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _rough_pictures() -> Iterator[None]:
+    """Spare the rendering of pictures, whose numbers are paths and pixels that nothing here reads."""
+    with rough_pictures():
+        yield
 
 
 def planted(*, trusted: bool, flags: tuple[str, ...] = (), names: tuple[str, ...] = NAMES) -> Estimate:

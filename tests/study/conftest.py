@@ -11,6 +11,6 @@ if TYPE_CHECKING:
 
 @pytest.fixture(scope="module", autouse=True)
 def _rough_pictures() -> Iterator[None]:
-    """Spare the rendering of pictures: tests of reports look at those."""
+    """Draw one picture of each title in a file and render none: tests of reports look at those."""
     with rough_pictures():
         yield

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import gc
 import hashlib
 import json
 import stat
@@ -24,6 +25,7 @@ from tsis.study import (
 from tsis.study._log import SealedTruth, parse_seal
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
 import numpy as np
@@ -196,6 +198,16 @@ def test_a_threshold_that_is_none_any_more_is_named_with_its_line(tmp_path: Path
         open_study(study.folder).threshold_of("feeler")
 
 
+@pytest.fixture
+def usual_collection() -> Iterator[None]:
+    """Collect garbage as often as Python does outside of tests."""
+    often = gc.get_threshold()
+    gc.set_threshold(700, 10, 10)
+    yield
+    gc.set_threshold(*often)
+
+
+@pytest.mark.usefixtures("usual_collection")
 def test_a_large_seal_is_the_same_document_written_target_by_target() -> None:
     """Memory at 10^5 targets stays within a few times the file, which a whole document exceeded ten times."""
     targets = random_targets(600, 1500, rng=np.random.default_rng(3))

@@ -20,7 +20,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket  # noqa: TC002 - FastAPI reads the annotation
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.console.api import PLACE, api_app
+from tsis.console.api import PLACE, Calls
 from tsis.console.auth import AuthMiddleware, console_folder, failed, write_private
 from tsis.console.files import Reports, files_router
 from tsis.console.live import ADDRESS, LiveHub, live_view
@@ -100,10 +100,12 @@ def console_app(instrument: Instrument, *, access: Access, hosts: Collection[str
     """
     hub = LiveHub(lambda: instrument.camera_controller.acquisition)
     reports = Reports(instrument.store, database=instrument.terms.database)
+    calls = Calls(instrument, reports)
 
     @asynccontextmanager
     async def living(_: FastAPI) -> AsyncIterator[None]:
-        yield
+        with calls.built_soon():
+            yield
         reports.close()
         hub.close()
 
@@ -118,7 +120,7 @@ def console_app(instrument: Instrument, *, access: Access, hosts: Collection[str
 
     workspace = instrument.terms.workspace
     application.include_router(files_router(instrument.store, reports, StudyRepository(workspace), workspace=workspace))
-    application.mount(PLACE, api_app(instrument, reports))
+    application.mount(PLACE, calls)
     for sheet in sorted(STATIC.glob("*.css")):  # console.css, then one for each page that needs more
         ui.add_css(sheet, shared=True)
     ui.add_head_html(AT_ONCE, shared=True)

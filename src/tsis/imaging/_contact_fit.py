@@ -32,6 +32,7 @@ BLUR = 0.06  # of the contact radius, where the fit of the optics' blur starts
 LIMITS = np.array([0.8, 0.8, 0.6, 0.4, 0.4, 2.5, 1.5])  # of the parameters about their start
 STEEPEST = 0.95  # sine of the slope at the edge of a contact
 SHARPEST = 1.0  # limit of the logarithm of the blur under white light
+FIXED = 1e-6  # limit of a parameter that is known
 FEWEST_PIXELS = 60
 RIDGE = 1e-9
 _GRID = np.linspace(0.0, 6.0, 301)
@@ -167,9 +168,9 @@ class _Window:
         if self.gel is None:
             along = outer_slope(rho, float(np.exp(parameters[5])), float(parameters[7])) / np.maximum(rho, 1e-9)
             first, second = (gaussian_blur(along * part, (blur, blur), mode="nearest") for part in (u, v))
-            shapes = [
-                first**i * second**j for i in range(DEGREE + 1) for j in range(DEGREE + 1 - i) if (i, j) != (0, 0)
-            ]
+            one = np.ones_like(rho)
+            across, down = ([one, part, part * part, part * part * part] for part in (first, second))
+            shapes = [across[i] * down[j] for i in range(DEGREE + 1) for j in range(DEGREE + 1 - i) if (i, j) != (0, 0)]
             # Near lamps light the two sides of a contact differently.
             shapes += [part * place for part in (first, second) for place in (self.x, self.y)]
         else:
@@ -214,12 +215,12 @@ class _Window:
         """Largest distances of the parameters from their start."""
         limits = LIMITS.copy()
         if not ellipse:
-            limits[3:5] = 1e-6
+            limits[3:5] = FIXED
         if self.gel is None:
             return np.append(limits, STEEPEST / 2)
         limits[6] = SHARPEST
-        limits[5] = max(float(np.ptp(np.log(self.gel.thickness_px))) / 2.0, 1e-6)
-        return np.append(limits, max(float(np.ptp(self.gel.poisson)) / 2.0, 1e-6))
+        limits[5] = max(float(np.ptp(np.log(self.gel.thickness_px))) / 2.0, FIXED)
+        return np.append(limits, max(float(np.ptp(self.gel.poisson)) / 2.0, FIXED))
 
 
 def fit_contact(
@@ -265,16 +266,30 @@ def fit_contact(
 
 def _solved(window: _Window, factor: float, *, ellipse: bool) -> OptimizeResult:
     start, limits = window.start(factor), window.limits(ellipse=ellipse)
-    return least_squares(
-        window.residual,
-        start,
-        bounds=(start - limits, start + limits),
+    free = limits > FIXED
+
+    def whole(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        result = start.copy()
+        result[free] = values
+        return result
+
+    def left(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        return window.residual(whole(values))
+
+    found = least_squares(
+        left,
+        start[free],
+        bounds=((start - limits)[free], (start + limits)[free]),
         x_scale=0.1,
-        diff_step=np.full(start.size, 1e-3),
+        diff_step=np.full(np.count_nonzero(free), 1e-3),
         xtol=1e-4,
         ftol=1e-5,
         max_nfev=25,
     )
+    jacobian = np.zeros((found.fun.size, start.size))
+    jacobian[:, free] = np.asarray(found.jac)
+    found.x, found.jac = whole(found.x), jacobian
+    return found
 
 
 def joined_fits(fits: list[ContactFit], costs: list[float]) -> ContactFit:

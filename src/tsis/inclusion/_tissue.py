@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from tsis.compiled import one_blas_thread
 from tsis.errors import InputError
@@ -158,7 +158,7 @@ def _summary(logs: Floats, misfit: float, count: int) -> TissueModulus:
     density /= density.sum()
     low, middle, high = np.exp(np.interp([0.05, 0.5, 0.95], np.cumsum(density), fine)).tolist()
     sd = float(np.sqrt(density @ (fine - density @ fine) ** 2))
-    return TissueModulus(young_kpa=middle, sd=sd, interval_kpa=(low, high), chance=float(chi2.sf(misfit, count - 1)))
+    return TissueModulus(young_kpa=middle, sd=sd, interval_kpa=(low, high), chance=float(chdtrc(count - 1, misfit)))
 
 
 @lru_cache(maxsize=8)

@@ -5,8 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.collections import EllipseCollection
-from matplotlib.patches import Rectangle
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -162,6 +160,8 @@ def draw_scan_plan(plan: ScanPlan, ax: Axes, *, extent_mm: float | None = None) 
 
     Both axes get one scale. ``extent_mm`` is the detection range beside a press, drawn as filled discs.
     """
+    from matplotlib.patches import Rectangle  # loaded with the first figure
+
     positions = plan.positions_mm
     if extent_mm is not None and extent_mm > 0:
         _discs(plan, ax, extent_mm, facecolor=RANGE, alpha=0.25)
@@ -187,6 +187,8 @@ def draw_scan_plan(plan: ScanPlan, ax: Axes, *, extent_mm: float | None = None) 
 
 def _discs(plan: ScanPlan, ax: Axes, radius_mm: float, **view: object) -> None:
     """Draw a disc around each press as one artist without legend: a plan may have thousands."""
+    from matplotlib.collections import EllipseCollection
+
     size = [2 * radius_mm]
     discs = EllipseCollection(
         size, size, [0.0], units="xy", offsets=plan.positions_mm, transOffset=ax.transData, **view

@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.figure import Figure
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
     from tsis.inclusion.design import Design
     from tsis.model import Estimate
@@ -67,7 +67,10 @@ def posterior(estimate: Estimate, figure: Figure | None = None) -> Figure:
     None makes one.
     """
     names = tuple(estimate.prior_sd)
-    figure = Figure(figsize=(3.2 * len(names), 2.8), layout="constrained") if figure is None else figure
+    if figure is None:
+        from matplotlib.figure import Figure  # loaded with the first figure
+
+        figure = Figure(figsize=(3.2 * len(names), 2.8), layout="constrained")
     priors = estimate.provenance.get("prior", {})
     for name, ax in zip(names, figure.subplots(1, len(names), squeeze=False)[0], strict=True):
         ax.set(xlabel=LABELS.get(name, name), yticks=[])

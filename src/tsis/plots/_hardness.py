@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib import colormaps
 
 from tsis.plots._estimate import POSTERIOR, TRUTH, draw_posterior
 
@@ -69,6 +68,8 @@ def contact_rows(
     Shapes: positions along the line ``row_mm`` (columns,), grey levels ``rows`` (forces, columns), ascending forces
     ``force_n`` (forces,).
     """
+    from matplotlib import colormaps  # loaded with the first figure
+
     named = set(np.linspace(0, len(force_n) - 1, min(LABELLED, len(force_n))).round().astype(int).tolist())
     shades = colormaps["viridis"](np.linspace(0.0, 0.9, len(force_n)))
     for index, (row, force, shade) in enumerate(zip(rows, force_n, shades, strict=True)):

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.patches import Ellipse
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -93,6 +92,8 @@ GOOD, REFUSED = "#ffffff", "#e69f00"
 
 def gel_contact(frame: NDArray[Any], contact: GelContact, ax: Axes) -> Axes:
     """Draw a frame with its contact: a full line where it is good, a broken one and the reasons where it is not."""
+    from matplotlib.patches import Ellipse  # loaded with the first figure
+
     levels = np.asarray(frame)
     ax.imshow(levels if levels.ndim == 3 else levels.astype(float), cmap="gray", interpolation="nearest")
     title = f"{contact.name}: quality {contact.quality:.2f}"

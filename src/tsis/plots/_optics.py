@@ -6,10 +6,6 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.collections import LineCollection
-from matplotlib.colors import to_rgba
-from matplotlib.patches import Circle, Polygon, Rectangle
-from matplotlib.path import Path
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -129,6 +125,10 @@ def ray_picture(
     Lamps beside the plane of the picture are omitted. The paths, of `tsis.optics.rays.trace_paths`, are drawn into the
     plane, fainter where less light remains. ``pressed`` is a press around the axis, whose dent is drawn.
     """
+    from matplotlib.collections import LineCollection  # loaded with the first figure
+    from matplotlib.colors import to_rgba
+    from matplotlib.patches import Rectangle
+
     first = np.radians(next(led.azimuth_deg for led in probe.leds if led.power > 0))
     span = np.linspace(-probe.radius_mm, probe.radius_mm, 241)
     face = probe.sag_mm(np.abs(span))
@@ -156,6 +156,8 @@ def ray_picture(
 
 
 def _draw_layers(probe: Probe, span: NDArray[np.float64], face: NDArray[np.float64], ax: Axes) -> None:
+    from matplotlib.patches import Polygon, Rectangle
+
     thickness, level = probe.thickness_mm, 0.0
     for number, layer in enumerate(probe.layers):
         lower = face + level / thickness * (thickness - face)
@@ -178,6 +180,8 @@ def light_on_face(traced_light: TracedLight, ax: Axes, *, what: str = "arriving"
 
     ``what`` is ``"arriving"``, ``"lost"`` or ``"coupled"``.
     """
+    from matplotlib.patches import Circle
+
     size = float(traced_light.x_mm[1] - traced_light.x_mm[0])
     radius = float(traced_light.x_mm[-1]) + size / 2
     values = getattr(traced_light, what) / size**2 * 1e6
@@ -224,6 +228,8 @@ def probe_section(probe: Probe, ax: Axes) -> Axes:
 
 def _beam(probe: Probe, led: Led, side: float, ax: Axes) -> None:
     """The cone of more than half of a lamp's intensity, up to the axis."""
+    from matplotlib.path import Path
+
     height, edge = probe.led_height_mm(led), side * probe.radius_mm
     angles = np.radians(np.clip(led.aim_deg + led.half_angle_deg * np.array([-1.0, 1.0]), -STEEPEST, STEEPEST))
     ends = height + probe.radius_mm * np.tan(angles)  # on the axis

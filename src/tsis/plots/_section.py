@@ -6,7 +6,6 @@ import textwrap
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.patches import Circle
 
 from tsis.errors import InputError
 
@@ -65,6 +64,8 @@ def withheld(estimate: Estimate, ax: Axes) -> Axes:
 
 
 def _inclusion(ax: Axes, diameter_mm: float, depth_mm: float, **style: float) -> None:
+    from matplotlib.patches import Circle  # loaded with the first figure
+
     ax.add_patch(Circle((0.0, depth_mm + diameter_mm / 2), diameter_mm / 2, fill=False, color=INCLUSION, **style))
 
 

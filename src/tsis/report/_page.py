@@ -6,17 +6,18 @@ import base64
 import io
 import threading
 from dataclasses import dataclass, field
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
-import matplotlib as mpl
-from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
-from matplotlib.figure import Figure
+from jinja2 import Environment, PackageLoader, StrictUndefined, Template, select_autoescape
 from PIL import Image
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
+
+    from matplotlib.figure import Figure
 
 
 DPI = 120
@@ -40,6 +41,9 @@ def pixels(picture: Picture, *, size: tuple[float, float], dpi: float = PAPER_DP
 
 
 def _drawn(picture: Picture, size: tuple[float, float], *, kind: str, dpi: float) -> bytes:
+    import matplotlib as mpl  # loaded with the first figure
+    from matplotlib.figure import Figure
+
     buffer = io.BytesIO()
     with FIGURE_LOCK, mpl.rc_context({"svg.hashsalt": "tsis", "font.size": 9.0}):
         figure = Figure(figsize=size, layout="constrained")
@@ -123,6 +127,15 @@ class Page:
 
 def html(page: Page) -> bytes:
     """The page as UTF-8."""
+    return (
+        _template()
+        .render(page=page, notice=RESEARCH_USE_ONLY, version=__version__, address=address)
+        .encode(errors="backslashreplace")
+    )
+
+
+@cache
+def _template() -> Template:
     environment = Environment(
         loader=PackageLoader("tsis.report"),
         autoescape=select_autoescape(default=True),
@@ -130,7 +143,4 @@ def html(page: Page) -> bytes:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    template = environment.get_template("page.html")
-    return template.render(page=page, notice=RESEARCH_USE_ONLY, version=__version__, address=address).encode(
-        errors="backslashreplace"
-    )
+    return environment.get_template("page.html")

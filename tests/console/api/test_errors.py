@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import errno
+import json
 import sqlite3
 from typing import TYPE_CHECKING
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tsis import errors
@@ -75,9 +76,14 @@ def test_every_error_of_the_program_has_a_status_below_500_or_a_documented_one()
 
 
 @given(st.text())
-def test_any_sentence_can_be_sent(text: str) -> None:
-    half = text + "\ud800"
-    assert bytes(problem(422, half, "InputError").body).decode()
+@example("a\nb\x1b[2J")
+def test_any_sentence_is_sent_as_one_printable_line(text: str) -> None:
+    """A name that a caller made up is quoted in the message: half a letter and control characters are spelt out."""
+    sent = json.loads(bytes(problem(422, text + "\ud800", "InputError").body))["error"]
+    assert sent.isprintable()
+    assert sent.endswith(("\\ud800", "…"))
+    if text.isprintable() and len(text) < 900:
+        assert sent == text + "\\ud800"
 
 
 @given(

@@ -35,8 +35,8 @@ def _fresh_readings(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tsis.console.services._watcher.EVERY_S", 0.01)
 
 
-@pytest.fixture(autouse=True)
+@pytest.fixture(scope="module", autouse=True)
 def _rough_pictures() -> Iterator[None]:
-    """Spare the rendering of pictures: tests of reports look at those."""
+    """Draw one picture of each title in a file and render none: tests of reports look at those."""
     with rough_pictures():
         yield

@@ -41,7 +41,7 @@ HOST = "console.test"
 API = "/api/v1"
 FIELDS = (ui.input, ui.textarea, ChoiceElement, ui.checkbox, ui.switch)
 CONTROLS = (ui.button, ui.link, ui.tab, ui.checkbox, ui.switch, ui.expansion, Upload)
-PAUSE_S = 0.05  # of the loop's clock
+PAUSE_S, LONGEST_PAUSE_S = 0.05, 0.5  # of the loop's clock
 SPEED = 10.0  # of the loop's clock: what pages and the library repeat every so many seconds costs no test that time
 UPDATED = ("update:value", "update:modelValue")  # what a browser sends of a field that was changed
 
@@ -187,11 +187,12 @@ class Operator:
 
     async def until(self, happened: Callable[[], bool], what: str) -> None:
         """Wait until something is so."""
-        hangs_s = time.monotonic() + HANGS_S
+        hangs_s, pause_s = time.monotonic() + HANGS_S, PAUSE_S
         while time.monotonic() < hangs_s:
             if happened():
                 return
-            await asyncio.sleep(PAUSE_S)
+            await asyncio.sleep(pause_s)
+            pause_s = min(1.3 * pause_s, LONGEST_PAUSE_S)  # looking over the page takes time from what it waits for
         raise AssertionError(f"{what}; the page has {self.texts} and said {self.messages}")
 
     async def pause(self) -> None:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import threading
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import pytest
 from tests.console.services.instruments import LIT
 from tests.console.services.lit_camera import COLUMNS, ROWS, World, observed
 from tests.waiting import HANGS_S, until
 
-from tsis.console.services import CameraChoice
+from tsis.console.services import CameraChoice, _camera
 from tsis.console.services._camera import CameraController
 from tsis.errors import CameraError, ControlError, InputError, UnknownNameError
 
@@ -207,3 +207,50 @@ def test_a_force_that_nobody_presses_with_is_refused(controller: CameraControlle
         controller.hold("tissue", 1.0)
     controller.hold(*controller.completed(None, None, forget=True))
     assert controller.force_n is None
+
+
+class Subject:
+    """In place of the virtual probe: counts what was solved, and takes until it is let go."""
+
+    solved: ClassVar[list[CameraChoice]] = []
+    let_go = threading.Event()
+
+    def __init__(self, choice: CameraChoice) -> None:
+        self.choice = choice
+
+    def hold(self, _role: str, _force_n: float) -> None:
+        assert self.let_go.wait(HANGS_S)
+        self.solved.append(self.choice)
+
+    def connect(self) -> object:
+        raise CameraError("this probe has no camera")
+
+
+@pytest.fixture
+def prepared(monkeypatch: pytest.MonkeyPatch) -> Iterator[CameraController]:
+    """A controller of a virtual probe whose first press is being solved ahead."""
+    monkeypatch.setattr(_camera, "VirtualSubject", Subject)
+    Subject.solved.clear()
+    Subject.let_go.clear()
+    controller = CameraController(CameraChoice(seed=1))
+    controller.prepare()
+    controller.prepare()
+    yield controller
+    controller.close()
+
+
+def test_a_first_press_that_was_solved_ahead_is_not_solved_again(prepared: CameraController) -> None:
+    threading.Timer(0.05, Subject.let_go.set).start()
+    with pytest.raises(CameraError, match="no camera"):
+        prepared.start()
+    assert Subject.solved == [prepared.choice]
+    assert prepared.subject is not None
+
+
+def test_another_first_press_than_the_one_solved_ahead_is_solved(prepared: CameraController) -> None:
+    Subject.let_go.set()
+    until(lambda: len(Subject.solved) == 1)
+    prepared.choose(CameraChoice(seed=2))
+    with pytest.raises(CameraError, match="no camera"):
+        prepared.start()
+    assert [choice.seed for choice in Subject.solved] == [1, 2]

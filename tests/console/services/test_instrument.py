@@ -93,7 +93,7 @@ def test_one_that_cannot_be_begun_leaves_no_thread_and_no_lock(tmp_path: Path) -
         assert instrument.store.targets() == ()
 
 
-def test_state_never_waits_for_a_camera_that_is_being_opened(tmp_path: Path) -> None:
+def test_state_never_waits_for_a_camera_that_is_being_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     world, reported = World(), list[str]()
     world.opening = threading.Event()
     with lit_instrument(tmp_path, world) as instrument:
@@ -101,6 +101,7 @@ def test_state_never_waits_for_a_camera_that_is_being_opened(tmp_path: Path) -> 
         assert world.waits.wait(HANGS_S)
         state = instrument.state()
         assert (state.busy, state.camera.running) == ("starting the camera", False)
+        monkeypatch.setattr(instrument._commands, "_timeout_s", 0.01)
         with pytest.raises(ControlError, match="the bench is busy starting the camera; try again"):
             instrument.start(by=ANN)
         instrument.control.take("tab bob", "Bob", over=True)

@@ -1,5 +1,62 @@
 """Calls for scripts beside the pages: HTTP and JSON, described by OpenAPI. The models of pydantic end here."""
 
-from tsis.console.api._application import PLACE, api_app
+from __future__ import annotations
 
-__all__ = ["PLACE", "api_app"]
+import asyncio
+import threading
+from contextlib import contextmanager
+from functools import cached_property
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from fastapi import FastAPI
+    from starlette.routing import BaseRoute
+    from starlette.types import Receive, Scope, Send
+
+    from tsis.console.files import Reports
+    from tsis.console.services import Instrument
+
+__all__ = ["PLACE", "Calls"]
+PLACE = "/api"
+SOON_S = 5.0  # the first page is shown by then
+
+
+class Calls:
+    """The calls of an instrument, to be mounted at `PLACE`; pages do not wait for them to be built.
+
+    The first call builds them, or a thread a while after the start. ``reports`` builds the reports of its store.
+    """
+
+    def __init__(self, instrument: Instrument, reports: Reports) -> None:
+        self._instrument, self._reports = instrument, reports
+
+    @cached_property
+    def application(self) -> FastAPI:
+        """The application, which is built now if it was not yet."""
+        result: FastAPI = import_module(f"{__name__}._application").api_app(self._instrument, self._reports)
+        return result
+
+    @property
+    def routes(self) -> list[BaseRoute]:
+        """Routes of all calls."""
+        return self.application.routes
+
+    @contextmanager
+    def built_soon(self) -> Iterator[None]:
+        """Build the application some seconds after the start of the block."""
+        building = threading.Timer(SOON_S, lambda: self.application)
+        building.daemon = True
+        building.start()
+        try:
+            yield
+        finally:
+            building.cancel()
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer a call."""
+        if "application" not in self.__dict__:
+            await asyncio.to_thread(lambda: self.application)
+        await self.application(scope, receive, send)

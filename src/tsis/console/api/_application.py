@@ -9,6 +9,7 @@ from fastapi import APIRouter, Depends, FastAPI
 from fastapi.security import HTTPBearer
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
+from tsis.console.api import PLACE
 from tsis.console.api._documented import OF_CALLS, description
 from tsis.console.api._errors import install_error_handlers
 from tsis.console.api._responses import CONTROL
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
     from tsis.console.services import Instrument
 
 
-PLACE, VERSION = "/api", "/v1"
+VERSION = "/v1"
 HEADERS = ((b"tsis-notice", RESEARCH_USE_ONLY.encode()), (b"cache-control", b"no-store"))
 ROUTERS = (
     state_router,
@@ -59,7 +60,7 @@ watch. Numbers are finite; null stands for unknown or unbounded values. Names ca
 
 
 def api_app(instrument: Instrument, reports: Reports) -> FastAPI:
-    """The calls of an instrument, to be mounted at `PLACE`; ``reports`` builds the reports of its store."""
+    """The calls of an instrument as an application; ``reports`` builds the reports of its store."""
     application = FastAPI(
         title="tsis console",
         version=__version__,

@@ -40,7 +40,8 @@ def install_error_handlers(application: FastAPI) -> None:
 
 def problem(status: int, message: str, kind: str, headers: Any = None) -> JSONResponse:
     """The response."""
-    text = message.encode(errors="backslashreplace").decode()
+    # A message may quote what was received, control characters and halves of letters included.
+    text = "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in message)
     shown = text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
     return JSONResponse({"error": shown, "kind": kind}, status, headers=headers)
 

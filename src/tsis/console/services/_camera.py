@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -119,6 +120,7 @@ class CameraController:
         self.subject: VirtualSubject | None = None
         self.acquisition: Acquisition | None = None
         self._beginning: Acquisition | None = None
+        self._ahead: tuple[object, threading.Thread, list[VirtualSubject]] | None = None
         self._connect_to, self._on_change = connect_to, changed
         self._as_it_came: tuple[Setting, ...] = ()
         self._requested: dict[str, float] = {}
@@ -143,6 +145,19 @@ class CameraController:
         self.choice, self.subject = choice, None
         self.role, self.force_n = choice.roles[0], choice.touch_n
         self._as_it_came, self._requested = (), {}
+
+    def prepare(self) -> None:
+        """Solve the first press of the virtual probe in the background, once, so that `start` need not wait for it."""
+        if self.choice.is_virtual and self._ahead is None:
+            begins, solved = (self.choice, self.role, self.force_n), list[VirtualSubject]()
+
+            def solve() -> None:
+                with suppress(TsisError):
+                    solved.append(_pressed(*begins))
+
+            thread = threading.Thread(target=solve, name="first press", daemon=True)
+            self._ahead = begins, thread, solved
+            thread.start()
 
     def start(self) -> None:
         """Connect and begin to stream; nothing happens when it runs already. Errors as `Acquisition.start`."""
@@ -289,13 +304,28 @@ class CameraController:
             return lambda: gel_camera  # rendered once
         if not self.choice.is_virtual:
             return partial(self._connect_to, self.choice.spec)
-        subject = VirtualSubject(self.choice) if self.subject is None else self.subject
-        assert self.force_n is not None
         if self.subject is None:
             # Solved before it streams: a camera that brings no frame for seconds counts as lost.
-            subject.hold(self.role, self.force_n)
-            self.subject = subject
-        return subject.connect
+            self.subject = self._first_press()
+        return self.subject.connect
+
+    def _first_press(self) -> VirtualSubject:
+        """The virtual probe in its first press, which `prepare` may have solved; given away once."""
+        begins = self.choice, self.role, self.force_n
+        if self._ahead is not None and self._ahead[0] == begins:
+            _, thread, solved = self._ahead
+            thread.join()
+            if solved:
+                return solved.pop()
+        return _pressed(*begins)
+
+
+def _pressed(choice: CameraChoice, role: str, force_n: float | None) -> VirtualSubject:
+    """A virtual probe whose press is solved; errors as `CameraController.hold`."""
+    assert force_n is not None
+    subject = VirtualSubject(choice)
+    subject.hold(role, force_n)
+    return subject
 
 
 def _period_s(acquisition: Acquisition) -> float:

@@ -66,6 +66,7 @@ class Instrument:
     Each raises `ControlError` when somebody else owns the camera, or another command lasts for seconds.
 
     ``before_estimates`` is called with the name of the probe when the camera has started: estimates come soon.
+    ``page_opened`` is called when a page is shown: the camera is started soon.
 
     Parameters
     ----------
@@ -100,6 +101,7 @@ class Instrument:
         self.terms, self._target = terms, number
         self._gauge: ForceLog | None = None
         self.before_estimates: Callable[[str], None] = lambda _: None
+        self.page_opened: Callable[[], None] = lambda: None
         self.camera_controller = CameraController(
             choice, changed=lambda: self._watcher.begin_anew(), connect_to=connect_to
         )

@@ -7,7 +7,6 @@ from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-from scipy.stats import qmc
 
 from tsis.errors import InputError, MechanicsError
 from tsis.mechanics._face import hat_areas, hats
@@ -265,6 +264,8 @@ def design(box: CorrectionBox, count: int, seed: int) -> Floats:
 
     Spheres that would reach below 0.97 of the thickness are left out.
     """
+    from scipy.stats import qmc  # slow to load
+
     unit = qmc.Sobol(6, seed=seed).random_base2(int(np.ceil(np.log2(count))) + 2)
     low, high = box.coordinates
     states = low + unit * (high - low)

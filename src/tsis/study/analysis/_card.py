@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import binom
 
 from tsis.errors import CalibrationError
 from tsis.model import INTERVAL_LEVEL
@@ -146,6 +145,8 @@ def _statistics(
                 required=f"p >= {1 - level:.1g}",
                 passed=not p < 1 - level,
             )
+    from scipy.stats import binom  # slow to load
+
     for quantity, (hits, count) in covered.items():
         least = int(binom.ppf(1 - level, count, INTERVAL_LEVEL))
         yield CardCheck(
