@@ -1,11 +1,15 @@
 """A soft cylinder on its side pressed into a bonded gel, by NGSolve in plane strain at finite strain.
 
+    python -m benchmarks.soft_cylinder [--seed 900] [--states 19]
+
 Both are neo-Hookean and touch without friction. The cylinder's equator moves as a plane and may widen, as between the
-two equal fingers of a gripper. Used by `gel_hardness`; nothing is shared with `tsis.mechanics`.
+two equal fingers of a gripper. Used by `gel_hardness`; nothing is shared with `tsis.mechanics`. As a program it presses
+cylinders of drawn states and fits the correction for large strain of `tsis.hardness`.
 """
 
 from __future__ import annotations
 
+import argparse
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,9 +17,13 @@ import ngsolve as ng
 import numpy as np
 from netgen.geom2d import SplineGeometry
 
+from tsis.mechanics.gel import layer_contact
+
 WIDE = 4.0  # gel thicknesses from the middle to the free side, at least
 FINE, COARSE, ORDER = 0.03, 0.25, 2  # meshes over the cylinder's radius
 PENALTY = 1000.0  # stiffness of the contact over the softer modulus by the radius
+APPROACHES = (0.02, 0.05, 0.09, 0.14, 0.2, 0.26)  # of the fit: equator's travel over the radius
+LEAST_FITTED = 0.2  # contact over the radius, below which the mesh errs as much as the layer
 STEPS, MOST_HALVED, UPDATES, CLOSE = 4, 4, 25, 1e-6
 
 
@@ -162,3 +170,45 @@ def _read(mesh: Any, elastic: Any, solution: Any, space: Any, lift: Any) -> Pres
         moments.append(float(ng.InnerProduct(inner, weight.vec)))
     dent = -float(solution.components[1](mesh(1e-9, 0.0)))
     return Press(force_n_mm=force / 1e3, half_mm=2.0 * float(np.sqrt(moments[1] / moments[0])), dent_mm=dent)
+
+
+def against_layer(gel: Solid, cylinder: Solid, radius: float, thickness: float) -> list[list[float]]:
+    """Terms of the correction, and logarithms of force and dent over those of the layer at small strain, by press."""
+    compliance = [(1 - solid.poisson**2) / solid.young_kpa for solid in (cylinder, gel)]
+    soft, rows = compliance[0] / sum(compliance), []
+    approaches = tuple(share * radius for share in APPROACHES)
+    for press in cylinder_presses(gel, cylinder, radius_mm=radius, thickness_mm=thickness, approaches_mm=approaches):
+        small = layer_contact(
+            press.half_mm, body="cylinder", radius_mm=radius, body_compliance=compliance[0],
+            gel_compliance=compliance[1], thickness_mm=thickness, poisson=gel.poisson,
+        )  # fmt: skip
+        x, dent = press.half_mm / radius, float(small.dent_mm)
+        logarithms = [np.log(1e3 * press.force_n_mm / float(small.force)), np.log(press.dent_mm / dent)]
+        rows.append([dent / thickness, x**2 * (1 - soft), x**6, x**2, *logarithms])
+    return rows
+
+
+def main() -> None:
+    """Press cylinders of drawn states and fit."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seed", type=int, default=900)
+    parser.add_argument("--states", type=int, default=19)
+    arguments = parser.parse_args()
+    rng, rows = np.random.default_rng(arguments.seed), list[list[float]]()
+    for _ in range(arguments.states):
+        thickness, radius = rng.uniform(2.0, 9.0), rng.uniform(3.0, 9.0)
+        gel = Solid(young_kpa=150.0, poisson=rng.uniform(0.47, 0.497))
+        own_ratio, young = rng.uniform(0.44, 0.49), float(np.exp(rng.uniform(np.log(15.0), np.log(2000.0))))
+        rows += against_layer(gel, Solid(young_kpa=young, poisson=own_ratio), radius, thickness)
+    values = np.array(rows)
+    used = values[values[:, 3] > LEAST_FITTED**2]
+    print(f"{len(values)} presses, {len(used)} of them wider than {LEAST_FITTED} of the radius, the largest")
+    print(f"{np.sqrt(values[:, 3].max()):.2f}; dent/thickness, x² (1 - s), x⁶, x²; RMS error")
+    for name, column in (("force", 4), ("dent", 5)):
+        fit = np.linalg.lstsq(used[:, :4], used[:, column], rcond=None)[0]
+        error = float(np.sqrt(np.mean((used[:, :4] @ fit - used[:, column]) ** 2)))
+        print(f"{name}: {', '.join(f'{part:.3f}' for part in fit)}; {error:.4f}")
+
+
+if __name__ == "__main__":
+    main()

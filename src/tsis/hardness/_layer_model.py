@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 # Logarithms of force and dent over their small-strain values by dent/thickness, x² (1 - s), x⁶, x² with x the contact's
 # radius over the body's and s the body's fraction of the compliance. Fitted to neo-Hookean bodies on neo-Hookean gels:
-# 46 presses of spheres (tsis.mechanics.finite_strain), 110 of cylinders to x = 0.65 (benchmarks/soft_cylinder.py).
+# 46 presses of spheres (tsis.mechanics.finite_strain), 88 of cylinders, x 0.2 to 0.65 (benchmarks/soft_cylinder.py).
 FINITE_FORCE = {"sphere": (0.42, 0.055, 0.156, -0.066), "cylinder": (1.224, -0.44, 0.451, 0.189)}
 FINITE_DENT = {"sphere": (-0.052, 0.289, 0.1045, -0.021), "cylinder": (0.384, -0.274, 0.233, 0.218)}
 FORCE_MODEL_SD, DENT_MODEL_SD = 0.015, 0.02  # relative; RMS of those fits 0.011 and 0.016; of cylinders 0.011, 0.010

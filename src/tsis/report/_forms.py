@@ -59,6 +59,7 @@ def write_form(form: str, record: TargetRecord, path: Path, *, identified: bool)
         When the form is a plug-in that fails.
     """
     if form in PAGE_FORMS:
+        require_absent(path)  # before the page is drawn
         _write_file(path, page_bytes(form, record))
     elif form == "fhir":
         from tsis.records.export import fhir_observations
