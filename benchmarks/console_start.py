@@ -20,7 +20,6 @@ from benchmarks.goals import Goal, missed_goals
 from benchmarks.live.processor import CoreShare
 from benchmarks.tables import show
 from tests.console.browser import chromium
-from tests.console.operator import PATIENCE_MS
 from tests.console.running import running_console
 
 if TYPE_CHECKING:
@@ -42,7 +41,6 @@ def timed(folder: Path, browser: Browser) -> tuple[float, float, float, float]:
     begun = time.monotonic()
     with running_console(folder) as console:
         page = browser.new_context(viewport={"width": 1280, "height": 800}).new_page()
-        page.set_default_timeout(PATIENCE_MS)
         page.goto(console.entrance)
         page.get_by_text("What this is").wait_for()
         first_s, server = time.monotonic() - begun, CoreShare(console.process.pid)
@@ -60,7 +58,6 @@ def counted(folder: Path, browser: Browser) -> dict[str, int]:
     """Clicks and keys of one examination by the filled buttons."""
     with running_console(folder) as console:
         page = browser.new_context(viewport={"width": 1280, "height": 800}).new_page()
-        page.set_default_timeout(PATIENCE_MS)
         page.goto(console.entrance)
         page.get_by_role("button", name="Release the camera").wait_for()
         page.evaluate(COUNTED)
