@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -43,20 +42,5 @@ def __dir__() -> list[str]:
 
 def __getattr__(name: str) -> Any:
     if name in _HOMES:  # NiceGUI is loaded with the first use
-        _load_without_clients()
         return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-
-
-def _load_without_clients() -> None:
-    """Load the WebSockets of NiceGUI without the libraries of its clients, which a server can do without.
-
-    They would take a tenth of the start.
-    """
-    absent = [name for name in ("aiohttp", "requests", "tornado") if name not in sys.modules]
-    sys.modules.update(dict.fromkeys(absent))  # type: ignore[arg-type]  # None: not there
-    try:
-        import_module("socketio")
-    finally:
-        for name in absent:
-            del sys.modules[name]

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 from unittest.mock import MagicMock
 
 import pytest
 from tests.waiting import until
 
+import tsis.console.api._application  # noqa: F401 - a library that it loads starts a process, which no test may
 from tsis.console import api
 from tsis.console.api import Calls
 
@@ -19,7 +21,7 @@ def calls() -> Calls:
 
 
 def built(calls: Calls) -> bool:
-    return "application" in vars(calls)
+    return vars(calls)["_application"] is not None
 
 
 def test_the_first_call_builds_them(calls: Calls) -> None:
@@ -39,6 +41,12 @@ def test_the_first_call_builds_them(calls: Calls) -> None:
     asyncio.run(called())
     assert built(calls)
     assert sent[0]["status"] == 200
+
+
+def test_calls_that_come_together_have_one_application(calls: Calls) -> None:
+    with ThreadPoolExecutor(4) as pool:
+        first, *others = pool.map(lambda _: calls.application, range(4))
+    assert all(each is first for each in others)
 
 
 def test_they_are_built_soon_after_the_start(calls: Calls, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import threading
 from contextlib import contextmanager
-from functools import cached_property
 from importlib import import_module
 from typing import TYPE_CHECKING
 
@@ -32,11 +31,17 @@ class Calls:
 
     def __init__(self, instrument: Instrument, reports: Reports) -> None:
         self._instrument, self._reports = instrument, reports
+        self._application: FastAPI | None = None
+        self._building = threading.Lock()  # the first call and the thread may come together
 
-    @cached_property
+    @property
     def application(self) -> FastAPI:
         """The application, which is built now if it was not yet."""
-        result: FastAPI = import_module(f"{__name__}._application").api_app(self._instrument, self._reports)
+        with self._building:
+            if self._application is None:
+                build = import_module(f"{__name__}._application").api_app
+                self._application = build(self._instrument, self._reports)
+            result: FastAPI = self._application
         return result
 
     @property
@@ -57,6 +62,6 @@ class Calls:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a call."""
-        if "application" not in self.__dict__:
+        if self._application is None:
             await asyncio.to_thread(lambda: self.application)
         await self.application(scope, receive, send)
