@@ -80,3 +80,8 @@ def test_no_garbage_is_collected_until_all_is_loaded(
     assert run_tsis("console", "--no-browser").code == 0
     assert collected == [False, True]
     assert opened.empty()
+
+
+def test_garbage_is_collected_again_after_a_refusal(run_tsis: RunTsis) -> None:
+    assert run_tsis("console", "--no-browser", "--probe", "no-such-probe").code == 2
+    assert gc.isenabled()

@@ -76,42 +76,41 @@ def console(
     """
     if (certificate is None) != (key is None):
         raise InputError("certificate and key must be given together; got one of them (--certificate FILE --key FILE)")
-    preparing = ExitStack()
-    preparing.enter_context(waiting("preparing the console"))
-    preparing.enter_context(loading())
-    package = import_module("tsis.console")
-    terms = package.ConsoleSettings(
-        instrument=package.InstrumentSettings(
-            workspace=out,
-            store=store,
-            kind=kind,
-            database=database,
-            camera=camera,
-            probe=probe,
-            phantom=phantom,
-            seed=seed,
-            calibration=calibration,
-        ),
-        host=host,
-        port=port,
-        certificate=None if certificate is None or key is None else package.Certificate(chain=certificate, key=key),
-        names=tuple(allow_host or ()),
-        new_token=new_token,
-    )
+    with ExitStack() as preparing, ExitStack() as ending:
+        preparing.enter_context(waiting("preparing the console"))
+        preparing.enter_context(loading())
+        package = import_module("tsis.console")
+        terms = package.ConsoleSettings(
+            instrument=package.InstrumentSettings(
+                workspace=out,
+                store=store,
+                kind=kind,
+                database=database,
+                camera=camera,
+                probe=probe,
+                phantom=phantom,
+                seed=seed,
+                calibration=calibration,
+            ),
+            host=host,
+            port=port,
+            certificate=None if certificate is None or key is None else package.Certificate(chain=certificate, key=key),
+            names=tuple(allow_host or ()),
+            new_token=new_token,
+        )
 
-    def ready(address: str) -> None:
-        preparing.close()
-        if as_json:
-            print_json(tsis.report.envelope("console", address=address))
-        else:
-            reported = people()
-            reported.print(f"Open {address}", markup=False, soft_wrap=True)
-            reported.print("Ctrl-C ends it; saved data stay.", markup=False)
-            print_notice(reported)
-        if browser and not as_json:
-            ending.enter_context(package.opened_in_browser(address))
+        def ready(address: str) -> None:
+            preparing.close()
+            if as_json:
+                print_json(tsis.report.envelope("console", address=address))
+            else:
+                reported = people()
+                reported.print(f"Open {address}", markup=False, soft_wrap=True)
+                reported.print("Ctrl-C ends it; saved data stay.", markup=False)
+                print_notice(reported)
+            if browser and not as_json:
+                ending.enter_context(package.opened_in_browser(address))
 
-    with preparing, ExitStack() as ending:
         package.serve_console(terms, ready=ready)
     if not as_json:
         people().print("Ended; saved data are in the store.")
