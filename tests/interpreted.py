@@ -41,10 +41,18 @@ def _python(function: Any, scopes: dict[int, dict[str, Any]]) -> FunctionType:
 
 def assert_interpreted_alike(function: Callable[..., Any], *arguments: Any, rtol: float = 1e-9, **named: Any) -> Any:
     """Compare results and changed arguments of a compiled function and of the interpreter; returns the results."""
-    here, there = deepcopy(arguments), deepcopy(arguments)
+    here, there = ([_copied(argument) for argument in arguments] for _ in range(2))
     found, expected = function(*here, **named), interpreted(function)(*there, **named)
     _assert_alike([found, *here], [expected, *there], rtol, function.__name__)
     return found
+
+
+def _copied(argument: Any) -> Any:
+    """A copy, of an array as writable as the array: the code of a read-only array is compiled by itself."""
+    copy = deepcopy(argument)
+    if isinstance(argument, np.ndarray):
+        copy.flags.writeable = argument.flags.writeable
+    return copy
 
 
 def _assert_alike(found: Any, expected: Any, rtol: float, name: str) -> None:

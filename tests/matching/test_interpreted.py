@@ -15,7 +15,7 @@ from tsis.matching._fit import UNMATCHED, assign, pairs_within
 from tsis.matching._pose_evidence import PoseEvidence, SmoothField, _tridiagonal, hard_evidence, soft_evidence
 from tsis.matching._pose_search import _is_far
 from tsis.matching._refinement import _along_curves, chained, predicted
-from tsis.matching._relaxation import Neighbourhood, label
+from tsis.matching._relaxation import Labels, Neighbourhood, label
 from tsis.matching._rpm_lns import candidates, neighbours, support
 from tsis.matching._shape_context import chi_squared, histograms
 from tsis.matching._spline import spread_indices
@@ -60,6 +60,11 @@ def _supported(source: np.ndarray, target: np.ndarray) -> np.ndarray:
     return np.asarray(support(pairs, neighbours(source), neighbours(target)).toarray())
 
 
+def _labels(source: np.ndarray, target: np.ndarray) -> Labels:
+    cost = chi_squared(histograms(source), histograms(target))
+    return label(Neighbourhood.of(source, 6), Neighbourhood.of(target, 8), cost, single=0.07, updates=40)
+
+
 def _soft(case: Case) -> np.ndarray:
     """Soft pairs: some sharp, some shared by two targets, and some too weak to be pairs."""
     pairs = np.zeros((COUNT, len(case.target)))
@@ -97,9 +102,7 @@ def test_loops_equal_those_of_the_interpreter(name: str, case: Case) -> None:
 
 def test_relaxation_equals_that_of_the_interpreter(case: Case) -> None:
     """To the rounding of the supports, which are of single precision."""
-    here, there = Neighbourhood.of(case.source, 6), Neighbourhood.of(case.target, 8)
-    cost = chi_squared(histograms(case.source), histograms(case.target))
-    assert_interpreted_alike(label, here, there, cost, single=0.07, updates=40, rtol=1e-5)
+    assert_interpreted_alike(_labels, case.source, case.target, rtol=1e-5)
 
 
 def test_annealing_equals_that_of_the_interpreter(case: Case) -> None:
