@@ -18,7 +18,7 @@ RNG = np.random.default_rng(1)
 X, Y = np.linspace(-3.0, 3.0, 9), np.linspace(-2.5, 2.5, 7)  # both cross 0; the corners lie beyond the profile
 RADIUS = np.linspace(0.0, 3.5, 12)
 PROFILES = (RADIUS, np.exp(-RADIUS), 0.5 * np.exp(-RADIUS / 2), -0.3 * RADIUS)
-NODES = np.linspace(-2.0, 2.0, 5)  # pixels lie beyond them
+NODES = np.array([-2.0, -1.3, 0.1, 0.8, 2.2])  # pixels lie beyond them
 LIGHT, FLUX_X, FLUX_Y, GROWTH, BEND = RNG.uniform(0.5, 1.5, (5, 5, 5))
 GREY = RNG.uniform(0.0, 100.0, 60)
 

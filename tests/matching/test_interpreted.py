@@ -14,8 +14,9 @@ from tsis.matching._cpd import expect
 from tsis.matching._fit import UNMATCHED, assign, pairs_within
 from tsis.matching._pose_evidence import PoseEvidence, SmoothField, _tridiagonal, hard_evidence, soft_evidence
 from tsis.matching._pose_search import _is_far
-from tsis.matching._refinement import chained, predicted
+from tsis.matching._refinement import _along_curves, chained, predicted
 from tsis.matching._relaxation import Neighbourhood, label
+from tsis.matching._rpm_lns import candidates, neighbours, support
 from tsis.matching._shape_context import chi_squared, histograms
 from tsis.matching._spline import spread_indices
 
@@ -54,6 +55,11 @@ def case(request: pytest.FixtureRequest) -> Case:
     return Case(source, target, matches, SmoothField.of(source))
 
 
+def _supported(source: np.ndarray, target: np.ndarray) -> np.ndarray:
+    pairs = candidates(chi_squared(histograms(source), histograms(target)))
+    return np.asarray(support(pairs, neighbours(source), neighbours(target)).toarray())
+
+
 def _soft(case: Case) -> np.ndarray:
     """Soft pairs: some sharp, some shared by two targets, and some too weak to be pairs."""
     pairs = np.zeros((COUNT, len(case.target)))
@@ -75,8 +81,9 @@ CALLS: dict[str, tuple[Callable[..., Any], Callable[[Case], tuple[Any, ...]]]] =
         lambda case: (case.field, case.target, 0.3, [(np.arange(12), False), (np.arange(12, COUNT), False)], case.pose),
     ),
     "expectation": (expect, lambda case: (case.source, case.target, 0.05, 0.1)),
-    "shape contexts": (histograms, lambda case: (case.source,)),
+    "shape contexts": (histograms, lambda case: (np.vstack([case.source, 9 * case.source[:1]]),)),
     "chi squared": (chi_squared, lambda case: (histograms(case.source), histograms(case.target))),
+    "support": (_supported, lambda case: (case.source, case.target)),
     "spread": (spread_indices, lambda case: (np.vstack([case.source[:8], case.source[:2]]), 9)),
 }
 
@@ -92,7 +99,7 @@ def test_relaxation_equals_that_of_the_interpreter(case: Case) -> None:
     """To the rounding of the supports, which are of single precision."""
     here, there = Neighbourhood.of(case.source, 6), Neighbourhood.of(case.target, 8)
     cost = chi_squared(histograms(case.source), histograms(case.target))
-    assert_interpreted_alike(label, here, there, cost, single=0.07, updates=6, rtol=1e-5)
+    assert_interpreted_alike(label, here, there, cost, single=0.07, updates=40, rtol=1e-5)
 
 
 def test_annealing_equals_that_of_the_interpreter(case: Case) -> None:
@@ -112,3 +119,18 @@ def test_a_matrix_with_an_empty_row_equals_that_of_the_interpreter() -> None:
 @pytest.mark.parametrize("least", [0.5, 8.0])
 def test_distance_equals_that_of_the_interpreter(least: float) -> None:
     assert_interpreted_alike(_is_far, np.ones(4), np.array([[3.0, 1.0, 1.0, 1.0], [1.0, 2.0, 2.0, 1.0]]), least)
+
+
+@pytest.mark.parametrize("noise", [0.05, 0.1, 0.15])
+def test_curves_that_compete_equal_those_of_the_interpreter(case: Case, noise: float) -> None:
+    """Two curves lie near the same targets: several points want one."""
+    rng = np.random.default_rng(8)
+    near = np.vstack([case.target[:10], case.target[:10]])
+    moved = near + rng.normal(0.0, noise, near.shape)
+    order, ends, ascending = np.arange(20), np.array([10, 20]), np.argsort(case.target[:, 0])
+    matches = assert_interpreted_alike(
+        _along_curves, moved, case.target, order, ends, case.target[ascending], ascending, 0.9, 0.3, 0.2
+    )
+    assert (matches >= 0).any()
+    assert (matches[:10] < 0).any()
+    assert (matches[10:] < 0).any()

@@ -11,7 +11,7 @@ from tests.interpreted import assert_interpreted_alike
 
 from tsis.catalog import load_probe
 from tsis.model import Glass
-from tsis.optics.rays import evenly_pressed_face, hertz_dent, scene
+from tsis.optics.rays import evenly_pressed_face, evenly_raised_face, hertz_dent, scene
 from tsis.optics.rays._emission import lamps
 from tsis.optics.rays._kernel import CONTACT, MAPS, MEETINGS, TALLIES, Record, follow, trace_batch
 
@@ -51,8 +51,9 @@ def _followed(view: Scene, start: Vector, direction: Vector) -> tuple[int, Recor
         (1.515, None, 0.01, SLOPES),
         (1.515, evenly_pressed_face(12.0, 4.0), 0.0, SLOPES),
         (1.515, DENT, 0.002, SLOPES),
+        (1.515, evenly_raised_face(12.0, 1.0), 0.0, SLOPES),
     ],
-    ids=["untouched", "absorbing", "contact", "dent"],
+    ids=["untouched", "absorbing", "contact", "dent", "raised"],
 )
 def test_rays_equal_those_of_the_interpreter(
     glass: float, pressed: PressField | PressMap | None, absorption: float, slopes: np.ndarray
@@ -61,7 +62,7 @@ def test_rays_equal_those_of_the_interpreter(
     view = scene(probe, pressed, saturation_kpa=10.0, absorption_per_mm=absorption)
     totals = assert_interpreted_alike(_traced, view, lamps(probe), 24, slopes).totals
     assert totals[MEETINGS] > 150
-    assert (totals[CONTACT] > 0) == (pressed is not None)
+    assert (totals[CONTACT] > 0) == (pressed is not None and bool(np.any(pressed.pressure_kpa > 0)))
 
 
 @pytest.mark.parametrize(
@@ -72,7 +73,7 @@ def test_rays_equal_those_of_the_interpreter(
 @pytest.mark.parametrize("most_meetings", [4, 40])
 def test_a_path_equals_that_of_the_interpreter(start: Vector, elevation_deg: float, most_meetings: int) -> None:
     probe = replace(PROBE, glass=Glass(thickness_mm=3.0, refractive_index=1.515))
-    view = scene(probe, DENT)._replace(most_meetings=most_meetings)
+    view = scene(probe, DENT, aperture=0.8)._replace(weak=0.0, most_meetings=most_meetings)
     elevation = np.radians(elevation_deg)
     direction = (-float(np.cos(elevation)), 0.0, float(np.sin(elevation)))
     points, _ = assert_interpreted_alike(_followed, view, start, direction)
