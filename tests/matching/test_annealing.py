@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from scipy.stats import multivariate_normal
 
 from tsis.matching import _annealing as annealing
 from tsis.matching._annealing import Cooling, anneal, reference_soft_pairs, soft_pairs
@@ -90,6 +91,14 @@ def test_the_last_balance_saves_work_and_is_not_changed_in_place(warped: Warped)
         balance = after
     assert wrong[-1] < wrong[0]
     assert np.all(np.diff(wrong) <= 0)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_outlier_weights_are_a_gaussian_about_the_mass_centre(dimension: int) -> None:
+    points = np.random.default_rng(6).normal(size=(80, dimension)) + 2.0
+    centred = multivariate_normal(points.mean(axis=0), annealing.START * np.eye(dimension))
+    expected = centred.pdf(points) / centred.pdf(centred.mean) / annealing.START
+    np.testing.assert_allclose(annealing.outlier_weights(points), expected, rtol=1e-12)
 
 
 def test_a_point_far_from_all_has_no_pair() -> None:

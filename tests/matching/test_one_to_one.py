@@ -11,11 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.optimize import linear_sum_assignment
-from scipy.spatial import KDTree
+from scipy.spatial import KDTree, cKDTree
 from scipy.spatial.distance import cdist
 
 from tsis.matching import UNMATCHED
 from tsis.matching._fit import assign, assign_listed, nearest_pairs, nearest_within, pairs_within, spacing
+from tsis.matching._refinement import MANY_PAIRS, one_to_one
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -68,6 +69,28 @@ def test_nearest_within_a_distance_are_those_of_a_tree(dimension: int) -> None:
     expected, index = KDTree(target).query(points, k=5, distance_upper_bound=0.9)
     np.testing.assert_allclose(away, expected)
     np.testing.assert_array_equal(near, np.where(np.isinf(expected), UNMATCHED, index))
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize(("rows", "columns"), [(250, 400), (400, 250)])
+@pytest.mark.parametrize("gate", [0.1, 0.3, 9.0])
+def test_pairs_of_many_points_are_the_mutual_nearest_of_two_trees(
+    dimension: int, rows: int, columns: int, gate: float
+) -> None:
+    assert rows * columns > MANY_PAIRS
+    rng = np.random.default_rng([3, dimension, rows])
+    moved, target = rng.normal(size=(rows, dimension)), rng.normal(size=(columns, dimension))
+    away, nearest = (np.asarray(found) for found in cKDTree(target).query(moved))
+    back = np.asarray(cKDTree(moved).query(target)[1])
+    expected = np.where((back[nearest] == np.arange(rows)) & (away < gate), nearest, UNMATCHED)
+    assert np.any(expected != UNMATCHED)
+    np.testing.assert_array_equal(one_to_one(moved, target, gate), expected)
+
+
+def test_many_points_out_of_reach_have_no_pair() -> None:
+    points = np.random.default_rng(4).normal(size=(260, 2))
+    assert np.all(one_to_one(points, points + 50.0, 1.0) == UNMATCHED)
+    np.testing.assert_array_equal(one_to_one(points, points[::-1], 1e-6), np.arange(260)[::-1])
 
 
 def test_permuting_the_target_permutes_the_matches() -> None:

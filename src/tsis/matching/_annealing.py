@@ -195,10 +195,13 @@ def reference_soft_pairs(transformed: Floats, target: Floats, temperature: float
     return weights[:-1, :-1]
 
 
+@fused
 def outlier_weights(points: Floats) -> Floats:
     """Weight of being unmatched, shape (n,): a Gaussian about the mass centre at the starting temperature."""
-    away = np.sum((points - points.mean(axis=0)) ** 2, axis=1)
-    return np.asarray(np.exp(-away / (2 * START)) / START)
+    away = np.zeros(len(points))
+    for axis in range(points.shape[1]):
+        away += (points[:, axis] - points[:, axis].mean()) ** 2
+    return np.exp(-away / (2 * START)) / START
 
 
 def _fit_spline(basis: SplineBasis, paired: Floats, drawn: Floats, temperature: float, initial: Floats) -> Floats:

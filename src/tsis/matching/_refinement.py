@@ -346,13 +346,19 @@ def one_to_one(moved: Floats, target: Floats, gate: float) -> Integers:
     if len(moved) * len(target) <= MANY_PAIRS:
         start, column, squared = pairs_within(moved, target, np.full(len(moved), gate))
         return assign_listed(start, column, squared, len(target), gate**2)
-    away, nearest = (np.asarray(found) for found in KDTree(target).query(moved, distance_upper_bound=gate))
+    nearest, back = _nearest(moved, target, gate), _nearest(target, moved, gate)
+    rows = np.flatnonzero(nearest != UNMATCHED)
+    mutual = rows[back[nearest[rows]] == rows]
     matches = np.full(len(moved), UNMATCHED, dtype=np.int64)
-    rows = np.flatnonzero(np.isfinite(away))
-    _, back = KDTree(moved).query(target[nearest[rows]])
-    mutual = rows[np.asarray(back) == rows]
     matches[mutual] = nearest[mutual]
     return matches
+
+
+def _nearest(points: Floats, others: Floats, gate: float) -> Integers:
+    """Index of each point's nearest other within a distance, or `UNMATCHED`, shape (n,)."""
+    order = np.argsort(others[:, 0], kind="stable")
+    near, _ = nearest_within(np.ascontiguousarray(points), others[order], order, gate, 1)
+    return near[:, 0]
 
 
 def rotated(field: SmoothField, target: Floats, step: float, pose: PoseEvidence) -> Iterator[PoseEvidence]:
