@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
 from fastapi import FastAPI
+from nicegui import Client, ui
 from nicegui import app as pages
-from nicegui import ui
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket  # noqa: TC002 - FastAPI reads the annotation
 
@@ -106,6 +106,8 @@ def console_app(instrument: Instrument, *, access: Access, hosts: Collection[str
     async def living(_: FastAPI) -> AsyncIterator[None]:
         with calls.built_soon():
             yield
+        for client in Client.instances.values():
+            client.outbox.stop()  # its loop can miss that it is cancelled, and the end would wait for it
         reports.close()
         hub.close()
 

@@ -6,6 +6,7 @@ import sqlite3
 from importlib import metadata
 from typing import TYPE_CHECKING
 
+from nicegui import Client, background_tasks, ui
 from tests.console.filled_store import fill
 from tests.console.pages.simulated import at_console
 from tests.console.services.instruments import ANN, lit_instrument
@@ -15,6 +16,7 @@ from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 if TYPE_CHECKING:
     from pathlib import Path
 
+    import pytest
     from tests.console.pages.simulated import Operator
 
 
@@ -42,3 +44,22 @@ def test_it_counts_the_store_and_names_camera_calibration_and_versions(tmp_path:
     with lit_instrument(tmp_path) as instrument:
         instrument.control.release(ANN)
         at_console(instrument, script, "/about")
+
+
+def test_the_end_stops_a_page_before_its_tasks_are_cancelled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A cancelling that comes together with a timeout can be lost in Python 3.11, and the end would wait for ever."""
+    teardown = background_tasks.teardown
+    waiting: list[str] = []
+
+    async def cancelling() -> None:
+        waiting.extend(client.id for client in Client.instances.values() if not vars(client.outbox)["_should_stop"])
+        await teardown()
+
+    async def script(operator: Operator) -> None:
+        await operator.sees("Versions")
+        Client(ui.page("/left"))  # of a tab that was closed, kept for a while
+
+    monkeypatch.setattr(background_tasks, "teardown", cancelling)
+    with lit_instrument(tmp_path) as instrument:
+        at_console(instrument, script, "/about")
+    assert waiting == []
