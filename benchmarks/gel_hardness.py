@@ -102,8 +102,8 @@ def one(rng: np.random.Generator, dents: np.random.Generator, options: Options) 
     )
     cases = {}
     for name, columns in KNOWN.items():
-        kept = [{key: contact[key] for key in columns if key in contact} for contact in contacts]
-        found = estimate_from_contacts(kept, sensor=sensor, geometry=stated)
+        readings = [{key: contact[key] for key in columns if key in contact} for contact in contacts]
+        found = estimate_from_contacts(readings, sensor=sensor, geometry=stated)
         samples = found.untrusted.samples["young_kpa"]
         low, high = np.quantile(samples, [0.05, 0.95]).tolist()
         cases[name] = Case(

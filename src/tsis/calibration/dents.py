@@ -197,12 +197,12 @@ def fit_dent_light(
             deepest, strongest = float(states[0][1].max()), terms
     if not rows:
         raise CalibrationError("the pads must touch the face; no ring of it shows their light (press harder)")
-    rows += _rows_of_tips(loadings, probe, response, pixel_mm2, count)
+    tips = _rows_of_tips(loadings, probe, response, pixel_mm2, count)
     mean, sd = _usual()
     nuisance_sd = np.tile([float(np.hypot(pad_sd, PROBE_SD)), PAD_LIGHT_SD], len(pads))
     spread = np.concatenate([sd, nuisance_sd, np.ones(LIGHT_RINGS)])
     start = np.concatenate([mean, np.zeros(count - LIGHT_TERMS)])
-    solution, covariance, misfit = _solved(rows, start, spread)
+    solution, covariance, misfit = _solved(rows + tips, start, spread)
     covariance[:GROWTH_TERMS, :GROWTH_TERMS] += LEFT_PER_MM**2 * np.eye(GROWTH_TERMS)
     joint = strongest[:, :LIGHT_TERMS] @ covariance[:LIGHT_TERMS, :LIGHT_TERMS] @ strongest[:, :LIGHT_TERMS].T
     return DentLight(
@@ -345,10 +345,10 @@ def _solved(rows: list[_Rows], start: Floats, sd: Floats) -> tuple[Floats, Float
 
 
 def _left(rows: list[_Rows], solution: Floats) -> Floats:
-    """Log light of each ring that the terms leave in the mean of all presses on pads, shape (`LIGHT_RINGS`,)."""
+    """Log light of each ring that the terms leave in the mean of the presses on pads, shape (`LIGHT_RINGS`,)."""
     total, count = np.zeros((2, LIGHT_RINGS))
     for row in rows:
-        total[row.rings] += (row.residual - row.terms @ solution)[: len(row.rings)]
+        total[row.rings] += row.residual - row.terms @ solution
         count[row.rings] += 1
     seen = np.flatnonzero(count)
     return np.interp(np.arange(LIGHT_RINGS), seen, total[seen] / count[seen])

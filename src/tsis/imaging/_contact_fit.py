@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import accumulate
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -168,8 +169,8 @@ class _Window:
         if self.gel is None:
             along = outer_slope(rho, float(np.exp(parameters[5])), float(parameters[7])) / np.maximum(rho, 1e-9)
             first, second = (gaussian_blur(along * part, (blur, blur), mode="nearest") for part in (u, v))
-            one = np.ones_like(rho)
-            across, down = ([one, part, part * part, part * part * part] for part in (first, second))
+            one = np.ones_like(rho)  # products are faster than powers
+            across, down = ([one, *accumulate([part] * DEGREE, np.multiply)] for part in (first, second))
             shapes = [across[i] * down[j] for i in range(DEGREE + 1) for j in range(DEGREE + 1 - i) if (i, j) != (0, 0)]
             # Near lamps light the two sides of a contact differently.
             shapes += [part * place for part in (first, second) for place in (self.x, self.y)]

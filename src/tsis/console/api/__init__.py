@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from fastapi import FastAPI
-    from starlette.routing import BaseRoute
     from starlette.types import Receive, Scope, Send
 
     from tsis.console.files import Reports
@@ -43,11 +42,6 @@ class Calls:
                 self._application = build(self._instrument, self._reports)
             result: FastAPI = self._application
         return result
-
-    @property
-    def routes(self) -> list[BaseRoute]:
-        """Routes of all calls."""
-        return self.application.routes
 
     @contextmanager
     def built_soon(self) -> Iterator[None]:
