@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from tests.system.aravis_peer import LOOPBACK, fake_camera, loopback_camera_port
+from tests.system.aravis_peer import LOOPBACK, fake_camera, loopback_camera_port, standing_clock
 from tests.waiting import HANGS_S
 
 from tsis.errors import CameraError, InputError, UnknownNameError
@@ -37,7 +37,7 @@ def port() -> Iterator[None]:
 
 
 def _started(
-    rate: float = 25.0, *, clock: Callable[[], float] = time.monotonic
+    rate: float = 25.0, *, clock: Callable[[], float] = standing_clock
 ) -> tuple[AravisCamera, Iterator[Frame]]:
     camera = AravisCamera(LOOPBACK, clock=clock)
     camera.open()
@@ -79,7 +79,7 @@ def test_a_search_names_it_and_an_unknown_name_says_what_was_found() -> None:
         (camera,) = (camera for camera in find_cameras_here() if camera.identity == "Aravis-Fake-TSISB")
         assert (camera.spec, camera.maker, camera.model) == ("aravis:Aravis-Fake-TSISB", "Aravis", "Fake")
         assert LOOPBACK in camera.note
-        named = AravisCamera(camera.identity)
+        named = AravisCamera(camera.identity, clock=standing_clock)
         named.open()
         named.start()
         # Aravis hears the fake over every network of this machine; frames come only where it is opened by its address
@@ -91,7 +91,7 @@ def test_a_search_names_it_and_an_unknown_name_says_what_was_found() -> None:
 
 def test_modes_settings_and_a_camera_that_is_held() -> None:
     with fake_camera("TSISC"):
-        camera = AravisCamera(LOOPBACK)
+        camera = AravisCamera(LOOPBACK, clock=standing_clock)
         camera.open()
         labels = [mode.label for mode in camera.modes()]
         assert labels == ["Mono8-512x512@25", "Mono8-2048x2048@25", "Mono16-512x512@25", "Mono16-2048x2048@25"]

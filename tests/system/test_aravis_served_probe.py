@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from tests.system.aravis_peer import FOREIGN_CLIENT, LOOPBACK, loopback_camera_port, served_probe
+from tests.system.aravis_peer import FOREIGN_CLIENT, LOOPBACK, loopback_camera_port, served_probe, standing_clock
 
 from tsis.catalog import load_probe, phantom_variant
 from tsis.errors import CameraError
@@ -43,7 +43,7 @@ def light() -> NDArray[np.float64]:
 
 
 def _taken(*, exposure_ms: float = 20.0, gain: float = 0.0) -> list[Frame]:
-    camera = AravisCamera(LOOPBACK)
+    camera = AravisCamera(LOOPBACK, clock=standing_clock)
     camera.open()
     camera.adjust("exposure_ms", exposure_ms)
     camera.adjust("gain", gain)
@@ -99,7 +99,7 @@ def test_what_a_foreign_program_sets_changes_the_image(
     counted = {line.split("=")[0].strip(): line.split("=")[1].strip() for line in said.splitlines() if "=" in line}
     assert int(counted["n_completed_buffers"]) > 0
     assert int(counted["n_failures"]) == 0
-    camera = AravisCamera(LOOPBACK)
+    camera = AravisCamera(LOOPBACK, clock=standing_clock)
     camera.open()
     camera.start()  # with what the other program has set
     frames = list(itertools.islice(camera.frames(), FRAMES))
@@ -111,7 +111,7 @@ def test_what_a_foreign_program_sets_changes_the_image(
 
 
 def test_sixteen_bits_hold_the_same_grey_levels(served: subprocess.Popen[str]) -> None:
-    camera = AravisCamera(LOOPBACK)
+    camera = AravisCamera(LOOPBACK, clock=standing_clock)
     camera.open()
     camera.adjust("exposure_ms", 20.0)
     camera.adjust("gain", 0.0)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from tsis.console._app import console_app
+from tsis.console.api import Calls
 from tsis.console.auth import Access
 from tsis.console.pages import PAGES
 from tsis.console.services import Instrument, InstrumentSettings
@@ -42,6 +43,8 @@ def routes_of_one(route: Any, prefix: str) -> list[tuple[str, str]]:
     if included is not None:  # a router within an application
         return [item for candidate in included() for item in routes_of_one(candidate, prefix)]
     mounted = getattr(route, "app", None)
+    if isinstance(mounted, Calls):
+        mounted = mounted.application  # which the first call would build
     methods = getattr(route, "methods", None)
     path = prefix + filled(route.path)
     if hasattr(mounted, "routes") or (methods is None and "WebSocket" not in type(route).__name__):
