@@ -75,6 +75,8 @@ benchmark: $(VENV)/.dev  ## speed and accuracy beside those of other programs, o
 	$(BIN)/python -m benchmarks.full_disk
 	$(BIN)/python -m benchmarks.store_speed
 	$(BIN)/python -m benchmarks.crowd
+	$(BIN)/python -m benchmarks.console_database || test $$? = 2  # 2: PostgreSQL is not on this machine
+	$(BIN)/python -m benchmarks.login_timing
 	$(BIN)/python -m benchmarks.throughput
 	$(BIN)/python -m benchmarks.peak_memory
 	$(BIN)/python -m benchmarks.api_fuzz --cases 10000

@@ -1,6 +1,6 @@
 """The tests of the released sdist, run on the installed wheel: `make test-sdist`, after `make release`.
 
-    python -m release.sdist_tests build/release [--python PYTHON ...] [--first] [TESTS ...]
+    python -m release.sdist_tests build/release [--python PYTHON ...] [--plain] [TESTS ...]
 
 For each interpreter: a new environment with the wheel, its extras and the test tools at the pinned versions; the sdist
 unpacked elsewhere and without its `src`, so that only the installed package can be imported; then `tsis demo`, and the
