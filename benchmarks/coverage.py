@@ -89,9 +89,8 @@ def run(
     found = read_lines(out, "index")
     missing = [index for index in range(presses) if index not in found]
     if missing:
-        first = judge(
-            bank, missing[0], strain, informed=informed
-        )  # fills the caches of light and surrogate before the workers share them
+        # The first one fills the caches of light and surrogate before the workers share them
+        first = judge(bank, missing[0], strain, informed=informed)
         append_line(out, first)
         found[missing[0]] = first
     with ProcessPoolExecutor(max_workers=workers or os.cpu_count()) as pool:

@@ -125,4 +125,5 @@ def tilt_change(
     """Change of pressure and displacement (2, *grid) by a rotation of the probe, whatever the force."""
     radius, angle = grid
     profiles = np.array([np.interp(radius, slab.radius_mm, profile) for profile in slab.tilt()])
-    return np.asarray(np.deg2rad(tilt_deg) * profiles * np.cos(angle - direction) * (radius <= slab.radius_mm[-1]))
+    face = (radius > 0) & (radius <= slab.radius_mm[-1])  # the mean around the axis is not exactly the 0 there
+    return np.asarray(np.deg2rad(tilt_deg) * profiles * np.cos(angle - direction) * face)
