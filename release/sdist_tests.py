@@ -1,6 +1,6 @@
 """The tests of the released sdist, run on the installed wheel: `make test-sdist`, after `make release`.
 
-    python -m release.sdist_tests build/release [--python PYTHON ...] [--first] [TESTS ...]
+    python -m release.sdist_tests build/release [--python PYTHON ...] [--plain] [TESTS ...]
 
 For each interpreter: a new environment with the wheel, its extras and the test tools at the pinned versions; the sdist
 unpacked elsewhere and without its `src`, so that only the installed package can be imported; then `tsis demo`, and the
@@ -73,7 +73,7 @@ def outcome(archives: Path, folder: Path, *, python: str, tests: tuple[str, ...]
     if not Path(package.strip()).is_relative_to(folder / "environment"):
         raise RuntimeError(f"the tests must import the installed package; they import {package.strip()}")
     demo = subprocess.run([programs / "tsis", "demo"], cwd=folder, check=False, capture_output=True, text=True)
-    command = [str(programs / "python"), "-m", "pytest", "-q", "-p", "no:cacheprovider", "-m", QUICK, *tests]
+    command = [str(programs / "pytest"), "-q", "-p", "no:cacheprovider", "-m", QUICK, *tests]
     run = subprocess.run(command, cwd=root, check=False, capture_output=True, text=True)
     last = (run.stdout.strip().splitlines() or [run.stderr.strip()[-200:]])[-1]
     if run.returncode:

@@ -23,11 +23,11 @@ def main() -> None:
     target, reference = targets[-1], references[-1]
 
     figure = Figure(figsize=(10, 5.6), layout="constrained")
-    images, posteriors = figure.subfigures(2, 1, height_ratios=[1.5, 1])
+    (images,), (posteriors,) = figure.subfigures(2, 1, height_ratios=[1.5, 1], squeeze=False)
     left, right = images.subplots(1, 2)
     tactile_image(target, left).set_title("what the camera sees at 1 N")
     signal = subtract_background(target, reference)
-    tactile_image(signal, right, found=features(signal), low=0.0).set_title("what the inclusion adds")
+    tactile_image(signal, right, features=features(signal), low=0.0).set_title("what the inclusion adds")
     for name, ax in zip(result.samples, posteriors.subplots(1, 3), strict=True):
         marginal(result, name, ax, prior_range=getattr(prior, name), truth=getattr(phantom.inclusion, name))
         if name == "diameter_mm":

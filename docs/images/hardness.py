@@ -26,7 +26,7 @@ def main() -> None:
 
     figure = Figure(figsize=(11.5, 3.6), layout="constrained")
     left, middle, right = figure.subplots(1, 3, width_ratios=[1.25, 1, 1])
-    tactile_image(frames[-1], left, found=features(frames[-1])).set_title("what the camera sees at 1.2 N")
+    tactile_image(frames[-1], left, features=features(frames[-1])).set_title("what the camera sees at 1.2 N")
     contact_growth(found, middle, table=build_contact_table(probe)).set_title("how the contact grows")
     for name, colour in PROBES.items():
         table = build_contact_table(tsis.load_probe(name))

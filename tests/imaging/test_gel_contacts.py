@@ -109,6 +109,17 @@ def test_a_contact_that_is_cut_by_the_border_is_refused() -> None:
     assert not cut.good
 
 
+def test_a_contact_that_moved_since_the_frame_before_is_refused_with_the_quality_of_a_refused_one() -> None:
+    change = np.roll(MINI.frame.astype(int) - MINI.reference, round(0.3 * MINI.radius_px), axis=1)
+    moved = np.clip(MINI.reference + change, 0, 255).astype(np.uint8)
+    alone = contacts([moved], sensor=MINI.sensor, reference=MINI.reference)
+    assert alone[0].good
+    held, after = contacts([MINI.frame, moved], sensor=MINI.sensor, reference=MINI.reference, sequence=True)
+    assert held.good
+    assert (after.good, after.reasons) == (False, ("moving",))
+    assert after.quality < 0.5 < alone[0].quality
+
+
 def test_a_straight_edge_through_the_frame_is_no_good_contact() -> None:
     """An ellipse explains it, and leaves the frame."""
     rows, columns = MINI.depth_mm.shape

@@ -9,10 +9,10 @@ import pytest
 
 from tsis.matching import _posterior as tprl
 from tsis.matching._fit import UNMATCHED, NormalFrame, spacing
-from tsis.matching._outline import chains
+from tsis.matching._outline import RANK_SIGMA, Ranking, chains
 from tsis.matching._pose_evidence import AMPLITUDES, SIGMAS, SmoothField, gaussian_kernel, hard_evidence
 from tsis.matching._pose_search import PoseSearch, _followed, settled
-from tsis.matching._refinement import RANK_SIGMA, Ranking, chained, grown, predicted, repatched, segment_shifts, shifted
+from tsis.matching._refinement import chained, grown, predicted, repatched, segment_shifts, shifted
 
 if TYPE_CHECKING:
     from tests.matching.conftest import Warped
@@ -119,6 +119,20 @@ def _ranked_loss(ranking: Ranking, matches: np.ndarray) -> float:
     goal = np.vstack([ranking.target[matches[paired]], np.zeros((len(weights), 2))])
     rows = np.vstack([ranking.design[paired], np.diag(weights)])
     return float(((goal - rows @ np.linalg.lstsq(rows, goal)[0]) ** 2).sum())
+
+
+def test_the_loss_at_each_place_of_a_curve_is_that_of_its_pairs() -> None:
+    source, target = _curve()
+    ranking = Ranking.of(SmoothField.of(source), target)
+    rng = np.random.default_rng(6)
+    order = rng.permutation(80)[:60]
+    places = (rng.permutation(60)[:20] + np.arange(7)[:, None]) % 60
+    inside = rng.uniform(size=places.shape) < 0.9
+    loss = ranking.placed_loss(order, places, inside, target[30:50])
+    for number in range(len(places)):
+        matches = np.full(80, UNMATCHED)
+        matches[order[places[number, inside[number]]]] = np.arange(30, 50)[inside[number]]
+        assert loss[number] == pytest.approx(_ranked_loss(ranking, matches), rel=1e-5)
 
 
 @pytest.mark.parametrize("segment", [slice(20, 40), slice(5, 42)])

@@ -9,7 +9,7 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
 from tsis.matching import match_points, register
-from tsis.matching._outline import chains, laid_pieces, main_curve, successors
+from tsis.matching._outline import Ranking, _local_medians, chains, laid_pieces, main_curve, successors
 from tsis.matching._pose_evidence import (
     AMPLITUDES,
     SIGMAS,
@@ -22,7 +22,6 @@ from tsis.matching._pose_evidence import (
     size_and_stretch,
 )
 from tsis.matching._posterior import is_sound, log_rotation_prior, pose_posterior, probability_right
-from tsis.matching._refinement import Ranking
 
 
 def _outline(*radii: float, count: int = 80) -> np.ndarray:
@@ -122,6 +121,22 @@ def test_a_piece_of_the_outline_is_laid_on_its_place(hidden: str, strays: int) -
         near.append(np.mean((away <= 3) & (point[matches[paired]] < 90)))
     assert max(near) > (0.99 if not strays and hidden != "scattered" else 0.75)
     assert min(near) < 0.2
+
+
+def test_steps_along_a_curve_are_compared_with_their_neighbours_median() -> None:
+    steps = np.random.default_rng(3).uniform(0.5, 2.0, 40)
+    expected = [np.median(steps[max(k - 4, 0) : k + 5]) for k in range(40)]
+    np.testing.assert_array_equal(_local_medians(steps, 4), expected)
+    doubled = np.column_stack([steps, np.zeros(40)]).ravel()
+    np.testing.assert_array_equal(_local_medians(doubled, 8)[::2], expected)
+
+
+def test_points_that_are_given_twice_match_without_a_warning() -> None:
+    angle = np.linspace(0, 5, 60)
+    spiral = angle[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+    found = register(spiral + 0.03 * np.sin(spiral[:, ::-1]), np.vstack([spiral, spiral[:20]]))
+    assert found.reliable
+    np.testing.assert_allclose(found.moved, spiral, atol=0.01)
 
 
 @pytest.mark.parametrize("first", [0, 30, 55])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import subprocess
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from release.extras import FIRST, PLAIN, built_wheel, cost, extras, installed
@@ -12,10 +12,8 @@ from release.notebooks import NOTEBOOKS, code_of, five_lines
 
 import tsis
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
 pytestmark = pytest.mark.release
+README = Path(__file__).parents[2] / "README.md"
 
 
 @pytest.fixture(scope="module")
@@ -38,10 +36,16 @@ def test_version_is_that_of_the_repository(programs: Path, tmp_path: Path) -> No
     assert run(programs, tmp_path, "--version") == f"tsis {tsis.__version__}\n"
 
 
-def test_demo_finds_the_inclusion(programs: Path, tmp_path: Path) -> None:
-    found = json.loads(run(programs, tmp_path, "demo", "--json"))["estimate"]["parameters"]["diameter_mm"]
-    low, high = found["interval_90"]
-    assert low < 10.0 < high
+def test_demo_finds_what_the_readme_prints(programs: Path, tmp_path: Path) -> None:
+    found = json.loads(run(programs, tmp_path, "demo", "--json"))["estimate"]["parameters"]
+    rows = [line.strip("| ").split(" | ") for line in README.read_text("utf-8").splitlines() if line.startswith("| ")]
+    printed = {name: values for name, *values in rows if name in found}
+    assert set(printed) == {"diameter_mm", "depth_mm", "young_kpa"}
+    for name, (mean, interval, *spreads, truth) in printed.items():
+        one = found[name]
+        means = [float(mean), *map(float, interval.split(" to ")), float(truth)]
+        assert [one["mean"], *one["interval_90"], one["truth"]] == pytest.approx(means, 0.01)
+        assert [one["sd"], one["prior_sd"]] == pytest.approx([float(each) for each in spreads], 0.05)
 
 
 def test_the_five_lines_of_the_readme_lead_to_a_picture(programs: Path, tmp_path: Path) -> None:

@@ -30,7 +30,7 @@ PEAK_NOISE = 8.0  # times the noise of the smoothed change
 LEAST_CHANGE = 3.0  # levels
 CENTRE_MODEL_SD = 0.03  # of the radius: what the fit's model misses
 RADIUS_MODEL_SD = {"rgb": 0.006, "white": 0.01}  # of the radius, by rendered frames (seed 501)
-LEAST_QUALITY = 0.5
+LEAST_QUALITY, REFUSED_QUALITY = 0.5, 0.45  # of a good contact; of one with a reason against it, at most
 MOVED = 0.1  # of the radius, between frames of a sequence
 REASONS = {
     "no contact": "nothing changed against the reference: press harder, or check the reference",
@@ -139,7 +139,8 @@ def contacts(
         change = gel_change(gel_levels(frame, sensor, what=name), untouched, sensor, what=name)
         contact = find_gel_contact(change, sensor, name=name)
         if sequence and result and _moved(result[-1], contact):
-            contact = replace(contact, good=False, reasons=(*contact.reasons, "moving"))
+            quality = min(contact.quality, REFUSED_QUALITY)
+            contact = replace(contact, good=False, quality=quality, reasons=(*contact.reasons, "moving"))
         result.append(contact)
         if progress is not None:
             progress(number + 1, len(frames))
@@ -307,7 +308,7 @@ def _contact(
         semi_axes_px=fit.semi_axes,
         angle_deg=fit.angle_deg,
         explained=fit.explained,
-        quality=quality if not reasons else min(quality, 0.45),
+        quality=quality if not reasons else min(quality, REFUSED_QUALITY),
         good=not reasons and quality >= LEAST_QUALITY,
         reasons=tuple(reasons) if reasons or quality >= LEAST_QUALITY else (reason,),
         **in_mm,

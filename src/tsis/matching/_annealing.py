@@ -22,7 +22,7 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from tsis.compiled import fused
-from tsis.matching._fit import Floats, Integers, MatchFit, nearest_pairs, ridge_solution, spacing
+from tsis.matching._fit import Floats, Integers, MatchFit, nearest_pairs, ridge_map, spacing
 from tsis.matching._spline import spline_basis, spread_order, spread_out
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ def _settle(
     transformed = basis.design @ coordinates
     for _ in range(rounds):
         paired, drawn, balance = soft_pairs(transformed, target, temperature, balance)
-        coordinates = _fit_spline(basis, paired, drawn, temperature, initial)
+        coordinates = _fitted_spline(basis.design, basis.bent, paired, drawn, temperature, initial)
         before, transformed = transformed, basis.design @ coordinates
         if np.max((transformed - before) ** 2) < SETTLED**2 * temperature:
             break
@@ -204,16 +204,21 @@ def outlier_weights(points: Floats) -> Floats:
     return np.exp(-away / (2 * START)) / START
 
 
-def _fit_spline(basis: SplineBasis, paired: Floats, drawn: Floats, temperature: float, initial: Floats) -> Floats:
+@fused
+def _fitted_spline(
+    design: Floats, bent: int, paired: Floats, drawn: Floats, temperature: float, initial: Floats
+) -> Floats:
     """Coordinates of the spline fitted to the weighted targets with the ridges of the temperature."""
-    normal = basis.design.T @ (paired[:, None] * basis.design)
-    right = basis.design.T @ drawn
+    across = np.ascontiguousarray(design.T)
+    normal, right = (across * paired) @ design, across @ drawn
     scale = temperature * len(paired)
-    ridge = np.full(len(normal), BENDING * scale)
-    ridge[basis.bent] = 1e-12 * scale  # the translation is free; this only regularises zero weight
-    ridge[basis.bent + 1 :] = ROTATION * scale
-    right[basis.bent + 1 :] += ridge[basis.bent + 1 :, None] * initial
-    return ridge_solution(normal, right, ridge)
+    for k in range(bent):
+        normal[k, k] += BENDING * scale
+    normal[bent, bent] += 1e-12 * scale  # the translation is free; this only regularises zero weight
+    for k in range(bent + 1, len(normal)):
+        normal[k, k] += ROTATION * scale
+        right[k] += ROTATION * scale * initial[k - bent - 1]
+    return ridge_map(normal, right, 0.0)
 
 
 FACTOR, ROUNDS = 0.9, 4  # of the published cooling

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.compiled import fused
+from tsis.matching import _outline as outlines
 from tsis.matching import _refinement as refinement
 from tsis.matching._annealing import AFFINE_SD, START, Cooling, anneal, annealed_map, balanced_pairs, field_design
 from tsis.matching._fit import UNMATCHED, spacing
@@ -50,6 +51,7 @@ class PoseSearch:
     target: Floats
     step: float  # distance of neighbours
     following: Integers  # next point of the source along its curve, shape (n,)
+    ahead: Integers  # that of the target, shape (m,)
     curves: list[tuple[Integers, bool]]  # indices along each curve of the source, and whether it is closed
     outline: tuple[Integers, bool]  # the main one
     led: dict[PoseEvidence, PoseEvidence] = dataclass_field(default_factory=dict)  # where `_followed` led before
@@ -69,6 +71,7 @@ class PoseSearch:
             target=np.ascontiguousarray(target),
             step=max(spacing(source), spacing(target)),
             following=following,
+            ahead=successors(target),
             curves=curves,
             outline=main_curve(source, curves),
         )
@@ -107,7 +110,7 @@ def _improved_again(search: PoseSearch, evidence: list[PoseEvidence]) -> list[Po
 def _improved(search: PoseSearch, evidence: list[PoseEvidence]) -> list[PoseEvidence]:
     """All maps, and those that growth, order along curves and shifts make of the likeliest."""
     result = list(evidence)
-    ranking = refinement.Ranking.of(search.field, search.target)
+    ranking = outlines.Ranking.of(search.field, search.target)
     done = [_followed(search, item) for item in distinct(evidence, IMPROVED_DISTANCE)[:IMPROVED]]
     top = max(done, key=lambda item: item.log)
     for matches in refinement.shifted(search.outline, ranking, top):
@@ -149,7 +152,7 @@ def _mended(search: PoseSearch, item: PoseEvidence) -> PoseEvidence:
 
 def _target_slid_maps(search: PoseSearch, evidence: PoseEvidence) -> Iterator[PoseEvidence]:
     """Maps whose pairs slid along the curves of the denser target."""
-    ahead = successors(search.target)
+    ahead = search.ahead
     back = np.full(len(ahead), UNMATCHED)
     linked = np.flatnonzero(ahead != UNMATCHED)
     back[ahead[linked]] = linked
@@ -194,11 +197,10 @@ MOST_PASSES, LEAST_GAIN = 4, 0.5  # passes of all moves, and log evidence that o
 
 def _laid_maps(search: PoseSearch) -> list[PoseEvidence]:
     """Maps of pieces of the target's curves laid on the source's: hidden parts mislead an annealing."""
-    ranking = refinement.Ranking.of(search.field, search.target)
-    following = successors(search.target)
+    ranking = outlines.Ranking.of(search.field, search.target)
     curves = [search.outline] if len(search.outline[0]) else sorted(search.curves, key=lambda curve: -len(curve[0]))
-    pairs = (matches for curve in curves[:MOST_LAID] for matches in laid_pieces(curve, ranking, following))
-    width = refinement.RANK_WIDTH
+    pairs = (matches for curve in curves[:MOST_LAID] for matches in laid_pieces(curve, ranking, search.ahead))
+    width = outlines.RANK_WIDTH
     maps = [hard_evidence(search.field, search.target, matches, width=width) for matches in pairs]
     upright = [item for item in maps if item is not None and np.linalg.det(item.affine[1:]) > 0]
     return [_followed(search, item) for item in distinct(upright, DIFFERENT)[:FOLLOWED]]
@@ -206,7 +208,7 @@ def _laid_maps(search: PoseSearch) -> list[PoseEvidence]:
 
 def _aligned_maps(search: PoseSearch) -> list[PoseEvidence]:
     """Maps of the alignments of two outlines."""
-    alignments = outline_alignments(search.field, search.target)
+    alignments = outline_alignments(search.field, search.target, search.following, search.ahead)
     return [
         item for alignment in alignments if (item := hard_evidence(search.field, search.target, alignment)) is not None
     ]
@@ -393,4 +395,6 @@ def _coarse_starts(search: PoseSearch) -> list[Floats]:
         moved = [design @ (item.coordinates - other) for other in chosen]
         if all((away**2).sum(axis=1).mean() > DIFFERENT**2 for away in moved):
             chosen.append(item.coordinates)
-    return chosen[:ANNEALED]
+            if len(chosen) == ANNEALED:
+                break
+    return chosen

@@ -16,6 +16,7 @@ import numpy as np
 from scipy.spatial.distance import cdist
 from scipy.special import i0e, logsumexp
 
+from tsis.compiled import fused
 from tsis.matching._fit import UNMATCHED, MatchFit, assign, nearest_pairs
 from tsis.matching._outline import self_resemblance
 from tsis.matching._pose_evidence import PoseEvidence, gaussian_kernel, size_and_stretch, unrelated_evidence
@@ -23,7 +24,7 @@ from tsis.matching._pose_search import PoseSearch, distinct, search_poses, settl
 from tsis.matching._spline import spline_basis
 
 if TYPE_CHECKING:
-    from tsis.matching._fit import Floats, Move
+    from tsis.matching._fit import Booleans, Floats, Move
     from tsis.matching._spline import ThinPlateSpline
 
 TOLERANCE = 0.245  # 0.1 of the unit box, in root-mean-square radii of the transformed source
@@ -88,18 +89,23 @@ class PosePosterior:
         """Log odds of the maps within the tolerance of moved points, shape (n, d), against all others."""
         if not self.maps:
             return -LARGEST_ODDS
-        near = np.array([distance(item.moved, moved) <= TOLERANCE * _radius(moved) for item in self.maps])
+        near = self._near(moved)
         here = logsumexp(self.logs[near]) if near.any() else -math.inf
         others = logsumexp(np.append(self.logs[~near], self.unrelated))
         return float(np.clip(here - others, -LARGEST_ODDS, LARGEST_ODDS))
 
+    def _near(self, moved: Floats) -> Booleans:
+        """Mask of the maps within the tolerance of moved points, shape (k,)."""
+        tolerance = TOLERANCE * _radius(moved)
+        return np.array([_is_near(item.moved, moved, tolerance**2 * len(moved)) for item in self.maps])
+
     def alternatives(self) -> tuple[LikelyPose, ...]:
         """Poses that differ by more than the tolerance, by falling probability; the first is the best."""
-        left = list(range(len(self.maps)))
+        left = np.ones(len(self.maps), dtype=bool)
         result: list[LikelyPose] = []
-        while left and len(result) < MOST_ALTERNATIVES:
-            first = self.maps[left[0]]
-            near = [k for k in left if distance(self.maps[k].moved, first.moved) <= TOLERANCE * _radius(first.moved)]
+        while left.any() and len(result) < MOST_ALTERNATIVES:
+            first = self.maps[left.argmax()]
+            near = left & self._near(first.moved)
             probability = float(np.exp(logsumexp(self.logs[near])))
             if result and probability < LEAST_PROBABILITY:
                 break
@@ -110,7 +116,7 @@ class PosePosterior:
                     probability=min(probability, 1.0),
                 )
             )
-            left = [k for k in left if k not in near]
+            left &= ~near
         return tuple(sorted(result, key=lambda pose: -pose.probability))
 
 
@@ -157,6 +163,18 @@ def _softened(logs: Floats, maps: list[PoseEvidence], step: float) -> Floats:
         return logs
     noise = max(maps[0].sigma / step - LEAST_SPACINGS, 0.0)
     return np.asarray(logs[0] + (logs - logs[0]) / (1 + SOFTENING * noise))
+
+
+@fused
+def _is_near(moved: Floats, other: Floats, most: float) -> bool:
+    """Whether two maps' points, shape (n, d), have at most a sum of squared distances."""
+    total = 0.0
+    for i in range(len(moved)):
+        for axis in range(moved.shape[1]):
+            total += (moved[i, axis] - other[i, axis]) ** 2
+        if total > most:
+            return False
+    return True
 
 
 def distance(moved: Floats, other: Floats) -> float:

@@ -6,15 +6,14 @@ the paired region exceeds the distance of the points. Each move proposes other p
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial import KDTree
 
 from tsis.compiled import fused
-from tsis.matching._fit import UNMATCHED, assign_listed, nearest_within, normal_system, pairs_within, ridge_map
-from tsis.matching._pose_evidence import SIGMAS, WIDTHS, PoseEvidence, gaussian_kernel, hard_evidence
+from tsis.matching._fit import ALIGNED, UNMATCHED, assign_listed, nearest_within, normal_system, pairs_within, ridge_map
+from tsis.matching._pose_evidence import WIDTHS, PoseEvidence, gaussian_kernel, hard_evidence
 from tsis.matching._relaxation import rotations, whitening
 from tsis.matching._spline import spread_indices
 
@@ -22,6 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from tsis.matching._fit import Floats, Integers
+    from tsis.matching._outline import Ranking
     from tsis.matching._pose_evidence import SmoothField
 
 ACCEPTED = 3.0  # predictive standard deviations of a pair
@@ -36,7 +36,6 @@ POSITION = 1.5  # standard deviation of a position, in spacings
 STRAINS = (0.35, 0.3, 0.25, 0.15, 0.1)  # standard deviations of an edge, in spacings
 STIFFNESSES = (2.0, 1.0, 0.5, 0.25, 0.0)  # standard deviations of a pair of the stiff map, in spacings
 STIFF_WIDTH, STIFF_AMPLITUDE = 1.6, 0.1
-RANKS, RANK_SIGMA, RANK_AMPLITUDE, RANK_WIDTH = 25, 2 * SIGMAS[1], 0.1, 0.9
 MOST_SHIFTS, FOLLOWED_SHIFTS = 400, 8
 ROTATIONS = 24  # of the plane
 MANY_PAIRS = 60_000
@@ -203,49 +202,51 @@ def _run_matches(
 ) -> Integers:
     """Cheapest targets along one curve; an edge costs its squared difference from the moved edge."""
     count, candidates = near.shape
-    dimension = target.shape[1]
-    cost = np.full((count, candidates), 1e30)
-    before = np.full((count, candidates, 2), -1)
-    cheapest, cheapest_at = np.full(count + 1, 0.0), np.full((count + 1, 2), -1)
-    cheapest[0] = 0.0
-    # cheapest[p]: least cost of a run that ends before point p, with the skipped points up to p
+    dimension, wide = target.shape[1], -(-candidates // ALIGNED) * ALIGNED
+    partner, offset = np.full((count, wide), -1), np.zeros((count, dimension, wide))
+    cost, before = np.full((count, wide), 1e30), np.full((count, wide), -1)
     for p in range(count):
         for c in range(candidates):
-            j = near[p, c]
-            if j < 0:
-                break
-            least = cheapest[p] + BREAK
-            source, partner = cheapest_at[p, 0], cheapest_at[p, 1]
-            for s in range(1, MOST_SKIPPED + 1):
-                q = p - s
-                if q < 0:
+            partner[p, c] = near[p, c]
+            for axis in range(dimension):
+                offset[p, axis, c] = target[near[p, c], axis] - moved[p, axis] if near[p, c] >= 0 else 0.0
+    cheapest, cheapest_at = np.zeros(count + 1), np.full(count + 1, -1)
+    squared = np.empty(wide)
+    # cheapest[p]: least cost of a run that ends before point p, with the skipped points up to p
+    for p in range(count):
+        least, source, own = cost[p], before[p], partner[p]
+        least[:], source[:] = cheapest[p] + BREAK, cheapest_at[p]
+        for s in range(1, min(MOST_SKIPPED, p) + 1):
+            for b in range(candidates):
+                other, start = partner[p - s, b], cost[p - s, b] + (s - 1) * SKIP
+                if other < 0:
                     break
-                for b in range(candidates):
-                    i = near[q, b]
-                    if i < 0:
-                        break
-                    if i == j or cost[q, b] + (s - 1) * SKIP >= least:
-                        continue
-                    squared = 0.0
-                    for axis in range(dimension):
-                        edge = target[j, axis] - target[i, axis] - moved[p, axis] + moved[q, axis]
-                        squared += edge * edge
-                    total = cost[q, b] + 0.5 * squared / (strain * strain * s) + (s - 1) * SKIP
-                    if total < least:
-                        least, source, partner = total, q, b
-            cost[p, c] = least + 0.5 * (away[p, c] / position) ** 2
-            before[p, c, 0], before[p, c, 1] = source, partner
-        cheapest[p + 1] = cheapest[p] + SKIP
-        cheapest_at[p + 1, 0], cheapest_at[p + 1, 1] = cheapest_at[p, 0], cheapest_at[p, 1]
-        for c in range(candidates):
-            if cost[p, c] < cheapest[p + 1]:
-                cheapest[p + 1] = cost[p, c]
-                cheapest_at[p + 1, 0], cheapest_at[p + 1, 1] = p, c
+                if start >= cheapest[p] + BREAK:
+                    continue
+                squared[:] = 0.0
+                for axis in range(dimension):
+                    edge = offset[p - s, axis, b]
+                    for c in range(wide):
+                        squared[c] += (offset[p, axis, c] - edge) ** 2
+                scale, at = 0.5 / (strain * strain * s), (p - s) * wide + b
+                for c in range(wide):
+                    total = start + scale * squared[c]
+                    better = (total < least[c]) & (own[c] != other)
+                    least[c] = total if better else least[c]
+                    source[c] = at if better else source[c]
+        cheapest[p + 1], cheapest_at[p + 1] = cheapest[p] + SKIP, cheapest_at[p]
+        for c in range(wide):
+            if own[c] < 0:
+                least[c] = 1e30
+                continue
+            least[c] += 0.5 * (away[p, c] / position) ** 2
+            if least[c] < cheapest[p + 1]:
+                cheapest[p + 1], cheapest_at[p + 1] = least[c], p * wide + c
     matches = np.full(count, -1)
-    p, c = cheapest_at[count, 0], cheapest_at[count, 1]
-    while p >= 0:
-        matches[p] = near[p, c]
-        p, c = before[p, c, 0], before[p, c, 1]
+    at = cheapest_at[count]
+    while at >= 0:
+        matches[at // wide] = partner[at // wide, at % wide]
+        at = before[at // wide, at % wide]
     return matches
 
 
@@ -258,10 +259,7 @@ def shifted(curve: tuple[Integers, bool], ranking: Ranking, pose: PoseEvidence) 
     along = pose.matches[order]
     chosen = np.flatnonzero(along != UNMATCHED)
     places = (chosen[None, :] + np.arange(count)[:, None]) % count
-    stacked = ranking.design[order][places]  # shape (shifts, pairs, k)
-    goal = ranking.target[along[chosen]]
-    across = stacked.transpose(0, 2, 1)
-    loss = ranking.loss(across @ stacked, across @ goal, goal)
+    loss = ranking.placed_loss(order, places, np.ones(places.shape, dtype=bool), ranking.target[along[chosen]])
     lowest = (loss <= np.roll(loss, 1)) & (loss <= np.roll(loss, -1))
     lowest[0] = False
     for number in np.lexsort((loss, ~lowest))[:FOLLOWED_SHIFTS]:
@@ -284,29 +282,26 @@ def segment_shifts(order: Integers, closed: bool, ranking: Ranking, pose: PoseEv
     if not 0 < len(starts) <= MOST_RUNS:
         return
     before = np.diff(np.concatenate([[0], np.column_stack([starts, ends]).ravel(), [count]]))[::2]
-    design, goal = ranking.design[order], ranking.target[np.maximum(along, 0)] * paired[:, None]
-    outer = design[:, :, None] * design[:, None, :]
-    base, right = outer[paired].sum(axis=0), design[paired].T @ goal[paired]
-    normals, rights, chosen = [], [], []
+    design, goal = ranking.design[order], ranking.target[np.maximum(along, 0)]
+    base, right = _run_systems(design, goal, starts, ends)
+    first, last = np.triu_indices(len(starts))
+    whole = closed & (first == 0) & (last == len(starts) - 1)
+    losses, chosen = [], []
     for shift in SEGMENT_SHIFTS:
-        moved = np.roll(design, -shift, axis=0)
-        some = paired.astype(float)
-        change = np.cumsum(some[:, None, None] * (np.roll(outer, -shift, axis=0) - outer), axis=0)
-        pull = np.cumsum((some[:, None] * (moved - design))[:, :, None] * goal[:, None, :], axis=0)
-        change = np.concatenate([np.zeros_like(change[:1]), change])
-        pull = np.concatenate([np.zeros_like(pull[:1]), pull])
-        for first in range(len(starts)):
-            for last in range(first, len(starts)):
-                room = before[last + 1] if shift > 0 else before[first]
-                if room < abs(shift) or (closed and first == 0 and last == len(starts) - 1):
-                    continue
-                a, b = starts[first], ends[last]
-                normals.append(change[b] - change[a])
-                rights.append(pull[b] - pull[a])
-                chosen.append((a, b, shift))
+        room = before[last + 1] if shift > 0 else before[first]
+        some = np.flatnonzero((room >= abs(shift)) & ~whole)
+        if not len(some):
+            continue
+        normal, pull = _run_systems(np.roll(design, -shift, axis=0), goal, starts, ends)
+        change = np.cumsum(np.concatenate([np.zeros_like(base[:1]), normal - base]), axis=0)
+        drawn = np.cumsum(np.concatenate([np.zeros_like(right[:1]), pull - right]), axis=0)
+        normals = base.sum(axis=0) + change[last[some] + 1] - change[first[some]]
+        rights = right.sum(axis=0) + drawn[last[some] + 1] - drawn[first[some]]
+        losses.append(ranking.loss(normals, rights, goal[paired]))
+        chosen += [(starts[a], ends[b], shift) for a, b in zip(first[some], last[some], strict=True)]
     if not chosen:
         return
-    loss = ranking.loss(base + np.array(normals), right + np.array(rights), goal[paired])
+    loss = np.concatenate(losses)
     for number in np.argsort(loss, kind="stable")[:FOLLOWED_SEGMENTS]:
         a, b, shift = chosen[number]
         slid_along = along.copy()
@@ -317,28 +312,16 @@ def segment_shifts(order: Integers, closed: bool, ranking: Ranking, pose: PoseEv
         yield matches
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Ranking:
-    """A stiff field of low rank, whose loss ranks many sets of pairs at once."""
-
-    design: Floats  # affine and bending columns at the source's points, shape (n, k)
-    target: Floats  # shape (m, d)
-
-    @classmethod
-    def of(cls, field: SmoothField, target: Floats) -> Ranking:
-        """The ranking of pairs with the target's points."""
-        factor = field.factors[WIDTHS.index(RANK_WIDTH)][:, -RANKS:] * RANK_AMPLITUDE
-        return cls(design=np.column_stack([np.ones(len(factor)), field.points, factor]), target=target)
-
-    def loss(self, normal: Floats, right: Floats, goal: Floats) -> Floats:
-        """Squared residuals and bending, shape (s,), of normal matrices (s, k, k) and right sides (s, k, d).
-
-        ``goal`` holds the partners, shape (l, d) for all or (s, l, d).
-        """
-        ridge = np.full(self.design.shape[1], RANK_SIGMA**2)
-        ridge[: self.target.shape[1] + 1] = 1e-9
-        solution = np.linalg.solve(normal + np.diag(ridge), right)
-        return np.asarray((goal**2).sum(axis=(-2, -1)) - (right * solution).sum(axis=(1, 2)))
+@fused
+def _run_systems(design: Floats, goal: Floats, starts: Integers, ends: Integers) -> tuple[Floats, Floats]:
+    """Normal matrix and right side of the rows of each run, shapes (r, k, k) and (r, k, d)."""
+    normal = np.empty((len(starts), design.shape[1], design.shape[1]))
+    right = np.empty((len(starts), design.shape[1], goal.shape[1]))
+    for run in range(len(starts)):
+        here = design[starts[run] : ends[run]]
+        across = np.ascontiguousarray(here.T)
+        normal[run], right[run] = across @ here, across @ goal[starts[run] : ends[run]]
+    return normal, right
 
 
 def one_to_one(moved: Floats, target: Floats, gate: float) -> Integers:
@@ -346,19 +329,34 @@ def one_to_one(moved: Floats, target: Floats, gate: float) -> Integers:
     if len(moved) * len(target) <= MANY_PAIRS:
         start, column, squared = pairs_within(moved, target, np.full(len(moved), gate))
         return assign_listed(start, column, squared, len(target), gate**2)
-    nearest, back = _nearest(moved, target, gate), _nearest(target, moved, gate)
-    rows = np.flatnonzero(nearest != UNMATCHED)
-    mutual = rows[back[nearest[rows]] == rows]
-    matches = np.full(len(moved), UNMATCHED, dtype=np.int64)
-    matches[mutual] = nearest[mutual]
-    return matches
+    ascending = np.argsort(target[:, 0], kind="stable")
+    return _mutual(np.ascontiguousarray(moved), target[ascending], ascending, gate)
 
 
-def _nearest(points: Floats, others: Floats, gate: float) -> Integers:
-    """Index of each point's nearest other within a distance, or `UNMATCHED`, shape (n,)."""
-    order = np.argsort(others[:, 0], kind="stable")
-    near, _ = nearest_within(np.ascontiguousarray(points), others[order], order, gate, 1)
-    return near[:, 0]
+@fused
+def _mutual(points: Floats, ordered: Floats, ascending: Integers, gate: float) -> Integers:
+    """Index of the target within a distance that is each point's nearest and whose nearest is the point, or -1.
+
+    The ``ordered`` targets ascend along the first axis.
+    """
+    first_axis = np.ascontiguousarray(ordered[:, 0])
+    nearest, back = np.full(len(points), -1), np.full(len(ordered), -1)
+    away, away_back = np.full(len(points), gate**2), np.full(len(ordered), gate**2)
+    for i in range(len(points)):
+        first = np.searchsorted(first_axis, points[i, 0] - gate)
+        last = np.searchsorted(first_axis, points[i, 0] + gate)
+        for j in range(first, last):
+            squared = 0.0
+            for axis in range(points.shape[1]):
+                squared += (points[i, axis] - ordered[j, axis]) ** 2
+            if squared < away[i]:
+                away[i], nearest[i] = squared, j
+            if squared < away_back[j]:
+                away_back[j], back[j] = squared, i
+    for i in range(len(points)):
+        mutual = nearest[i] >= 0 and back[nearest[i]] == i
+        nearest[i] = ascending[nearest[i]] if mutual else -1
+    return nearest
 
 
 def rotated(field: SmoothField, target: Floats, step: float, pose: PoseEvidence) -> Iterator[PoseEvidence]:

@@ -155,14 +155,17 @@ def _supports(
     entry = np.empty(8 * n * c, dtype=np.int32)
     weight = np.empty(len(entry), dtype=np.float32)
     count = 0
+    near = np.empty(target_index.shape[1], dtype=np.int64)
     for i in range(n):
         for s in range(c):
             j = candidates[i, s]
             for a in range(source_index.shape[1]):
+                among, number = slot[source_index[i, a]], 0
                 for b in range(target_index.shape[1]):
-                    position = slot[source_index[i, a], target_index[j, b]]
-                    if position < 0:
-                        continue
+                    near[number] = b  # overwritten unless it is a candidate
+                    number += among[target_index[j, b]] >= 0
+                for b in near[:number]:
+                    position = among[target_index[j, b]]
                     alpha = 1 - abs(source_log[i, a] - target_log[j, b]) / same
                     beta = 0.0
                     for axis in range(dimension):
@@ -197,8 +200,9 @@ def _relax(
     for _ in range(updates):
         for at in range(n * c):
             total = 0.0
-            for k in range(start[at], start[at + 1]):
-                total += weight[k] * flat[entry[k]]
+            if flat[at] > 0:  # zero stays zero
+                for k in range(start[at], start[at + 1]):
+                    total += weight[k] * flat[entry[k]]
             support[at] = total
         before = flat.copy()
         flat *= support
@@ -357,8 +361,23 @@ def agreed(source: Floats, partners: Floats, trust: Floats, *, rng: np.random.Ge
     matrix = np.concatenate([matrix[plausible], np.eye(dimension)[None]])
     origin_from = np.concatenate([from_[wide, 0][plausible], source.mean(axis=0)[None]])
     origin_to = np.concatenate([to[wide, 0][plausible], partners.mean(axis=0)[None]])
-    shift = origin_to - np.einsum("td,tde->te", origin_from, matrix)
-    away = np.einsum("nd,tde->tne", source, matrix) + shift[:, None, :] - partners
-    closeness = np.maximum(1 - (away**2).sum(axis=2) / CLOSE**2, 0.0) @ chance / chance.sum()
+    shift = origin_to - (origin_from[:, None, :] @ matrix)[:, 0]
+    closeness = _closeness(source, partners, matrix, shift, chance / chance.sum(), CLOSE)
     best = int(np.argmax(closeness))
     return Pose(affine=np.vstack([shift[best], matrix[best]]), agreement=float(closeness[best]))
+
+
+@fused
+def _closeness(source: Floats, partners: Floats, matrix: Floats, shift: Floats, chance: Floats, close: float) -> Floats:
+    """Weight of the pairs, by their distance up to ``close``, that agree on each affine map, shape (t,)."""
+    result = np.zeros(len(matrix))
+    for number in range(len(matrix)):
+        for i in range(len(source)):
+            squared = 0.0
+            for axis in range(source.shape[1]):
+                away = shift[number, axis] - partners[i, axis]
+                for other in range(source.shape[1]):
+                    away += source[i, other] * matrix[number, other, axis]
+                squared += away * away
+            result[number] += chance[i] * max(1 - squared / close**2, 0.0)
+    return result
