@@ -6,18 +6,22 @@ estimator in that world, as far as its own intervals hold.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 from benchmarks.lamp_laws import calibrated_probe
 
-from tsis.inclusion._estimate import analyse
+from tsis.compiled import one_blas_thread
+from tsis.inclusion import press_tables, read_frames
 from tsis.inclusion.posterior import explore_inclusion
 
 if TYPE_CHECKING:
     from benchmarks.press_bank import PressBank
 
+    from tsis.inclusion import InclusionPrior, PressTables
     from tsis.inclusion.posterior import InclusionPosterior
+    from tsis.model import Probe
 
 
 def told(bank: PressBank, index: int, strain: str) -> InclusionPosterior:
@@ -26,19 +30,25 @@ def told(bank: PressBank, index: int, strain: str) -> InclusionPosterior:
     calibration = case.calibration
     if bank.world.lamps:
         calibration = calibrated_probe(bank.world.lamps, bank.protocol.probe, bank.seed).truth
-    found = analyse(
-        case.frames,
-        probe=bank.protocol.probe,
-        calibration=calibration,
-        reference=case.references,
-        prior=bank.prior,
-        progress=None,
-        strain=strain,
-    )
-    hypotheses = found.likelihood.model.heterogeneity
-    if hypotheses is None or bank.world.sd is None or bank.world.length_mm is None:
-        return found.posterior
-    return explore_inclusion(found.likelihood.under(hypotheses.alone(bank.world.sd, bank.world.length_mm)), bank.prior)
+    with one_blas_thread():
+        reading = read_frames(
+            list(case.frames),
+            list(case.references),
+            _tables(bank.protocol.probe, bank.prior, strain),
+            probe=bank.protocol.probe,
+            calibration=calibration,
+            prior=bank.prior,
+        )
+        likelihood = reading.likelihood
+        hypotheses = likelihood.model.heterogeneity
+        if hypotheses is not None and bank.world.sd is not None and bank.world.length_mm is not None:
+            likelihood = likelihood.under(hypotheses.alone(bank.world.sd, bank.world.length_mm))
+        return explore_inclusion(likelihood, bank.prior)
+
+
+@lru_cache(maxsize=1)
+def _tables(probe: Probe, prior: InclusionPrior, strain: str) -> PressTables:
+    return press_tables(probe, prior, strain)
 
 
 def told_sd(bank: PressBank, index: int, strain: str) -> tuple[list[float], list[float]]:
