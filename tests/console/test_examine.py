@@ -272,6 +272,8 @@ def test_press_estimate_and_what_it_tells(console: RunningConsole, browser: Brow
         page.get_by_role("button", name="Estimate").click()
         page.get_by_text("Diameter d").wait_for()
         assert page.evaluate("window.tops.size") == 1
+        for drawn in (re.compile("^Posterior of .*depth_mm"), "Outlines of the inclusion below the surface"):
+            page.get_by_role("img", name=drawn).wait_for()
         cards = page.locator(".cards").inner_text()
         for title in ("Diameter d", "Depth h", "Modulus E", "90 % interval", "truth 10 mm"):
             assert title in cards

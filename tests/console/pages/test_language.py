@@ -21,7 +21,8 @@ CONSOLE = Path(tsis.__file__).parent / "console"
 GLOSSARY = Path(__file__).parents[3] / "docs" / "glossary.md"
 HELP = tomllib.loads((CONSOLE / "pages" / "help.toml").read_text(encoding="utf-8"))
 SHOWING = {"label", "muted", "panel", "button", "link", "switch", "tab", "panel_title", "checkbox", "expansion"}
-SHOWING |= {"notify", "complain", "title_row"}
+SHOWING |= {"notify", "complain", "title_row", "cell", "list_message", "titled_dialog"}
+WORD = re.compile(r"[A-Za-z]{3}")
 NAMES = {"tsis", "3-D"}  # the same in every language
 OTHERS = sorted(set(languages()) - {"en"})
 
@@ -47,11 +48,36 @@ def constants(node: ast.AST) -> set[str]:
     return {item for item in found if isinstance(item, str)}
 
 
+def named(tree: ast.Module) -> dict[str, ast.expr]:
+    """What the names of a module's constants stand for."""
+    assigned = [node for node in tree.body if isinstance(node, ast.Assign)]
+    return {target.id: node.value for node in assigned for target in node.targets if isinstance(target, ast.Name)}
+
+
+def meant(node: ast.expr, tree: ast.Module) -> set[str]:
+    """The texts that an expression may be: a text, one of two, one of a module's constants, or one of many there."""
+    if isinstance(node, ast.IfExp):
+        return meant(node.body, tree) | meant(node.orelse, tree)
+    if isinstance(node, ast.Name):
+        return meant(named(tree)[node.id], tree) if node.id in named(tree) else set()
+    if isinstance(node, ast.Subscript):
+        return meant(node.value, tree)
+    if isinstance(node, ast.Dict):
+        return {text for value in node.values for text in meant(value, tree)}
+    if isinstance(node, ast.Tuple):
+        return {text for value in node.elts for text in meant(value, tree)}
+    return {node.value} if isinstance(node, ast.Constant) and isinstance(node.value, str) else set()
+
+
 def translated_texts() -> set[str]:
-    """Texts that the code gives to `tr` as they are."""
-    calls = [node for tree in trees().values() for node in ast.walk(tree) if called(node) == "tr"]
-    firsts = [node.args[0] for node in calls if isinstance(node, ast.Call)]
-    return {item.value for item in firsts if isinstance(item, ast.Constant) and isinstance(item.value, str)}
+    """Texts that the code gives to `tr`, and headings of tables, which are translated where they are placed."""
+    nodes = [(node, tree) for tree in trees().values() for node in ast.walk(tree)]
+    firsts = [
+        (node.args[0], tree)
+        for node, tree in nodes
+        if isinstance(node, ast.Call) and called(node) in ("tr", "rows_under")
+    ]
+    return {text for first, tree in firsts for text in meant(first, tree)} - {""}
 
 
 def help_said() -> set[str]:
@@ -82,16 +108,35 @@ def test_a_catalogue_has_nothing_that_no_code_says(code: str) -> None:
     assert [text for text in catalogue(code)._texts if text not in said and text.lower() not in said] == []
 
 
+def untranslated(node: ast.AST) -> set[str]:
+    """Words of an expression that no `tr` translates; names of what is asked for are none."""
+    if called(node) in ("tr", "count_text") or isinstance(node, (ast.Compare, ast.Subscript)):
+        return set()
+    if isinstance(node, ast.Call):
+        return set().union(*(untranslated(item) for item in node.args))
+    if isinstance(node, ast.IfExp):
+        return untranslated(node.body) | untranslated(node.orelse)
+    if isinstance(node, ast.Constant):
+        return {node.value} if isinstance(node.value, str) and WORD.search(node.value) else set()
+    return set().union(*(untranslated(item) for item in ast.iter_child_nodes(node)))
+
+
 def test_every_shown_text_is_translated() -> None:
     """By file, texts of shown parts that no `tr` translates: none."""
-    count = {}
+    left = {}
     for file, tree in trees().items():
-        shown = [
-            node for node in ast.walk(tree) if isinstance(node, ast.Call) and called(node) in SHOWING and node.args
+        nodes = list(ast.walk(tree))
+        given = [node.args[0] for node in nodes if isinstance(node, ast.Call) and called(node) in SHOWING and node.args]
+        texts = {name for name, value in named(tree).items() if isinstance(value, (ast.Constant, ast.JoinedStr))}
+        set_later = [
+            node.value
+            for node in nodes
+            if isinstance(node, ast.Assign) and any(getattr(target, "attr", "") == "text" for target in node.targets)
         ]
-        plain = [node for node in shown if isinstance(node.args[0], (ast.Constant, ast.JoinedStr))]
-        count[file] = sum(any(len(text) > 1 for text in constants(node.args[0]) - NAMES) for node in plain)
-    assert {file: number for file, number in count.items() if number} == {}
+        found = set().union(*(untranslated(node) for node in (*given, *set_later)))
+        found |= {node.id for node in given if isinstance(node, ast.Name) and node.id in texts}
+        left[file] = found - NAMES
+    assert {file: words for file, words in left.items() if words} == {}
 
 
 def test_another_language_is_what_the_browser_chose() -> None:

@@ -107,7 +107,7 @@ async def about_page(instrument: Instrument, viewer: kit.Viewer) -> None:
     with ui.element("div").classes("about"):
         with _panel("Research use only"):
             ui.label(RESEARCH_USE_ONLY).classes("strong")
-            ui.label(FINDINGS)
+            ui.label(tr(FINDINGS))
         with _panel("Calibration"):
             calibration = kit.FactList()
         with _panel("Camera"):
@@ -124,7 +124,8 @@ async def about_page(instrument: Instrument, viewer: kit.Viewer) -> None:
         with _panel("To cite it"):
             for message in CITATION:
                 ui.label(message)
-        with _panel(f"Licence: {LICENCE}"), ui.expansion(tr("Read the licence")).props("dense").classes("licence"):
+        title = tr("Licence: {licence}", licence=LICENCE)
+        with _panel(title), ui.expansion(tr("Read the licence")).props("dense").classes("licence"):
             ui.label(licence()).classes("whole-text")
 
     def show(state: InstrumentState) -> None:
@@ -138,7 +139,7 @@ async def about_page(instrument: Instrument, viewer: kit.Viewer) -> None:
 
 @contextmanager
 def _panel(title: str) -> Iterator[None]:
-    with kit.panel(title, style="panel"):
+    with kit.panel(tr(title), style="panel"):
         yield
 
 

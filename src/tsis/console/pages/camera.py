@@ -55,10 +55,10 @@ class CalibrationPanel:
     def show(self, state: InstrumentState) -> None:
         """Show which it is."""
         own = state.camera.choice.is_virtual
-        self._name.text = state.calibration or ("the virtual probe's own, once it runs" if own else "none")
+        self._name.text = state.calibration or tr("the virtual probe's own, once it runs" if own else "none")
         given = state.active
         self._identity.text = "" if given is None and own else calibration_text(given)
-        self._none.text = "Use the virtual probe's own" if own else "Use none"
+        self._none.text = tr("Use the virtual probe's own" if own else "Use none")
 
     async def _uploaded(self, event: UploadEventArguments) -> None:
         content = await event.file.read()
@@ -113,7 +113,9 @@ class GaugePanel:
         """Show for real cameras which gauge is connected."""
         self._panel.set_visibility(not state.camera.choice.is_virtual)
         self._in_use.text = (
-            f"Forces are read from the {state.gauge}." if state.gauge else "Forces are typed, or not known."
+            tr("Forces are read from the {gauge}.", gauge=state.gauge)
+            if state.gauge
+            else tr("Forces are typed, or not known.")
         )
 
     async def _ports(self) -> None:
@@ -173,7 +175,7 @@ class VirtualPanel:
 
     def show(self, state: InstrumentState) -> None:
         """Show whether it is in use."""
-        self._use.text = "Apply" if state.camera.choice.is_virtual else "Use the virtual probe"
+        self._use.text = tr("Apply" if state.camera.choice.is_virtual else "Use the virtual probe")
 
     def _show_changes(self) -> None:
         """Show the inclusion's fields, which spheres do not have."""
@@ -320,8 +322,8 @@ class SearchPanel:
 def search_text(job: JobState | None) -> str:
     """How far a search is."""
     if job is None:
-        return "No search yet. A search asks every source and takes some seconds."
-    return "Searching all sources; this takes some seconds." if job.running else job.sentence
+        return tr("No search yet. A search asks every source and takes some seconds.")
+    return tr("Searching all sources; this takes some seconds.") if job.running else job.sentence
 
 
 def camera_page(instrument: Instrument, viewer: kit.Viewer) -> None:

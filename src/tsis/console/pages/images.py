@@ -27,7 +27,6 @@ from tsis.model import require_number, require_pixel_scale
 from tsis.records import ROLE_NAMES
 from tsis.records.importing import ImportOptions
 from tsis.report import Table, finding_notes, finding_rows
-from tsis.report.target import count_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -39,14 +38,15 @@ if TYPE_CHECKING:
 __all__ = ["images_page"]
 
 SAYS = (
-    f"Drop images (PNG, BMP, TIFF, JPEG), videos and the sidecars of tsis acquire here: at most {MOST_OWN_FRAMES} "
-    f"frames, {kit.LARGEST_MIB} MiB a file. They stay on this machine; nothing is stored before you save them."
+    "Drop images (PNG, BMP, TIFF, JPEG), videos and the sidecars of tsis acquire here: at most {frames} frames, "
+    "{most} MiB a file. They stay on this machine; nothing is stored before you save them."
 )
 
 
 def images_page(instrument: Instrument, viewer: kit.Viewer) -> None:
     """Build the page."""
-    OwnImagesPage(instrument, viewer)
+    with ui.element("div").classes("stack"):
+        OwnImagesPage(instrument, viewer)
 
 
 class OwnImagesPage:
@@ -58,9 +58,9 @@ class OwnImagesPage:
         ui.context.client.on_delete(lambda: shutil.rmtree(self._folder, ignore_errors=True))
         self.rows: list[FrameRow] = []
         with kit.panel(tr("My images")):
-            kit.muted(SAYS)
+            kit.muted(tr(SAYS, frames=MOST_OWN_FRAMES, most=kit.LARGEST_MIB))
             field = kit.FileField(
-                label="Drop files here, or choose them",
+                label=tr("Drop files here, or choose them"),
                 multiple=True,
                 auto_upload=True,
                 max_file_size=kit.LARGEST_MIB * 2**20,
@@ -70,7 +70,7 @@ class OwnImagesPage:
                 ),
             ).props("flat bordered")
             field.props["accept"] = ",".join(OPENABLE)
-            field.name_parts("Choose images")
+            field.name_parts(tr("Choose images"))
             kit.explain(field, "Choose images")
             with ui.element("div").classes("row"):
                 self.path_field = kit.unit_field("File or folder on the console's machine", "").classes("path")
@@ -78,14 +78,14 @@ class OwnImagesPage:
             self._refused = kit.message_list()
         with kit.panel(tr("Frames")) as self._panel:
             with ui.element("div").classes("scroll"):
-                self._rows = kit.rows_under(("File", "Size", "Pressed on", "Force", ""), caption="Frames")
+                self._rows = kit.rows_under(("File", "Size", "Pressed on", "Force", ""), label=tr("Frames"))
             with ui.element("div").classes("row"):
                 self.scale_field = kit.unit_field("Scale, or x,y", "", unit="mm/pixel")
                 self._invert = ui.switch(tr("Light falls where pressed"), value=False)
                 self._calibrated = ui.switch(tr("Taken with the active calibration"), value=False)
             with ui.element("div").classes("row"):
                 self._measure = kit.button(tr("Measure contact"), self.measure, icon="straighten")
-                self.number_field = kit.unit_field("Target (empty: a new one)", "")
+                self.number_field = kit.unit_field("Target (empty: a new one)", "").classes("long-label")
                 self._save = kit.button(tr("Save as target"), self.save, icon="save", look="unelevated")
         self._panel.set_visibility(False)
         self._results = ui.element("section").classes("stack").props('role="status"')
@@ -179,7 +179,7 @@ class OwnImagesPage:
             number, added = result
             with self._results, ui.element("div").classes("panel row"):
                 ui.label(
-                    tr("Saved {presses} of target {number}.", presses=count_of(added, "press"), number=number)
+                    tr("Saved {presses} of target {number}.", presses=kit.count_text(added, "press"), number=number)
                 ).classes("good")
                 ui.link(tr("Open target {number}: estimate and report", number=number), f"/records/{number}").classes(
                     "link"
@@ -195,7 +195,7 @@ class FrameRow:
             kit.cell(image.name)
             kit.cell(f"{image.columns} x {image.rows}")
             with ui.element("td"):
-                self.role = ui.select({role: ROLE_NAMES[role] for role in IMAGE_ROLES}, value=image.role)
+                self.role = ui.select({role: tr(ROLE_NAMES[role]) for role in IMAGE_ROLES}, value=image.role)
                 self.role.props("dense outlined").props["aria-label"] = f"Pressed on, {image.name}"
                 kit.explain(self.role, "Pressed on")
             with ui.element("td"):

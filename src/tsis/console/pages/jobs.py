@@ -100,7 +100,7 @@ class _Row:
         if state == self._shown:
             return
         self._shown = state
-        self._text.text = _progress(state) or ("under way" if state.running else state.status)
+        self._text.text = _progress(state) or (tr("under way") if state.running else state.status)
         self._when.text = job_time(state)
         self._end.set_visibility(state.running)
         self._bar.show(state)
@@ -120,12 +120,13 @@ def jobs_page(instrument: Instrument, viewer: kit.Viewer) -> None:
     """Build the page: what runs, and what was done by this run of the program and those before."""
     with ui.element("div").classes("stack"):
         with kit.panel(tr("Under way")):
-            running = JobRows(instrument, viewer, ui.element("ul").classes("job-list wide"), "Nothing is under way.")
+            place = ui.element("ul").classes("job-list wide")
+            running = JobRows(instrument, viewer, place, tr("Nothing is under way."))
         with kit.panel(tr("History")):
             kit.muted(tr("Of this run of the console and those before; a target's job opens its page."))
-            columns = [{"name": name, "label": label, "field": name, "align": "left"} for name, label in COLUMNS]
+            columns = [{"name": name, "label": tr(label), "field": name, "align": "left"} for name, label in COLUMNS]
             table = ui.table(rows=[], columns=columns, row_key="identity", pagination=25)
-            table.props("flat dense")
+            table.props("flat dense wrap-cells").props["rows-per-page-label"] = tr("Jobs on a page")
             with table.add_slot("no-data"):
                 kit.muted(tr("No job is over yet."))
             table.add_slot("body-cell-title", LINK)
@@ -147,7 +148,7 @@ def history_row(state: JobState) -> dict[str, str]:
         "identity": state.identity,
         "began": "" if state.began is None else f"{state.began:%Y-%m-%d %H:%M}",
         "title": state.title,
-        "status": STATUSES.get(state.status, state.status),
+        "status": tr(STATUSES[state.status]) if state.status in STATUSES else state.status,
         "took": f"{(state.over - state.began).total_seconds():.0f} s" if known else "",  # type: ignore[operator]
         "result": state.sentence,
         "address": job_address(state.title),

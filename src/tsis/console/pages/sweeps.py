@@ -73,7 +73,7 @@ class SweepsPage:
                 with ui.element("tr"):
                     kit.cell(item.name)
                     kit.cell(item.trouble or f"{item.presses:,}")
-                    kit.cell(f"{item.finished} of {item.shards}")
+                    kit.cell(tr("{done} of {total}", done=item.finished, total=item.shards))
                     resume = partial(self._viewer.attempt, self._sweeps.resume, item.name)
                     with ui.element("td"), ui.element("div").classes("row"):
                         for text, act, useful in (
@@ -81,14 +81,19 @@ class SweepsPage:
                             ("Resume", resume, not item.complete and not item.trouble),
                         ):
                             if useful:
-                                kit.button(text, act, look="outline dense", label=f"{text} {item.name}")
+                                kit.button(tr(text), act, look="outline dense", label=f"{tr(text)} {item.name}")
 
     async def _ask_cost(self) -> None:
         with kit.loading(self._cost):
             found = await kit.submit(self._viewer, {"": self._text}, self._sweeps.cost, self._text.value or "")
         if found is not None:
             plan, lasts = found[0], timedelta(seconds=round(found[1]))
-            self._answer.text = f"{plan.presses:,} presses in {plan.shards} files, about {lasts} (h:min:s)."
+            self._answer.text = tr(
+                "{presses} presses in {files} files, about {lasts} (h:min:s).",
+                presses=f"{plan.presses:,}",
+                files=plan.shards,
+                lasts=lasts,
+            )
 
     async def _begin(self) -> None:
         name = (self._name.value or "").strip()
@@ -115,7 +120,9 @@ class SweepsPage:
         if not {x, y} <= set(self._rows):
             return
         points = tuple(zip(self._rows[x].tolist(), self._rows[y].tolist(), strict=True))
-        self._title.text = self._chart.props["aria-label"] = f"{self._shown}: {y} over {x}, {len(points)} presses"
+        self._title.text = self._chart.props["aria-label"] = tr(
+            "{name}: {y} over {x}, {count} presses", name=self._shown, y=y, x=x, count=len(points)
+        )
         self._chart.options.update(plot(points, x, y))
         self._chart.update()
 

@@ -109,7 +109,7 @@ class StepList:
         if not self._list.changes_to(now):
             return
         done = sum(state.status == "done" for state in steps)
-        self._title.text = f"Steps: {done} of {len(steps)} done"
+        self._title.text = tr("Steps: {done} of {total} done", done=done, total=len(steps))
         self._all.set_visibility(self._automatic and any(state.status in ("open", "left out") for state in steps))
         with self._list.element:
             for state in steps:
@@ -295,13 +295,15 @@ class TermsForm:
         self._seed.set_visibility(self._virtual)
         self._patch.set_visibility(not self._virtual)
         if self._virtual:
-            self._with.text = (
+            self._with.text = tr(
                 "With the virtual rig, which does each step at a click. It calibrates the virtual probe of this seed."
             )
         elif state.camera.running:
-            self._with.text = f"With {state.camera.name}, at the settings that it has now."
+            self._with.text = tr("With {camera}, at the settings that it has now.", camera=state.camera.name)
         else:
-            self._with.text = "With the camera that is chosen; start it first, for the session remembers its settings."
+            self._with.text = tr(
+                "With the camera that is chosen; start it first, for the session remembers its settings."
+            )
 
     async def _begin(self) -> None:
         session = await kit.submit(self._viewer, self._fields, self._begun)

@@ -94,7 +94,7 @@ class TypedLoading:
         if not self._table.changes_to(forces_n):
             return
         with self._table.element:
-            kit.muted(f"{len(forces_n)} frames" if forces_n else "No frame yet.")
+            kit.muted(tr("{count} frames", count=len(forces_n)) if forces_n else tr("No frame yet."))
             for force in forces_n:
                 ui.label(tr("{force} N", force=f"{force:g}")).classes("chip")
 
@@ -153,7 +153,7 @@ class StepCard:
             elif step.is_loading and not session.rig.has_gauge:
                 self._typed = TypedLoading(self._viewer, session, self._controls, step.name)
             else:
-                text = "Begin the loading" if step.is_loading else f"Take {step.frames} frames"
+                text = "Begin the loading" if step.is_loading else tr("Take {count} frames", count=step.frames)
                 self._button(text, "photo_camera", command(session.take, step.name))
             if step.optional and state.status == "open":
                 self._button("Leave it out", "skip_next", command(session.leave_out, step.name), look="outline")
@@ -166,7 +166,7 @@ class StepCard:
         self._button("Cancel", "stop", command(session.end_step), look="outline")
 
     def _button(self, text: str, icon: str, act: Callable[[], Awaitable[object]], look: str = "unelevated") -> None:
-        self._controls.add(kit.button(text, act, icon=icon, look=look))
+        self._controls.add(kit.button(tr(text), act, icon=icon, look=look))
 
     def _progress(self) -> None:
         """How far the frames of a step are, and what became of the last step."""
@@ -187,7 +187,8 @@ class StepCard:
 def frames_text(job: JobState) -> str:
     """Progress of a step's frames, or why they are not saved."""
     if job.running:
-        return f"{job.done} of {job.total} frames" if job.total else f"{job.done} frames"
+        counted = tr("{done} of {total} frames", done=job.done, total=job.total)
+        return counted if job.total else tr("{count} frames", count=job.done)
     return "" if job.status == DONE else job.sentence
 
 
@@ -292,7 +293,7 @@ class MakePanel:
     def cites(self, identity: str) -> None:
         """Set the identity of the calibration; empty without one."""
         self._identity = identity
-        self._cited.text = f"cited as {identity[:12]}"
+        self._cited.text = tr("cited as {identity}", identity=identity[:12])
         self._commands.set_visibility(bool(identity))
 
     async def _begin(self) -> None:

@@ -143,7 +143,7 @@ class FactList:
         with self._list.element:
             for term, value in facts:
                 with ui.element("dt"):
-                    ui.label(term)
+                    ui.label(tr(term))
                 with ui.element("dd"):
                     ui.label(value)
 
@@ -169,11 +169,11 @@ def rows_under(headings: Iterable[str], *, caption: str = "", label: str = "", s
             table.props["aria-label"] = label
         if caption:
             with ui.element("caption"):
-                ui.label(caption)
+                ui.label(tr(caption))
         with ui.element("thead"), ui.element("tr"):
             for heading in headings:
                 with ui.element("th").props("scope=col") if heading else ui.element("td"):
-                    ui.label(heading)
+                    ui.label(tr(heading))
         return ui.element("tbody")
 
 
@@ -182,6 +182,20 @@ def row(cells: Iterable[str]) -> None:
     with ui.element("tr"):
         for text in cells:
             cell(text)
+
+
+COUNTED = {"press": ("1 press", "{count} presses"), "target": ("1 target", "{count} targets")}
+
+
+def count_text(number: int, what: str) -> str:
+    """So many presses or targets.
+
+    Examples
+    --------
+    >>> count_text(1, "press"), count_text(2, "target")
+    ('1 press', '2 targets')
+    """
+    return tr(COUNTED[what][number != 1], count=number)
 
 
 def cell(text: str) -> ui.label:

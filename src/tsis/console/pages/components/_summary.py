@@ -39,7 +39,7 @@ def time_label(when: datetime) -> str:
 
 def press_label(press: StoredPress) -> str:
     """A press: what was pressed, how hard, when."""
-    return f"{ROLE_NAMES[press.role]}, {force_text(press.force_n)}, {time_label(press.taken)}"
+    return f"{tr(ROLE_NAMES[press.role])}, {tr(force_text(press.force_n))}, {time_label(press.taken)}"
 
 
 def camera_line(state: InstrumentState) -> str:

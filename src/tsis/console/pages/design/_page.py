@@ -64,7 +64,9 @@ class Section:
         except InputError as error:
             beside = any(self._editor.probe.field_faults())  # which has its own message
             self._fault.text = (
-                "Not drawn while a field is wrong." if beside else f"Not drawn: {kit.plain_message(str(error))}"
+                tr("Not drawn while a field is wrong.")
+                if beside
+                else tr("Not drawn: {message}", message=kit.plain_message(str(error)))
             )
             return
         self._fault.text = ""
@@ -176,7 +178,9 @@ class DesignResultPanel:
         if running:
             self._begun_here = True
             self._message.text = (
-                f"{state.done} of {state.total} solved" if state.done else "The press of a new probe takes a while."
+                tr("{done} of {total} solved", done=state.done, total=state.total)
+                if state.done
+                else tr("The press of a new probe takes a while.")
             )
         elif job is not self._shown:
             self._shown = job
@@ -241,6 +245,6 @@ async def design_tab(instrument: Instrument, viewer: kit.Viewer) -> None:
                 reporting = DesignResultPanel(instrument, viewer, editor)
         with probe_panel:
             ProbeForm(editor, lambda: background_tasks.create(section.draw(), name="section of the probe"))
-            ui.label(WHAT).classes("muted below")
+            ui.label(tr(WHAT)).classes("muted below")
     reporting.result_container()
     await section.draw()

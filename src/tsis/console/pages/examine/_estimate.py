@@ -369,7 +369,7 @@ def presses(saved: SavedTarget) -> None:
         kit.muted(tr("No presses of this target yet. Press it and save a snapshot (space bar)."))
         return
     more = "" if saved.count <= len(saved.presses) else tr(", the last {count}", count=len(saved.presses))
-    count = tr("1 press") if saved.count == 1 else tr("{count} presses", count=saved.count)
+    count = kit.count_text(saved.count, "press")
     with kit.rows_under((tr("Pressed"), tr("Force"), tr("Saved at (UTC)"), tr("Flags")), caption=count + more):
         for press in saved.presses:
             flags = ", ".join(press.flags)

@@ -69,15 +69,19 @@ class ObjectPart:
         self._virtual.set_visibility(choice.is_virtual)
         self._real.set_visibility(not choice.is_virtual)
         self._name.text = state.camera.name or kit.camera_line(state)
-        self._target.text = f"target {state.target}"
+        self._target.text = tr("target {number}", number=state.target)
         subject = self._instrument.camera_controller.subject
         written = None if subject is None else subject.written_radius_mm
         self._size.set_visibility(written is not None or not choice.is_virtual)
         if written is not None:
             self._fill((choice, written), written, RADIUS_SD_MM)
-            self._message.text = f"{choice.phantom} lies under {choice.probe}; its radius is as a calliper measured it."
+            self._message.text = tr(
+                "{object} lies under {probe}; its radius is as a calliper measured it.",
+                object=choice.phantom,
+                probe=choice.probe,
+            )
         elif not choice.is_virtual:
-            self._message.text = "Leave both empty where unknown; the estimate is then wide."
+            self._message.text = tr("Leave both empty where unknown; the estimate is then wide.")
             options = {} if saved.estimate is None else saved.estimate.options
             if "radius_mm" in options:  # as it was typed for the last estimate
                 self._fill((choice, saved.number), options["radius_mm"], options.get("radius_sd_mm"))

@@ -167,7 +167,7 @@ async def follow_job(
         state = job.state()
         if state.running:
             bar.show(state)
-            count.text = f"{state.done} of {state.total}" if state.total else "under way"
+            count.text = tr("{done} of {total}", done=state.done, total=state.total) if state.total else tr("under way")
             return
         timer.cancel()
         place.clear()
@@ -196,16 +196,16 @@ def export_button(page: TargetContext, view: TargetView) -> None:
 
 
 def _ask(page: TargetContext, view: TargetView) -> None:
-    with kit.open_dialog(page.dialogs, f"Export target {view.target.number}") as dialog:
+    with kit.open_dialog(page.dialogs, tr("Export target {number}", number=view.target.number)) as dialog:
         form = kit.select_field(FORM_LABELS, value="csv", label="Form", on_change=lambda: explain())
         meant = kit.muted()
-        identified = ui.switch(IDENTIFIED, value=False).props("dense")
+        identified = ui.switch(tr(IDENTIFIED), value=False).props("dense")
         waiting = ui.linear_progress(show_value=False).props('indeterminate aria-label="writing the file"')
         waiting.set_visibility(False)
 
         def explain() -> None:
             masked = form.value in MASKED
-            meant.text = PAGE if form.value in ("html", "pdf") else MEANT[masked]
+            meant.text = tr(PAGE if form.value in ("html", "pdf") else MEANT[masked])
             identified.set_visibility(masked)
 
         async def begin() -> None:

@@ -167,7 +167,7 @@ LARGE_PX = 768
 
 def open_press(page: TargetContext, view: TargetView, press: StoredPress) -> None:
     """Show a press in a dialog."""
-    title = f"Press {kit.press_label(press)}"
+    title = tr("Press {press}", press=kit.press_label(press))
     with (
         kit.open_dialog(page.dialogs, title, style="dialog-card wide") as dialog,
         ui.element("div").classes("press-large"),
@@ -255,7 +255,7 @@ def about_target(page: TargetContext, view: TargetView) -> None:
     target = view.target
 
     def edit() -> None:
-        with kit.open_dialog(page.dialogs, f"Edit target {target.number}") as dialog:
+        with kit.open_dialog(page.dialogs, tr("Edit target {number}", number=target.number)) as dialog:
             _TargetEditing(page, target, dialog, leave="Cancel")
 
     with kit.title_row(tr("About this target"), level=3):

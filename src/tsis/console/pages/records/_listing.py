@@ -19,7 +19,7 @@ from tsis.errors import FileInputError, InputError
 from tsis.records.export.bundle import read_bundle
 from tsis.records.store import ARCHIVED, DELETED, back_up_store, verify_store
 from tsis.report import import_message, verdict, verification_notes
-from tsis.report.target import count_of, time_text
+from tsis.report.target import time_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -143,19 +143,18 @@ class _TargetTable:
                 .props("dense outlined")
                 .classes("kind-choice")
             )
-        self._empty = kit.muted(BEGIN)
+        self._empty = kit.muted(tr(BEGIN))
         self._table = ui.table(
             rows=[],
             columns=[
-                {"name": name, "label": label, "field": name, "align": align, "sortable": True}
+                {"name": name, "label": tr(label), "field": name, "align": align, "sortable": True}
                 for name, label, align in COLUMNS
             ],
             row_key="number",
             pagination=self._pages(sheet_of((), self._order)),  # else it asks for a sheet of its own making
         )
-        self._table.props(
-            f'flat dense :rows-per-page-options="{list(SHEETS)}" rows-per-page-label="Targets on a sheet"'
-        ).classes("targets")
+        self._table.props["rows-per-page-label"] = tr("Targets on a sheet")
+        self._table.props(f'flat dense wrap-cells :rows-per-page-options="{list(SHEETS)}"').classes("targets")
         for name in ("number", "name"):
             self._table.add_slot(f"body-cell-{name}", LINK)
         self._table.on("request", self._page_changed)
@@ -172,7 +171,8 @@ class _TargetTable:
         targets = tuple(item for item in everything if item.state is None)
         presses = sum(target.presses for target in targets)
         kind = self._instrument.store.kind
-        self._count.text = f"{count_of(len(targets), 'target')} ({kind}s), {count_of(presses, 'press')}"
+        of_kind = tr("phantoms" if kind == "phantom" else "subjects")
+        self._count.text = f"{kit.count_text(len(targets), 'target')} ({of_kind}), {kit.count_text(presses, 'press')}"
         self._empty.set_visibility(not everything)
         self._request.set_visibility(bool(everything))
         self._table.set_visibility(bool(everything))
@@ -231,8 +231,8 @@ TOO_LARGE = f"a bundle must be one zip file of at most {kit.LARGEST_MIB} MiB her
 
 def import_button(instrument: Instrument, viewer: kit.Viewer, place: ui.element) -> None:
     """A button that asks for a bundle, imports it, and shows the result in ``place``."""
-    with kit.titled_dialog("Import a bundle") as dialog:
-        kit.muted(EXPLAINED)
+    with kit.titled_dialog(tr("Import a bundle")) as dialog:
+        kit.muted(tr(EXPLAINED))
         upload = kit.one_file(viewer, "Zip file of a bundle", accept=".zip", refused=TOO_LARGE)
         kit.button(tr("Close"), dialog.close, look="flat dense")
 
@@ -310,8 +310,8 @@ def backup_button(instrument: Instrument, viewer: kit.Viewer, place: ui.element)
     """A button that asks for a folder, copies the store there, and shows the verification of the copy in ``place``."""
 
     def ask() -> None:
-        with kit.open_dialog(place, "Back up the store") as dialog:
-            kit.muted(BACKUP)
+        with kit.open_dialog(place, tr("Back up the store")) as dialog:
+            kit.muted(tr(BACKUP))
             folder = kit.text_field("New folder, whole path", value=str(instrument.store.folder.resolve()) + "-backup")
             folder.props("outlined dense")
 

@@ -72,7 +72,7 @@ class Presses:
                 )
                 if view.total > AT_ONCE:
                     for text, icon, by in (("Earlier", "chevron_left", -AT_ONCE), ("Later", "chevron_right", AT_ONCE)):
-                        turn = kit.button(text, partial(self._turn, by), icon=icon, look="outline dense")
+                        turn = kit.button(tr(text), partial(self._turn, by), icon=icon, look="outline dense")
                         turn.set_enabled(0 <= view.offset + by < view.total)
             if not view.presses:
                 kit.muted(tr("Nothing was recorded yet: snapshots on the page Examine become presses."))
@@ -101,7 +101,7 @@ class Presses:
                 picture.on("error", lambda: _leave_out(frame), args=[])
             with ui.element("figcaption"):
                 with ui.element("div").classes("press-line"):
-                    ui.label(ROLE_NAMES[press.role]).classes("press-role")
+                    ui.label(tr(ROLE_NAMES[press.role])).classes("press-role")
                     ui.label(kit.force_text(press.force_n))
                 kit.muted(kit.time_label(press.taken))
                 for flag in flags:
@@ -118,12 +118,12 @@ class Presses:
     def _show_count(self) -> None:
         if self._compare is not None:
             self._compare.set_enabled(len(self.chosen) == TWO)
-            self._compare.text = f"Compare two ({len(self.chosen)} chosen)"
+            self._compare.text = tr("Compare two ({count} chosen)", count=len(self.chosen))
 
 
 def _range(view: TargetView) -> str:
     if view.total <= AT_ONCE:
-        return count_of(view.total, "press")
+        return kit.count_text(view.total, "press")
     return f"{view.offset + 1} to {view.offset + len(view.presses)} of {view.total}"
 
 
@@ -131,7 +131,7 @@ def _leave_out(frame: ui.element) -> None:
     """Show a message in place of a missing picture."""
     frame.clear()
     with frame:
-        ui.label(NO_PICTURE).classes("press-damaged")
+        ui.label(tr(NO_PICTURE)).classes("press-damaged")
 
 
 async def compare(page: TargetContext, view: TargetView, *, same_light: bool = False) -> None:
@@ -182,7 +182,7 @@ FRAME_EVERY_S = 0.2  # of a sequence that is played; the browser fetches each fr
 
 def play_sequence(place: ui.element, number: int, name: str, frames: int) -> None:
     """Play a recorded sequence of a target in a dialog: by itself, or frame by frame with the slider."""
-    with kit.open_dialog(place, f"{name} of target {number}", style="dialog-card wide"):
+    with kit.open_dialog(place, tr("{name} of target {number}", name=name, number=number), style="dialog-card wide"):
         picture = ui.element("img").classes("press-picture")
         with ui.element("div").classes("row"):
             playing = ui.switch(tr("Play"), value=True)
@@ -210,7 +210,7 @@ SHOWN_PRESSES, LARGEST_OFFSET = 6, 10**9  # of a comparison; the last page of pr
 def ask_to_compare(page: TargetContext, view: TargetView) -> None:
     """Ask for another target, and open both beside each other."""
     number = view.target.number
-    with kit.open_dialog(page.dialogs, f"Compare target {number}") as dialog:
+    with kit.open_dialog(page.dialogs, tr("Compare target {number}", number=number)) as dialog:
         other = kit.unit_field("Number of the other target", keys="numeric").props("autofocus")
 
         def go() -> None:
@@ -262,17 +262,18 @@ def estimates(view: TargetView) -> None:
     if result:
         kit.cards(target_cards(view.record))
     else:
-        kit.muted(NONE_YET)
+        kit.muted(tr(NONE_YET))
     with kit.message_list():
         for stored in result:
             for message in (*estimate_messages_of(stored), origin(stored)):
-                kit.list_message(f"Of the {stored.kind}: {message}" if len(result) > 1 else message)
+                of_kind = tr("Of the {kind}: {message}", kind=tr(stored.kind), message=message)
+                kit.list_message(of_kind if len(result) > 1 else message)
             if stored.estimate.flags:
-                kit.list_message(f"Flags: {', '.join(stored.estimate.flags)}", "doubtful")
+                kit.list_message(tr("Flags: {flags}", flags=", ".join(stored.estimate.flags)), "doubtful")
         for message in view.record.damaged:
-            kit.list_message(f"Left out: {message}", "flag")
+            kit.list_message(tr("Left out: {message}", message=message), "flag")
     if view.private:
-        kit.muted(IDENTITY_NOTE)
+        kit.muted(tr(IDENTITY_NOTE))
 
 
 def history(view: TargetView) -> None:
@@ -296,7 +297,7 @@ def estimate_button(page: TargetContext, view: TargetView) -> None:
 def _ask(page: TargetContext, view: TargetView) -> None:
     chosen, number, last = tuple(page.presses.chosen), view.target.number, view.record.estimate
     ways = {"newest": NEWEST, **({"chosen": f"the {count_of(len(chosen), 'press')} chosen below"} if chosen else {})}
-    with kit.open_dialog(page.dialogs, f"Estimate target {number}") as dialog:
+    with kit.open_dialog(page.dialogs, tr("Estimate target {number}", number=number)) as dialog:
         kind = kit.select_field(list(ESTIMATES), value=ESTIMATES[0] if last is None else last.kind, label="What")
         kind.props("outlined dense")
         way = ui.radio(ways, value="chosen" if chosen else "newest").props("dense")
@@ -331,8 +332,8 @@ def recompute_button(page: TargetContext, view: TargetView) -> None:
 
 def _ask_to_recompute(page: TargetContext, view: TargetView) -> None:
     target = view.target
-    with kit.open_dialog(page.dialogs, f"Recompute target {target.number}") as dialog:
-        ui.label(EXPLAINED)
+    with kit.open_dialog(page.dialogs, tr("Recompute target {number}", number=target.number)) as dialog:
+        ui.label(tr(EXPLAINED))
         dry = ui.switch(tr("dry run: show changes, store nothing"), value=False)
 
         async def begin() -> None:

@@ -43,9 +43,8 @@ class CodeTable:
         kit.panel_title(tr("Targets"))
         self._table = ui.table(rows=[], columns=[], row_key="number", pagination=self._pages(0)).classes("targets")
         self._table.on("request", self._requested)
-        self._table.props(
-            f'flat dense wrap-cells :rows-per-page-options="{list(SHEETS)}" rows-per-page-label="Targets on a sheet"'
-        )
+        self._table.props["rows-per-page-label"] = tr("Targets on a sheet")
+        self._table.props(f'flat dense wrap-cells :rows-per-page-options="{list(SHEETS)}"')
 
     def show(self, view: StudyView, result: StudyResult | None) -> None:
         """Show codes with their readings, or with the truth of an unblinded study."""
@@ -130,7 +129,7 @@ class StudySize:
         )
 
 
-DURATIONS = (("days", 86400.0), ("hours", 3600.0), ("minutes", 60.0), ("seconds", 1.0))
+DURATIONS = (("days", 86400.0), ("hours", 3600.0), ("minutes", 60.0), ("s", 1.0))
 LIKE = {"printed": "like the printed study", "random": "random"}
 LABELS = {"present": "targets with an inclusion", "blank": "blanks", "forces_n": "forces"}
 MOST_FORCES = 16
@@ -233,7 +232,7 @@ def study_listing(instrument: Instrument, viewer: kit.Viewer) -> None:
 
 def _show(summaries: tuple[StudySummary, ...]) -> None:
     if not summaries:
-        kit.muted(NONE_YET)
+        kit.muted(tr(NONE_YET))
         return
     with kit.rows_under(HEADINGS, label="Studies"):
         for item in summaries:
@@ -248,7 +247,9 @@ def _show(summaries: tuple[StudySummary, ...]) -> None:
                     ui.link(item.name, f"/study/{item.name}").classes("link")
                 kit.cell(str(item.targets))
                 kit.cell(str(item.readings))
-                kit.cell(f"unblinded {item.unblinded}" if item.unblinded else "blinded").classes("wordy")
+                kit.cell(tr("unblinded {when}", when=item.unblinded) if item.unblinded else tr("blinded")).classes(
+                    "wordy"
+                )
 
 
 class _NewStudy:
@@ -295,7 +296,7 @@ class _NewStudy:
         threshold.props["hint"] = "probability, 0 to 1"
         self._reference = ui.checkbox(tr("Reference presses on tissue nearby"), value=start.with_reference)
         self._reference.on_value_change(self._count)
-        kit.muted(MEANT)
+        kit.muted(tr(MEANT))
         self._size = kit.muted()
         with ui.element("div").classes("row"):
             self._button = kit.button(tr("Make the study"), self._make, icon="add", look="unelevated")
@@ -330,7 +331,7 @@ class _NewStudy:
         if size.readings <= LARGE:
             await self._made(draft)
             return
-        with kit.open_dialog(self._dialogs, "A large study") as dialog:
+        with kit.open_dialog(self._dialogs, tr("A large study")) as dialog:
             ui.label(tr("{size} Its targets are fixed once it is made.", size=size.text()))
 
             async def confirmed() -> None:

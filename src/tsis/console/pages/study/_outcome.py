@@ -92,7 +92,7 @@ class Unblinding:
     async def show(self, view: StudyView) -> None:
         """Say what a click would do; an open dialog is asked anew, since it told of the study before."""
         self._blind = view.study.unblinded is None
-        self._button.text = "Unblind and analyse" if self._blind else "Analyse again"
+        self._button.text = tr("Unblind and analyse" if self._blind else "Analyse again")
         if self._dialog is not None and not self._dialog.is_deleted and self._dialog.value:
             who = "" if self._who is None else self._who.value or ""
             self._dialog.delete()
@@ -112,7 +112,7 @@ class Unblinding:
     def _confirm(self, study: Study, verification: StudyVerification) -> None:
         page, left = self._page, unread(study)
         blind = study.unblinded is None
-        title = f"{'Unblind' if blind else 'Analyse'} study {study.plan.name}"
+        title = tr("Unblind study {name}" if blind else "Analyse study {name}", name=study.plan.name)
         with kit.open_dialog(self._container, title, style="dialog-card study-dialog") as dialog:
             self._dialog = dialog
             if blind:
@@ -124,7 +124,7 @@ class Unblinding:
                     )
                 )
             if verification.faults:
-                ui.label(FAULTY).classes("flag")
+                ui.label(tr(FAULTY)).classes("flag")
                 kit.message_list(str(fault) for fault in verification.faults[:MOST_SHOWN])
             although = ui.checkbox(tr("although incomplete")).props("dense")
             although.set_visibility(blind and bool(left))
@@ -195,7 +195,7 @@ def verify_button(page: StudyContext, place: ui.element) -> None:
                 saved = kit.unit_field("Head that was saved elsewhere", head, keys="text").classes("study-head")
                 kit.button(tr("Compare"), lambda: begin(saved.value or ""), look="outline dense")
                 kit.button(tr("Close"), place.clear, look="flat dense")
-            kit.muted(VERIFICATION_MEANING)
+            kit.muted(tr(VERIFICATION_MEANING))
 
     button = kit.button(tr("Verify"), lambda: begin(), icon="verified_user", look="outline dense")
 
@@ -213,7 +213,7 @@ NONE_YET = "Nothing was read yet. Run the virtual probe, or import the readings 
 def show_devices(page: StudyContext, view: StudyView) -> None:
     """Place the devices with their operators."""
     if not view.devices:
-        kit.muted(NONE_YET)
+        kit.muted(tr(NONE_YET))
     for device in view.study.devices:
         stored = [item for item in view.devices if item.device == device]
         with ui.element("div").classes("study-device"):
@@ -268,7 +268,7 @@ class JobProgress:
         self._container.set_visibility(state is not None)
         if state is None:
             return False
-        self._message.text = state.sentence or "Waiting for other jobs."
+        self._message.text = state.sentence or tr("Waiting for other jobs.")
         self._end.set_visibility(state.running)
         self._bar.show(state)
         return state.running
@@ -292,7 +292,7 @@ class Running:
         self._page = page
         self._named = False
         kit.panel_title(tr("Virtual probe"))
-        kit.muted(READING_MEANS)
+        kit.muted(tr(READING_MEANS))
         with ui.element("div").classes("row"):
             self._who = who_field(page.viewer, "Operator")
             self._begin = kit.button(tr("Run on the virtual probe"), self._run, icon="play_arrow", look="unelevated")
@@ -318,7 +318,7 @@ class Running:
 
 
 EXPLAINED = (
-    f"A CSV file with the columns {', '.join(READING_COLUMNS)}. A higher score says that an inclusion is "
+    "A CSV file with the columns {columns}. A higher score says that an inclusion is "
     "likelier, an empty one is undecided; the last three may be empty. A table is entered whole or not at all."
 )
 TOO_LARGE = f"readings must be one CSV file of at most {kit.LARGEST_MIB} MiB here; larger ones: tsis study import"
@@ -328,8 +328,8 @@ CUT = "The file did not arrive whole: try again."
 def import_button(page: StudyContext) -> ui.button:
     """A button that asks for device, threshold and file, and enters its readings."""
     viewer = page.viewer
-    with kit.titled_dialog("Import readings", style="dialog-card study-dialog") as dialog:
-        kit.muted(EXPLAINED)
+    with kit.titled_dialog(tr("Import readings"), style="dialog-card study-dialog") as dialog:
+        kit.muted(tr(EXPLAINED, columns=", ".join(READING_COLUMNS)))
         device = kit.unit_field("Device", keys="text")
         threshold = kit.unit_field("Threshold")
         threshold.props("stack-label").props["placeholder"] = "the study's, or that of the first import"
@@ -342,7 +342,7 @@ def import_button(page: StudyContext) -> ui.button:
         try:
             content = await event.file.read()
         except OSError:
-            viewer.complain(CUT)
+            viewer.complain(tr(CUT))
             return
         named = one_line(PurePosixPath(event.file.name.replace("\\", "/")).name or "readings.csv")
         fields = {"device": device, "threshold": threshold, "actor": who}

@@ -92,7 +92,7 @@ class StudyPage:
 
     async def _show(self, view: StudyView) -> None:
         study, blind = view.study, view.study.unblinded is None
-        self._title.text = f"Study {study.plan.name}"
+        self._title.text = tr("Study {name}", name=study.plan.name)
         self._run.set_visibility(blind)
         self._import.set_visibility(blind)
         self._running.show(view)
