@@ -22,24 +22,28 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from benchmarks.finished_lines import append_line, read_lines
-from benchmarks.judgement import Judgement, compared, rows_of
+from benchmarks.judgement import LEVELS, Judgement, compared, rows_of
 from benchmarks.press_bank import PressBank
 from benchmarks.simulated_presses import DEFAULT, PROTOCOLS
 from benchmarks.tables import show
+from benchmarks.told import told_sd
 from benchmarks.worlds import WORLDS
 
 import tsis
 from tsis.cli import progress_bar
 from tsis.errors import TsisError
 from tsis.files import cache_folder, content_key
-from tsis.inclusion import InclusionPrior, estimate
+from tsis.inclusion import PARAMETERS, InclusionPrior, estimate
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
 
-def judge(bank: PressBank, index: int, strain: str | None = None) -> dict[str, Any]:
-    """One case: pressed or read, estimated (by default at the strain of its presses), and set beside its truth."""
+def judge(bank: PressBank, index: int, strain: str | None = None, *, informed: bool = False) -> dict[str, Any]:
+    """One case: pressed or read, estimated (by default at the strain of its presses), and set beside its truth.
+
+    With ``informed`` the line holds the standard deviations of one who is told the world too.
+    """
     try:
         case = bank.case(index)
         result = estimate(
@@ -55,7 +59,11 @@ def judge(bank: PressBank, index: int, strain: str | None = None) -> dict[str, A
     presence = {"presence": result.presence, "presence_trusted": result.presence_trusted}
     if case.phantom.inclusion is None:
         return {"index": index, "trusted": result.trusted, "flags": list(result.flags), **presence}
-    return {"index": index, **compared(result, case.phantom.inclusion), **presence}
+    line = {"index": index, **compared(result, case.phantom.inclusion), **presence}
+    line["identified"] = [result.identified(name) for name in PARAMETERS]
+    if informed:
+        line["told_sd"], line["told_rank"] = told_sd(bank, index, strain or bank.strain)
+    return line
 
 
 def code() -> str:
@@ -75,16 +83,19 @@ def run(
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
     strain: str | None = None,
+    informed: bool = False,
 ) -> list[dict[str, Any]]:
     """Lines of the first ``presses`` cases in order, those that ``out`` holds already and, on all cores, the rest."""
     found = read_lines(out, "index")
     missing = [index for index in range(presses) if index not in found]
     if missing:
-        first = judge(bank, missing[0], strain)  # fills the caches of light and surrogate before the workers share them
+        # The first one fills the caches of light and surrogate before the workers share them
+        first = judge(bank, missing[0], strain, informed=informed)
         append_line(out, first)
         found[missing[0]] = first
     with ProcessPoolExecutor(max_workers=workers or os.cpu_count()) as pool:
-        for future in as_completed([pool.submit(judge, bank, index, strain) for index in missing[1:]]):
+        tasks = [pool.submit(judge, bank, index, strain, informed=informed) for index in missing[1:]]
+        for future in as_completed(tasks):
             line = future.result()
             append_line(out, line)
             found[line["index"]] = line
@@ -93,11 +104,10 @@ def run(
     return [found[index] for index in range(presses)]
 
 
-def kept_at(folder: Path, bank: PressBank, strain: str | None = None) -> Path:
+def kept_at(folder: Path, bank: PressBank, strain: str | None = None, *, informed: bool = False) -> Path:
     """File of the finished cases, named by all that decides them."""
-    decided_by = (
-        bank.content() | {"prior": asdict(bank.prior), "code": code()} | ({} if strain is None else {"strain": strain})
-    )
+    decided_by = bank.content() | {"prior": asdict(bank.prior), "code": code(), "informed": informed}
+    decided_by |= {} if strain is None else {"strain": strain}
     return folder / f"{bank.name}-{content_key(decided_by)}.jsonl"
 
 
@@ -113,6 +123,24 @@ def presences(lines: list[dict[str, Any]], blanks: list[dict[str, Any]]) -> dict
             found |= {f"{kind} above 0.95": float((presence > 0.95).mean()), f"{kind} trusted": float(np.mean(trusted))}
             scores.append(float(((presence - truth) ** 2).mean()))
     return found | ({"Brier score": float(np.mean(scores))} if len(scores) == len(kinds) else {})
+
+
+def beside_told(lines: list[dict[str, Any]]) -> list[list[str]]:
+    """Rows on the width beside that of one who is told the world; none without lines that hold it."""
+    kept = [line for line in lines if "told_sd" in line]
+    if not kept:
+        return []
+    truth, mean, sd, told, rank = (
+        np.array([line[name] for line in kept]) for name in ("truth", "mean", "sd", "told_sd", "told_rank")
+    )
+    bound = np.sqrt((told**2).mean(axis=0))
+    rows = {
+        "mean sd over told": sd.mean(axis=0) / told.mean(axis=0),
+        "rmse over bound": np.sqrt(((mean - truth) ** 2).mean(axis=0)) / bound,
+        "bound": bound,
+        "told holds 90": (np.abs(2 * rank - 1) <= LEVELS[-1]).mean(axis=0),
+    }
+    return [[name, *(f"{value:.3g}" for value in values)] for name, values in rows.items()]
 
 
 def counted(names: Mapping[str, int]) -> str:
@@ -135,6 +163,7 @@ def main() -> int:
     parser.add_argument("--out", type=Path, default=cache_folder() / "coverage", help="folder of finished cases")
     parser.add_argument("--workers", type=int, help="processes; all cores by default")
     parser.add_argument("--strain", choices=("finite", "small"), help="of the estimator; by default the presses' own")
+    parser.add_argument("--told", action="store_true", help="estimate too as one who is told the world, twice as long")
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--markdown", action="store_true", help="print the table as Markdown")
     options = parser.parse_args()
@@ -151,10 +180,11 @@ def main() -> int:
             run(
                 each,
                 count,
-                out=kept_at(options.out, each, options.strain),
+                out=kept_at(options.out, each, options.strain, informed=options.told),
                 workers=options.workers,
                 progress=progress,
                 strain=options.strain,
+                informed=options.told,
             )
             for each, count in ((blanks, options.blanks), (bank, options.presses))
         )
@@ -177,12 +207,16 @@ def main() -> int:
         }
         print(json.dumps(document | results, indent=2))
     else:
-        title = f"{len(found.truth)} cases, seed {options.seed}: {bank.protocol.described}"
-        show(title, (options.protocol, *numbers), rows_of(numbers), markdown=options.markdown)
+        pressed = replace(bank.protocol, strain=bank.strain).described
+        title = f"{len(found.truth)} cases of world {bank.world.name}, seed {options.seed}: {pressed}"
+        rows = rows_of(numbers) + beside_told(lines)
+        show(title, (options.protocol, *numbers), rows, markdown=options.markdown)
         print(f"not trusted by the estimate itself: {found.distrusted} of {len(found.truth)}")
         if trusted is not None:
             shares = " / ".join(f"{100 * share:.0f}" for share in trusted.coverage(0.9))
             print(f"90 % intervals of the {len(trusted.truth)} trusted: {shares} % hold")
+        identified = np.mean([line["identified"] for line in lines if "identified" in line], axis=0)
+        print("identified: " + " / ".join(f"{100 * share:.0f}" for share in identified) + " %")
         print(f"flags: {counted(found.flags)}\nrefused: {counted(found.refused)}")
         print("; ".join(f"{name} {value:.3g}" for name, value in presences(lines, without).items()))
     return 0 if found.keeps_the_claim() else 1

@@ -63,14 +63,12 @@ class LayeredProbe(UnevenProbe):
                 mesh=FINE_MESH,
             )
             presses.append(np.array(slab.press()))
-        x, y = np.meshgrid(self._axis, self._axis)
-        radius = np.hypot(x, y)
+        radius, _ = self._grid
         inside = radius <= self.probe.radius_mm
-        pressure, displacement = (
-            np.array([inside * np.interp(radius, slab.radius_mm, part) for part in change])
-            for change in presses[0] - presses[1]
+        change = presses[0] - presses[1]
+        self._change = np.array(
+            [[inside * np.interp(radius, slab.radius_mm, press) for press in part] for part in change]
         )
-        self._change = pressure, displacement
 
 
 def pressed(

@@ -99,9 +99,10 @@ class PressBank:
 
     def case(self, index: int) -> SimulatedCase:
         """Case ``index``; a MechanicsError where the drawn tissue is too soft for the mechanics."""
-        return seen_by_product(self.world, self.protocol, self._raw(index), seed=self.seed)
+        return seen_by_product(self.world, self.protocol, self.raw(index), seed=self.seed)
 
-    def _raw(self, index: int) -> SimulatedCase:
+    def raw(self, index: int) -> SimulatedCase:
+        """Case ``index`` before the product corrects its frames for lamps."""
         if self.folder is None:
             return self._simulated(index)
         path = self._place / f"{index:06d}.npz"

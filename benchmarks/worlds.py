@@ -1,9 +1,9 @@
-"""Worlds that differ from the estimator's: uneven tissue, finite strain, other lamps, and these together.
+"""Worlds that differ from the estimator's: uneven tissue, finite strain, lamps, misplaced presses, and all together.
 
 Uneven tissue is a random field of the logarithm of the modulus in three dimensions, a sum of plane waves, the same for
 all forces at one site and drawn anew for the reference site, zero inside the inclusion. What it changes is solved for
 the drawn tissue, inclusion and probe on a finer mesh of another order than the estimator's table, with six harmonics
-around the axis, and added to the press of even tissue.
+around the axis, and added to the press of even tissue. `benchmarks.misplaced` has offsets and tilts.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import Protocol as Protocol_
 
 import numpy as np
 from benchmarks.lamp_laws import LAMP_LAWS, CalibratedProbe, calibrated_probe
+from benchmarks.misplaced import SphereField, field_change, moved_change, tilt_change
 from benchmarks.simulated_presses import Protocol, SimulatedCase
 from benchmarks.solved_data import solved_data
 from scipy.special import jv
@@ -63,7 +64,23 @@ class World:
     dents_measured: bool = True
 
 
-WORLDS = {
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MisplacedWorld(World):
+    """A world in which the examiner misses.
+
+    Attributes
+    ----------
+    offset_mm
+        Largest distance of the inclusion from the axis; each case draws one, uniform.
+    tilt_deg
+        Largest tilt of the probe; each site draws one, uniform, for all its presses.
+    """
+
+    offset_mm: float = 0.0
+    tilt_deg: float = 0.0
+
+
+WORLDS: dict[str, World] = {
     world.name: world
     for world in (
         World(name="as-model"),
@@ -77,6 +94,9 @@ WORLDS = {
         World(name="rough-10-5", sd=0.1, rough=True),
         World(name="finite-uneven-10-5", sd=0.1, strain="finite"),
         World(name="together", sd=0.1, strain="finite", lamps="traced"),
+        MisplacedWorld(name="off-axis", offset_mm=4.0),
+        MisplacedWorld(name="tilt", tilt_deg=3.0),
+        MisplacedWorld(name="all", sd=0.1, strain="finite", lamps="traced", offset_mm=4.0, tilt_deg=3.0),
         *(World(name=f"lamps-{law}", lamps=law) for law in LAMP_LAWS),
         *(World(name=f"lamps-{law}-no-pads", lamps=law, dents_measured=False) for law in LAMP_LAWS),
     )
@@ -130,15 +150,46 @@ class UnevenProbe(VirtualProbe):
         self._level = None if light is None else light.at(*self.sensor.axes_mm())
         steps = int(np.ceil(probe.radius_mm / GRID_MM))
         self._axis = GRID_MM * np.arange(-steps, steps + 1)
-        self._change: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
+        x, y = np.meshgrid(self._axis, self._axis)
+        self._grid = np.hypot(x, y), np.arctan2(y, x)
+        self._change = np.zeros((2, 2, *x.shape))
+        self._place, self._kernels = (0.0, 0.0), np.zeros((2, *self._change.shape))
 
     def on_site(self, phantom: Phantom, field: TissueField, sd: float, *, harmonics: int = HARMONICS) -> None:
         """Solve what the field changes, by unit and shape of a press: pressure and displacement over the grid."""
-        self._change = None
+        self._change[:] = 0.0
+        self._kernels[:] = 0.0
         if sd == 0:
             return
+        slab = self._slab(phantom)
+        for order in range(harmonics + 1):
+            radius, depth = slab.points_mm(order)
+            parts = np.zeros((2, len(radius)))
+            tissue = (radius < FARTHEST * self.probe.radius_mm) & ~slab.inside(radius, depth)
+            parts[:, tissue] = sd * field.harmonic(order, radius[tissue], depth[tissue])
+            self._change += field_change(slab, order, slab.response(order), parts, self._grid)
+
+    def misplaced(self, phantom: Phantom, place: tuple[float, float], tilt: tuple[float, float]) -> None:
+        """Move the inclusion of this site from the axis to a distance in mm and an angle, and tilt the probe.
+
+        The tilt is in degrees, with its direction.
+        """
+        self._place = place
+        self._change[:, 1] += tilt_change(self._slab(phantom), *tilt, self._grid)
+        if phantom.inclusion is None:
+            return
+        slab = self._slab(phantom.without_inclusion())
+        spheres = [SphereField.of(phantom.inclusion, offset, place[1]) for offset in (0.0, place[0])]
+        for order in range(HARMONICS + 1):
+            response = slab.response(order)
+            for kernel, sphere in zip(self._kernels, spheres, strict=True):
+                parts = sphere.harmonic(order, response.radius_mm, response.depth_mm)
+                kernel += field_change(slab, order, response, parts, self._grid)
+
+    def _slab(self, phantom: Phantom) -> TissueFieldResponse:
+        """The site's tissue under the nominal probe."""
         stiffer, inclusion = self._stiffness, phantom.inclusion
-        slab = TissueFieldResponse(
+        return TissueFieldResponse(
             self.probe,
             young_kpa=phantom.young_kpa / stiffer,
             thickness_mm=phantom.thickness_mm,
@@ -148,22 +199,6 @@ class UnevenProbe(VirtualProbe):
             else (inclusion.diameter_mm, inclusion.depth_mm, inclusion.young_kpa / stiffer),
             mesh=FINE_MESH,
         )
-        x, y = np.meshgrid(self._axis, self._axis)
-        radius, angle = np.hypot(x, y), np.arctan2(y, x)
-        inside = radius <= self.probe.radius_mm
-        pressure, displacement = np.zeros((2, 2, *x.shape))
-        for order in range(harmonics + 1):
-            response = slab.response(order)
-            at = (response.radius_mm, response.depth_mm)
-            parts = np.zeros((2, len(at[0])))
-            tissue = (at[0] < FARTHEST * self.probe.radius_mm) & ~slab.inside(*at)
-            parts[:, tissue] = sd * field.harmonic(order, at[0][tissue], at[1][tissue])
-            for total, profiles in ((pressure, response.pressure_kpa), (displacement, response.face_displacement_mm)):
-                for press, profile in enumerate(profiles):
-                    for part, wave in zip(parts, (np.cos, np.sin), strict=True):
-                        values = np.interp(radius, slab.radius_mm, profile @ part)
-                        total[press] += inside * values * wave(order * angle)
-        self._change = pressure, displacement
 
     def light(self, phantom: Phantom, *, force_n: float) -> NDArray[np.float64]:
         """As for a `VirtualProbe`; the stray light of lamps follows their light on the face, as does the machine's."""
@@ -177,15 +212,21 @@ class UnevenProbe(VirtualProbe):
         if not phantom.is_axisymmetric:
             return super()._rendered_press(phantom, force_n)
         even = self._round_press(phantom, force_n)
-        if self._change is None:
-            return self._rendered(even)
         stiffer = self._stiffness
-        pressure, displacement = (force_n / stiffer * unit + shape for unit, shape in self._change)
+        change = self._change[:, 1] + force_n / stiffer * self._change[:, 0]
+        change[0] *= stiffer
+        if self._kernels.any():
+            kernels = self._kernels[:, :, 1] + force_n / stiffer * self._kernels[:, :, 0]
+            kernels[:, 0] *= stiffer
+            bare = self._round_press(phantom.without_inclusion(), force_n)
+            change += moved_change((even, bare), (kernels[0], kernels[1]), self._place, self._grid)
+        if not change.any():
+            return self._rendered(even)
         around = even.on_grid(self._axis, self._axis)
         beside = replace(
             around,
-            pressure_kpa=np.maximum(around.pressure_kpa + stiffer * pressure, 0.0),
-            face_displacement_mm=around.face_displacement_mm + displacement,
+            pressure_kpa=np.maximum(around.pressure_kpa + change[0], 0.0),
+            face_displacement_mm=around.face_displacement_mm + change[1],
         )
         # The grid blurs the rim, which the round press has in full: the grid gives only the change.
         return np.maximum(self._rendered(even) + self._rendered(beside) - self._rendered(around), 0.0)
@@ -208,10 +249,17 @@ def simulate_world(
     drawn_sd, drawn_mm = rng.uniform(*RANDOM_SD), float(np.exp(rng.uniform(*np.log(RANDOM_MM))))
     sd = drawn_sd if world.sd is None else world.sd
     length = drawn_mm if world.length_mm is None else world.length_mm
+    missed = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(index, 1)))
     presses: list[tuple[TactileImage, ...]] = []
     for site in (phantom, replace(phantom.without_inclusion(), young_kpa=nearby)):
         with solved_data():
             virtual.on_site(site, RandomField.drawn(length, rng, rough=world.rough), sd)
+            if isinstance(world, MisplacedWorld):
+                place, tilt = (
+                    (missed.uniform(0.0, most), missed.uniform(0.0, 2 * np.pi))
+                    for most in (world.offset_mm, world.tilt_deg)
+                )
+                virtual.misplaced(site, place, tilt)
             presses.append(tuple(virtual.press(site, force_n=force) for force in protocol.forces_n))
     return SimulatedCase(phantom=phantom, frames=presses[0], references=presses[1], calibration=virtual.calibration)
 

@@ -11,9 +11,12 @@ import pytest
 
 import tsis
 from tsis.errors import InputError, NotCalibratedError
-from tsis.inclusion import UNTRUSTED_FLAGS, InclusionPrior, press_tables, read_frames
-from tsis.inclusion._frames import require_valid_forces
-from tsis.inclusion.posterior import explore_inclusion
+from tsis.inclusion import UNTRUSTED_FLAGS, InclusionPrior, press_tables, read_frames, ring_edges
+from tsis.inclusion._estimate import NEARLY_COVERED
+from tsis.inclusion._frames import covering_force_n, require_valid_forces
+from tsis.inclusion._reading import covered_presses
+from tsis.inclusion.posterior import explore_inclusion, ring_means
+from tsis.mechanics import press
 from tsis.mechanics.surrogate import Degrees, build_full_contact_surrogate
 from tsis.model import LightMap
 from tsis.virtual import VirtualProbe
@@ -55,6 +58,21 @@ def lump() -> Frames:
 @pytest.fixture(scope="module")
 def told(lump: Frames) -> Estimate:
     return found_in(lump)
+
+
+@pytest.mark.parametrize("sphere", [(14.7, 4.2, 97.0), (8.0, 4.2, 90.0)])
+def test_a_rim_that_hardly_fails_to_touch_leaves_the_rings_alone(sphere: tuple[float, float, float]) -> None:
+    """Beside presses whose contact is searched for: those that cover the face are linear in the force."""
+    diameter, depth, young = sphere
+    lump = tsis.Inclusion(diameter_mm=diameter, depth_mm=depth, young_kpa=young)
+    covers = covering_force_n(covered_presses(DOMED, PRIOR), PRIOR, np.array(sphere))
+    least, more, most = (
+        press(DOMED, replace(PLAIN, inclusion=lump), force_n=factor * covers) for factor in (NEARLY_COVERED, 1.15, 1.3)
+    )
+    means = ring_means(least.radius_mm, ring_edges(DOMED))
+    covered = means @ (more.pressure_kpa - (most.pressure_kpa - more.pressure_kpa) * (1.15 - NEARLY_COVERED) / 0.15)
+    assert least.pressure_kpa[-1] < more.pressure_kpa[-1] / 10  # the rim does not touch
+    assert np.abs(means @ least.pressure_kpa - covered).max() < 0.0031 * covered.mean()
 
 
 def test_two_forces_on_a_dome_tell_the_modulus(told: Estimate) -> None:

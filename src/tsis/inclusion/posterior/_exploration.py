@@ -97,7 +97,9 @@ class SignalChart:
         return np.asarray(self._turn(young_kpa) ** 2)[:, None]
 
 
-LINEARISATIONS = 3  # before that of the result
+LINEARISATIONS = 3  # at most, before that of the result
+CONVERGED = 0.3  # largest change of a nuisance, in its standard deviations, after which the next is quadratically small
+CAUTIOUS = 1e-4  # of the most probable hypothesis: the improbable ones are left out of further searches
 COARSE, CLOSE, CELLS = 12, 10, 16  # cells along an axis: first search, search near an earlier grid, result
 LEFT = 0.1  # largest residual of a correction to the log likelihood
 SMOOTHING = 1e-6  # samples may nearly coincide
@@ -140,14 +142,17 @@ class InclusionPosterior:
 def explore_inclusion(likelihood: InclusionLikelihood, prior: InclusionPrior) -> InclusionPosterior:
     """Find the posterior."""
     chart, nuisance = SignalChart(prior=prior, bend_mm=np.zeros(2)), likelihood.start
-    position, near = (prior.low + prior.high) / 2, None
+    position, near, searched = (prior.low + prior.high) / 2, None, likelihood
     for _ in range(LINEARISATIONS):
-        grid = _search(likelihood.near(position, nuisance), chart, COARSE, near, finest=1)
+        grid = _search(searched.near(position, nuisance), chart, COARSE, near, finest=1)
         inclusions = chart.inclusions(grid.cells.points)
-        position = chart.inclusions(grid.mean()[None])[0]
-        nuisance = likelihood.within(likelihood(position[None], nuisance, about=position).nuisance[0])
+        position, before = chart.inclusions(grid.mean()[None])[0], nuisance
+        nuisance = likelihood.within(searched(position[None], nuisance, about=position).nuisance[0])
         chart = chart.straightened(inclusions, grid.weight)
         near = box_around(chart.points(inclusions), grid.log_density, grid.cells.edges)
+        if likelihood.distance(before, nuisance) < CONVERGED:
+            break
+        searched = searched.narrowed(position, nuisance, least=CAUTIOUS)
     blank = _blank_evidence(likelihood)
     likelihood = likelihood.narrowed(position, nuisance)
     nearby = likelihood.near(position, nuisance)
@@ -233,6 +238,10 @@ def _interpolated(grid: Grid, missing: Callable[[Floats], Floats], points: Float
 def _blank_evidence(likelihood: InclusionLikelihood) -> float:
     """Log evidence of tissue without inclusion."""
     fit = likelihood(None, likelihood.start)
+    nuisance = likelihood.start
     for _ in range(LINEARISATIONS):
-        fit = likelihood(None, likelihood.within(fit.nuisance[0]))
+        before, nuisance = nuisance, likelihood.within(fit.nuisance[0])
+        fit = likelihood(None, nuisance)
+        if likelihood.distance(before, nuisance) < CONVERGED:
+            break
     return float(fit.log_evidence[0])

@@ -110,7 +110,7 @@ class ForwardModel:
         finite = self._finite(inclusions, nuisance)
         for frame, (push, offset) in enumerate(self._pushes(nuisance)):
             press = self.rings.under(push, presses[bool(self.is_reference[frame])]) + finite[frame]
-            pressure, displacement, slope = np.split(press, OUTPUTS_PER_RING, axis=-1)
+            pressure, displacement, slope = _parts(press)
             shade = self.shading.factor(displacement, slope, nuisance[SHADE], self._errors(nuisance))
             light = rough_contact(pressure, self.calibration) * shade * self._bent(pressure, nuisance)
             grey[:, frame] = np.exp(nuisance[GAIN]) * self._remaining(push, nuisance) * light + offset / self.level
@@ -347,7 +347,7 @@ class ForwardModel:
 
     def _light(self, press: Floats, nuisance: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """Grey levels of presses (n, 3 rings) at nominal gain, and derivatives by response, emphasis and errors."""
-        pressure, displacement, slope = np.split(press, OUTPUTS_PER_RING, axis=-1)
+        pressure, displacement, slope = _parts(press)
         bent, by_square = self._bent(pressure, nuisance), self.shading.uncertainty.by_square
         contact = rough_contact(pressure, self.calibration) * bent
         shade = self.shading(displacement, slope, nuisance[SHADE], self._errors(nuisance))
@@ -364,6 +364,11 @@ class ForwardModel:
         return np.asarray(np.exp(-bend * pressure**2))
 
 
+def _parts(responses: Floats) -> Floats:
+    """Pressures, displacements and slopes (3, ..., rings) of responses (..., 3 rings), without a copy."""
+    return np.moveaxis(responses.reshape(*responses.shape[:-1], OUTPUTS_PER_RING, -1), -2, 0)
+
+
 def _along(by_answer: Floats, direction: Floats) -> Floats:
     """Derivative of the rings' light along a change of the press: the sum over the three responses."""
-    return np.asarray(sum(np.split(by_answer * direction, OUTPUTS_PER_RING, axis=-1)))
+    return np.asarray(_parts(by_answer * direction).sum(axis=0))

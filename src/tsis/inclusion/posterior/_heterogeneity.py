@@ -13,9 +13,10 @@ import itertools
 import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.linalg.lapack import dtrtri
 
 from tsis.compiled import one_blas_thread
 from tsis.files import content_key
@@ -25,6 +26,8 @@ from tsis.mechanics.tissue_field import FieldMesh, TissueFieldResponse, field_fa
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+    from numpy.typing import NDArray
 
     from tsis.inclusion._prior import Floats, InclusionPrior, Integers
     from tsis.model import Probe
@@ -268,9 +271,9 @@ class Heterogeneity:
         after = replace(self, log_weight=log_weight).selected(log_weight)
         return replace(after, log_weight=after.log_weight - np.logaddexp.reduce(after.log_weight))
 
-    def selected(self, log_weight: Floats) -> Heterogeneity:
-        """The hypotheses that ``log_weight`` (hypotheses,) does not make improbable, with their weights as before."""
-        probable = log_weight > log_weight.max() + np.log(IMPROBABLE_HYPOTHESIS)
+    def selected(self, log_weight: Floats, *, least: float = IMPROBABLE_HYPOTHESIS) -> Heterogeneity:
+        """The hypotheses above ``least`` of the most probable by ``log_weight``, with their weights as before."""
+        probable = log_weight > log_weight.max() + np.log(least)
         parts = {name: getattr(self, name)[probable] for name in ("sd", "length", "layer_sd", "log_weight")}
         return replace(self, **parts)
 
@@ -338,3 +341,25 @@ class SuperficialLayer:
         """
         shown = np.sqrt(np.maximum(self.log_factor**2 - self.log_factor_sd**2, 0.0))
         return float(shown @ np.diff(LAYERS_MM, prepend=0.0))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class NoiseHypotheses:
+    """Noise of the rings under each hypothesis on the tissue's heterogeneity."""
+
+    covariance: Floats  # shape (hypotheses, rings, rings)
+    whitening: Floats  # inverse of its lower root
+    log_weight: Floats  # logarithm of each probability, shape (hypotheses,)
+    log_root: Floats  # logarithm of the determinant of the root, shape (hypotheses,)
+
+    @classmethod
+    def of(cls, covariance: Floats, log_weight: Floats) -> NoiseHypotheses:
+        """Factorise the covariances."""
+        roots = np.linalg.cholesky(covariance)
+        whitening = np.array([dtrtri(root, lower=1)[0] for root in roots])
+        return cls(covariance=covariance, whitening=whitening, log_weight=log_weight, log_root=log_root(roots))
+
+
+def log_root(roots: NDArray[np.floating[Any]]) -> Floats:
+    """Logarithms of the determinants of triangular roots (n, m, m), shape (n,)."""
+    return np.asarray(np.log(np.diagonal(roots, axis1=1, axis2=2)).sum(axis=1))

@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
-from scipy.linalg.lapack import dtrtri, dtrtrs
+from scipy.linalg.lapack import dtrtrs
 
-from tsis.inclusion.posterior._heterogeneity import IMPROBABLE_HYPOTHESIS, LAYER_SDS, SuperficialLayer
+from tsis.inclusion.posterior._heterogeneity import (
+    IMPROBABLE_HYPOTHESIS,
+    LAYER_SDS,
+    NoiseHypotheses,
+    SuperficialLayer,
+    log_root,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from numpy.typing import NDArray
-
     from tsis.inclusion._prior import Booleans, Floats, Integers
     from tsis.inclusion.posterior._forward import ForwardModel
+    from tsis.inclusion.posterior._heterogeneity import Heterogeneity
     from tsis.mechanics.surrogate import TissueSurrogate
     from tsis.model import Calibration
 
@@ -90,6 +95,7 @@ class InclusionLikelihood:
         correlation = np.eye(data.grey.shape[1]) if model.correlation is None else model.correlation
         self._noise = noise_covariance(data, model.calibration, correlation)[np.ix_(self._use, self._use)]
         self._latest: tuple[bytes, NoiseHypotheses] | None = None
+        self._profiled: tuple[bytes, tuple[Floats, Floats]] | None = None
         self.start = np.zeros(len(self._sd))
 
     def __call__(self, inclusions: Floats | None, nuisance: Floats, *, about: Floats | None = None) -> LikelihoodFit:
@@ -97,18 +103,25 @@ class InclusionLikelihood:
         residual, rotated = self._linear(inclusions, nuisance)
         return _mixed(self._hypotheses(about, nuisance), residual, rotated, self._sd)
 
-    def narrowed(self, inclusion: Floats, nuisance: Floats) -> InclusionLikelihood:
-        """The likelihood without the hypotheses that are improbable at an inclusion (3,)."""
+    def narrowed(
+        self, inclusion: Floats, nuisance: Floats, *, least: float = IMPROBABLE_HYPOTHESIS
+    ) -> InclusionLikelihood:
+        """The likelihood without the hypotheses below ``least`` of the most probable one at an inclusion (3,)."""
         if self.model.heterogeneity is None:
             return self
         residual, rotated = self._linear(inclusion[None], nuisance)
         evidence = _evidence(self._hypotheses(inclusion, nuisance), residual, rotated, self._sd)[0][:, 0]
-        model = replace(self.model, heterogeneity=self.model.heterogeneity.selected(evidence))
-        return InclusionLikelihood(model, self._data)
+        return self.under(self.model.heterogeneity.selected(evidence, least=least))
+
+    def under(self, heterogeneity: Heterogeneity) -> InclusionLikelihood:
+        """The likelihood under other hypotheses on the tissue."""
+        other = InclusionLikelihood(replace(self.model, heterogeneity=heterogeneity), self._data)
+        other._profiled = self._profiled
+        return other
 
     def near(self, inclusion: Floats, nuisance: Floats) -> LinearisedLikelihood:
         """The likelihood with constant derivatives by the nuisances, those at one inclusion (3,)."""
-        _, slopes = self.model.profiles(inclusion[None], nuisance)
+        _, slopes = self._profiles(inclusion[None], nuisance)
         rotated = self._used(slopes)[0] * self._sd
         start = rotated @ self._units(nuisance)
         hypotheses = self._hypotheses(inclusion, nuisance)
@@ -134,7 +147,7 @@ class InclusionLikelihood:
             residual=table.through(selected @ reference, at_nodes @ selected.T),
             square=square[:, :-1, :-1],
             slope=square[:, :-1, -1],
-            constant=hypotheses.log_weight - _log_root(roots) - 0.5 * square[:, -1, -1],
+            constant=hypotheses.log_weight - log_root(roots) - 0.5 * square[:, -1, -1],
         )
 
     def layer(self, inclusion: Floats, nuisance: Floats) -> SuperficialLayer:
@@ -219,11 +232,24 @@ class InclusionLikelihood:
         limit = LIMIT_SD * self._sd
         return np.clip(nuisance, np.maximum(low, -limit), np.minimum(high, limit))
 
+    def distance(self, one: Floats, other: Floats) -> float:
+        """Largest difference of two sets of nuisances, in standard deviations of each."""
+        return float(np.abs(self._units(one - other)).max())
+
     def _linear(self, inclusions: Floats | None, nuisance: Floats) -> tuple[Floats, Floats]:
         """Residuals at nuisances of 0, shape (n, m), and their decrease by one sd of each, (n, m, nuisances)."""
-        grey, slopes = self.model.profiles(inclusions, nuisance)
+        grey, slopes = self._profiles(inclusions, nuisance)
         rotated = self._used(slopes) * self._sd
         return self._used(self._data.grey - grey) + rotated @ self._units(nuisance), rotated
+
+    def _profiles(self, inclusions: Floats | None, nuisance: Floats) -> tuple[Floats, Floats]:
+        """`ForwardModel.profiles`; the latest of a single inclusion are used again."""
+        if inclusions is None or len(inclusions) > 1:
+            return self.model.profiles(inclusions, nuisance)
+        key = inclusions.tobytes() + nuisance.tobytes()
+        if self._profiled is None or self._profiled[0] != key:
+            self._profiled = key, self.model.profiles(inclusions, nuisance)
+        return self._profiled[1]
 
     def _hypotheses(self, about: Floats | None, nuisance: Floats) -> NoiseHypotheses:
         """Noise of the used rings under each hypothesis; the latest is used again."""
@@ -281,23 +307,6 @@ class ErrorSources:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class NoiseHypotheses:
-    """Noise of the rings under each hypothesis on the tissue's heterogeneity."""
-
-    covariance: Floats  # shape (hypotheses, rings, rings)
-    whitening: Floats  # inverse of its lower root
-    log_weight: Floats  # logarithm of each probability, shape (hypotheses,)
-    log_root: Floats  # logarithm of the determinant of the root, shape (hypotheses,)
-
-    @classmethod
-    def of(cls, covariance: Floats, log_weight: Floats) -> NoiseHypotheses:
-        """Factorise the covariances."""
-        roots = np.linalg.cholesky(covariance)
-        whitening = np.array([dtrtri(root, lower=1)[0] for root in roots])
-        return cls(covariance=covariance, whitening=whitening, log_weight=log_weight, log_root=_log_root(roots))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LinearisedLikelihood:
     """A fast likelihood with the derivatives by the nuisances at one inclusion, where it is exact."""
 
@@ -321,11 +330,6 @@ class LinearisedLikelihood:
             most = evidence.max(axis=0)
             result[start : start + CHUNK] = most + np.log(np.exp(evidence - most).sum(axis=0))
         return result
-
-
-def _log_root(roots: NDArray[np.floating[Any]]) -> Floats:
-    """Logarithms of the determinants of triangular roots (n, m, m), shape (n,)."""
-    return np.asarray(np.log(np.diagonal(roots, axis1=1, axis2=2)).sum(axis=1))
 
 
 def _mixed(hypotheses: NoiseHypotheses, residual: Floats, rotated: Floats, sd: Floats) -> LikelihoodFit:

@@ -130,6 +130,16 @@ class TissueFieldResponse:
         pressure, displacement = self._outputs(0, self._bodies(0)[1])
         return (pressure @ self._round_forces).T, (displacement @ self._round_forces).T
 
+    def tilt(self) -> tuple[Floats, Floats]:
+        """Change of pressure in kPa and displacement in mm at the radii by a rotation of the probe, times the cosine.
+
+        Shape (radii,) each: per radian, where the face stays covered and smooth.
+        """
+        tissue, probe_compliance = self._bodies(1)
+        forces = np.linalg.solve(tissue.compliance + probe_compliance, self.face.radius_mm[1:])
+        pressure, displacement = self._outputs(1, probe_compliance)
+        return pressure @ forces, displacement @ forces
+
     def points_mm(self, harmonic: int) -> tuple[Floats, Floats]:
         """Radius and depth of the points, as in `response`."""
         points = _points(self._slab, harmonic)

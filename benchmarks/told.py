@@ -1,0 +1,61 @@
+"""The estimate of one who is told the world: how uneven the tissue is, that it has no layer, and the true light.
+
+Its width is the price of what the estimate does not know, and its standard deviation is the Bayes bound of any
+estimator in that world, as far as its own intervals hold.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from benchmarks.lamp_laws import calibrated_probe
+
+from tsis.compiled import one_blas_thread
+from tsis.inclusion import press_tables, read_frames
+from tsis.inclusion.posterior import explore_inclusion
+
+if TYPE_CHECKING:
+    from benchmarks.press_bank import PressBank
+
+    from tsis.inclusion import InclusionPrior, PressTables
+    from tsis.inclusion.posterior import InclusionPosterior
+    from tsis.model import Probe
+
+
+def told(bank: PressBank, index: int, strain: str) -> InclusionPosterior:
+    """Posterior of case ``index`` under the one hypothesis on tissue and light that holds in its world."""
+    case = bank.raw(index)
+    calibration = case.calibration
+    if bank.world.lamps:
+        calibration = calibrated_probe(bank.world.lamps, bank.protocol.probe, bank.seed).truth
+    with one_blas_thread():
+        reading = read_frames(
+            list(case.frames),
+            list(case.references),
+            _tables(bank.protocol.probe, bank.prior, strain),
+            probe=bank.protocol.probe,
+            calibration=calibration,
+            prior=bank.prior,
+        )
+        likelihood = reading.likelihood
+        hypotheses = likelihood.model.heterogeneity
+        if hypotheses is not None and bank.world.sd is not None and bank.world.length_mm is not None:
+            likelihood = likelihood.under(hypotheses.alone(bank.world.sd, bank.world.length_mm))
+        return explore_inclusion(likelihood, bank.prior)
+
+
+@lru_cache(maxsize=1)
+def _tables(probe: Probe, prior: InclusionPrior, strain: str) -> PressTables:
+    return press_tables(probe, prior, strain)
+
+
+def told_sd(bank: PressBank, index: int, strain: str) -> tuple[list[float], list[float]]:
+    """Standard deviations of diameter, depth and modulus, and the ranks of the truth, as `judgement.compared`."""
+    samples = told(bank, index, strain).samples
+    truth = bank.raw(index).phantom.inclusion
+    assert truth is not None  # no blanks are told
+    true = np.array([truth.diameter_mm, truth.depth_mm, truth.young_kpa])
+    rank = (samples < true).mean(axis=0) + (samples == true).mean(axis=0) / 2
+    return samples.std(axis=0).tolist(), rank.tolist()
