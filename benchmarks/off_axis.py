@@ -2,6 +2,11 @@
 
     python benchmarks/off_axis.py                    # some minutes; needs NGSolve (the extra fem3d)
     python benchmarks/off_axis.py --fine --offsets 1 3    # takes ten times as long an offset
+    python -m benchmarks.off_axis --dome             # seconds
+
+With ``--dome`` the pressure under the domed probe is compared with kernels: what a weak sphere beside the axis changes
+by Fourier elements, whose points sample the sphere to some per cent. The last column compares with what an estimate
+states as the standard deviation (`tsis.inclusion`, 1.25).
 
 A flat probe presses spheres at 1 N. Each cell is "worst ring / root mean square over the rings" in per cent: of
 pressure as a share of the mean pressure, of displacement as a share of the change's peak on the axis.
@@ -10,10 +15,13 @@ pressure as a share of the mean pressure, of displacement as a share of the chan
 from __future__ import annotations
 
 import argparse
+import itertools
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from benchmarks.misplaced import SphereField
+from benchmarks.worlds import FINE_MESH
 from rich.console import Console
 from rich.table import Table
 from scipy.interpolate import RectBivariateSpline
@@ -25,6 +33,7 @@ from tsis.inclusion.checks import APPARENT_FRACTION, inclusion_position
 from tsis.inclusion.posterior import off_axis_profile
 from tsis.mechanics import press
 from tsis.mechanics.solid import SolidResolution, press_solid
+from tsis.mechanics.tissue_field import TissueFieldResponse
 from tsis.virtual import nominal_calibration
 
 if TYPE_CHECKING:
@@ -38,6 +47,8 @@ PROBE = tsis.load_probe("tsis-2011")
 PLAIN = tsis.Phantom(young_kpa=5.0, thickness_mm=30.0)
 SPHERES = ((10.0, 5.0, 100.0), (5.0, 5.0, 80.0), (8.0, 8.0, 60.0))  # diameter_mm, depth_mm, young_kpa
 OFFSETS_MM = (0.5, 1.0, 2.0, 3.0)
+DOMED_SPHERES = ((6.0, 4.0), (10.0, 5.0), (8.0, 8.0))  # diameter_mm, depth_mm
+INNER = 0.8  # of the face's radius, on which the estimate's rings lie
 FINE = SolidResolution(face=0.08, rim=0.06, inclusion=0.2, growth=0.35)
 RADIUS_MM = np.linspace(0.0, PROBE.radius_mm, 121)
 MEAN_KPA = 1000.0 / (np.pi * PROBE.radius_mm**2)
@@ -147,12 +158,58 @@ def seen_at(pressed: PressMap, plain: PressMap, bare: tsis.PressField) -> float:
     return APPARENT_FRACTION * float(np.mean(places))
 
 
+def under_a_dome(offsets_mm: tuple[float, ...]) -> Iterator[tuple[tuple[float, float], float, float, float, float]]:
+    """Diameter and depth, offset, force, and the worst and root mean square error of the pressure over its peak."""
+    slab = TissueFieldResponse(
+        tsis.load_probe("tsis-domed"),
+        young_kpa=PLAIN.young_kpa,
+        thickness_mm=PLAIN.thickness_mm,
+        poisson=PLAIN.poisson,
+        inclusion=None,
+        mesh=FINE_MESH,
+    )
+    kernel, inner = slab.response(0), INNER * slab.radius_mm[-1] > RADIUS_MM
+    for diameter, depth in DOMED_SPHERES:
+        for offset, force in itertools.product(offsets_mm, (0.5, 1.0)):
+            beside, on_axis = (
+                np.interp(RADIUS_MM, slab.radius_mm, (force * kernel.pressure_kpa[0] + kernel.pressure_kpa[1]) @ inside)
+                for inside in (
+                    SphereField(
+                        radius_mm=diameter / 2, depth_mm=depth + diameter / 2, offset_mm=place, angle=0.0
+                    ).harmonic(0, kernel.radius_mm, kernel.depth_mm)[0]
+                    for place in (offset, 1e-6)
+                )
+            )
+            error = (off_axis_profile(RADIUS_MM, offset) @ on_axis - beside)[inner] / np.abs(beside[inner]).max()
+            yield (diameter, depth), offset, force, float(np.abs(error).max()), float(np.sqrt(np.mean(error**2)))
+
+
+def print_dome(offsets_mm: tuple[float, ...]) -> None:
+    """Print `under_a_dome`."""
+    columns = ("sphere", "offset", "force", "worst / rms, %", "worst / rms over (offset/R)²")
+    table = Table(*columns, title="pressure under tsis-domed, errors over the peak of the change")
+    for (diameter, depth), offset, force, worst, rms in under_a_dome(offsets_mm):
+        square = (offset / RADIUS_MM[-1]) ** 2
+        table.add_row(
+            f"d {diameter:g} h {depth:g}",
+            f"{offset:g} mm",
+            f"{force:g} N",
+            f"{100 * worst:.1f} / {100 * rms:.1f}",
+            f"{worst / square:.2f} / {rms / square:.2f}",
+        )
+    Console(width=170).print(table)
+
+
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--fine", action="store_true", help="solve on a finer mesh")
     parser.add_argument("--offsets", type=float, nargs="+", default=OFFSETS_MM, metavar="MM", help="offsets in mm")
+    parser.add_argument("--dome", action="store_true", help="compare with kernels under the domed probe")
     asked = parser.parse_args()
+    if asked.dome:
+        print_dome(tuple(asked.offsets))
+        return
     columns = ("change", "left on the axis", "moved", "moved and grown", "of the change", "by the round model")
     table = Table("sphere", "offset", "", *columns, "seen at", title="worst ring / rms, per cent")
     for row in rows(tuple(asked.offsets), FINE if asked.fine else None):

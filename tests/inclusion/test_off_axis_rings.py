@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from benchmarks.off_axis import under_a_dome
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.special import ive
 
 from tsis.errors import InputError
+from tsis.inclusion._reading import position_error
 from tsis.inclusion.posterior import FARTHEST, SHIFTED, off_axis_profile
 
 EDGE = 12.0
@@ -49,6 +51,35 @@ def test_what_happens_at_the_rim_stays_there() -> None:
 def test_offsets_outside_the_face_are_refused(offset: float) -> None:
     with pytest.raises(InputError, match="offset_mm must lie in"):
         off_axis_profile(RADIUS, offset)
+
+
+RINGS = 1.0 + np.arange(4)[:, None] * np.cos(np.linspace(0.0, 3.0, 20))  # two targets, then two references
+FORCES, TARGETED = np.array([0.5, 1.0, 0.5, 1.0]), np.array([True, True, False, False])
+
+
+@given(fraction=st.floats(0.01, 0.5), scale=st.floats(0.1, 10.0))
+def test_the_error_of_the_move_is_of_the_targets_and_grows_with_the_change_and_the_square(
+    fraction: float, scale: float
+) -> None:
+    found = position_error(scale * RINGS, FORCES, TARGETED, fraction=fraction)
+    assert np.linalg.eigvalsh(found).min() > -1e-9 * np.trace(found)
+    assert not found[40:].any()
+    assert not found[:, 40:].any()
+    half = position_error(RINGS, FORCES, TARGETED, fraction=fraction / 2)
+    np.testing.assert_allclose(found, 16 * scale**2 * half, rtol=1e-9)
+    np.testing.assert_allclose(found[:20, 20:40], found[:20, :20] / 2, rtol=1e-9)  # both changes peak at 2
+
+
+def test_under_a_dome_the_move_errs_as_it_states() -> None:
+    """Kernels by Fourier elements, which know nothing of the moved profile; they sample spheres to some per cent."""
+    errors = list(under_a_dome((2.0, 3.0)))
+    stated = [
+        np.sqrt(position_error(np.array([[1.0], [0.0]]), np.ones(2), np.array([True, False]), fraction=offset / EDGE))
+        for _, offset, *_ in errors
+    ]
+    size = [worst / float(sd[0, 0]) for (*_, worst, _), sd in zip(errors, stated, strict=True)]
+    assert max(size) < 2.0
+    assert 0.5 < np.sqrt(np.mean(np.square(size))) < 1.25
 
 
 @pytest.mark.slow

@@ -40,5 +40,5 @@ def test_a_formula_that_matplotlib_does_not_know_is_an_error() -> None:
 @pytest.mark.slow
 def test_every_formula_of_the_pages_is_drawn() -> None:
     found = formulas()
-    assert len(found) > 100
+    assert len(found) > 90
     assert all(svg(formula).startswith("<svg") for formula in found)

@@ -53,8 +53,10 @@ OF_COVARIANCE = MappingProxyType(
         "pixels": ("noise of the pixels", "A"),
         "model": ("error of the surrogate", "B"),
         "heterogeneity": ("heterogeneity of the tissue", "B"),
+        "position": ("model of an inclusion off the axis", "B"),
     }
 )
+IN_GREY = ("pixels", "position")  # of the covariances; the others are relative
 OF_PRIOR = MappingProxyType({name: f"prior of the {NAMES[name]}" for name in PARAMETERS})
 
 
@@ -177,9 +179,10 @@ def _components(analysis: InclusionAnalysis) -> list[_Part]:
     sd_of = {
         "pattern": calibration.pattern_sd,
         "repeatability": calibration.repeatability_sd,
-        "pixels": float(np.sqrt(np.diag(sources.covariance["pixels"]).mean())),
         "model": analysis.model_error,
         "heterogeneity": sources.tissue_sd,
+    } | {
+        name: float(np.sqrt(np.diag(sources.covariance[name]).mean())) for name in IN_GREY if name in sources.covariance
     }
     parts = [
         _Part(
@@ -199,10 +202,11 @@ def _components(analysis: InclusionAnalysis) -> list[_Part]:
             evaluation=evaluation,
             distribution="normal",
             sd=sd_of[name],
-            unit="grey" if name == "pixels" else "1",
+            unit="grey" if name in IN_GREY else "1",
             contribution=np.sqrt(np.maximum(np.diag(spread[name]), 0.0)),
         )
         for name, (source, evaluation) in OF_COVARIANCE.items()
+        if name in spread
     ]
     parts += [
         _Part(

@@ -35,7 +35,7 @@ from tsis.mechanics.surrogate import build_finite_correction, build_full_contact
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from tsis.inclusion._prior import Floats, InclusionPrior
+    from tsis.inclusion._prior import Booleans, Floats, InclusionPrior
     from tsis.inclusion.posterior import FieldTable
     from tsis.mechanics.surrogate import FiniteCorrection, FullContactSurrogate
     from tsis.model import (
@@ -47,6 +47,8 @@ if TYPE_CHECKING:
 
 LIKELY = 0.01  # chance of a shift by uneven tissue above which it is none of an inclusion
 LIKE_FORCE = 0.1  # largest relative difference of the forces of target and reference that locate the inclusion
+POSITION_ERROR = 1.25  # sd over the change's peak, by the square of offset over radius (`benchmarks.off_axis --dome`)
+POSITION_REACH = 0.25  # correlation length along the rings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -144,14 +146,18 @@ def read_frames(
     uneven = _heterogeneity(references or targets, tables.field, probe, calibration, prior, light.level)
     position = _position(targets, references, calibration, probe, uneven)
     offset, spread_sd = _offset(position, prior)
+    forces, targeted = np.array([frame.force_n for frame in frames]), np.arange(len(frames)) < len(targets)
+    if offset:
+        error = position_error(data.grey, forces, targeted, fraction=offset / probe.radius_mm)
+        data = replace(data, position=error)
     model = ForwardModel(
         rings=ring_responses(tables.surrogate, edges, light.level, offset_mm=offset),
         level=light.level,
         shading=light.shading,
         calibration=calibration,
         prior=prior,
-        force_n=np.array([frame.force_n for frame in frames]),
-        is_reference=np.array([False] * len(targets) + [True] * len(references)),
+        force_n=forces,
+        is_reference=~targeted,
         depletion_per_n=depletion_per_n(calibration, probe),
         correlation=ring_correlation(edges, calibration.grain_mm),
         spread_sd=spread_sd,
@@ -188,3 +194,36 @@ def _offset(inclusion: InclusionPosition | None, prior: InclusionPrior) -> tuple
     # Noise adds twice the variance of a coordinate to the squared distance.
     square = max(inclusion.distance_mm**2 - 2 * inclusion.sd_mm**2, 0.0)
     return float(np.sqrt(square)), float(2 * inclusion.sd_mm * np.sqrt(square + inclusion.sd_mm**2))
+
+
+def position_error(grey: Floats, force_n: Floats, targeted: Booleans, *, fraction: float) -> Floats:
+    """Covariance of ring means by the error of the approximation for an inclusion off the axis.
+
+    The error of a target grows with the square of the offset, is a share of the peak of the change, as kernels of
+    finite elements and presses in three dimensions show, and is smooth along the radius. Half of its variance is common
+    to all targets: the part of a dome's shape errs otherwise than that of the force.
+
+    Parameters
+    ----------
+    grey
+        Ring means, shape (frames, rings).
+    force_n
+        Shape (frames,).
+    targeted
+        Which frames are of the target, shape (frames,); the others are references.
+    fraction
+        Offset over the face's radius, in [0, 0.5].
+
+    Returns
+    -------
+    Shape (frames * rings, frames * rings).
+    """
+    frames, rings = grey.shape
+    peak = np.zeros(frames)
+    for k in np.flatnonzero(targeted):
+        nearest = min(np.flatnonzero(~targeted), key=lambda other: abs(force_n[other] - force_n[k]))
+        peak[k] = np.abs(grey[k] - grey[nearest]).max()
+    sd = np.repeat(POSITION_ERROR * fraction**2 * peak, rings)
+    middle = (np.arange(rings) + 0.5) / rings
+    smooth = np.exp(-0.5 * ((middle[:, None] - middle) / POSITION_REACH) ** 2)
+    return np.asarray(np.outer(sd, sd) * np.kron((np.ones((frames, frames)) + np.eye(frames)) / 2, smooth))

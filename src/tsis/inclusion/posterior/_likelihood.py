@@ -56,11 +56,15 @@ class Profiles:
         Variance of each mean by pixel noise and by the error of the press model, shape (frames, rings).
     usable
         Rings with pixels, none of them clipped, shape (frames, rings).
+    position
+        Covariance of the means by the error of `off_axis_profile`, shape (frames * rings, frames * rings); None on the
+        axis.
     """
 
     grey: Floats
     variance: Floats
     usable: Booleans
+    position: Floats | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -197,6 +201,8 @@ class InclusionLikelihood:
             "pixels": np.diag(self._data.variance.ravel() - modelled),
             "model": np.diag(modelled),
         }
+        if self._data.position is not None:
+            every["position"] = self._data.position
         used = np.ix_(self._use, self._use)
         return ErrorSources(
             by_inclusion=self._by_inclusion(inclusion, nuisance).T,
@@ -290,8 +296,8 @@ class ErrorSources:
     nuisance_sd
         Those standard deviations, shape (nuisances,).
     covariance
-        Covariance (rings, rings) by each other source: ``"pattern"``, ``"repeatability"``, ``"pixels"``, ``"model"``
-        and ``"heterogeneity"``.
+        Covariance (rings, rings) by each other source: ``"pattern"``, ``"repeatability"``, ``"pixels"``, ``"model"``,
+        ``"heterogeneity"`` and, beside the axis, ``"position"``.
     tissue_sd
         Root mean square standard deviation of the logarithm of the tissue's modulus over the hypotheses.
     frames
@@ -376,10 +382,11 @@ def noise_covariance(data: Profiles, calibration: Calibration, correlation: Floa
     """Covariance of the ring means, shape (frames * rings, frames * rings).
 
     The fixed pattern is common to all frames; repeatability is independent between presses. ``correlation``,
-    (rings, rings), is that of both between rings. Pixel noise and surrogate error are independent between rings.
+    (rings, rings), is that of both between rings. Pixel noise and surrogate error are independent between rings. The
+    error by the inclusion's position is added where the profiles have one.
     """
     frames, rings = data.grey.shape
     between = np.full((frames, frames), calibration.pattern_sd**2) + calibration.repeatability_sd**2 * np.eye(frames)
     covariance = data.grey.ravel()[:, None] * data.grey.ravel() * np.kron(between, correlation)
     covariance[np.diag_indices(frames * rings)] += data.variance.ravel()
-    return np.asarray(covariance)
+    return np.asarray(covariance if data.position is None else covariance + data.position)
