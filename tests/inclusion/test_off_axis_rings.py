@@ -53,7 +53,7 @@ def test_offsets_outside_the_face_are_refused(offset: float) -> None:
         off_axis_profile(RADIUS, offset)
 
 
-RINGS = 1.0 + np.arange(4)[:, None] * np.cos(np.linspace(0.0, 3.0, 20))  # two targets, then two references
+RINGS = 1.0 + np.linspace(0.0, 3.0, 4)[:, None] * np.cos(np.linspace(0.0, 3.0, 20))  # two targets, then two references
 FORCES, TARGETED = np.array([0.5, 1.0, 0.5, 1.0]), np.array([True, True, False, False])
 
 
