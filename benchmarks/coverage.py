@@ -22,11 +22,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from benchmarks.finished_lines import append_line, read_lines
+from benchmarks.informed import informed_spread
 from benchmarks.judgement import LEVELS, Judgement, compared, rows_of
 from benchmarks.press_bank import PressBank
 from benchmarks.simulated_presses import DEFAULT, PROTOCOLS
 from benchmarks.tables import show
-from benchmarks.told import told_sd
 from benchmarks.worlds import WORLDS
 
 import tsis
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 def judge(bank: PressBank, index: int, strain: str | None = None, *, informed: bool = False) -> dict[str, Any]:
     """One case: pressed or read, estimated (by default at the strain of its presses), and set beside its truth.
 
-    With ``informed`` the line holds the standard deviations of one who is told the world too.
+    With ``informed`` the line holds the standard deviations of one who knows the world too.
     """
     try:
         case = bank.case(index)
@@ -62,7 +62,7 @@ def judge(bank: PressBank, index: int, strain: str | None = None, *, informed: b
     line = {"index": index, **compared(result, case.phantom.inclusion), **presence}
     line["identified"] = [result.identified(name) for name in PARAMETERS]
     if informed:
-        line["told_sd"], line["told_rank"] = told_sd(bank, index, strain or bank.strain)
+        line["informed_sd"], line["informed_rank"] = informed_spread(bank, index, strain or bank.strain)
     return line
 
 
@@ -125,20 +125,20 @@ def presences(lines: list[dict[str, Any]], blanks: list[dict[str, Any]]) -> dict
     return found | ({"Brier score": float(np.mean(scores))} if len(scores) == len(kinds) else {})
 
 
-def beside_told(lines: list[dict[str, Any]]) -> list[list[str]]:
-    """Rows on the width beside that of one who is told the world; none without lines that hold it."""
-    kept = [line for line in lines if "told_sd" in line]
+def beside_informed(lines: list[dict[str, Any]]) -> list[list[str]]:
+    """Rows on the width beside that of one who knows the world; none without lines that hold it."""
+    kept = [line for line in lines if "informed_sd" in line]
     if not kept:
         return []
-    truth, mean, sd, told, rank = (
-        np.array([line[name] for line in kept]) for name in ("truth", "mean", "sd", "told_sd", "told_rank")
+    truth, mean, sd, least, rank = (
+        np.array([line[name] for line in kept]) for name in ("truth", "mean", "sd", "informed_sd", "informed_rank")
     )
-    bound = np.sqrt((told**2).mean(axis=0))
+    bound = np.sqrt((least**2).mean(axis=0))
     rows = {
-        "mean sd over told": sd.mean(axis=0) / told.mean(axis=0),
+        "mean sd over informed": sd.mean(axis=0) / least.mean(axis=0),
         "rmse over bound": np.sqrt(((mean - truth) ** 2).mean(axis=0)) / bound,
         "bound": bound,
-        "told holds 90": (np.abs(2 * rank - 1) <= LEVELS[-1]).mean(axis=0),
+        "informed holds 90": (np.abs(2 * rank - 1) <= LEVELS[-1]).mean(axis=0),
     }
     return [[name, *(f"{value:.3g}" for value in values)] for name, values in rows.items()]
 
@@ -163,7 +163,9 @@ def main() -> int:
     parser.add_argument("--out", type=Path, default=cache_folder() / "coverage", help="folder of finished cases")
     parser.add_argument("--workers", type=int, help="processes; all cores by default")
     parser.add_argument("--strain", choices=("finite", "small"), help="of the estimator; by default the presses' own")
-    parser.add_argument("--told", action="store_true", help="estimate too as one who is told the world, twice as long")
+    parser.add_argument(
+        "--informed", action="store_true", help="estimate also as one who knows the world: twice as long"
+    )
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--markdown", action="store_true", help="print the table as Markdown")
     options = parser.parse_args()
@@ -180,11 +182,11 @@ def main() -> int:
             run(
                 each,
                 count,
-                out=kept_at(options.out, each, options.strain, informed=options.told),
+                out=kept_at(options.out, each, options.strain, informed=options.informed),
                 workers=options.workers,
                 progress=progress,
                 strain=options.strain,
-                informed=options.told,
+                informed=options.informed,
             )
             for each, count in ((blanks, options.blanks), (bank, options.presses))
         )
@@ -209,7 +211,7 @@ def main() -> int:
     else:
         pressed = replace(bank.protocol, strain=bank.strain).described
         title = f"{len(found.truth)} cases of world {bank.world.name}, seed {options.seed}: {pressed}"
-        rows = rows_of(numbers) + beside_told(lines)
+        rows = rows_of(numbers) + beside_informed(lines)
         show(title, (options.protocol, *numbers), rows, markdown=options.markdown)
         print(f"not trusted by the estimate itself: {found.distrusted} of {len(found.truth)}")
         if trusted is not None:

@@ -199,9 +199,10 @@ def _offset(inclusion: InclusionPosition | None, prior: InclusionPrior) -> tuple
 def position_error(grey: Floats, force_n: Floats, targeted: Booleans, *, fraction: float) -> Floats:
     """Covariance of ring means by the error of the approximation for an inclusion off the axis.
 
-    The error of a target grows with the square of the offset, is a share of the peak of the change, as kernels of
-    finite elements and presses in three dimensions show, and is smooth along the radius. Half of its variance is common
-    to all targets: the part of a dome's shape errs otherwise than that of the force.
+    The error of a target grows with the square of the offset, is a share of the peak of the change, and is smooth along
+    the radius: its size is that of kernels of finite elements under a dome, and under a flat face, where the move errs
+    less, too large. Half of its variance is common to all targets: the part of a dome's shape errs otherwise than that
+    of the force.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The estimate of one who is told the world: how uneven the tissue is, that it has no layer, and the true light.
+"""The estimate of one who knows the world: how uneven the tissue is, that it has no layer, and the true light.
 
 Its width is the price of what the estimate does not know, and its standard deviation is the Bayes bound of any
 estimator in that world, as far as its own intervals hold.
@@ -18,15 +18,15 @@ from tsis.inclusion.posterior import explore_inclusion
 
 if TYPE_CHECKING:
     from benchmarks.press_bank import PressBank
+    from benchmarks.simulated_presses import SimulatedCase
 
     from tsis.inclusion import InclusionPrior, PressTables
     from tsis.inclusion.posterior import InclusionPosterior
     from tsis.model import Probe
 
 
-def told(bank: PressBank, index: int, strain: str) -> InclusionPosterior:
-    """Posterior of case ``index`` under the one hypothesis on tissue and light that holds in its world."""
-    case = bank.raw(index)
+def informed_posterior(bank: PressBank, case: SimulatedCase, strain: str) -> InclusionPosterior:
+    """Posterior of a case, as it is before lamps are corrected, under the tissue and the light of its world."""
     calibration = case.calibration
     if bank.world.lamps:
         calibration = calibrated_probe(bank.world.lamps, bank.protocol.probe, bank.seed).truth
@@ -51,11 +51,11 @@ def _tables(probe: Probe, prior: InclusionPrior, strain: str) -> PressTables:
     return press_tables(probe, prior, strain)
 
 
-def told_sd(bank: PressBank, index: int, strain: str) -> tuple[list[float], list[float]]:
+def informed_spread(bank: PressBank, index: int, strain: str) -> tuple[list[float], list[float]]:
     """Standard deviations of diameter, depth and modulus, and the ranks of the truth, as `judgement.compared`."""
-    samples = told(bank, index, strain).samples
-    truth = bank.raw(index).phantom.inclusion
-    assert truth is not None  # no blanks are told
+    case = bank.raw(index)
+    samples, truth = informed_posterior(bank, case, strain).samples, case.phantom.inclusion
+    assert truth is not None  # blanks have no spread
     true = np.array([truth.diameter_mm, truth.depth_mm, truth.young_kpa])
     rank = (samples < true).mean(axis=0) + (samples == true).mean(axis=0) / 2
     return samples.std(axis=0).tolist(), rank.tolist()
