@@ -13,7 +13,7 @@ import tsis
 from tsis.mechanics import press
 from tsis.mechanics.small_strain import PressKernel
 from tsis.mechanics.solid import press_solid
-from tsis.mechanics.tissue_field import TissueFieldResponse, field_factors, field_features
+from tsis.mechanics.tissue_field import FieldMesh, TissueFieldResponse, field_factors, field_features
 from tsis.model import Inclusion, Phantom
 
 if TYPE_CHECKING:
@@ -72,6 +72,22 @@ def test_covariances_are_those_of_an_isotropic_field(harmonic: int, length: floa
 
             expected = quad(along, 0.0, 2 * np.pi)[0] / (np.pi if harmonic else 2 * np.pi)
             assert found[one, other] == pytest.approx(expected, abs=2e-3)
+
+
+@pytest.mark.parametrize("length", [2.0, 5.0])
+def test_factors_lose_nothing_that_frames_show(length: float) -> None:
+    """Beside the covariance by all features; half as many directions lose 5 to 8 % of pressures and slopes."""
+    slab = TissueFieldResponse(DOMED, young_kpa=5.0, thickness_mm=30.0, poisson=0.49, mesh=FieldMesh(points=41))
+    found, steepness = slab.response(0), np.gradient(np.eye(41), slab.radius_mm, axis=0)
+    parts = zip(found.pressure_kpa, found.face_displacement_mm, strict=True)
+    outputs = np.concatenate([part for pair in parts for part in pair])
+    across, along = features = field_features(0, length, found.radius_mm, found.depth_mm)
+    (factor,) = field_factors(outputs, [features], rank=16)
+    root = np.concatenate([(outputs * wave) @ along.T for wave in across], axis=1)
+    for part, seen in enumerate((np.eye(41), steepness) * 2):
+        rows = slice(41 * part, 41 * (part + 1))
+        expected = np.linalg.norm(seen @ root[rows], axis=1)[1:-1]
+        assert np.linalg.norm(seen @ factor[rows], axis=1)[1:-1] == pytest.approx(expected, rel=2e-3)
 
 
 def test_nothing_changes_where_the_field_is_zero() -> None:

@@ -32,12 +32,12 @@ if TYPE_CHECKING:
     from tsis.inclusion._prior import Floats, InclusionPrior, Integers
     from tsis.model import Probe
 
-FORMAT_VERSION = 2
+FORMAT_VERSION = 3
 LENGTHS_MM = (2.0, 3.2, 5.0, 8.0, 13.0)
 SDS = (0.0, 0.01, 0.02, 0.04, 0.07, 0.1, 0.15, 0.2, 0.3, 0.45)
 DIAMETERS, DEPTHS = 5, 4  # states with an inclusion, evenly spaced in the logarithm
 HARMONICS = (1, 2, 3, 4)  # that the checks of the frames use
-RANK = 10
+RANK = 16
 RADII = 41  # of the profiles
 PARTS = 4  # pressure and displacement of the unit press, then of the dome's shape
 LAYERS_MM = (0.5, 0.72, 1.02, 1.47, 2.1, 3.0)  # thickness of a superficial layer, each equally probable

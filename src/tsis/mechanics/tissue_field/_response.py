@@ -272,7 +272,7 @@ def _probe_compliance(probe: Probe, mesh: FieldMesh, harmonic: int) -> Floats:
 
 
 WAVES = ((3.0, 32), (4.5, 20), (np.inf, 12))  # nodes of the spectrum in each direction for lengths below, mm
-DIRECTIONS = 40  # of the responses; the others are negligible
+DIRECTIONS = 80  # of the responses; with 40 the slopes of a face miss 5 % of their spread
 
 
 def field_features(harmonic: int, length_mm: float, radius_mm: Floats, depth_mm: Floats) -> tuple[Floats, Floats]:
