@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import io
 import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from rich.console import Console
 from tests.cli.kept_demo import FORCES, FRAMES, KNOWN, told
 from tests.report.pdf_readers import sheet_count, sheets
 
 import tsis
+from tsis.cli._output import rich_tables
 from tsis.model import Estimate
+from tsis.report import Table
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -56,6 +60,25 @@ def test_the_budget_of_the_demo(run: RunTsis, kept: Path, tmp_path: Path) -> Non
     plain = told(run, *(part for part in BUDGET if part != "--budget"), "--out", tmp_path / "without")
     assert "budget" not in plain
     assert plain["estimate"]["parameters"] == estimate["parameters"]
+
+
+@pytest.mark.parametrize("columns", [80, 120])
+def test_a_terminal_shows_whole_numbers(columns: int) -> None:
+    rows = (
+        ("heterogeneity of the tissue", "B, rectangular", "0.00179 mm2", "9.97e+03", "0.00019", "100.0%"),
+        ("sd of the samples", "", "", "", "10.9", "+13%"),
+    )
+    first = ("source", "type, distribution", "standard uncertainty")
+    headings = (*first, "sensitivity / kPa per unit", "contribution / kPa", "variance")
+    (table,) = rich_tables([Table(title="Budget", headings=headings, rows=rows)])
+    shown = Console(file=io.StringIO(), width=columns)
+    shown.print(table)
+    assert isinstance(shown.file, io.StringIO)
+    lines = shown.file.getvalue().splitlines()
+    assert max(map(len, lines)) <= columns
+    words = " ".join(lines).split()
+    for cell in (*headings, *(cell for row in rows for cell in row)):
+        assert set(cell.split()) <= set(words)
 
 
 def test_withheld_numbers_stay_withheld(run: RunTsis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

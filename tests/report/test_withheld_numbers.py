@@ -17,6 +17,9 @@ import h5py
 import numpy as np
 import pytest
 import zarr
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+from matplotlib.text import Text
 from rich.console import Console
 from tests.records.dicom.variants import with_estimate
 from tests.records.sample import sample_record
@@ -31,6 +34,7 @@ from tsis.errors import NotIdentifiedError, UnknownNameError, UntrustedError
 from tsis.hardness import build_contact_table
 from tsis.inclusion import InclusionPrior
 from tsis.model import Estimate
+from tsis.plots import posterior, tissue_section
 from tsis.records import Recomputation, deidentified
 from tsis.records._recompute import _shifts
 from tsis.records.dicom import dicom_files
@@ -206,6 +210,19 @@ def recomputed(estimate: Estimate) -> str:
     return f"{shift_table(item)} {json.dumps(recomputation_document(target, item))}"
 
 
+def drawn(estimate: Estimate) -> str:
+    """Words of the figures of an estimate, and where what they draw begins and ends."""
+    section = Figure()
+    tissue_section(estimate, section.subplots())
+    said: list[str] = []
+    for part in (*posterior(estimate).findobj(), *section.findobj()):
+        if isinstance(part, Text):
+            said.append(part.get_text())
+        elif isinstance(part, Rectangle) and part.axes is not None and part is not part.axes.patch:
+            said += [f"{end:.5g}" for end in (part.get_x(), part.get_x() + part.get_width())]
+    return "\n".join(said)
+
+
 def error_text(estimate: Estimate) -> str:
     try:
         return repr(estimate.mean)
@@ -219,6 +236,7 @@ OUTPUTS: dict[str, Callable[[Estimate, Path], str]] = {
     "error": lambda estimate, _: error_text(estimate),
     "json": lambda estimate, _: json.dumps(estimate_document(estimate)),
     "http": lambda estimate, _: estimate_item(stored(estimate).estimates[0]).model_dump_json(),
+    "figures": lambda estimate, _: drawn(estimate),
     "terminal": lambda estimate, _: console(estimate),
     "page of an inclusion": lambda estimate, _: inclusion_page(estimate),
     "page of a hardness": lambda estimate, _: hardness_page(estimate),

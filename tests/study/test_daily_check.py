@@ -167,8 +167,20 @@ def test_the_virtual_probe_is_checked_and_rehearsed(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_rehearsed_probe_warns_before_it_is_out(tmp_path: Path) -> None:
     log = begin_checks(tmp_path / "c", replace(PLAN, baseline=20), actor="Ada")
-    log = add_checks(log, *rehearsed_checks(log, 60, rng=np.random.default_rng(41), ageing=0.002))
+    log = add_checks(log, *rehearsed_checks(log, 60, seed=41, ageing=0.002))
     light = drift_charts(log)[0]
     assert light.chart.first_warning is not None
     assert light.first_out is not None
     assert light.chart.first_warning < light.first_out
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 43])
+def test_a_rehearsal_goes_on_with_the_same_probe(tmp_path: Path, seed: int) -> None:
+    """Two probes differ in diameter by ten times what the presses of one do."""
+    log = begin_checks(tmp_path / "c", PLAN, actor="Ada")
+    for count in (10, 5):
+        log = add_checks(log, *rehearsed_checks(log, count, seed=seed, ageing=0.0))
+    diameter = np.array([check.values["diameter"] for check in log.checks])
+    assert len({check.values["light"] for check in log.checks}) == 15
+    assert abs(diameter[10:].mean() - diameter[:10].mean()) < 4 * diameter[:10].std(ddof=1)

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
+from rich.box import SIMPLE_HEAD
+from rich.cells import cell_len
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -196,11 +198,12 @@ def _numbers(result: Estimate, name: str) -> tuple[str, ...]:
 
 
 def rich_tables(items: Sequence[PageTable]) -> list[Table]:
-    """Tables of a page for people on a terminal."""
+    """Tables of a page for people on a terminal; where that is narrow, lines break between words and never in one."""
     shown = []
     for item in items:
-        table = Table(*item.headings, title=escape(item.title))
-        table.columns[0].no_wrap = True
+        table = Table(*item.headings, title=escape(item.title), box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+        for column, *cells in zip(table.columns, item.headings, *item.rows, strict=True):
+            column.min_width = max((cell_len(word) for cell in cells for word in cell.split()), default=0)
         for row in item.rows:
             table.add_row(*(escape(cell) for cell in row))
         shown.append(table)

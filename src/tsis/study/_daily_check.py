@@ -36,7 +36,7 @@ BEGUN, CHECKED = "checks begun", "checked"
 CHARTED = {
     "light": ("light of the press", "grey levels per pixel and newton"),
     "peak": ("peak of the press", "grey levels per newton"),
-    "diameter": ("diameter of the bright patch", "mm, pixels without a scale"),
+    "diameter": ("diameter of the bright patch", "mm, or pixels without a scale"),
     "untouched": ("untouched face", "grey levels"),
 }
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tsis.__about__ import LARGEST_SEED
 from tsis.catalog import load_phantom, load_probe
 from tsis.detection import ControlChart, control_chart
 from tsis.errors import InputError
@@ -86,19 +87,21 @@ def rehearsed_checks(
     log: CheckLog,
     count: int,
     *,
-    rng: np.random.Generator,
+    seed: int,
     ageing: float,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[DailyCheck, ...]:
     """Daily checks of a virtual probe whose lamps lose the fraction ``ageing`` a day after the baseline.
 
     Its room changes by 1.5 degrees from day to day, which moves lamps and moduli by 0.3 % a degree. The probe itself
-    follows from the log's plan and the state of ``rng``.
+    follows from the log's plan and ``seed`` alone, so that further checks are of the same one.
     """
     require_integer("count", count, 1, 1000)
+    require_integer("seed", seed, 0, LARGEST_SEED)
     require_number("ageing", ageing, 0.0, 0.05, hint="a fraction of the light a day")
     plan, begun = log.plan, len(log.checks)
-    probe = VirtualProbe(load_probe(plan.probe), rng=rng, strain="small")
+    probe = VirtualProbe(load_probe(plan.probe), rng=np.random.default_rng([seed, 0]), strain="small")
+    rng = np.random.default_rng([seed, 1, begun])
     phantom, first = load_phantom(plan.phantom), FIRST_DAY if not log.checks else log.checks[0].at
     made = []
     for day in range(begun, begun + count):

@@ -6,7 +6,6 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import typer
 
 import tsis
@@ -128,8 +127,7 @@ def check(
         log = add_checks(log, done)
     else:
         with progress_bar("pressing the check phantom") as advance:
-            rng = np.random.default_rng([seed, len(log.checks)])
-            log = add_checks(log, *rehearsed_checks(log, rehearse, rng=rng, ageing=ageing, progress=advance))
+            log = add_checks(log, *rehearsed_checks(log, rehearse, seed=seed, ageing=ageing, progress=advance))
     left = log.plan.baseline - len(log.checks)
     if left > 0:
         note = f"Check {len(log.checks)} of the baseline is entered; limits follow after {left} more."
