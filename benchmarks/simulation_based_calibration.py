@@ -52,6 +52,7 @@ if TYPE_CHECKING:
 
 PROTOCOLS = {one.name: one for one in SMALL}
 ALONE = ("flat-alone", "domed")
+SPREAD_SD = 0.5  # mm**2, of the squared distance from the axis
 BINS = 20  # of the ranks
 KERNELS, PROPOSALS = 500, 500  # of the importance sampling of one draw
 RELINEARISATIONS = 2
@@ -95,7 +96,7 @@ class Experiment:
             is_reference=np.repeat([False, True][:copies], len(protocol.forces_n)),
             correlation=ring_correlation(edges, calibration.grain_mm),
             depletion_per_n=depletion_per_n(calibration, probe),
-            spread_sd=2 * prior.offset_sd_mm**2,
+            spread_sd=SPREAD_SD,
         )
         return cls(
             model=model,

@@ -39,7 +39,7 @@ class InclusionPrior:
     poisson, poisson_sd
         Common Poisson's ratio of tissue and inclusion, and its standard deviation.
     offset_sd_mm
-        Standard deviation of either coordinate of the inclusion from the probe's axis, where frames do not measure it.
+        Standard deviation of either coordinate of the inclusion from the probe's axis, before the frames show it.
     heterogeneity_sd
         Largest standard deviation of the logarithm of the tissue's modulus from place to place, in [0, 0.45]; smaller
         ones are equally probable, and correlation lengths from 2 to 13 mm. 0 is even tissue.
@@ -68,7 +68,7 @@ class InclusionPrior:
     thickness_sd: float = 0.1
     poisson: float = 0.49
     poisson_sd: float = 0.002
-    offset_sd_mm: float = 0.5
+    offset_sd_mm: float = 1.0
     heterogeneity_sd: float = 0.3
     presence: float = 0.5
     name: str = ""
@@ -118,8 +118,8 @@ class InclusionPrior:
             f"modulus {_range(self.young_kpa)} kPa, each uniform; tissue {self.tissue_young_kpa:g} kPa ± "
             f"{100 * self.tissue_young_sd:g} %, {self.thickness_mm:g} mm ± {100 * self.thickness_sd:g} % thick, "
             f"Poisson's ratio {self.poisson:g} ± {self.poisson_sd:g}, "
-            f"{_unevenness(self.heterogeneity_sd)}; {self.offset_sd_mm:g} mm from the axis where "
-            f"frames do not measure it; an inclusion with probability {self.presence:g}"
+            f"{_unevenness(self.heterogeneity_sd)}; {self.offset_sd_mm:g} mm from the axis before "
+            f"the frames show it; an inclusion with probability {self.presence:g}"
         )
 
     def box(self) -> Box:

@@ -147,8 +147,9 @@ def read_frames(
     position = _position(targets, references, calibration, probe, uneven)
     offset, spread_sd = _offset(position, prior)
     forces, targeted = np.array([frame.force_n for frame in frames]), np.arange(len(frames)) < len(targets)
-    if offset:
-        error = position_error(data.grey, forces, targeted, fraction=offset / probe.radius_mm)
+    if spread_sd and references:
+        farther = float(np.sqrt(offset**2 + spread_sd))
+        error = position_error(data.grey, forces, targeted, fraction=farther / probe.radius_mm)
         data = replace(data, position=error)
     model = ForwardModel(
         rings=ring_responses(tables.surrogate, edges, light.level, offset_mm=offset),
@@ -187,13 +188,15 @@ def _heterogeneity(
 
 
 def _offset(inclusion: InclusionPosition | None, prior: InclusionPrior) -> tuple[float, float]:
-    """Distance of the inclusion from the axis in mm, and the standard deviation of its square in mm**2."""
-    if inclusion is None or inclusion.sd_mm > prior.offset_sd_mm:
-        # An examiner aims at the axis; the limit of a square at zero is neglected.
-        return 0.0, 2 * prior.offset_sd_mm**2
-    # Noise adds twice the variance of a coordinate to the squared distance.
-    square = max(inclusion.distance_mm**2 - 2 * inclusion.sd_mm**2, 0.0)
-    return float(np.sqrt(square)), float(2 * inclusion.sd_mm * np.sqrt(square + inclusion.sd_mm**2))
+    """Distance of the inclusion from the axis in mm, and the standard deviation of its square.
+
+    Either coordinate is normal before the frames and after them; the limit of a square at zero is neglected.
+    """
+    aimed = prior.offset_sd_mm**2
+    seen = 0.0 if inclusion is None else aimed / (aimed + inclusion.sd_mm**2) if aimed else 0.0
+    variance = (1 - seen) * aimed
+    square = 0.0 if inclusion is None else (seen * inclusion.distance_mm) ** 2
+    return float(np.sqrt(square)), float(2 * np.sqrt(variance * (square + variance)))
 
 
 def position_error(grey: Floats, force_n: Floats, targeted: Booleans, *, fraction: float) -> Floats:

@@ -45,6 +45,7 @@ if TYPE_CHECKING:
 
 CELLS = 801  # over the modulus's range
 SPREAD = 64  # inclusions over the box
+LOCATED_MM = 0.5  # largest standard deviation of either coordinate of an inclusion near the axis, after the frames
 SOURCE_INCLUSIONS = 9
 # A design needs the derivatives of the press, not its last digits: a third of the solves of an estimate's surrogate.
 COARSE = Degrees(diameter=5, depth=4, contrast=2, tissue=2, thickness=2, baseline=3)
@@ -281,7 +282,7 @@ def view_of(
         is_reference=np.array([False] * len(targets) + [True] * len(references)),
         correlation=ring_correlation(edges, calibration.grain_mm),
         depletion_per_n=depletion_per_n(calibration, protocol.probe),
-        spread_sd=2 * prior.offset_sd_mm**2,
+        spread_sd=2 * min(prior.offset_sd_mm, LOCATED_MM) ** 2,
     )
     count = radial_profile(blank, edges_mm=edges).count
     return PlannedView(model=model, count=count, protocol=protocol, surrogate=surrogate, sensor=sensor)
