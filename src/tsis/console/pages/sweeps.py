@@ -45,7 +45,8 @@ class SweepsPage:
                             kit.select_field([], label=label, on_change=self._draw)
                             for label in ("Horizontal axis", "Vertical axis")
                         )
-                    self._chart = ui.echart(plot((), "", "")).classes("sweep-chart").props("role=img")
+                    self._place = ui.element("div")
+                    self._chart: ui.echart | None = None  # made for the first plot: its library is large
                 self._plot.set_visibility(False)
             with kit.panel(tr("New sweep")):
                 kit.muted(tr(SAYS))
@@ -120,6 +121,9 @@ class SweepsPage:
         if not {x, y} <= set(self._rows):
             return
         points = tuple(zip(self._rows[x].tolist(), self._rows[y].tolist(), strict=True))
+        if self._chart is None:
+            with self._place:
+                self._chart = ui.echart(plot((), "", "")).classes("sweep-chart").props("role=img")
         self._title.text = self._chart.props["aria-label"] = tr(
             "{name}: {y} over {x}, {count} presses", name=self._shown, y=y, x=x, count=len(points)
         )
