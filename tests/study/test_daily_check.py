@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 import tsis
 from tsis.cli.study import app
-from tsis.errors import InputError, RecordsError
+from tsis.errors import InputError, RecordsError, TsisError
 from tsis.files import encode_picture
 from tsis.model import LightMap, TactileImage
 from tsis.study import (
@@ -144,6 +144,24 @@ def test_the_command_warns_with_its_exit_code(tmp_path: Path) -> None:
     refused = CliRunner().invoke(app, ["check", str(tmp_path / "log")])
     assert isinstance(refused.exception, InputError)
     assert "a check needs --press and --untouched" in str(refused.exception)
+
+
+def test_a_first_check_that_is_refused_fixes_no_plan(tmp_path: Path) -> None:
+    """Nor does a later one press with another force in silence."""
+    folder, options = tmp_path / "log", written(tmp_path)
+    empty = tmp_path / "empty.png"
+    empty.write_bytes(b"")
+    for refused in (["--press", str(empty), *options[2:]], [*options, "--force-n", "nan"]):
+        assert isinstance(CliRunner().invoke(app, ["check", str(folder), *refused]).exception, TsisError)
+        assert not folder.exists()
+    assert CliRunner().invoke(app, ["check", str(folder), *options, "--force-n", "2"]).exit_code == 0
+    for force in ("1", "nan"):
+        done = CliRunner().invoke(app, ["check", str(folder), *options, "--force-n", force])
+        assert isinstance(done.exception, InputError)
+    assert CliRunner().invoke(app, ["check", str(folder), *options]).exit_code == 0
+    press, untouched = (replace(frame, grey=frame.grey.round()) for frame in (blob(), blob(0.0)))
+    light = daily_check(press, untouched, force_n=2.0, at=START).values["light"]
+    assert [item.values["light"] for item in read_checks(folder).checks] == pytest.approx([light, light])
 
 
 @pytest.mark.slow

@@ -91,7 +91,7 @@ def check(
     operator: ByName = "",
     probe: ProbeName = "tsis-2011",
     phantom: PhantomName = "size-8",
-    force_n: Annotated[float, typer.Option("--force-n", help="Force of every check, newtons.")] = 1.0,
+    force_n: Annotated[float | None, typer.Option("--force-n", help="Newtons at every check; 1 by default.")] = None,
     scale_mm: Annotated[str | None, typer.Option(help="Millimetres per pixel, one number or x,y.")] = None,
     baseline: Annotated[int, typer.Option(help="First checks, which set the limits.", min=8, max=300)] = 20,
     tolerance: Annotated[float, typer.Option(help="Relative drift at which the probe is out.")] = 0.05,
@@ -109,23 +109,26 @@ def check(
 
     if (press is None) != (untouched is None) or (press is not None) == (rehearse > 0):
         raise InputError("a check needs --press and --untouched, the frames of the day, or --rehearse with a number")
-    if folder.exists():
-        log = read_checks(folder)
-    else:
-        plan = CheckPlan(probe=probe, phantom=phantom, force_n=force_n, baseline=baseline, tolerance=tolerance)
-        log = begin_checks(folder, plan)
+    log = read_checks(folder) if folder.exists() else None
+    begun = 1.0 if log is None else log.plan.force_n
+    force = begun if force_n is None else force_n
+    plan = CheckPlan(probe=probe, phantom=phantom, force_n=force, baseline=baseline, tolerance=tolerance)
+    if log is not None and force != begun:
+        raise InputError(f"--force-n must be {begun:g}, as at the first check; got {force:g} (newtons)")
+    plan = plan if log is None else log.plan
     if press is not None and untouched is not None:
         scale = None if scale_mm is None else scale_of(scale_mm)
-        frames = read_frames([press, untouched], [log.plan.force_n, 0.0], scale)
+        frames = read_frames([press, untouched], [plan.force_n, 0.0], scale)
         done = daily_check(
             *frames,
-            force_n=log.plan.force_n,
+            force_n=plan.force_n,
             at=datetime.now(UTC),
             operator=operator,
             temperature_c=temperature_c,
         )
-        log = add_checks(log, done)
+        log = add_checks(log or begin_checks(folder, plan), done)
     else:
+        log = log or begin_checks(folder, plan)
         with progress_bar("pressing the check phantom") as advance:
             log = add_checks(log, *rehearsed_checks(log, rehearse, seed=seed, ageing=ageing, progress=advance))
     left = log.plan.baseline - len(log.checks)
