@@ -14,7 +14,9 @@ from hypothesis import strategies as st
 import tsis
 from tsis.errors import ImageMismatchError, InputError
 from tsis.imaging import Sensor, expose, render
-from tsis.inclusion.checks import APPARENT_FRACTION, inclusion_position
+from tsis.inclusion import InclusionPrior
+from tsis.inclusion._reading import _offset
+from tsis.inclusion.checks import APPARENT_FRACTION, InclusionPosition, inclusion_position
 from tsis.inclusion.checks._position import APPARENT_SD
 from tsis.inclusion.posterior import FARTHEST
 from tsis.mechanics import press
@@ -130,6 +132,26 @@ def test_clipped_pixels_are_left_out() -> None:
     )
     close = 3 * found.noise_mm
     np.testing.assert_allclose([clipped.x_mm, clipped.y_mm], [found.x_mm, found.y_mm], atol=close)
+
+
+@pytest.mark.parametrize("sd", [0.4, 1.5])
+def test_a_place_is_joined_with_the_aim(sd: float) -> None:
+    """Beside places drawn from the prior, of which those are taken that are seen at (2, 0)."""
+    rng = np.random.default_rng(3)
+    place = rng.normal(0.0, 1.0, (2, 4_000_000))
+    near = np.hypot(*(place + rng.normal(0.0, sd, place.shape) - [[2.0], [0.0]])) < 0.1
+    drawn = place[:, near]
+    found = InclusionPosition(x_mm=2.0, y_mm=0.0, sd_mm=sd, noise_mm=sd)
+    distance, spread = _offset(found, InclusionPrior(offset_sd_mm=1.0))
+    assert distance == pytest.approx(np.hypot(*drawn.mean(axis=1)), abs=0.03)
+    assert spread == pytest.approx((drawn**2).sum(axis=0).std(), rel=0.06)
+
+
+def test_a_place_that_is_not_seen_is_the_aim() -> None:
+    unseen = InclusionPosition(x_mm=0.0, y_mm=0.0, sd_mm=np.inf, noise_mm=np.inf)
+    assert _offset(unseen, InclusionPrior(offset_sd_mm=1.5)) == (0.0, 4.5)
+    assert _offset(None, InclusionPrior(offset_sd_mm=1.5)) == (0.0, 4.5)
+    assert _offset(unseen, InclusionPrior(offset_sd_mm=0.0)) == (0.0, 0.0)
 
 
 def test_wrong_input_is_refused() -> None:

@@ -193,9 +193,10 @@ def _offset(inclusion: InclusionPosition | None, prior: InclusionPrior) -> tuple
     Either coordinate is normal before the frames and after them; the limit of a square at zero is neglected.
     """
     aimed = prior.offset_sd_mm**2
-    seen = 0.0 if inclusion is None else aimed / (aimed + inclusion.sd_mm**2) if aimed else 0.0
-    variance = (1 - seen) * aimed
-    square = 0.0 if inclusion is None else (seen * inclusion.distance_mm) ** 2
+    if inclusion is None or not aimed:
+        return 0.0, 2 * aimed
+    seen = aimed / (aimed + inclusion.sd_mm**2)
+    square, variance = (seen * inclusion.distance_mm) ** 2, (1 - seen) * aimed
     return float(np.sqrt(square)), float(2 * np.sqrt(variance * (square + variance)))
 
 
