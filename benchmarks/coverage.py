@@ -127,11 +127,11 @@ def presences(lines: list[dict[str, Any]], blanks: list[dict[str, Any]]) -> dict
 
 def beside_informed(lines: list[dict[str, Any]]) -> list[list[str]]:
     """Rows on the width beside that of one who knows the world; none without lines that hold it."""
-    kept = [line for line in lines if "informed_sd" in line]
-    if not kept:
+    informed = [line for line in lines if "informed_sd" in line]
+    if not informed:
         return []
     truth, mean, sd, least, rank = (
-        np.array([line[name] for line in kept]) for name in ("truth", "mean", "sd", "informed_sd", "informed_rank")
+        np.array([line[name] for line in informed]) for name in ("truth", "mean", "sd", "informed_sd", "informed_rank")
     )
     bound = np.sqrt((least**2).mean(axis=0))
     rows = {

@@ -52,7 +52,7 @@ if TYPE_CHECKING:
 
 PROTOCOLS = {one.name: one for one in SMALL}
 ALONE = ("flat-alone", "domed")
-SPREAD_SD = 0.5  # mm**2, of the squared distance from the axis
+SPREAD_SD = 0.5  # mm**2, of the squared distance from the axis: either coordinate is known to 0.5 mm
 BINS = 20  # of the ranks
 KERNELS, PROPOSALS = 500, 500  # of the importance sampling of one draw
 RELINEARISATIONS = 2
