@@ -3,8 +3,8 @@
     python -m benchmarks.live_view [--seconds 20] [--camera virtual|aravis] [--markdown]
 
 It starts the console as people start it and opens its page in Chromium without a window or a graphics processor, at
-1280 x 800. ``virtual`` is the virtual probe, which the console computes itself; ``aravis`` is the virtual probe served
-as a GigE Vision camera by a process of its own, in a network of its own (needs root, ``unshare`` and ``ip``): then the
+1280 x 800. ``virtual`` is the virtual probe, whose frames a process of the console's exposes; ``aravis`` is the
+virtual probe served as a GigE Vision camera, in a network of its own (needs root, ``unshare`` and ``ip``): then the
 console does what it does with hardware. Other ways to show the same frames are measured in the same run with the
 virtual probe: NiceGUI's picture whose address changes, and MJPEG; and three.js for the relief.
 """
@@ -12,7 +12,6 @@ virtual probe: NiceGUI's picture whose address changes, and MJPEG; and three.js 
 from __future__ import annotations
 
 import argparse
-import math
 import os
 import subprocess
 import sys
@@ -78,8 +77,7 @@ def of_the_console(camera: str, seconds: float, browser: Browser) -> Iterator[Go
         page.context.close()
         time.sleep(SETTLE_S)
         alone = 100.0 * CoreShare(server).over(seconds)
-        most = math.inf if camera == "virtual" else MOST_CORE_PERCENT  # the console computes the virtual probe itself
-        yield Goal(name="server with one viewer", value=watched, most=most, form=CORE)
+        yield Goal(name="server with one viewer", value=watched, most=MOST_CORE_PERCENT, form=CORE)
         yield Goal(name="server without viewers: camera, judging", value=alone, form=CORE)
         yield Goal(name="what the viewer costs", value=watched - alone, most=MOST_CORE_PERCENT, form=CORE)
         opening = sorted(opening_s(console, browser) for _ in range(OPENINGS))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,7 +21,7 @@ from tsis.virtual import VirtualProbe
 if TYPE_CHECKING:
     from typing import Any
 
-    from tsis.model import Probe, TactileImage
+    from tsis.model import TactileImage
 
 pytestmark = pytest.mark.usefixtures("domed")
 
@@ -65,13 +66,15 @@ def pressed(virtual: VirtualProbe) -> Frames:
 def frames(monkeypatch: pytest.MonkeyPatch) -> Frames:
     left = fields()
 
-    def press(_probe: Probe, _slab: Phantom, *, force_n: float, **_: Any) -> PressField:
+    def press(_slab: Phantom, *, force_n: float) -> PressField:
         field = left.pop(0)
         assert field.force_n == pytest.approx(force_n, rel=1e-9)
         return field
 
-    monkeypatch.setattr("tsis.virtual._probe.press", press)
-    return pressed(virtual_probe())
+    monkeypatch.setattr("tsis.virtual._probe._series", lambda *_: SimpleNamespace(press=press))
+    result = pressed(virtual_probe())
+    assert not left
+    return result
 
 
 def test_truth_lies_inside_at_finite_strain_and_not_at_small(frames: Frames) -> None:
@@ -136,16 +139,18 @@ def test_largest_force_follows_the_tissue() -> None:
 @pytest.mark.slow
 def test_the_stored_presses_are_solved(monkeypatch: pytest.MonkeyPatch) -> None:
     left = fields()
-    from tsis.mechanics import press
+    from tsis.virtual._probe import _series
 
-    def compared(*args: Any, **options: Any) -> PressField:
-        field, stored = press(*args, **options), left.pop(0)
+    def compared(slab: Phantom, *, force_n: float) -> PressField:
+        field, stored = series.press(slab, force_n=force_n), left.pop(0)
         np.testing.assert_allclose(field.pressure_kpa, stored.pressure_kpa, atol=1e-4 * stored.pressure_kpa.mean())
         np.testing.assert_allclose(field.face_displacement_mm, stored.face_displacement_mm, atol=1e-5)
         return field
 
-    monkeypatch.setattr("tsis.virtual._probe.press", compared)
-    pressed(virtual_probe())
+    virtual = virtual_probe()
+    series = _series(DOMED.unlit(), virtual._resolution)
+    monkeypatch.setattr("tsis.virtual._probe._series", lambda *_: SimpleNamespace(press=compared))
+    pressed(virtual)
     assert not left
 
 

@@ -275,6 +275,7 @@ def serve_console(terms: ConsoleSettings, *, ready: Callable[[str], None]) -> No
             with logging_to(folder), closing(warming), Instrument(terms.instrument) as instrument:
                 instrument.before_estimates = warm_up_once(warming)
                 instrument.page_opened = instrument.camera_controller.prepare
+                instrument.camera_controller.exposes_apart = True
                 application = console_app(instrument, access=access, hosts=(*OWN_NAMES, *terms.names))
                 scheme, port = "http" if tls is None else "https", listener.getsockname()[1]
                 ready(f"{scheme}://{public_host(address, terms.names)}:{port}/?token={token}")

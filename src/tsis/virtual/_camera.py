@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import threading
 import time
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from tsis.catalog import list_sensors
 from tsis.errors import CameraError, InputError
-from tsis.imaging import expose
 from tsis.instrument import Frame, Mode, Setting, luma
 from tsis.model import GelSensor, require_number, require_one_of, require_type
+from tsis.virtual._exposure import ExposingProcess, exposed
 from tsis.virtual._gel_frames import rendered_series
 
 if TYPE_CHECKING:
@@ -82,6 +84,8 @@ class VirtualCamera:
     light
         Expected grey levels above the background of the initial press, shape (rows, columns). None computes them for
         the first frame, which takes tenths of a second on tissue and seconds on a sphere.
+    apart
+        Whether frames are exposed in a process of their own, begun with each stream.
 
     Examples
     --------
@@ -107,8 +111,9 @@ class VirtualCamera:
         paced: bool = False,
         clock: Callable[[], float] = time.monotonic,
         light: NDArray[np.float64] | None = None,
+        apart: bool = False,
     ) -> None:
-        self._probe, self._rng = probe, rng
+        self._probe, self._rng, self._apart = probe, rng, apart
         rate = require_number("frames_per_s", frames_per_s, 0.1, 1000.0)
         self._paced, self._clock = paced, clock
         self._settings = {
@@ -206,6 +211,10 @@ class VirtualCamera:
         """Yield frames of the current press, until stopped."""
         if not self._running.is_set():
             raise CameraError(f"{self.name} must be started before frames are read; call start()")
+        with self._exposing() as expose:
+            yield from self._frames(expose)
+
+    def _frames(self, expose: Callable[[NDArray[np.float64], float, Sensor], NDArray[Any]]) -> Iterator[Frame]:
         sequence = 0
         period_s, start_s = 1 / (self._mode.frames_per_s or 1.0), self._clock()
         due_s = start_s
@@ -217,9 +226,10 @@ class VirtualCamera:
             press, light = self._lit()
             values = {FORCE_SETTING: press.force.value}
             values |= {name: setting.value for name, setting in self._settings.items()}
+            gain = 10 ** (values["gain"] / 20)
             start_s = due_s if sequence == 0 else start_s
             yield Frame(
-                pixels=self._exposed(light, values),
+                pixels=expose(light, gain * values["exposure_ms"] / USUAL_MS, self._amplified(gain)),
                 sequence=sequence,
                 time_s=due_s - start_s,
                 full_scale=self._mode.full_scale,
@@ -228,6 +238,15 @@ class VirtualCamera:
             )
             sequence += 1
             due_s += period_s
+
+    @contextmanager
+    def _exposing(self) -> Iterator[Callable[[NDArray[np.float64], float, Sensor], NDArray[Any]]]:
+        """Exposes frames of a light, a factor and a sensor."""
+        if not self._apart:
+            yield partial(exposed, rng=self._rng)
+            return
+        with closing(ExposingProcess(self._rng)) as process:
+            yield process.expose
 
     def _lit(self) -> tuple[_Press, NDArray[np.float64]]:
         """The press and its light, computed on first use."""
@@ -241,17 +260,15 @@ class VirtualCamera:
         assert press.light is not None
         return press, press.light
 
-    def _exposed(self, light: NDArray[np.float64], values: dict[str, float]) -> NDArray[Any]:
+    def _amplified(self, gain: float) -> Sensor:
+        """The sensor whose light and noise are amplified, with the black level of the settings."""
         sensor = self._probe.sensor
-        gain = 10 ** (values["gain"] / 20)
-        amplified = replace(
+        return replace(
             sensor,
-            background_grey=values["brightness"],
+            background_grey=self._settings["brightness"].value,
             read_noise_grey=min(gain * sensor.read_noise_grey, sensor.full_scale),
             shot_noise_grey=min(gain * sensor.shot_noise_grey, sensor.full_scale),
         )
-        grey = expose(light * (gain * values["exposure_ms"] / USUAL_MS), amplified, self._rng)
-        return grey.astype(np.uint8 if sensor.full_scale <= 255 else np.uint16)
 
     def stop(self) -> None:
         """End the stream."""

@@ -6,8 +6,7 @@ import typer
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.cli._groups import DefaultCommand
-from tsis.cli.calibrate._guide import guide
-from tsis.cli.calibrate._light import light
+from tsis.cli.calibrate._guide import guide, light
 from tsis.cli.calibrate._make import make, seal, show
 
 app = typer.Typer(

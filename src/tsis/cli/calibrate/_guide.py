@@ -1,4 +1,4 @@
-"""The operator's dialogue: a prompt and messages for each calibration step."""
+"""Sessions: the operator's dialogue, with a prompt and messages for each calibration step, and the light on dents."""
 
 from __future__ import annotations
 
@@ -13,13 +13,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
 
 import tsis
 from tsis.__about__ import LARGEST_SEED, VALID_DAYS
 from tsis.cli._force_gauge import GaugeBaud, GaugeLatency, GaugePort, GaugeSends, GaugeUnit, gauge_log
 from tsis.cli._options import AsJson
-from tsis.cli._output import publish
-from tsis.cli._progress import stop_interrupted
+from tsis.cli._output import people, print_json, print_notice, publish
+from tsis.cli._progress import progress_bar, stop_interrupted
 from tsis.cli.acquire import VIRTUAL, live_connector, requested_settings
 from tsis.cli.calibrate._make import OUT, Days, Out, make_outcome
 from tsis.errors import CalibrationError, InputError
@@ -302,3 +304,47 @@ def _box(text: str) -> tuple[int, int, int, int]:
     except ValueError as error:
         raise InputError(f"--patch-px must be left,top,right,bottom in pixels; got {text!r:.60}") from error
     return left, top, right, bottom
+
+
+def light(
+    session: Annotated[Path, typer.Argument(help="Folder of a session with pads (tsis calibrate --pad-kpa 5).")],
+    *,
+    as_json: AsJson = False,
+) -> None:
+    """Show what a dent does to the light, fitted with the gain to a session's pads and tips."""
+    folder = tsis.calibration.session.SessionFolder(session)
+    if not any(step.pad_kpa is not None and folder.done(step) for step in folder.plan()):
+        raise CalibrationError(
+            f"the session in {tsis.files.printable_path(folder.path)} must hold presses on soft flat pads; it holds "
+            "none (tsis calibrate --pad-kpa 5 --pad-kpa 10)"
+        )
+    with progress_bar("reading the frames") as advance:
+        stored, findings = tsis.calibration.session.calibrate(folder, progress=advance)
+    dents = findings.dents
+    assert dents is not None  # of every session with pads
+    line = stored.force_line
+    ratio = None if line is None else line.soft_ratio
+    rows = tsis.report.light_rows(dents)
+    if as_json:
+        print_json(
+            tsis.report.envelope(
+                "calibrate light",
+                gain_ratio=dents.gain_ratio,
+                gain_sd=dents.gain_sd,
+                product_sd=dents.product_sd,
+                displacement_mm=dents.displacement_mm,
+                presses=dents.presses,
+                misfit=dents.misfit,
+                force_ratio=None if ratio is None else {"value": ratio.value, "sd": ratio.sd},
+                tissue=dents.response.provenance(),
+            )
+        )
+        return
+    console = people()
+    table = Table("quantity", "value", "uncertainty", title=escape(f"Light on dents, {stored.name}"))
+    for row in rows:
+        table.add_row(*(escape(cell) for cell in row))
+    if ratio is not None:
+        table.add_row("force by the line of the tips over that on pads", f"{ratio.value:.3f}", f"sd {ratio.sd:.3f}")
+    console.print(table)
+    print_notice(console)

@@ -107,6 +107,8 @@ class CameraController:
         The running camera; None while it is stopped.
     role, force_n
         What is pressed, and how hard: of the virtual probe or as typed, None where unknown.
+    exposes_apart
+        Whether the virtual probe's frames come from a process of their own.
     """
 
     def __init__(
@@ -119,6 +121,7 @@ class CameraController:
         self.choice, self.role, self.force_n = choice, choice.roles[0], choice.touch_n
         self.subject: VirtualSubject | None = None
         self.acquisition: Acquisition | None = None
+        self.exposes_apart = False
         self._beginning: Acquisition | None = None
         self._ahead: tuple[object, threading.Thread, list[VirtualSubject]] | None = None
         self._connect_to, self._on_change = connect_to, changed
@@ -307,7 +310,7 @@ class CameraController:
         if self.subject is None:
             # Solved before it streams: a camera that brings no frame for seconds counts as lost.
             self.subject = self._first_press()
-        return self.subject.connect
+        return partial(self.subject.connect, apart=self.exposes_apart)
 
     def _first_press(self) -> VirtualSubject:
         """The virtual probe in its first press, which `prepare` may have solved; given away once."""

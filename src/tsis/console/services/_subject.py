@@ -194,8 +194,8 @@ class VirtualSubject:
             untouched=untouched, face_radius_mm=self.probe.radius_mm, dark_grey=sensor.background_grey
         )
 
-    def connect(self) -> VirtualCamera:
-        """A camera of the present press, which stays the same after a reconnection."""
+    def connect(self, *, apart: bool = False) -> VirtualCamera:
+        """A camera of the present press, which stays the same after a reconnection; ``apart`` as `VirtualCamera`."""
         camera = VirtualCamera(
             self._rig,
             self._lying(self.role),
@@ -203,6 +203,7 @@ class VirtualSubject:
             force_n=_pressed_n(self.role, self.force_n),
             paced=True,
             light=self._light,
+            apart=apart,
         )
         self._camera = camera
         return camera
