@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import tsis
 from tsis.errors import InputError
-from tsis.inclusion.checks import image_findings
+from tsis.inclusion.checks import image_findings, require_forces_as_lit
 from tsis.model import TactileImage
 from tsis.virtual import VirtualProbe
 
@@ -158,3 +158,22 @@ def test_several_targets_take_the_reference_of_the_nearest_force(virtual: Virtua
             found = image_findings([target], worse, probe=PROBE, calibration=virtual.calibration)
             nearest = worse[uneven].force_n == target.force_n
             assert ("not_one_round_inclusion" in dict(found)) is nearest
+
+
+@pytest.mark.parametrize("probe", ["tsis-2011", "tsis-domed"])
+@pytest.mark.parametrize("phantom", ["plain", "size-8", "depth-4"])
+def test_forces_that_belong_to_other_images_are_refused(probe: str, phantom: str) -> None:
+    rig = VirtualProbe(tsis.load_probe(probe), rng=np.random.default_rng(3), strain="small")
+    light, firm = (rig.press(tsis.load_phantom(phantom), force_n=force) for force in (0.5, 1.0))
+
+    def checked(*frames: TactileImage) -> None:
+        require_forces_as_lit(frames, probe=rig.probe, calibration=rig.calibration)
+
+    checked(light, firm)
+    for frames in (
+        (light, replace(firm, force_n=0.5)),
+        (replace(light, force_n=1.0), firm),
+        (replace(light, force_n=1.0), replace(firm, force_n=0.5)),
+    ):
+        with pytest.raises(InputError, match="check which force belongs to which image"):
+            checked(*frames)

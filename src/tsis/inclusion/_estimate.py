@@ -26,7 +26,7 @@ from tsis.inclusion._verdict import (
     position_findings,
     presence_caveats,
 )
-from tsis.inclusion.checks import image_findings
+from tsis.inclusion.checks import image_findings, require_forces_as_lit
 from tsis.inclusion.posterior import (
     TISSUE,
     InclusionLikelihood,
@@ -130,8 +130,8 @@ def estimate(
     Raises
     ------
     InputError
-        When there is no image; an image has no force, scale or contact, or a force at which a dome touches only in part
-        or small strain is not valid; or much of the face lies outside the picture.
+        When there is no image; an image has no force, scale or contact, the force of another image, or one at which a
+        dome touches only in part or small strain is not valid; or much of the face lies outside the picture.
     NotCalibratedError
         When the calibration is missing or of another probe.
     ImageMismatchError
@@ -185,6 +185,8 @@ def analyse(
     surrogate = _covered(probe, prior) if progress is None else covered_presses(probe, prior, progress=progress)
     # Before the table of finite strain is built, which takes minutes
     require_valid_forces(targets + references, surrogate, probe=probe, prior=prior, strain=strain)
+    for places in frames:
+        require_forces_as_lit(places, probe=probe, calibration=calibration)
     if progress is None:
         tables = _tables(probe, prior, strain)
     else:

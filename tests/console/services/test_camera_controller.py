@@ -222,7 +222,7 @@ class Subject:
         assert self.let_go.wait(HANGS_S)
         self.solved.append(self.choice)
 
-    def connect(self) -> object:
+    def connect(self, *, apart: bool) -> object:
         raise CameraError("this probe has no camera")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import permutations
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,6 +27,11 @@ FAINT = 3.0  # of a pixel's noise without light: drift of the background
 LIT_RINGS = 4  # a third of the profile's radius: fewer rings give no profile
 EVEN = 5.0  # standard deviations of the chi-square of a uniform picture
 LEAST_LIT = 0.2  # of the light expected for the force
+# Light over that expected, between presses; virtual ones differ by up to 1.31 from 0.5 to 1 N under the dome.
+MOST_UNLIKE, MOST_UNLIKE_AT_ONE_FORCE = 2.0, 1.4
+ONE_FORCE = 0.02  # relative difference
+UNLIT = 3.0  # grey levels
+EACH = 4  # every fourth pixel tells how bright a frame is
 LEAST_VISIBLE_FRACTION = 0.5  # of each ring of the inner half of the profile's disc
 MISSING = 1e-3  # fraction of that disc that may be outside the picture without a flag
 
@@ -130,6 +136,32 @@ def check_contact(frame: TactileImage, sectors: Sectors, *, probe: Probe, calibr
             f"light where {frame.force_n:g} N should give about {expected:.2g}: check contact, force_n, exposure and "
             "calibration"
         )
+
+
+def require_forces_as_lit(frames: Sequence[TactileImage], *, probe: Probe, calibration: Calibration) -> None:
+    """Refuse presses of which one is far brighter for its force than another: forces were mixed up.
+
+    ``frames`` are raw presses with ``force_n`` on one kind of place, of one size, scale and axis.
+    """
+    if len(frames) < 2:
+        return
+    (x, y), (scale_x, scale_y), (rows, columns) = frames[0].axis(), frames[0].scale(), frames[0].grey.shape
+    across, down = scale_x * (np.arange(0, columns, EACH) - x), scale_y * (np.arange(0, rows, EACH) - y)
+    disc = np.hypot(across, down[:, None]) < ring_edges(probe)[-1]
+    pressed = []  # of frames with a press; what is wrong with the others is said elsewhere
+    for frame in frames:
+        level = float(frame.grey[::EACH, ::EACH][disc].mean()) - calibration.background_grey
+        if frame.force_n and level > UNLIT:
+            pressure = MN_PER_N * frame.force_n / (np.pi * probe.radius_mm**2)
+            pressed.append((frame, frame.force_n, level / float(rough_contact(np.array([pressure]), calibration)[0])))
+    for (one, force, bright), (other, other_force, dim) in permutations(pressed, 2):
+        alike = abs(force - other_force) <= ONE_FORCE * force
+        if bright > (MOST_UNLIKE_AT_ONE_FORCE if alike else MOST_UNLIKE) * dim:
+            raise InputError(
+                f"images must be as bright as expected for their forces; {one.name or 'an image'!r} at {force:g} N "
+                f"shows {bright / dim:.2g} times as much of it as {other.name or 'another'!r} at {other_force:g} N: "
+                "check which force belongs to which image"
+            )
 
 
 def saturated_findings(frames: Sequence[TactileImage], means: Sequence[Sectors]) -> list[tuple[str, str]]:
