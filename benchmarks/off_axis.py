@@ -1,7 +1,7 @@
 """How well a moved change stands for an inclusion beside the axis, against the press in three dimensions.
 
-    python benchmarks/off_axis.py                    # some minutes; needs NGSolve (the extra fem3d)
-    python benchmarks/off_axis.py --fine --offsets 1 3    # takes ten times as long an offset
+    python -m benchmarks.off_axis                    # some minutes; needs NGSolve (the extra fem3d)
+    python -m benchmarks.off_axis --fine --offsets 1 3    # takes ten times as long an offset
     python -m benchmarks.off_axis --dome             # seconds
 
 With ``--dome`` the pressure under the domed probe is compared with kernels: what a weak sphere beside the axis changes
