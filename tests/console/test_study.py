@@ -89,6 +89,7 @@ def test_a_whole_study(page: Page, console: RunningConsole, browser: Browser) ->
     picture(page, "study-blind-light")
     readable(page)
     page.get_by_role("button", name="Unblind and analyse").click()
+    page.get_by_role("dialog").get_by_label("Done by").fill("Eve")
     page.get_by_role("dialog").get_by_role("button", name="Unblind and analyse").click()
     complained(page, "a study must have a reading before it is unblinded")
     page.get_by_role("dialog").get_by_role("button", name="Cancel").click()
