@@ -191,7 +191,9 @@ def test_a_snapshot_while_stopped_is_one_sentence(console: RunningConsole, brows
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("typed", "message"), [("6", "Force must be 0–5 N (you entered 6)."), ("x", "Force must be a number")])
+@pytest.mark.parametrize(
+    ("typed", "message"), [("6", "Force must be 0–5 N (you entered 6)"), ("x", "Force must be a number")]
+)
 def test_a_force_that_is_none_leaves_the_press(
     console: RunningConsole, browser: Browser, typed: str, message: str
 ) -> None:

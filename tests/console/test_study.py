@@ -17,7 +17,7 @@ from tests.console.operator import TABLET, tab
 from tests.waiting import HANGS_S
 
 from tsis.report.study import study_page
-from tsis.study import import_table, new_study, open_study, printed_targets, verify_study
+from tsis.study import UNCERTAINTY_COLUMNS, import_table, new_study, open_study, printed_targets, verify_study
 from tsis.study.analysis import analyse
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ def test_a_whole_study(page: Page, console: RunningConsole, browser: Browser) ->
 
     page.get_by_label("Operator").fill("Ada")
     page.get_by_role("button", name="Run on the virtual probe").click()
-    page.get_by_text(re.compile(r"^The probe")).wait_for()
+    page.get_by_text(re.compile(r"^Reading target")).wait_for()
     assert (
         httpx.get(f"{console.address}/files/study/trial/report.html", headers=console.key, timeout=HANGS_S).status_code
         == 404
@@ -120,7 +120,7 @@ def test_a_whole_study(page: Page, console: RunningConsole, browser: Browser) ->
         page.get_by_role("button", name=f"Export readings of {DEVICE}").click()
     assert saved.value.suggested_filename == "trial-virtual-tsis-domed.csv"
     lines = Path(saved.value.path()).read_text().splitlines()
-    assert lines[0] == HEADINGS
+    assert lines[0] == ",".join((HEADINGS, *UNCERTAINTY_COLUMNS))
     assert sorted(line.split(",")[0] for line in lines[1:]) == sorted(blind.plan.codes)
 
     page.get_by_role("button", name="Import readings").click()

@@ -29,7 +29,7 @@ from tsis.study._kit import (
     volume_mm3,
 )
 from tsis.study._log import LOG_FILE
-from tsis.study._making import new_study, printed_targets, random_targets
+from tsis.study._making import MOST_TARGETS, new_study, printed_targets, random_targets
 from tsis.study._plan import ANALYSED_READING, TARGETS
 from tsis.study._pressing import RunResult, StudyInstrument, press_study
 from tsis.study._reference_run import REFERENCES, press_by_operators, reference_targets, rehearse_reference_run
@@ -52,6 +52,7 @@ __all__ = [
     "KIT",
     "LOG_FILE",
     "MODULUS_COLUMNS",
+    "MOST_TARGETS",
     "PLAN",
     "QUANTITIES",
     "READING_COLUMNS",

@@ -54,7 +54,7 @@ def test_a_study_is_made_from_the_form_and_wrong_fields_make_none(lit: Instrumen
                 "two",
                 "Targets with an inclusion must be a number, as 2 or 0.5 (you",
             ),
-            ("With an inclusion", "2.5", "Targets with an inclusion must be a whole number (you entered '2.5')."),
+            ("With an inclusion", "2.5", "Targets with an inclusion must be a whole number (you entered 2.5)."),
             ("Blanks", "-1", "Blanks must be 0–"),
             ("Forces", "0,8", "Force"),
             ("Threshold", "high", "Threshold must be a number, as 2 or 0.5 (you entered 'high')."),

@@ -17,7 +17,7 @@ from tsis.console.pages.study._context import name_in, who_field
 from tsis.console.studies import StudyRepository
 from tsis.errors import InputError
 from tsis.model import require_number
-from tsis.study import TARGETS, printed_targets, random_targets
+from tsis.study import MOST_TARGETS, TARGETS, printed_targets, random_targets
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -41,7 +41,8 @@ class CodeTable:
         self._result: StudyResult | None = None
         self._sheet, self._size = 1, SHEETS[0]
         kit.panel_title(tr("Targets"))
-        self._table = ui.table(rows=[], columns=[], row_key="number", pagination=self._pages(0)).classes("targets")
+        with ui.element("div").classes("study-codes").props(f'tabindex=0 role=region aria-label="{tr("Targets")}"'):
+            self._table = ui.table(rows=[], columns=[], row_key="number", pagination=self._pages(0)).classes("targets")
         self._table.on("request", self._requested)
         self._table.props["rows-per-page-label"] = tr("Targets on a sheet")
         self._table.props(f'flat dense wrap-cells :rows-per-page-options="{list(SHEETS)}"')
@@ -102,6 +103,7 @@ def _state(read: int, repeats: int) -> str:
 
 
 USUAL_FORCES = (0.5, 1.0)  # at most; a flat probe has one
+KINDS = ("present", "blank")
 LARGE = 1000  # readings, beyond which the size is confirmed first
 SECONDS_PER_READING = 0.55  # of one core, with four presses; measured on the domed probe
 
@@ -175,25 +177,22 @@ class StudyDraft:
     def size(self) -> StudySize:
         """Readings and presses of the virtual probe; `InputError` for an invalid field."""
         with kit.field_messages(LABELS):
-            present, blank = (typed_whole(LABELS[name], getattr(self, name)) for name in ("present", "blank"))
+            present, blank = self._counts()
             repeats = kit.typed_integer("repeats", self.repeats, 1, MOST_REPEATS)
             forces = kit.typed_forces(self.forces, most=MOST_FORCES) or USUAL_FORCES
             readings = (present + blank) * repeats
             return StudySize(readings=readings, presses=readings * len(forces) * (1 + self.with_reference))
 
+    def _counts(self) -> tuple[int, int]:
+        """Targets with and without an inclusion."""
+        present, blank = (kit.typed_integer(LABELS[name], getattr(self, name), 0, MOST_TARGETS) for name in KINDS)
+        return present, blank
+
     def _targets(self) -> Sequence[TargetTruth] | Callable[[int], Sequence[TargetTruth]]:
-        present, blank = (typed_whole(LABELS[name], getattr(self, name)) for name in ("present", "blank"))
+        present, blank = self._counts()
         if self.like == "random":
             return lambda seed: random_targets(present, blank, rng=np.random.default_rng([seed, TARGETS]))
         return printed_targets(present, blank)
-
-
-def typed_whole(name: str, text: str) -> int:
-    """The typed whole number; `InputError` for other text."""
-    value = kit.typed_number(name, text)
-    if not value.is_integer():
-        raise InputError(f"{name} must be a whole number; got {text.strip()!r:.40}")
-    return int(value)
 
 
 EVERY_S, PROGRESS_EVERY_S = 1.0, 0.5
