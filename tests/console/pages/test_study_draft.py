@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -14,7 +15,7 @@ from tsis.errors import InputError
 def test_a_count_that_no_study_can_have_has_no_size(typed: str) -> None:
     for field, label in (("present", "targets with an inclusion"), ("blank", "blanks")):
         with pytest.raises(InputError, match=f"^{label} must "):
-            replace(StudyDraft(), **{field: typed}).size()
+            StudyDraft(**dict[str, Any]({field: typed})).size()
 
 
 def test_readings_and_presses_are_counted() -> None:
