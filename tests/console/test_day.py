@@ -93,7 +93,7 @@ def examined(page: Page, target: int) -> None:
 
 def compared(page: Page) -> None:
     follow(page, "Report", "**/records/5")
-    page.get_by_text("Target 5", exact=True).wait_for()
+    page.get_by_role("heading", name="Target 5: hardness-100").wait_for()
     page.get_by_role("button", name="Compare", exact=True).click()
     page.get_by_label("Number of the other target").fill("4")
     page.get_by_role("dialog").get_by_role("button", name="Compare").click()
