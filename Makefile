@@ -43,6 +43,8 @@ benchmark: $(VENV)/.dev  ## speed and accuracy beside those of other programs, o
 	$(BIN)/python -m benchmarks.coverage --protocol flat --presses 500
 	$(BIN)/python -m benchmarks.coverage --protocol flat-alone --presses 500
 	$(BIN)/python -m benchmarks.tissue
+	$(BIN)/python -m benchmarks.ablation --cases 12
+	$(BIN)/python -m benchmarks.stalls
 	$(BIN)/python -m benchmarks.nine_inclusions
 	$(BIN)/python -m benchmarks.simulation_based_calibration --exact 40
 	$(BIN)/python -m benchmarks.slow_reference

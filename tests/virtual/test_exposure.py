@@ -76,7 +76,7 @@ def test_frames_go_on_when_the_process_was_killed(apart: ExposingProcess) -> Non
     expected = exposed(LIGHT, 1.0, SENSOR, np.random.default_rng(8)).astype(float)
     for _ in range(3):
         frame = apart.expose(LIGHT, 1.0, SENSOR).astype(float)
-        assert abs(frame.mean() - expected.mean()) < 1.0
+        assert np.abs(frame - expected).mean() < 3.0  # noise, twice
     assert apart.pid is None
 
 

@@ -227,9 +227,10 @@ class VirtualCamera:
             values = {FORCE_SETTING: press.force.value}
             values |= {name: setting.value for name, setting in self._settings.items()}
             gain = 10 ** (values["gain"] / 20)
+            sensor = self._amplified(gain, values["brightness"])
             start_s = due_s if sequence == 0 else start_s
             yield Frame(
-                pixels=expose(light, gain * values["exposure_ms"] / USUAL_MS, self._amplified(gain)),
+                pixels=expose(light, gain * values["exposure_ms"] / USUAL_MS, sensor),
                 sequence=sequence,
                 time_s=due_s - start_s,
                 full_scale=self._mode.full_scale,
@@ -260,12 +261,12 @@ class VirtualCamera:
         assert press.light is not None
         return press, press.light
 
-    def _amplified(self, gain: float) -> Sensor:
-        """The sensor whose light and noise are amplified, with the black level of the settings."""
+    def _amplified(self, gain: float, black_grey: float) -> Sensor:
+        """The sensor whose noise is amplified, with a black level."""
         sensor = self._probe.sensor
         return replace(
             sensor,
-            background_grey=self._settings["brightness"].value,
+            background_grey=black_grey,
             read_noise_grey=min(gain * sensor.read_noise_grey, sensor.full_scale),
             shot_noise_grey=min(gain * sensor.shot_noise_grey, sensor.full_scale),
         )

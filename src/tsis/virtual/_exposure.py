@@ -59,6 +59,7 @@ class ExposingProcess:
         """End the process; another call does nothing."""
         self._there.close()
         self._apart = False
+        self._process.kill()  # it may still be loading, and has nothing to save
         self._process.join()
 
     def _is_ready(self) -> bool:

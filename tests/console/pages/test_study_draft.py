@@ -1,4 +1,4 @@
-"""Fields of a new study: what they would cost is told only for counts that can be made."""
+"""Fields of a new study: a size only for counts that can be made."""
 
 from __future__ import annotations
 
