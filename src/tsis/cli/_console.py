@@ -8,7 +8,7 @@ from __future__ import annotations
 import gc
 import signal
 import sys
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -80,6 +80,9 @@ def console(
         preparing.enter_context(waiting("preparing the console"))
         preparing.enter_context(loading())
         package = import_module("tsis.console")
+        solver = None
+        if camera == "virtual":  # the process that solves its presses loads beside this program
+            solver = ending.enter_context(closing(package.solving_process()))
         terms = package.ConsoleSettings(
             instrument=package.InstrumentSettings(
                 workspace=out,
@@ -111,7 +114,7 @@ def console(
             if browser and not as_json:
                 ending.enter_context(package.opened_in_browser(address))
 
-        package.serve_console(terms, ready=ready)
+        package.serve_console(terms, ready=ready, solver=solver)
     if not as_json:
         people().print("Ended; saved data are in the store.")
     gc.freeze()  # the process ends now; a last collection would take a second

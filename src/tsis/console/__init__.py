@@ -10,6 +10,7 @@ from tsis.errors import require_extra
 if TYPE_CHECKING:
     from tsis.console._app import opened_in_browser
     from tsis.console._serving import Certificate, ConsoleSettings, serve_console
+    from tsis.console._worker import solving_process
     from tsis.console.auth import Logins
     from tsis.console.services import Instrument, InstrumentSettings
 
@@ -21,6 +22,7 @@ __all__ = [
     "Logins",
     "opened_in_browser",
     "serve_console",
+    "solving_process",
 ]
 
 require_extra("nicegui", "fastapi", "uvicorn", "argon2", "itsdangerous", feature="the console", extra="console")
@@ -33,6 +35,7 @@ _HOMES = {
     "Logins": "auth",
     "opened_in_browser": "_app",
     "serve_console": "_serving",
+    "solving_process": "_worker",
 }
 
 

@@ -19,7 +19,7 @@ import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from tsis.console._app import console_app
-from tsis.console._worker import WorkerProcess, collecting_garbage, share_memory_among_threads
+from tsis.console._worker import WorkerProcess, collecting_garbage, share_memory_among_threads, solving_process
 from tsis.console.auth import Access, Logins, Sessions, console_folder, name_of, saved_token
 from tsis.console.services import Instrument, InstrumentSettings, warm_up
 from tsis.errors import FileInputError, InputError, TsisError
@@ -241,7 +241,7 @@ class ConsoleSettings:
                 raise InputError(f"name of a host must be a name without a port; got {name!r:.80}")
 
 
-def serve_console(terms: ConsoleSettings, *, ready: Callable[[str], None]) -> None:
+def serve_console(terms: ConsoleSettings, *, ready: Callable[[str], None], solver: WorkerProcess | None = None) -> None:
     """Serve a console until the process is interrupted or terminated.
 
     Parameters
@@ -250,6 +250,8 @@ def serve_console(terms: ConsoleSettings, *, ready: Callable[[str], None]) -> No
         How.
     ready
         Called with the address when it listens.
+    solver
+        Process that solves the virtual probe's presses, as `solving_process` has begun it; closed here.
 
     Raises
     ------
@@ -272,10 +274,11 @@ def serve_console(terms: ConsoleSettings, *, ready: Callable[[str], None]) -> No
             )
             share_memory_among_threads()
             warming = WorkerProcess()  # the first estimate is as fast as the others: its process fills the caches
-            with logging_to(folder), closing(warming), Instrument(terms.instrument) as instrument:
+            solver = solver or solving_process()
+            with logging_to(folder), closing(warming), closing(solver), Instrument(terms.instrument) as instrument:
                 instrument.before_estimates = warm_up_once(warming)
-                instrument.page_opened = instrument.camera_controller.prepare
-                instrument.camera_controller.exposes_apart = True
+                instrument.camera_controller.solver = solver
+                instrument.camera_controller.prepare()
                 application = console_app(instrument, access=access, hosts=(*OWN_NAMES, *terms.names))
                 scheme, port = "http" if tls is None else "https", listener.getsockname()[1]
                 ready(f"{scheme}://{public_host(address, terms.names)}:{port}/?token={token}")

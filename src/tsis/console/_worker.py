@@ -12,6 +12,7 @@ import threading
 from concurrent.futures import CancelledError, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 from tsis.errors import ControlError, TsisError
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
 
 MOST = 20  # pieces of work after which the process is replaced, with all the memory that it has gathered
+MOST_PRESSES = 1000  # the same, of presses, whose bodies are kept for the next one
 NICE = 10  # priority below that of the console, where a system has priorities
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
@@ -28,10 +30,13 @@ _log = logging.getLogger(__name__)
 
 
 class WorkerProcess:
-    """One call after the other, from several threads, in a process that is replaced after ``most`` calls."""
+    """One call after the other, from several threads, in a process that is replaced after ``most`` calls.
 
-    def __init__(self, *, most: int = MOST) -> None:
-        self._most, self._closed = most, False
+    ``loads`` is a module that it imports as it begins, and ``nice`` how far its priority lies below the console's.
+    """
+
+    def __init__(self, *, most: int = MOST, nice: int = NICE, loads: str = __name__) -> None:
+        self._most, self._nice, self._loads, self._closed = most, nice, loads, False
         self._pool: ProcessPoolExecutor | None = None
         self._lock = threading.Lock()
 
@@ -56,6 +61,11 @@ class WorkerProcess:
                 _log.error("work in a process of its own failed: %s", error.__cause__)
                 raise RuntimeError("work in a process of its own failed") from error
 
+    def begin(self) -> None:
+        """Start the process now, so that the first call need not wait for it."""
+        with self._lock:
+            self._ready().submit(int)
+
     def close(self) -> None:
         """End the process, and start no other one."""
         self._closed = True
@@ -69,7 +79,8 @@ class WorkerProcess:
         self._require_open()
         if self._pool is None:
             context = multiprocessing.get_context("spawn")
-            self._pool = ProcessPoolExecutor(1, context, initializer=_begin, max_tasks_per_child=self._most)
+            begin: dict[str, Any] = {"initializer": _begin, "initargs": (self._nice, self._loads)}
+            self._pool = ProcessPoolExecutor(1, context, max_tasks_per_child=self._most, **begin)
         return self._pool
 
     def _end(self) -> None:
@@ -82,22 +93,30 @@ class WorkerProcess:
             process.kill()
 
 
+def solving_process() -> WorkerProcess:
+    """A process, begun now, that solves presses of the virtual probe at the console's priority."""
+    process = WorkerProcess(most=MOST_PRESSES, nice=0, loads="tsis.virtual")
+    process.begin()
+    return process
+
+
 def _answer(requested: bytes) -> Any:
     """Result of a call."""
     work, given, named = pickle.loads(requested)
     return work(*given, **named)
 
 
-def _begin() -> None:
+def _begin(nice: int, loads: str) -> None:
     """Prepare the process: lower priority, no output, and an end together with the console.
 
     It has its own session, so that an interruption of the console at a terminal does not interrupt it.
     """
     with suppress(AttributeError, OSError):
         os.setsid()
-        os.nice(NICE)
+        os.nice(nice)
     os.dup2(2, 1)  # standard output is for the console's own messages
     threading.Thread(target=_end_with_console, daemon=True).start()
+    import_module(loads)
 
 
 def _end_with_console() -> None:

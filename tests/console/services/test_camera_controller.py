@@ -215,7 +215,8 @@ class Subject:
     solved: ClassVar[list[CameraChoice]] = []
     let_go = threading.Event()
 
-    def __init__(self, choice: CameraChoice) -> None:
+    def __init__(self, choice: CameraChoice, *, solver: object) -> None:
+        assert solver is None
         self.choice = choice
 
     def hold(self, _role: str, _force_n: float) -> None:

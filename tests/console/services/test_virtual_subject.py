@@ -10,7 +10,7 @@ import pytest
 from tests.console.services.instruments import ANN, virtual_instrument
 from tests.waiting import until
 
-from tsis.console.services import CameraChoice, VirtualSubject
+from tsis.console.services import CameraChoice, VirtualSubject, _subject
 from tsis.errors import ControlError, InputError, MechanicsError
 from tsis.records import REFERENCE_ROLES
 
@@ -108,7 +108,7 @@ def test_what_cannot_be_pressed_leaves_the_press_as_it_was(probe: Instrument, mo
     def too_hard(*_: object, **__: object) -> None:
         raise MechanicsError("the tissue cannot be pressed so hard")
 
-    monkeypatch.setattr(stage, "_light_of", too_hard)
+    monkeypatch.setattr(_subject, "_light_of", too_hard)
     with pytest.raises(MechanicsError, match="so hard"):
         probe.hold(role="plain", force_n=3.0, by=ANN)
     monkeypatch.undo()

@@ -292,7 +292,6 @@ class Help:
 
 
 OPEN_EVERY_S = 2.0  # between two reports that a page is still open
-SHOWN_S = 0.1  # after the connection of a page, by which it is shown
 MAIN = "page"  # identity of the element that holds the page, for the link that skips to it
 
 
@@ -342,7 +341,6 @@ class Shell:
 
         viewer.follow(show)
         ui.timer(OPEN_EVERY_S, control.report_open)
-        ui.timer(SHOWN_S, self._instrument.page_opened, once=True)
 
 
 def _camera_text(state: InstrumentState) -> str:

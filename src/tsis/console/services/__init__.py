@@ -13,7 +13,18 @@ from tsis.console.services._estimates import newest_presses, warm_up
 from tsis.console.services._frame_analysis import ContactView, FrameAnalysis
 from tsis.console.services._gel import GelAnalysis, GelSetup
 from tsis.console.services._instrument import Instrument
-from tsis.console.services._jobs import DONE, ENDED, FAILED, RESULTS, Job, JobCancelled, Jobs, JobState
+from tsis.console.services._jobs import (
+    DONE,
+    ENDED,
+    FAILED,
+    RESULTS,
+    Job,
+    JobCancelled,
+    Jobs,
+    JobState,
+    estimate_title,
+    tissue_title,
+)
 from tsis.console.services._own_images import (
     IMAGE_ROLES,
     MOST_OWN_FRAMES,
@@ -35,8 +46,6 @@ from tsis.console.services._subject import (
     PressForce,
     TissueReading,
     VirtualSubject,
-    estimate_title,
-    tissue_title,
 )
 from tsis.console.services._sweeps import Sweeps, SweepState, sweep_title, varying_columns
 

@@ -20,6 +20,7 @@ from tsis.virtual import FORCE_SETTING, LARGEST_FORCE_N, VirtualGelCamera, virtu
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from tsis.console._worker import WorkerProcess
     from tsis.console.services._jobs import Job, Jobs, JobState
     from tsis.console.services._subject import CameraChoice
     from tsis.instrument import Camera, CameraListing, Setting
@@ -107,8 +108,9 @@ class CameraController:
         The running camera; None while it is stopped.
     role, force_n
         What is pressed, and how hard: of the virtual probe or as typed, None where unknown.
-    exposes_apart
-        Whether the virtual probe's frames come from a process of their own.
+    solver
+        Process that solves the virtual probe's presses, whose frames then come from a process of their own, too. None:
+        both is done here.
     """
 
     def __init__(
@@ -121,7 +123,7 @@ class CameraController:
         self.choice, self.role, self.force_n = choice, choice.roles[0], choice.touch_n
         self.subject: VirtualSubject | None = None
         self.acquisition: Acquisition | None = None
-        self.exposes_apart = False
+        self.solver: WorkerProcess | None = None
         self._beginning: Acquisition | None = None
         self._ahead: tuple[object, threading.Thread, list[VirtualSubject]] | None = None
         self._connect_to, self._on_change = connect_to, changed
@@ -152,11 +154,11 @@ class CameraController:
     def prepare(self) -> None:
         """Solve the first press of the virtual probe in the background, once, so that `start` need not wait for it."""
         if self.choice.is_virtual and self._ahead is None:
-            begins, solved = (self.choice, self.role, self.force_n), list[VirtualSubject]()
+            begins, solved = self._begins, list[VirtualSubject]()
 
             def solve() -> None:
                 with suppress(TsisError):
-                    solved.append(_pressed(*begins))
+                    solved.append(self._pressed(*begins))
 
             thread = threading.Thread(target=solve, name="first press", daemon=True)
             self._ahead = begins, thread, solved
@@ -310,25 +312,27 @@ class CameraController:
         if self.subject is None:
             # Solved before it streams: a camera that brings no frame for seconds counts as lost.
             self.subject = self._first_press()
-        return partial(self.subject.connect, apart=self.exposes_apart)
+        return partial(self.subject.connect, apart=self.solver is not None)
 
     def _first_press(self) -> VirtualSubject:
         """The virtual probe in its first press, which `prepare` may have solved; given away once."""
-        begins = self.choice, self.role, self.force_n
-        if self._ahead is not None and self._ahead[0] == begins:
+        if self._ahead is not None and self._ahead[0] == self._begins:
             _, thread, solved = self._ahead
             thread.join()
             if solved:
                 return solved.pop()
-        return _pressed(*begins)
+        return self._pressed(*self._begins)
 
+    @property
+    def _begins(self) -> tuple[CameraChoice, str, float | None]:
+        return self.choice, self.role, self.force_n
 
-def _pressed(choice: CameraChoice, role: str, force_n: float | None) -> VirtualSubject:
-    """A virtual probe whose press is solved; errors as `CameraController.hold`."""
-    assert force_n is not None
-    subject = VirtualSubject(choice)
-    subject.hold(role, force_n)
-    return subject
+    def _pressed(self, choice: CameraChoice, role: str, force_n: float | None) -> VirtualSubject:
+        """A virtual probe whose press is solved; errors as `hold`."""
+        assert force_n is not None
+        subject = VirtualSubject(choice, solver=self.solver)
+        subject.hold(role, force_n)
+        return subject
 
 
 def _period_s(acquisition: Acquisition) -> float:

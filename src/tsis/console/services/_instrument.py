@@ -12,7 +12,7 @@ from tsis.console.services._camera import CameraController, CameraSearch
 from tsis.console.services._control import Commands, ControlLock
 from tsis.console.services._estimates import estimate_target, require_estimable
 from tsis.console.services._gel import GelAnalysis
-from tsis.console.services._jobs import Jobs
+from tsis.console.services._jobs import Jobs, estimate_title, tissue_title
 from tsis.console.services._reading import (
     InstrumentMemory,
     StoreCheck,
@@ -29,9 +29,7 @@ from tsis.console.services._subject import (
     PLAIN,
     CalibrationMemory,
     TissueReadings,
-    estimate_title,
     read_tissue,
-    tissue_title,
 )
 from tsis.console.services._sweeps import Sweeps
 from tsis.console.services._watcher import Watcher
@@ -66,7 +64,6 @@ class Instrument:
     Each raises `ControlError` when somebody else owns the camera, or another command lasts for seconds.
 
     ``before_estimates`` is called with the name of the probe when the camera has started: estimates come soon.
-    ``page_opened`` is called when a page is shown: the camera is started soon.
 
     Parameters
     ----------
@@ -101,7 +98,6 @@ class Instrument:
         self.terms, self._target = terms, number
         self._gauge: ForceLog | None = None
         self.before_estimates: Callable[[str], None] = lambda _: None
-        self.page_opened: Callable[[], None] = lambda: None
         self.camera_controller = CameraController(
             choice, changed=lambda: self._watcher.begin_anew(), connect_to=connect_to
         )

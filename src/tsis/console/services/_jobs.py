@@ -327,6 +327,16 @@ class Jobs:
                 del self._jobs[identity]
 
 
+def tissue_title(number: int) -> str:
+    """Title of the job that reads the tissue of a target."""
+    return f"tissue of target {number}"
+
+
+def estimate_title(number: int) -> str:
+    """Title of an estimate's job, by which pages find the one of their target."""
+    return f"estimate of target {number}"
+
+
 def _thread(target: Callable[..., None], *given: object) -> None:
     threading.Thread(target=target, args=given, name="job", daemon=True).start()
 

@@ -8,7 +8,7 @@ import threading
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -27,11 +27,14 @@ from tsis.records import KINDS, ROLES
 from tsis.virtual import LARGEST_FORCE_N, DirectContactRig, VirtualCamera, VirtualProbe, camera_settings, virtual_mode
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Mapping
 
     from numpy.typing import NDArray
 
+    from tsis.console._worker import WorkerProcess
     from tsis.records import TargetRecord
+
+    Rig = VirtualProbe | DirectContactRig
 
 
 VIRTUAL, VIRTUAL_GEL, OPENCV = "virtual", "virtual-gel", "opencv"
@@ -148,16 +151,20 @@ TRUTHS = ("diameter_mm", "depth_mm", "young_kpa")
 
 
 class VirtualSubject:
-    """A virtual rig with the objects before it, by the role of a press; `InputError` for a phantom out of range."""
+    """A virtual rig with the objects before it, by the role of a press; `InputError` for a phantom out of range.
 
-    def __init__(self, choice: CameraChoice) -> None:
-        self._rng, self.roles = np.random.default_rng(choice.seed), choice.roles
+    Its presses are solved in ``solver``, a process of their own, or here.
+    """
+
+    def __init__(self, choice: CameraChoice, *, solver: WorkerProcess | None = None) -> None:
+        rng = np.random.default_rng(choice.seed)
+        self._noise, self._solver, self.roles = rng.spawn(1)[0], solver, choice.roles
         self.probe = load_probe(choice.probe)
-        self._rig: VirtualProbe | DirectContactRig
+        self._rig: Rig
         self._objects: dict[str, Phantom | SoftSphere]
         self.written_radius_mm: float | None = None
         if choice.is_sphere:
-            rig = DirectContactRig(self.probe, rng=self._rng)
+            rig = DirectContactRig(self.probe, rng=rng)
             sphere = load_sphere(choice.phantom)
             ball = SoftSphere(radius_mm=BALL_MM, young_kpa=RIGID_KPA, name="rigid ball")
             self._rig, self._objects = rig, {TARGET: sphere, BALL: ball}
@@ -165,13 +172,12 @@ class VirtualSubject:
             self.truth: Mapping[str, float] = {"young_kpa": sphere.young_kpa}
         else:
             phantom = phantom_variant(choice.phantom, choice.diameter_mm, choice.depth_mm, choice.young_kpa)
-            self._rig = VirtualProbe(self.probe, rng=self._rng, strain=LIVE_STRAIN)
+            self._rig = VirtualProbe(self.probe, rng=rng, strain=LIVE_STRAIN)
             self._objects = {TARGET: phantom, PLAIN: phantom.without_inclusion()}
             lump = phantom.inclusion
             self.truth = {} if lump is None else {name: getattr(lump, name) for name in TRUTHS}
         self.name = self._objects[TARGET].name
         self.role, self.force_n = choice.roles[0], choice.touch_n or 0.0
-        self._light_of: Callable[..., NDArray[np.float64]] = self._rig.light
         self._light: NDArray[np.float64] | None = None
         self._camera: VirtualCamera | None = None
         self._lock = threading.Lock()
@@ -199,7 +205,7 @@ class VirtualSubject:
         camera = VirtualCamera(
             self._rig,
             self._lying(self.role),
-            rng=self._rng,
+            rng=self._noise,
             force_n=_pressed_n(self.role, self.force_n),
             paced=True,
             light=self._light,
@@ -219,7 +225,8 @@ class VirtualSubject:
         with self._lock:
             lies, pressed_n = self._lying(role), _pressed_n(role, force_n)
             try:
-                light = self._light_of(lies, force_n=pressed_n)
+                given = self._rig, lies, pressed_n
+                light, self._rig = _light_of(*given) if self._solver is None else self._solver.call(_light_of, *given)
             except MechanicsError as error:
                 if error.largest_n is None:
                     raise
@@ -238,6 +245,11 @@ class VirtualSubject:
 
     def _lying(self, role: str) -> Phantom | SoftSphere:
         return self._objects[TARGET if role == UNTOUCHED else role]
+
+
+def _light_of(rig: Rig, lies: Any, force_n: float) -> tuple[NDArray[np.float64], Rig]:
+    """Light of a press, and the rig with its generator as it is afterwards, which another process must send back."""
+    return rig.light(lies, force_n=force_n), rig
 
 
 def _pressed_n(role: str, force_n: float) -> float:
@@ -354,16 +366,6 @@ class TissueReadings:
             self._readings = {**self._readings, number: reading}
             content = {str(target): to_json_value(item) for target, item in self._readings.items()}
             write_durably(self._file, json.dumps(content).encode())
-
-
-def tissue_title(number: int) -> str:
-    """Title of the job that reads the tissue of a target."""
-    return f"tissue of target {number}"
-
-
-def estimate_title(number: int) -> str:
-    """Title of an estimate's job, by which pages find the one of their target."""
-    return f"estimate of target {number}"
 
 
 class CalibrationMemory:
