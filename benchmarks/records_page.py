@@ -110,6 +110,8 @@ def main() -> int:
                 page.goto(console.entrance)
                 page.get_by_role("navigation").get_by_role("link", name="About", exact=True).click()
                 page.get_by_role("heading", level=1, name="About").wait_for()
+                # A link that is clicked before the page is connected loads the whole page anew.
+                page.get_by_role("button", name="Release the camera").wait_for()
                 for name, value in measured(page, options.targets + 1, number).items():
                     found.setdefault(name, []).append(value)
                 page.context.close()

@@ -15,6 +15,7 @@ from tests.records.sample import WHEN, levels
 from tests.report.rough_pictures import rough_pictures
 
 from tsis.cli import main
+from tsis.console._worker import WorkerProcess
 from tsis.model import TactileImage
 from tsis.records.store import open_store
 
@@ -33,6 +34,14 @@ class RunTsis(Protocol):
     """Runs the program in this process, in an empty folder."""
 
     def __call__(self, *arguments: str | Path) -> Finished: ...
+
+
+@pytest.fixture
+def idle_solver(monkeypatch: pytest.MonkeyPatch) -> WorkerProcess:
+    """What a console gets as its solving process, which is not begun: quick tests start no processes."""
+    result = WorkerProcess()
+    monkeypatch.setattr("tsis.console._worker.solving_process", lambda: result)
+    return result
 
 
 @pytest.fixture

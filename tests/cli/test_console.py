@@ -21,18 +21,20 @@ if TYPE_CHECKING:
     from tests.cli.conftest import RunTsis
 
     from tsis.console import ConsoleSettings
+    from tsis.console._worker import WorkerProcess
 
 TOKEN = "t" * 43
 ADDRESS = f"http://127.0.0.1:8642/?token={TOKEN}"
 
 
 @pytest.fixture
-def opened(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> queue.Queue[str]:
+def opened(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, idle_solver: WorkerProcess) -> queue.Queue[str]:
     """What a browser was told to open while the console was served."""
     result: queue.Queue[str] = queue.Queue()
     found: queue.Queue[str] = queue.Queue()
 
-    def served(_: ConsoleSettings, *, ready: Callable[[str], None]) -> None:
+    def served(_: ConsoleSettings, *, ready: Callable[[str], None], solver: WorkerProcess | None) -> None:
+        assert solver is idle_solver
         ready(ADDRESS)
         found.put(result.get(timeout=HANGS_S))
 
@@ -58,7 +60,7 @@ def test_the_address_that_is_opened_does_not_hold_the_key(
 def test_who_wants_no_browser_gets_none(
     run_tsis: RunTsis, monkeypatch: pytest.MonkeyPatch, opened: queue.Queue[str], options: tuple[str, ...]
 ) -> None:
-    monkeypatch.setattr(serving, "serve_console", lambda _, ready: ready(ADDRESS))
+    monkeypatch.setattr(serving, "serve_console", lambda _, ready, solver: ready(ADDRESS))
     monkeypatch.setattr("tsis.console._app.opened_in_browser", lambda _: pytest.fail("it opens a browser"))
     ended = run_tsis("console", *options)
     assert ended.code == 0
@@ -71,7 +73,7 @@ def test_no_garbage_is_collected_until_all_is_loaded(
 ) -> None:
     collected = []
 
-    def served(_: ConsoleSettings, *, ready: Callable[[str], None]) -> None:
+    def served(_: ConsoleSettings, *, ready: Callable[[str], None], **_named: object) -> None:
         collected.append(gc.isenabled())
         ready(ADDRESS)
         collected.append(gc.isenabled())
@@ -82,6 +84,7 @@ def test_no_garbage_is_collected_until_all_is_loaded(
     assert opened.empty()
 
 
+@pytest.mark.usefixtures("idle_solver")
 def test_garbage_is_collected_again_after_a_refusal(run_tsis: RunTsis) -> None:
     assert run_tsis("console", "--no-browser", "--probe", "no-such-probe").code == 2
     assert gc.isenabled()

@@ -100,7 +100,7 @@ def test_a_file_that_others_can_read_is_refused(
         (("--port", "70000"), "65535"),
     ],
 )
-@pytest.mark.usefixtures("logins")
+@pytest.mark.usefixtures("logins", "idle_solver")
 def test_a_console_that_may_not_listen_so_says_why(run_tsis: RunTsis, options: tuple[str, ...], said: str) -> None:
     ended = run_tsis("console", "--no-browser", *options)
     assert ended.code == 2

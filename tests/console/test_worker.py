@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import closing
 from typing import TYPE_CHECKING
 
 import pytest
@@ -52,6 +53,17 @@ def test_a_process_that_was_killed_is_replaced(apart: WorkerProcess) -> None:
     with pytest.raises(RuntimeError, match="ended before its work was done"):
         apart.call(os.kill, there, signal.SIGTERM)
     assert apart.call(os.getpid) != there
+
+
+def loaded(module: str) -> bool:
+    return module in sys.modules
+
+
+def test_a_process_that_was_begun_has_loaded_its_module() -> None:
+    with closing(WorkerProcess(nice=0, loads="tsis.optics")) as begun, closing(WorkerProcess()) as plain:
+        begun.begin()
+        assert begun.call(loaded, "tsis.optics")
+        assert not plain.call(loaded, "tsis.optics")
 
 
 def touch_and_sleep(path: Path) -> None:

@@ -17,7 +17,9 @@ import numpy as np
 import pytest
 from alembic import op
 from alembic.autogenerate import compare_metadata
+from alembic.config import Config
 from alembic.migration import MigrationContext
+from alembic.script import ScriptDirectory
 from sqlalchemy import inspect
 from tests.records.old_store import ENTRIES, HEAD, IDENTITY, make_old
 from tests.records.place import Place
@@ -30,6 +32,7 @@ from tsis.model import TactileImage
 from tsis.records.store import Database, verify_store
 from tsis.records.store import _tables as tables
 from tsis.records.store._audit import AuditHead
+from tsis.records.store._upgrade import readable_revisions
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -223,6 +226,13 @@ def test_programs_that_migrate_at_the_same_moment(old: Place) -> None:
     with old.open() as store:
         assert sorted(each.presses for each in store.targets()) == [2, 3, 3]
         assert verify_store(store).sound
+
+
+def test_the_readable_schemas_are_those_of_the_scripts() -> None:
+    config = Config()
+    config.set_main_option("script_location", "tsis.records:migrations")
+    steps = ScriptDirectory.from_config(config).walk_revisions()
+    assert readable_revisions() == tuple(step.revision for step in steps)
 
 
 def test_the_migrations_make_what_the_tables_say(place: Place) -> None:

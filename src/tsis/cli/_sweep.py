@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 import sys
 from dataclasses import asdict
+from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -140,22 +141,6 @@ def _say_how_much(plan: Plan, workers: int | None, *, as_json: bool) -> None:
     table.add_row("files", str(plan.shards))
     table.add_row("time of a press on one processor", f"{1000 * per_press:.1f} ms")
     if seconds is not None:
-        table.add_row(f"time with {workers} workers, about", _duration(seconds))
+        table.add_row(f"time with {workers} workers, about (h:min:s)", str(timedelta(seconds=round(seconds))))
     console.print(table)
     print_notice(console)
-
-
-def _duration(seconds: float) -> str:
-    """Two leading units.
-
-    Examples
-    --------
-    >>> _duration(5000)
-    '1 h 23 min'
-    """
-    whole = round(seconds)
-    if whole < 60:
-        return f"{whole} s"
-    if whole < 3600:
-        return f"{whole // 60} min {whole % 60} s"
-    return f"{whole // 3600} h {whole % 3600 // 60} min"

@@ -24,7 +24,7 @@ from tsis.console.api import PLACE, Calls
 from tsis.console.auth import AuthMiddleware, console_folder, failed, write_private
 from tsis.console.files import Reports, files_router
 from tsis.console.live import ADDRESS, LiveHub, live_view
-from tsis.console.pages.shell import AT_ONCE, LANGUAGE, Shell, set_lost_connection_text
+from tsis.console.pages.shell import AT_ONCE, LANGUAGE, Shell, load_ahead, set_lost_connection_text
 from tsis.console.studies import StudyRepository
 from tsis.errors import FileInputError
 
@@ -104,6 +104,7 @@ def console_app(instrument: Instrument, *, access: Access, hosts: Collection[str
 
     @asynccontextmanager
     async def living(_: FastAPI) -> AsyncIterator[None]:
+        load_ahead(instrument)
         with calls.built_soon():
             yield
         for client in Client.instances.values():

@@ -66,9 +66,8 @@ class Certificate:
                 f"{self.chain} and {self.key} must hold a certificate and its key in PEM; got: {error.reason or error}"
             ) from error
         except OSError as error:
-            raise FileInputError(
-                f"{self.chain} and {self.key} must be readable; got: {error.strerror or error}"
-            ) from error
+            cause = error.strerror or error
+            raise FileInputError(f"{self.chain} and {self.key} must be readable; got: {cause}") from error
         return context
 
 
@@ -129,11 +128,9 @@ def listen(address: str, port: int) -> socket.socket:
 
 def public_host(address: str, names: tuple[str, ...]) -> str:
     """The public name: the first given one, else the address."""
-    if names:
-        return names[0]
-    if ipaddress.ip_address(address.partition("%")[0]).is_unspecified:
+    if not names and ipaddress.ip_address(address.partition("%")[0]).is_unspecified:
         return LOOPBACK
-    return f"[{address}]" if ":" in address else address
+    return names[0] if names else f"[{address}]" if ":" in address else address
 
 
 FILE = "console.log"
@@ -251,7 +248,7 @@ def serve_console(terms: ConsoleSettings, *, ready: Callable[[str], None], solve
     ready
         Called with the address when it listens.
     solver
-        Process that solves the virtual probe's presses, as `solving_process` has begun it; closed here.
+        Process that solves the virtual probe's presses, of `solving_process`; closed here.
 
     Raises
     ------

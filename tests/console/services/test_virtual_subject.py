@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 from tests.console.services.instruments import ANN, virtual_instrument
 from tests.waiting import until
 
+from tsis.catalog import list_spheres
+from tsis.console._worker import WorkerProcess
 from tsis.console.services import CameraChoice, VirtualSubject, _subject
 from tsis.errors import ControlError, InputError, MechanicsError
 from tsis.records import REFERENCE_ROLES
@@ -213,3 +216,24 @@ def test_the_same_seed_makes_the_same_stage() -> None:
 
     np.testing.assert_array_equal(first(5), first(5))
     assert (first(5) != first(6)).any()
+
+
+class Elsewhere(WorkerProcess):
+    """Calls work on copies, as a process of its own would."""
+
+    def call(self, work: Any, *given: Any, **named: Any) -> Any:
+        sent = pickle.loads(pickle.dumps((work, given, named)))
+        return pickle.loads(pickle.dumps(sent[0](*sent[1], **sent[2])))
+
+
+@pytest.mark.parametrize("choice", [USUAL, CameraChoice(probe="tsis-direct", phantom=list_spheres()[0])])
+def test_presses_that_are_solved_elsewhere_are_the_same(choice: CameraChoice) -> None:
+    here, there = VirtualSubject(choice), VirtualSubject(choice, solver=Elsewhere())
+    light = []
+    for role, force_n in ((choice.roles[0], 0.5), (choice.roles[1], 0.5), (choice.roles[0], 0.5)):
+        for subject in (here, there):
+            subject.hold(role, force_n)
+            light.append(subject._light)
+    for one, other in zip(light[::2], light[1::2], strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert not np.array_equal(light[0], light[4])  # the error of a force is drawn anew

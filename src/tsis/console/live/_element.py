@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from nicegui.element import Element
 
-from tsis.console.live._hub import FULL, checked_ends, packed_colours
+from tsis.console.live._hub import FIRST_MAP, FULL, checked_ends, packed_colours
 
 if TYPE_CHECKING:
     from tsis.console.services import InstrumentState
@@ -37,7 +37,7 @@ class FrameElement(Element, esm={"tsis-live": "browser"}):
 class ColouredFrames(FrameElement):
     """An element that shows frames in a colour map of `MAPS`, with the scale of a pixel."""
 
-    def __init__(self, *, map_name: str = "viridis", ends: str | tuple[float, float] = (0.0, FULL)) -> None:
+    def __init__(self, *, map_name: str = FIRST_MAP, ends: str | tuple[float, float] = (0.0, FULL)) -> None:
         super().__init__()
         self._props["scale"] = json.dumps(None)
         self.colour(map_name)
@@ -63,7 +63,7 @@ class ColouredFrames(FrameElement):
 class LiveView(ColouredFrames, component="live_view.js"):
     """Shows the latest frame with a colour map, a scale bar, and the contact drawn over it; parameters as there."""
 
-    def __init__(self, *, map_name: str = "viridis", ends: str | tuple[float, float] = (0.0, FULL)) -> None:
+    def __init__(self, *, map_name: str = FIRST_MAP, ends: str | tuple[float, float] = (0.0, FULL)) -> None:
         super().__init__(map_name=map_name, ends=ends)
         self._props["overlay"] = True
         self._props["frozen"] = self._props["marks"] = False
@@ -92,7 +92,7 @@ class LiveView(ColouredFrames, component="live_view.js"):
 class SurfaceView(ColouredFrames, component="surface_view.js"):
     """Shows the latest frame as a relief that can be turned; parameters as `ColouredFrames`."""
 
-    def __init__(self, *, map_name: str = "viridis", ends: str | tuple[float, float] = (0.0, FULL)) -> None:
+    def __init__(self, *, map_name: str = FIRST_MAP, ends: str | tuple[float, float] = (0.0, FULL)) -> None:
         super().__init__(map_name=map_name, ends=ends)
         self._props["label"] = "relief of the live image"
 

@@ -38,6 +38,7 @@ GREY = "grey"
 MAPS = (*COLOUR_MAPS, GREY)
 AUTO = "auto"
 FULL = 255.0
+FIRST_MAP = "viridis"
 
 
 @lru_cache(maxsize=len(MAPS))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import logging
+import threading
+import time
 from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING, Final
@@ -14,12 +16,13 @@ from nicegui.translations import translations
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.console.auth import LOGOUT
-from tsis.console.pages import PAGES, UNLISTED
+from tsis.console.live import FIRST_MAP, packed_colours
+from tsis.console.pages import PAGES, UNLISTED, load_pages
 from tsis.console.pages import components as kit
 from tsis.console.pages.components import tr
 from tsis.console.pages.examine import SHORTCUTS
 from tsis.console.pages.jobs import JobList
-from tsis.errors import ControlError
+from tsis.errors import ControlError, TsisError
 
 if TYPE_CHECKING:
     from nicegui.elements.label import Label
@@ -352,3 +355,19 @@ def _camera_text(state: InstrumentState) -> str:
     if camera.lost:
         return tr("camera away")
     return tr("{rate} frames/s, {missed} dropped", rate=f"{camera.frames_per_s:.0f}", missed=camera.missed)
+
+
+SHOWN_S = 5.0  # by which the first page is shown
+
+
+def load_ahead(instrument: Instrument) -> None:
+    """Load in the background what the first page needs, while a browser starts, and later the other pages."""
+
+    def load() -> None:
+        packed_colours(FIRST_MAP)
+        with suppress(TsisError):  # the page says it
+            instrument.store.entries()
+        time.sleep(SHOWN_S)
+        load_pages()
+
+    threading.Thread(target=load, name="loading", daemon=True).start()

@@ -8,7 +8,6 @@ import secrets
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from alembic.util.exc import CommandError
 from sqlalchemy import event, insert, inspect, select, text
 from sqlalchemy.exc import DatabaseError, DBAPIError, SQLAlchemyError
 
@@ -229,7 +228,7 @@ def database_errors(name: str) -> Iterator[None]:
             f"the records in {name} must be open to reading and writing; the database says: "
             f"{one_line(error.orig)} (nothing that was stored before is lost)"
         ) from error
-    except (SQLAlchemyError, CommandError, UnicodeError) as error:  # the last: invalid text
+    except (SQLAlchemyError, UnicodeError) as error:  # the last: invalid text
         raise RecordsError(f"the records in {name} must be readable; got: {one_line(error)}") from error
 
 

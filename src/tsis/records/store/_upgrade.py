@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
+import re
 import sqlite3
 import threading
 from contextlib import suppress
 from functools import cache
+from importlib import resources
 from typing import TYPE_CHECKING
 
-from alembic import command
-from alembic.autogenerate import compare_metadata
-from alembic.config import Config
-from alembic.migration import MigrationContext
-from alembic.script import ScriptDirectory
 from sqlalchemy import create_engine, inspect, text
 
 from tsis.errors import RecordsError
@@ -23,9 +20,11 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
+    from alembic.config import Config
     from sqlalchemy import Connection
 
 
+# Alembic is loaded where it is used: most programs that open a store need not spend a fifth of a second on it.
 VERSIONS = "alembic_version"
 _lock = threading.Lock()  # Alembic's context is global to the process
 
@@ -33,7 +32,11 @@ _lock = threading.Lock()  # Alembic's context is global to the process
 @cache
 def readable_revisions() -> tuple[str, ...]:
     """The schemas that this release can read, the present one first."""
-    return tuple(step.revision for step in ScriptDirectory.from_config(_alembic()).walk_revisions())
+    names = [script.name for script in (resources.files("tsis.records.migrations") / "versions").iterdir()]
+    numbers = sorted(
+        (int(found[1]) for name in names if (found := re.fullmatch(r"schema_(\d+)\.py", name))), reverse=True
+    )
+    return tuple(map(str, numbers))
 
 
 def newest_revision() -> str:
@@ -56,6 +59,8 @@ def revision(connection: Connection, name: str) -> str | None:
 
 def upgrade(connection: Connection) -> None:
     """Run the missing steps within the transaction of ``connection``."""
+    from alembic import command
+
     with _lock:
         command.upgrade(_alembic(connection), "head")
 
@@ -88,6 +93,8 @@ def vacuum_into(connection: Connection, file: Path) -> None:
 
 
 def _alembic(connection: Connection | None = None) -> Config:
+    from alembic.config import Config
+
     config = Config()
     config.set_main_option("script_location", "tsis.records:migrations")
     config.attributes["connection"] = connection
@@ -140,6 +147,9 @@ def _sqlite_schema(connection: Connection) -> dict[tuple[str, str], str]:
 
 
 def _in_postgresql(connection: Connection) -> Iterator[str]:
+    from alembic.autogenerate import compare_metadata
+    from alembic.migration import MigrationContext
+
     ours = set(metadata.tables)
     options = {"include_name": lambda name, kind, _: kind != "table" or name in ours, "compare_type": True}
     context = MigrationContext.configure(connection, opts=options)

@@ -322,9 +322,7 @@ class EstimatePanel:
 
     async def _refresh(self) -> None:
         """Read the store after a possible change, also by another tab or a script."""
-        state = self._state
-        if state is None:
-            return
+        state = self._state = self._state or self._instrument.state()
         try:
             now = (await self._viewer.entries(), state.target)
             if now == self._record.content:

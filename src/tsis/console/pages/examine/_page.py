@@ -8,7 +8,7 @@ from nicegui import ui
 from nicegui.element import Element
 
 from tsis.__about__ import LARGEST_TARGET
-from tsis.console.live import Histogram, LiveView, SurfaceView
+from tsis.console.live import FIRST_MAP, Histogram, LiveView, SurfaceView
 from tsis.console.pages import components as kit
 from tsis.console.pages.components import tr
 from tsis.console.pages.examine._estimate import EstimatePanel, TissueRow, WorkOrder
@@ -109,7 +109,6 @@ class Keys(Element, component="keys.js"):
         self.on("step", lambda event: step(1 if event.args == 1 else -1))
 
 
-FIRST_MAP = "viridis"
 MAPS = ("grey", "cividis", "inferno", "viridis")
 FULL_RANGE, AUTOMATIC, MANUAL = "full", "automatic", "manual"
 

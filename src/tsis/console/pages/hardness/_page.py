@@ -299,9 +299,7 @@ class HardnessPage:
 
     async def _refresh(self) -> None:
         """Read the store after a possible change, also by another tab or a script."""
-        state = self._state
-        if state is None:
-            return
+        state = self._state = self._state or self._instrument.state()
         self._controls.show(state)  # a client that was away for a moment may own the camera again
         touches = not state.camera.choice.is_virtual or state.camera.choice.is_sphere
         try:
