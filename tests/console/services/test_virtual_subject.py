@@ -229,7 +229,7 @@ class Elsewhere(WorkerProcess):
 @pytest.mark.parametrize("choice", [USUAL, CameraChoice(probe="tsis-direct", phantom=list_spheres()[0])])
 def test_presses_that_are_solved_elsewhere_are_the_same(choice: CameraChoice) -> None:
     here, there = VirtualSubject(choice), VirtualSubject(choice, solver=Elsewhere())
-    light = []
+    light: list[Any] = []
     for role, force_n in ((choice.roles[0], 0.5), (choice.roles[1], 0.5), (choice.roles[0], 0.5)):
         for subject in (here, there):
             subject.hold(role, force_n)
