@@ -24,7 +24,7 @@ from tsis.console.api import PLACE, Calls
 from tsis.console.auth import AuthMiddleware, console_folder, failed, write_private
 from tsis.console.files import Reports, files_router
 from tsis.console.live import ADDRESS, LiveHub, live_view
-from tsis.console.pages.shell import AT_ONCE, LANGUAGE, Shell, load_ahead, set_lost_connection_text
+from tsis.console.pages.shell import AT_ONCE, LANGUAGE, Shell, loaded_ahead, set_lost_connection_text
 from tsis.console.studies import StudyRepository
 from tsis.errors import FileInputError
 
@@ -104,8 +104,7 @@ def console_app(instrument: Instrument, *, access: Access, hosts: Collection[str
 
     @asynccontextmanager
     async def living(_: FastAPI) -> AsyncIterator[None]:
-        load_ahead(instrument)
-        with calls.built_soon():
+        with calls.built_soon(), loaded_ahead(instrument):
             yield
         for client in Client.instances.values():
             client.outbox.stop()  # its loop can miss that it is cancelled, and the end would wait for it

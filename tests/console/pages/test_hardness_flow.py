@@ -49,9 +49,11 @@ def pressed(store: Store, number: int, forces: dict[str, tuple[float, ...]]) -> 
             )
 
 
-def state(choice: CameraChoice, *, running: bool = True, lost: bool = False, calibration: str = "c") -> Any:
+def state(
+    choice: CameraChoice, *, running: bool = True, lost: bool = False, calibration: str = "c", busy: str = ""
+) -> Any:
     camera = SimpleNamespace(choice=choice, running=running, lost=lost)
-    return SimpleNamespace(camera=camera, calibration=calibration, calibration_identity=calibration)
+    return SimpleNamespace(camera=camera, calibration=calibration, calibration_identity=calibration, busy=busy)
 
 
 def test_of_each_force_the_newest_press_counts(store: Store) -> None:
@@ -99,6 +101,8 @@ def test_what_stands_in_the_way_is_named() -> None:
     assert missing_text(state(real), scaled=True, responds=True) == ()
     (stopped,) = missing_text(state(real, running=False), scaled=True, responds=True)
     assert stopped == "start the camera, on the page Examine; it is stopped."
+    (starts,) = missing_text(state(real, running=False, busy="starting the camera"), scaled=True, responds=True)
+    assert starts == "wait; the console is starting the camera."
     (away,) = missing_text(state(real, lost=True), scaled=True, responds=True)
     assert away == "wait until the camera is back; it is away."
     (none,) = missing_text(state(real, calibration=""), scaled=False, responds=False)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import threading
-import time
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from functools import partial
 from typing import TYPE_CHECKING, Final
 
@@ -25,6 +24,8 @@ from tsis.console.pages.jobs import JobList
 from tsis.errors import ControlError, TsisError
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from nicegui.elements.label import Label
     from nicegui.events import GenericEventArguments, KeyEventArguments
 
@@ -360,14 +361,20 @@ def _camera_text(state: InstrumentState) -> str:
 SHOWN_S = 5.0  # by which the first page is shown
 
 
-def load_ahead(instrument: Instrument) -> None:
+@contextmanager
+def loaded_ahead(instrument: Instrument) -> Iterator[None]:
     """Load in the background what the first page needs, while a browser starts, and later the other pages."""
 
     def load() -> None:
         packed_colours(FIRST_MAP)
         with suppress(TsisError):  # the page says it
             instrument.store.entries()
-        time.sleep(SHOWN_S)
-        load_pages()
 
-    threading.Thread(target=load, name="loading", daemon=True).start()
+    later = threading.Timer(SHOWN_S, load_pages)
+    later.daemon = True
+    for thread in (threading.Thread(target=load, name="loading", daemon=True), later):
+        thread.start()
+    try:
+        yield
+    finally:
+        later.cancel()

@@ -70,8 +70,12 @@ def missing_text(state: InstrumentState, *, scaled: bool, responds: bool) -> tup
     camera = state.camera
     if camera.choice.is_virtual:
         return () if camera.choice.is_sphere and camera.running else ("place an object under the virtual probe.",)
-    stopped = () if camera.running else ("start the camera, on the page Examine; it is stopped.",)
-    results = ["wait until the camera is back; it is away."] if camera.running and camera.lost else [*stopped]
+    results = []
+    if not camera.running:
+        start = "start the camera, on the page Examine; it is stopped."
+        results.append(f"wait; the console is {state.busy}." if state.busy else start)
+    elif camera.lost:
+        results.append("wait until the camera is back; it is away.")
     if not state.calibration_identity:
         results.append("activate a calibration, on the page Camera; there is none (the page Calibrate makes one).")
     elif not (responds and scaled):
