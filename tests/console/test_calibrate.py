@@ -113,7 +113,7 @@ def test_a_session_is_begun_interrupted_by_the_server_and_goes_on(tmp_path: Path
         page.get_by_text(f"Step 2 of {STEPS}: untouched").wait_for()
         picture(page, "calibrate-second-step")
         step(page, "flat-2")
-        page.get_by_role("button", name="Leave it out").click()
+        page.get_by_role("button", name="Skip this step").click()
         page.get_by_role("button", name="Step flat-2: left out").wait_for()
         step(page, "dark")
         page.get_by_text("Done: 16 frames are saved.").wait_for()

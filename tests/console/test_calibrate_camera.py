@@ -54,7 +54,7 @@ def test_forces_are_typed_and_a_lost_camera_costs_one_step(tmp_path: Path, brows
         page.reload()
         page.get_by_role("button", name="Step tip-2mm-1: 2 forces, not kept").click()
         page.get_by_text("2 frames", exact=True).wait_for()
-        page.get_by_role("button", name="It is back at 0: save it").click()
+        page.get_by_role("button", name="Back at 0 N: save the loading").click()
         page.get_by_role("button", name="Step tip-2mm-1: 2 frames").wait_for()
         camera.kill()
         page.get_by_text("It is being connected anew").wait_for()

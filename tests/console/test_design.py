@@ -67,7 +67,7 @@ def test_what_is_typed_is_drawn_and_what_is_wrong_is_said_beside_it(page: Page) 
     assert faults(page) == []
     assert [item for item in texts(page) if item.contrast < item.least] == []
     _section(page, "3 mm of 60 kPa")  # the last that could be drawn
-    page.get_by_role("button", name="Compute the errors").click()
+    page.get_by_role("button", name="Predict performance").click()
     page.get_by_role("alert").get_by_text("modulus must be a number").wait_for()
     middle.fill("70")
     _section(page, "3 mm of 70 kPa")
@@ -104,7 +104,7 @@ def test_the_answer_is_that_of_the_library_and_is_kept_for_the_tab(page: Page, c
     page.get_by_label("Forces / N").fill("0.8")
     for aspect in ("other forces", "more frames of each press"):
         page.get_by_role("checkbox", name=aspect).click()
-    page.get_by_role("button", name="Compute the errors").click()
+    page.get_by_role("button", name="Predict performance").click()
     table = page.get_by_role("table").filter(has_text="as planned")
     table.wait_for()
     page.get_by_role("button", name="Jobs", exact=True).wait_for()
@@ -153,7 +153,7 @@ def test_a_search_that_is_ended_leaves_what_was_compared(page: Page) -> None:
         page.get_by_role("checkbox", name=aspect).click()
     page.get_by_role("switch", name="Search better").click()
     page.get_by_label("Stacks to try").fill("25")
-    page.get_by_role("button", name="Compute the errors").click()
+    page.get_by_role("button", name="Predict performance").click()
     page.get_by_text("1 of 25 solved").wait_for()
     page.get_by_role("button", name="Jobs: ").click()
     page.get_by_role("button", name="End what tsis-2011, 1 N").click()  # in the list of jobs

@@ -214,7 +214,7 @@ def test_a_force_that_is_none_leaves_the_press(
 def test_what_is_pressed_and_flags_with_their_advice(console: RunningConsole, browser: Browser) -> None:
     with operating(browser, console) as page:
         run(page)
-        page.get_by_role("button", name="without touch").click()
+        page.get_by_role("button", name="not touched").click()
         flags = page.get_by_role("list", name="Flags of this press")
         flags.get_by_text("no-contact", exact=True).wait_for()
         assert requested(console, "/state")["role"] == "untouched"

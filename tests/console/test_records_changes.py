@@ -140,7 +140,7 @@ def test_of_two_tabs_the_slower_is_told_and_chooses(console: RunningConsole, bro
         slow.get_by_text("somebody else has changed it").wait_for()
         slow.get_by_text("Note: was empty, is “of the faster” now.").wait_for()
         picture(slow, "records-conflict")
-        slow.get_by_role("button", name="Take what is there now").click()
+        slow.get_by_role("button", name="Discard my changes").click()
         slow.get_by_text("somebody else has changed it").wait_for(state="hidden")
         assert slow.get_by_role("dialog").get_by_label("Note").input_value() == "of the faster"
         slow.get_by_role("dialog").get_by_label("Name").fill("of the slower")
@@ -179,9 +179,9 @@ def test_a_press_is_seen_at_large_and_changed(console: RunningConsole, browser: 
         force.fill("1.25")
         dialog.get_by_label("Note").fill("gauge read again")
         dialog.get_by_role("combobox", name="What was pressed").click()
-        page.get_by_role("option", name="without touch").click()
+        page.get_by_role("option", name="not touched").click()
         save(page)
-        page.get_by_role("button", name=re.compile("^Open the press without touch, 1.25 N")).wait_for()
+        page.get_by_role("button", name=re.compile("^Open the press not touched, 1.25 N")).wait_for()
     result = presses_of(console, ESTIMATED)[1]
     assert (result.role, result.force_n, result.note, result.flags) == (
         "untouched",

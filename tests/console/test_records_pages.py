@@ -89,7 +89,7 @@ def test_a_target_shows_its_presses_a_sheet_at_a_time(console: RunningConsole, b
         assert page.locator(".press-role").all_inner_texts() == [
             "on the target",
             "reference (no inclusion)",
-            "without touch",
+            "not touched",
             "on a known ball",
             "on the target",
             "reference (no inclusion)",

@@ -135,7 +135,7 @@ def test_a_whole_study(page: Page, console: RunningConsole, browser: Browser) ->
     dialog.get_by_role("button", name="Unblind and analyse").click()
     complained(page, "every target must be read before a study is unblinded")
     assert open_study(position(console, "trial")).unblinded is None
-    dialog.get_by_text("although incomplete").click()
+    dialog.get_by_text("even if incomplete").click()
     dialog.get_by_role("button", name="Unblind and analyse").click()
     dialog.wait_for(state="hidden")
     page.get_by_role("link", name="Report", exact=True).wait_for()
@@ -238,7 +238,7 @@ def test_a_study_of_another_device_is_unblinded(page: Page, console: RunningCons
     page.get_by_role("button", name="Unblind and analyse").click()
     dialog = page.get_by_role("dialog")
     dialog.get_by_text("The study has 4 readings.").wait_for()
-    assert dialog.get_by_text("although incomplete").is_hidden()
+    assert dialog.get_by_text("even if incomplete").is_hidden()
     dialog.get_by_label("Done by").fill("Ada")
     dialog.get_by_role("button", name="Unblind and analyse").click()
     page.get_by_role("link", name="Report", exact=True).wait_for()

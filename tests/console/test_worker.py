@@ -89,7 +89,7 @@ def test_nothing_is_waited_for_when_the_console_ends(apart: WorkerProcess, tmp_p
     apart.close()
     waits.join(HANGS_S)
     assert len(reported) == 1
-    with pytest.raises(ControlError, match="being ended"):
+    with pytest.raises(ControlError, match="shutting down"):
         apart.call(os.getpid)
 
 

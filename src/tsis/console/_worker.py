@@ -73,7 +73,7 @@ class WorkerProcess:
 
     def _require_open(self, error: BaseException | None = None) -> None:
         if self._closed:
-            raise ControlError("the console is being ended; nothing can be begun any more") from error
+            raise ControlError("the console is shutting down and starts no work") from error
 
     def _ready(self) -> ProcessPoolExecutor:
         self._require_open()

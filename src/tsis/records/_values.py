@@ -32,7 +32,7 @@ KINDS = ("phantom", "subject")  # of stores; their data never mix
 ROLE_NAMES = {
     "target": "on the target",
     "plain": "reference (no inclusion)",
-    "untouched": "without touch",
+    "untouched": "not touched",
     "ball": "on a known ball",
 }
 ROLES = tuple(ROLE_NAMES)  # of presses; a ball is for hardness

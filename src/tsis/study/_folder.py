@@ -123,7 +123,9 @@ def enter_readings(
 
     def drafts(chain: LogChain) -> list[LogDraft]:
         if any(entry.action == UNBLINDED for entry in chain.entries):
-            raise RecordsError("readings must come before a study is unblinded; this one is, so nothing was entered")
+            raise RecordsError(
+                "readings must be entered before a study is unblinded; this one is unblinded, so nothing was entered"
+            )
         require_plan_unchanged(study.folder, chain)
         codes = frozenset(study.plan.codes)
         entered = {reading.key for reading in _readings(chain, study.plan, study)}

@@ -119,7 +119,9 @@ def press_study(
             "the sealed truth must be the one that was sealed; it was changed (tsis study verify tells more)"
         )
     if study.unblinded is not None:
-        raise RecordsError("readings must come before a study is unblinded; this one is, so nothing was pressed")
+        raise RecordsError(
+            "readings must be entered before a study is unblinded; this one is unblinded, so nothing was pressed"
+        )
     with run_lock(study.folder / PLAN):
         study = open_study(study.folder)  # another run may just have ended
         left = study.missing(study.plan.device, operator)

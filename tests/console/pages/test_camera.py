@@ -136,7 +136,7 @@ def test_forces_come_from_a_gauge_until_it_is_given_up(lit: Instrument) -> None:
     async def script(operator: Operator) -> None:
         await operator.clicks("Start")
         await operator.types("Serial port", port, enter=False)
-        await operator.clicks("Sends on its own: do not query it")
+        await operator.clicks("Sends continuously (do not query it)")
         await operator.clicks("Connect")
         await operator.sees("Forces are read from the ")
         assert f"Forces are read from the {(await operator.requested('/state'))['gauge']}." in operator.texts

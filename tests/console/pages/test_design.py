@@ -32,7 +32,7 @@ def test_what_is_typed_is_drawn_and_what_is_wrong_is_said_beside_it(lit: Instrum
         ):
             await operator.types("Layer 2, modulus", wrong)
             await operator.sees(f"Layer 2: {message}", "Not drawn while a field is wrong.", "3 mm of 60 kPa")
-        await operator.clicks("Compute the errors")
+        await operator.clicks("Predict performance")
         await operator.hears("Modulus must be a number, as 2 or 0.5 (nothing was entered).")
         await operator.clicks("Save the probe")
         await operator.hears("Modulus must be a number, as 2 or 0.5 (nothing was entered).")
@@ -122,7 +122,7 @@ def test_wrong_questions_begin_nothing(lit: Instrument) -> None:
             before = operator.field(field)
             await operator.types(field, typed)
             await operator.sees(message)
-            await operator.clicks("Compute the errors")
+            await operator.clicks("Predict performance")
             await operator.hears(message)
             await operator.types(field, before)
         await operator.clicks("Search for better layers and forces (takes minutes)")
@@ -143,7 +143,7 @@ def test_the_answer_is_that_of_the_library(lit: Instrument) -> None:
         await operator.types("Forces / N", "0.8")
         for aspect in ("other forces", "more frames of each press"):
             await operator.clicks(aspect)
-        await operator.clicks("Compute the errors")
+        await operator.clicks("Predict performance")
         await operator.sees("Save the result")
         rows = operator.texts[operator.texts.index("h / mm") :]
         for design in expected:

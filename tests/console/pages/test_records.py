@@ -146,7 +146,7 @@ def test_of_two_editors_the_later_one_decides(filled: Instrument) -> None:
     async def script(operator: Operator) -> None:
         await operator.sees("Target 3: size-10")
         await conflict(operator, "of another")
-        await operator.clicks("Take what is there now")
+        await operator.clicks("Discard my changes")
         await operator.misses("Overwrite with mine")
         assert (operator.field("Name"), operator.field("Note")) == ("of another", "bench")
         await operator.clicks("Cancel")

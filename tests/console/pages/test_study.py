@@ -149,7 +149,7 @@ def test_it_is_unblinded_once_with_readings_and_then_shows_the_truth(lit: Instru
         await operator.types("Done by", "Ada")
         await operator.clicks("Unblind and analyse")
         await operator.hears("although")
-        await operator.clicks("although incomplete")
+        await operator.clicks("even if incomplete")
         await operator.clicks("Unblind and analyse")
         await operator.sees("Results of the study", "Analyse again")
         await operator.sees("Report", "Notes")

@@ -185,9 +185,9 @@ def test_closing_does_not_wait_for_a_driver_that_hangs(
     assert not world.opening.is_set()
     world.opening.set()
     starting.join(HANGS_S)
-    assert message == ["the console is being ended; the camera was not started (start the console again)"]
+    assert message == ["the console is shutting down; the camera was not started (start the console again)"]
     assert not controller.running
-    with pytest.raises(ControlError, match="being ended"):
+    with pytest.raises(ControlError, match="shutting down"):
         controller.start()
 
 

@@ -46,7 +46,7 @@ def hurried(control: ControlLock) -> Commands:
 def test_who_comes_meanwhile_is_told_what_is_being_done(hurried: Commands) -> None:
     lasting = Lasting(hurried)
     assert hurried.busy == "moving the probe"
-    with pytest.raises(ControlError, match="the bench is busy moving the probe; try again"), hurried.run("a", "x"):
+    with pytest.raises(ControlError, match="the instrument is busy moving the probe; try again"), hurried.run("a", "x"):
         pytest.fail("two acts at once")
     lasting.end()
     with hurried.run("a", "x"):
@@ -97,5 +97,5 @@ def test_a_closed_bench_lets_nothing_pass_but_what_is_under_way(hurried: Command
     lasting = Lasting(hurried)
     hurried.close()
     lasting.end()
-    with pytest.raises(ControlError, match="the console is being ended"), hurried.run("a", "x"):
+    with pytest.raises(ControlError, match="the console is shutting down"), hurried.run("a", "x"):
         pytest.fail("an act after the end")

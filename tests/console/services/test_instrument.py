@@ -102,7 +102,7 @@ def test_state_never_waits_for_a_camera_that_is_being_opened(tmp_path: Path, mon
         state = instrument.state()
         assert (state.busy, state.camera.running) == ("starting the camera", False)
         monkeypatch.setattr(instrument._commands, "_timeout_s", 0.01)
-        with pytest.raises(ControlError, match="the bench is busy starting the camera; try again"):
+        with pytest.raises(ControlError, match="the instrument is busy starting the camera; try again"):
             instrument.start(by=ANN)
         instrument.control.take("tab bob", "Bob", over=True)
         world.opening.set()
@@ -231,7 +231,7 @@ def test_closing_ends_everything_at_once(tmp_path: Path) -> None:
     assert instrument.state().sequence is not None
     assert instrument.state().sequence.status == "done"  # type: ignore[union-attr]
     for command in (instrument.start, instrument.snapshot):
-        with pytest.raises(ControlError, match="the console is being ended"):
+        with pytest.raises(ControlError, match="the console is shutting down"):
             command(by=ANN)
 
 
@@ -245,7 +245,7 @@ def test_closing_while_a_camera_is_opened(tmp_path: Path, monkeypatch: pytest.Mo
     instrument.close()
     world.opening.set()
     starting.join(HANGS_S)
-    assert reported == ["the console is being ended; the camera was not started (start the console again)"]
+    assert reported == ["the console is shutting down; the camera was not started (start the console again)"]
 
 
 def test_a_gauge_that_does_not_let_go_keeps_nothing_else_open(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

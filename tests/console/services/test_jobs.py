@@ -249,7 +249,7 @@ def test_closing_ends_all_and_takes_no_more() -> None:
     jobs.close(timeout_s=0.5)
     assert [job.state().status for job in begun] == ["ended"] * len(begun)
     assert stuck.state().status == "running"  # it asks nothing, and nobody waits for it
-    with pytest.raises(ControlError, match="being ended"):
+    with pytest.raises(ControlError, match="shutting down"):
         jobs.begin("late", lambda job: None)
     deaf.set()
     jobs.close()

@@ -54,7 +54,7 @@ def test_names_and_plans_are_checked_and_a_sweep_runs_once(tmp_path: Path, monke
     assert job.title == sweep_title("good")
     (state,) = sweeps.listed()
     assert (state.name, state.presses, state.shards, state.finished, state.complete) == ("good", 8, 4, 0, False)
-    with pytest.raises(ControlError, match="under way already"):
+    with pytest.raises(ControlError, match="already running"):
         sweeps.resume("good")
     with pytest.raises(InputError, match="there is a sweep good already"):
         sweeps.begin("good", PLAN)

@@ -32,7 +32,7 @@ def test_a_second_run_is_refused_while_the_first_is_under_way(tmp_path: Path) ->
     running = jobs.begin(reading_title("trial"), owned)
     with pytest.raises(ControlError, match="readings of study trial is under way"):
         begin_reading(jobs, repository, "trial", operator="Ada")
-    with pytest.raises(ControlError, match="one thing at a time"):
+    with pytest.raises(ControlError, match="only one operation"):
         begin_publishing(jobs, repository, "trial", by="Ada")
     owned.over.set()
     assert running.wait(HANGS_S)

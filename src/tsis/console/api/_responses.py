@@ -107,7 +107,7 @@ TheReports = Annotated[Reports, Depends(reports_of)]
 async def owner(instrument: TheInstrument, identity: ActingCaller = None) -> str:
     """The owner of the camera's control; 428 without the header, 409 for anybody else."""
     if not identity:
-        raise NoControlError(f"an act needs the header {CONTROL} with the identity that POST /v1/control gives")
+        raise NoControlError(f"this call needs the header {CONTROL} with the identity that POST /v1/control gives")
     instrument.control.require(identity)
     return identity
 

@@ -276,7 +276,7 @@ def end_job(instrument: TheInstrument, identity: JobIdentity, caller: Caller = N
     """Cancel a job, which ends at its next step; a job of the camera only for its owner."""
     job = _job(instrument, identity)
     if job.follows_camera and not caller:
-        raise NoControlError(f"to end what follows the camera needs the header {CONTROL}, which POST /v1/control gives")
+        raise NoControlError(f"cancelling a job of the camera needs the header {CONTROL}, which POST /v1/control gives")
     instrument.end_job(identity, by=caller or "")
     return _job_response(instrument, job)
 

@@ -117,9 +117,7 @@ async def about_page(instrument: Instrument, viewer: kit.Viewer) -> None:
         with _panel("Versions"):
             versions = kit.FactList()
         with _panel("For scripts"):
-            ui.label(
-                tr("What pages do, scripts can do by HTTP and JSON, with the same rights and behind the same key.")
-            )
+            ui.label(tr("Scripts can do what pages do, by HTTP and JSON, with the same key and the same rights."))
             ui.link(tr("The calls and their values"), DESCRIPTION, new_tab=True)
         with _panel("To cite it"):
             for message in CITATION:

@@ -101,7 +101,7 @@ class GaugePanel:
                 self._port = kit.select_field([], label="Serial port", with_input=True, new_value_mode="add-unique")
                 self._unit = kit.select_field(list(UNITS), value=ITS_OWN, label="Unit")
                 self._baud = kit.unit_field("Bits per second", str(BAUD), keys="numeric")
-            self._sends = ui.switch(tr("Sends on its own: do not query it"))
+            self._sends = ui.switch(tr("Sends continuously (do not query it)"))
             with ui.element("div").classes("row"):
                 self._connect = kit.button(tr("Connect"), self._begin)
                 leave = kit.button(tr("Use no gauge"), viewer.command(instrument.use_gauge, None))
@@ -287,7 +287,7 @@ class SearchPanel:
 
     def _show_cameras(self, findings: CameraListing) -> None:
         if findings.cameras:
-            with ui.element("div").classes("scroll"), kit.rows_under(("Camera", "Source", "About it", "")):
+            with ui.element("div").classes("scroll"), kit.rows_under(("Camera", "Source", "Details", "")):
                 for camera in findings.cameras:
                     self._line(camera)
         if findings.missing:

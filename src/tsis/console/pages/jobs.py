@@ -128,7 +128,7 @@ def jobs_page(instrument: Instrument, viewer: kit.Viewer) -> None:
             table = ui.table(rows=[], columns=columns, row_key="identity", pagination=25)
             table.props("flat dense wrap-cells").props["rows-per-page-label"] = tr("Jobs on a page")
             with table.add_slot("no-data"):
-                kit.muted(tr("No job is over yet."))
+                kit.muted(tr("No job has finished yet."))
             table.add_slot("body-cell-title", LINK)
 
     def show(now: InstrumentState) -> None:

@@ -53,7 +53,7 @@ class SweepsPage:
                 self._name = kit.unit_field("Name", "first", keys="text")
                 self._text = kit.text_area("Plan", value=EXAMPLE).props("input-class=sweep-plan")
                 with ui.element("div").classes("row"):
-                    self._cost = kit.button(tr("How long?"), self._ask_cost, icon="timer")
+                    self._cost = kit.button(tr("Show size and time"), self._ask_cost, icon="timer")
                     self._start = kit.button(tr("Start the sweep"), self._begin, icon="play_arrow", look="unelevated")
                 self._answer = kit.status()
 

@@ -301,7 +301,7 @@ class CameraController:
 
     def _require_open(self) -> None:
         if self._closed:
-            raise ControlError("the console is being ended; the camera was not started (start the console again)")
+            raise ControlError("the console is shutting down; the camera was not started (start the console again)")
 
     def _connector(self) -> Callable[[], Camera]:
         if sensor := virtual_gel_sensor(self.choice.spec):

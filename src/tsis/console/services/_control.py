@@ -177,7 +177,9 @@ class Commands:
         """
         self._control.require(by)
         if not self._lock.acquire(timeout=self._timeout_s):
-            raise ControlError(f"the bench is busy {self.busy or 'with something else'}; try again when that is over")
+            raise ControlError(
+                f"the instrument is busy {self.busy or 'with another command'}; try again when that is done"
+            )
         try:
             self._require_open()
             with self._control.acting(by):  # another client may have taken the camera over meanwhile
@@ -203,4 +205,4 @@ class Commands:
 
     def _require_open(self) -> None:
         if self._closed:
-            raise ControlError("the console is being ended; nothing can be done any more (start it again)")
+            raise ControlError("the console is shutting down and takes no commands (start it again)")

@@ -250,7 +250,7 @@ class Jobs:
         state = job.state()
         with self._lock:
             if self._closed:
-                raise ControlError("the console is being ended; nothing can be begun any more (start it again)")
+                raise ControlError("the console is shutting down and starts no jobs (start it again)")
             running = sum(job.state().running for job in self._jobs.values())
             if not at_once and running >= REMEMBERED:
                 raise ControlError(f"at most {REMEMBERED} jobs may wait at once; wait until one is done")

@@ -119,5 +119,5 @@ class Sweeps:
 
         with self._lock:
             if any(state.running and state.title == title for state in self._jobs.states()):
-                raise ControlError(f"the sweep {name} is under way already; end it first, or wait")
+                raise ControlError(f"the sweep {name} is already running (cancel it, or wait)")
             return self._jobs.begin(title, work)

@@ -60,7 +60,7 @@ def begin_reading(jobs: Jobs, study_repository: StudyRepository, name: str, *, o
         _require_free(jobs, name)
         study = study_repository.study(name)
         if study.unblinded is not None:
-            raise RecordsError("readings must come before a study is unblinded; this one is")
+            raise RecordsError("readings must be entered before a study is unblinded; this one is unblinded")
         return jobs.begin(reading_title(name), partial(_read, study.folder, operator))
 
 
@@ -92,7 +92,7 @@ def unread(study: Study) -> tuple[tuple[str, int], ...]:
 def _require_free(jobs: Jobs, name: str) -> None:
     now = job_of(jobs, name)
     if now is not None and now.running:
-        raise ControlError(f"one thing at a time may be done with a study; {now.title} is under way (end it, or wait)")
+        raise ControlError(f"only one operation can run on a study; {now.title} is running (cancel it, or wait)")
 
 
 def _require_readings(study: Study, although_incomplete: bool) -> None:
@@ -102,7 +102,7 @@ def _require_readings(study: Study, although_incomplete: bool) -> None:
         for device, left in unread(study):
             raise InputError(
                 f"every target must be read before a study is unblinded; {device!r:.60} lacks {left} of "
-                f"{len(study.plan.codes)} (read on, or tick “although incomplete”)"
+                f"{len(study.plan.codes)} (read on, or tick “even if incomplete”)"
             )
 
 

@@ -150,7 +150,7 @@ async def session_page(instrument: Instrument, viewer: kit.Viewer, name: str) ->
             ui.label(str(error)).classes("doubtful")
             ui.link(tr("All sessions"), "/calibrate")
         return
-    if session is None:  # the console is being ended
+    if session is None:  # the console is shutting down
         return
     with position:
         _Guide(instrument, viewer, session)

@@ -84,7 +84,7 @@ class TypedLoading:
             self._table = kit.Redrawn(ui.element("div").classes("calibrate-forces"))
             with ui.element("div").classes("row"):
                 save = kit.button(
-                    tr("It is back at 0: save it"), viewer.command(session.save_presses, step), icon="check"
+                    tr("Back at 0 N: save the loading"), viewer.command(session.save_presses, step), icon="check"
                 )
                 undo = kit.button(tr("Remove the last"), viewer.command(session.unpress, step), icon="undo")
         controls.add(self._force, take, save, undo)
@@ -156,13 +156,13 @@ class StepCard:
                 text = "Begin the loading" if step.is_loading else tr("Take {count} frames", count=step.frames)
                 self._button(text, "photo_camera", command(session.take, step.name))
             if step.optional and state.status == "open":
-                self._button("Leave it out", "skip_next", command(session.leave_out, step.name), look="outline")
+                self._button("Skip this step", "skip_next", command(session.leave_out, step.name), look="outline")
 
     def _under_way(self, state: StepState) -> None:
         session, command = self._session, self._viewer.command
         if state.step.is_loading and not session.rig.by_itself:
             ui.label(tr("Load now, slowly, and back to 0.")).classes("strong")
-            self._button("It is back at 0: save it", "check", command(session.end_loading))
+            self._button("Back at 0 N: save the loading", "check", command(session.end_loading))
         self._button("Cancel", "stop", command(session.end_step), look="outline")
 
     def _button(self, text: str, icon: str, act: Callable[[], Awaitable[object]], look: str = "unelevated") -> None:

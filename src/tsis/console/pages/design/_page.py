@@ -136,7 +136,7 @@ class DesignResultPanel:
         self._shown: Job | None = None
         self._begun_here = False
         with ui.element("div").classes("row below"):
-            self._start = kit.button(tr("Compute the errors"), self._started, look="unelevated")
+            self._start = kit.button(tr("Predict performance"), self._started, look="unelevated")
             self._end = kit.button(tr("End"), self._ended)
             ui.element("div").classes("spring")
             kit.button(tr("Save the probe"), self._save_probe, look="flat dense")

@@ -80,7 +80,7 @@ def setting_label(name: str) -> str:
     return name.replace("_", " ").capitalize()
 
 
-PRESET_TEXTS = {"default": "As the camera came", "minimal": "As dark as it goes"}
+PRESET_TEXTS = {"default": "As the camera came", "minimal": "Darkest"}
 
 
 class SettingsPanel:

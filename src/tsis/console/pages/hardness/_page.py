@@ -311,7 +311,7 @@ class HardnessPage:
             self._mark, self._trouble = None, str(error)
             self._notify(self._state or state)
             return
-        if result is None:  # the console is being ended
+        if result is None:  # the console is shutting down
             return
         if not touches and result.estimate is None:  # presses on the virtual tissue give no hardness
             result = replace(result, presses=())

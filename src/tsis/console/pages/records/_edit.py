@@ -158,7 +158,7 @@ class Editing(ABC, Generic[Record]):
             for difference in result.differences or ("Your fields are unchanged; another field has changed.",):
                 ui.label(difference)
             with ui.element("div").classes("row"):
-                kit.button(tr("Take what is there now"), lambda: self._fill(result.record), look="outline dense")
+                kit.button(tr("Discard my changes"), lambda: self._fill(result.record), look="outline dense")
                 kit.button(tr("Overwrite with mine"), overwrite, look="outline dense")
 
 

@@ -359,7 +359,7 @@ def _show_verification(place: ui.element, verification: StoreVerification) -> No
         if len(verification.faults) > MOST_SHOWN:
             ui.label(
                 tr(
-                    "and {count} faults more (tsis records verify shows all)",
+                    "and {count} more faults (tsis records verify shows all)",
                     count=len(verification.faults) - MOST_SHOWN,
                 )
             )

@@ -126,13 +126,13 @@ class Unblinding:
             if verification.faults:
                 ui.label(tr(FAULTY)).classes("flag")
                 kit.message_list(str(fault) for fault in verification.faults[:MOST_SHOWN])
-            although = ui.checkbox(tr("although incomplete")).props("dense")
+            although = ui.checkbox(tr("even if incomplete")).props("dense")
             although.set_visibility(blind and bool(left))
             if blind:
                 for device, lacking in left:
                     ui.label(
                         tr(
-                            "{device} lacks {lacking} of {targets}.",
+                            "{device}: {lacking} of {targets} are not read.",
                             device=device,
                             lacking=lacking,
                             targets=count_of(len(study.plan.codes), "target"),
@@ -322,7 +322,7 @@ EXPLAINED = (
     "likelier, an empty one is undecided; the last three may be empty. A table is entered whole or not at all."
 )
 TOO_LARGE = f"readings must be one CSV file of at most {kit.LARGEST_MIB} MiB here; larger ones: tsis study import"
-CUT = "The file did not arrive whole: try again."
+CUT = "The upload is incomplete: try again."
 
 
 def import_button(page: StudyContext) -> ui.button:
