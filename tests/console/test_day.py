@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
     from tests.console.running import RunningConsole
 
-pytestmark = [pytest.mark.system, pytest.mark.slow, needs_browser]
+pytestmark = [pytest.mark.system, needs_browser]
 ROLES = ("on the target", "reference (no inclusion)")
 
 

@@ -108,7 +108,7 @@ def test_after_the_unblinding_no_reading_is_taken(tmp_path: Path) -> None:
     after = unblind(study, by="Ada")
     log = (study.folder / "log.jsonl").read_bytes()
     for held in (study, after):  # whoever opened it before is told too
-        with pytest.raises(RecordsError, match="come before a study is unblinded"):
+        with pytest.raises(RecordsError, match="be entered before a study is unblinded"):
             enter_readings(held, [reading(study.plan.codes[0], operator="Dan")], actor="Dan")
     assert (study.folder / "log.jsonl").read_bytes() == log
 

@@ -30,7 +30,7 @@ def test_a_second_run_is_refused_while_the_first_is_under_way(tmp_path: Path) ->
     repository, jobs, owned = StudyRepository(tmp_path), Jobs(), FixedGauge()
     repository.make("trial", printed_targets(1, 1), actor="Ada")
     running = jobs.begin(reading_title("trial"), owned)
-    with pytest.raises(ControlError, match="readings of study trial is under way"):
+    with pytest.raises(ControlError, match="readings of study trial is running"):
         begin_reading(jobs, repository, "trial", operator="Ada")
     with pytest.raises(ControlError, match="only one operation"):
         begin_publishing(jobs, repository, "trial", by="Ada")

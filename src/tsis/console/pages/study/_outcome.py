@@ -132,7 +132,7 @@ class Unblinding:
                 for device, lacking in left:
                     ui.label(
                         tr(
-                            "{device}: {lacking} of {targets} are not read.",
+                            "{device} has not read {lacking} of {targets}.",
                             device=device,
                             lacking=lacking,
                             targets=count_of(len(study.plan.codes), "target"),
