@@ -176,7 +176,8 @@ def _card(estimate: Estimate, name: str, truth: Mapping[str, float]) -> Card:
     low, high = estimate.interval(INTERVAL_LEVEL)[name]
     interval = f"{low:.3g} to {high:.3g} {unit}"
     value = interval if withheld else f"{estimate.mean[name]:.3g} {unit}"
-    detail = [withheld or f"90 % interval {interval}", _spreads(estimate, name, unit), *true]
+    shown, spreads = withheld or f"90 % interval {interval};", _spreads(estimate, name, unit)
+    detail = [f"{shown} {spreads}", *true]
     return Card(title=heading, value=value, detail="; ".join(detail), doubtful=bool(withheld))
 
 
