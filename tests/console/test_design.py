@@ -151,7 +151,7 @@ def test_a_search_that_is_ended_leaves_what_was_compared(page: Page) -> None:
     _choose(page, "tsis-2011")
     for aspect in ("other forces", "more frames of each press", "with and without a reference"):
         page.get_by_role("checkbox", name=aspect).click()
-    page.get_by_role("switch", name="Search better").click()
+    page.get_by_role("switch", name="Search for better").click()
     page.get_by_label("Stacks to try").fill("25")
     page.get_by_role("button", name="Predict performance").click()
     page.get_by_text("1 of 25 solved").wait_for()

@@ -76,7 +76,7 @@ def test_a_camera_is_found_chosen_and_read_beside_a_gauge(tmp_path: Path, browse
             page.get_by_label("Serial port").fill(str(tmp_path / "no-port"))
             page.get_by_label("Serial port").press("Enter")
             page.get_by_role("button", name="Connect").click()
-            page.get_by_text(re.compile("no serial port is called")).wait_for()
+            page.get_by_text(re.compile("No serial port is called")).wait_for()
             page.get_by_label("Serial port").fill(gauge.port)
             page.get_by_label("Serial port").press("Enter")
             page.get_by_role("button", name="Connect").click()

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from tsis.errors import InputError, UnknownNameError
-from tsis.instrument import LIVE_SOURCES, Camera, CameraInfo, connect, find_cameras
+from tsis.instrument import LIVE_SOURCES, Camera, CameraInfo, _discovery, connect, find_cameras
 from tsis.instrument.drivers import ImageFiles, OpenCVDevice, VideoFile
 from tsis.instrument.drivers import _opencv as opencv_search
 
@@ -82,6 +82,13 @@ def test_a_camera_is_named_without_its_library(name: str, identity: str) -> None
     assert isinstance(camera, Camera)
     assert camera.name == f"{name} camera {identity[1:]}".rstrip()
     assert not camera.lost
+
+
+@pytest.mark.parametrize("source", LIVE_SOURCES)
+def test_every_source_has_its_search(source: str) -> None:
+    module = _discovery._searching_module(source)
+    assert callable(module.find_cameras_here)
+    assert callable(module.missing_requirement)
 
 
 def test_specs_that_name_nothing_are_refused_with_the_nearest() -> None:

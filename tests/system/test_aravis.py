@@ -19,8 +19,8 @@ from tests.system.aravis_peer import LOOPBACK, fake_camera, loopback_camera_port
 from tests.waiting import HANGS_S
 
 from tsis.errors import CameraError, InputError, UnknownNameError
-from tsis.instrument import Mode
-from tsis.instrument.drivers.aravis import AravisCamera, find_cameras_here
+from tsis.instrument import Mode, find_cameras
+from tsis.instrument.drivers.aravis import AravisCamera
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -76,7 +76,8 @@ def test_frames_sequence_time_and_settings() -> None:
 
 def test_a_search_names_it_and_an_unknown_name_says_what_was_found() -> None:
     with fake_camera("TSISB"):
-        (camera,) = (camera for camera in find_cameras_here() if camera.identity == "Aravis-Fake-TSISB")
+        listing = find_cameras()  # as the command line and the console search
+        (camera,) = (camera for camera in listing.cameras if camera.identity == "Aravis-Fake-TSISB")
         assert (camera.spec, camera.maker, camera.model) == ("aravis:Aravis-Fake-TSISB", "Aravis", "Fake")
         assert LOOPBACK in camera.note
         named = AravisCamera(camera.identity, clock=standing_clock)

@@ -59,7 +59,7 @@ class CameraInfo:
 _HOME = "tsis.instrument.drivers"
 # By source: the module with find_cameras_here() and missing_requirement(), and the camera's module and class.
 _LIVE = {
-    "aravis": ("aravis._search", "aravis._camera", "AravisCamera"),
+    "aravis": ("aravis", "aravis", "AravisCamera"),
     "genicam": ("genicam._harvesters", "genicam._harvesters", "HarvestersCamera"),
     "pylon": ("_pylon", "_pylon", "PylonCamera"),
     "vimba": ("_vimba", "_vimba", "VimbaCamera"),
