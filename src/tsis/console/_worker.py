@@ -20,6 +20,13 @@ from tsis.errors import ControlError, TsisError
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from tsis.virtual import DirectContactRig, VirtualProbe
+
+    Rig = VirtualProbe | DirectContactRig
+
 
 MOST = 20  # pieces of work after which the process is replaced, with all the memory that it has gathered
 MOST_PRESSES = 1000  # the same, of presses, whose bodies are kept for the next one
@@ -98,6 +105,14 @@ def solving_process() -> WorkerProcess:
     process = WorkerProcess(most=MOST_PRESSES, nice=0, loads="tsis.virtual")
     process.begin()
     return process
+
+
+def light_of(rig: Rig, lies: Any, force_n: float) -> tuple[NDArray[np.float64], Rig]:
+    """Light of a press, and the rig with its generator as it is afterwards, which another process must send back.
+
+    It is here, where a process that solves presses need load nothing else of the console for it.
+    """
+    return rig.light(lies, force_n=force_n), rig
 
 
 def _answer(requested: bytes) -> Any:

@@ -111,7 +111,7 @@ def test_what_cannot_be_pressed_leaves_the_press_as_it_was(probe: Instrument, mo
     def too_hard(*_: object, **__: object) -> None:
         raise MechanicsError("the tissue cannot be pressed so hard")
 
-    monkeypatch.setattr(_subject, "_light_of", too_hard)
+    monkeypatch.setattr(_subject, "light_of", too_hard)
     with pytest.raises(MechanicsError, match="so hard"):
         probe.hold(role="plain", force_n=3.0, by=ANN)
     monkeypatch.undo()

@@ -157,7 +157,7 @@ class CameraController:
             begins, solved = self._begins, list[VirtualSubject]()
 
             def solve() -> None:
-                with suppress(TsisError):
+                with suppress(TsisError, RuntimeError):  # `start` tries again, and says it
                     solved.append(self._pressed(*begins))
 
             thread = threading.Thread(target=solve, name="first press", daemon=True)

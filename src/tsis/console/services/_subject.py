@@ -8,7 +8,7 @@ import threading
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from tsis.calibration import UsableCalibration, apply_calibration, read_usable_c
 from tsis.calibration.file import ProbeCalibration, calibration_bytes, calibration_sha256
 from tsis.calibration.guard import GuardReference
 from tsis.catalog import list_phantoms, list_probes, list_spheres, load_probe, load_sphere, phantom_variant
+from tsis.console._worker import light_of
 from tsis.errors import InputError, MechanicsError, TsisError
 from tsis.files import content_sha256, from_json_value, to_json_value, write_durably
 from tsis.imaging import Sensor
@@ -33,8 +34,6 @@ if TYPE_CHECKING:
 
     from tsis.console._worker import WorkerProcess
     from tsis.records import TargetRecord
-
-    Rig = VirtualProbe | DirectContactRig
 
 
 VIRTUAL, VIRTUAL_GEL, OPENCV = "virtual", "virtual-gel", "opencv"
@@ -160,7 +159,7 @@ class VirtualSubject:
         rng = np.random.default_rng(choice.seed)
         self._noise, self._solver, self.roles = rng.spawn(1)[0], solver, choice.roles
         self.probe = load_probe(choice.probe)
-        self._rig: Rig
+        self._rig: VirtualProbe | DirectContactRig
         self._objects: dict[str, Phantom | SoftSphere]
         self.written_radius_mm: float | None = None
         if choice.is_sphere:
@@ -226,7 +225,7 @@ class VirtualSubject:
             lies, pressed_n = self._lying(role), _pressed_n(role, force_n)
             try:
                 given = self._rig, lies, pressed_n
-                light, self._rig = _light_of(*given) if self._solver is None else self._solver.call(_light_of, *given)
+                light, self._rig = light_of(*given) if self._solver is None else self._solver.call(light_of, *given)
             except MechanicsError as error:
                 if error.largest_n is None:
                     raise
@@ -245,11 +244,6 @@ class VirtualSubject:
 
     def _lying(self, role: str) -> Phantom | SoftSphere:
         return self._objects[TARGET if role == UNTOUCHED else role]
-
-
-def _light_of(rig: Rig, lies: Any, force_n: float) -> tuple[NDArray[np.float64], Rig]:
-    """Light of a press, and the rig with its generator as it is afterwards, which another process must send back."""
-    return rig.light(lies, force_n=force_n), rig
 
 
 def _pressed_n(role: str, force_n: float) -> float:
