@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 from dataclasses import replace
 from io import BytesIO
@@ -122,8 +123,13 @@ def test_sending_again_stores_nothing_twice(archive: Archive) -> None:
 
 
 def test_another_called_name_is_refused(archive: Archive) -> None:
-    with pytest.raises(RecordsError, match=r"WRONG at .* refused the association: called ae title not recogni"):
-        c_store(dicom_files(DOSSIERS["8 bit"]), host=LOOPBACK, port=archive.dicom_port, called_ae="WRONG")
+    said = "broke off"
+    for _ in range(3):  # on a busy machine the connection can be found closed before the refusal is read
+        if "broke off" in said:
+            with pytest.raises(RecordsError) as refused:
+                c_store(dicom_files(DOSSIERS["8 bit"]), host=LOOPBACK, port=archive.dicom_port, called_ae="WRONG")
+            said = str(refused.value)
+    assert re.search("WRONG at .* refused the association: called ae title not recogni", said)
 
 
 def test_a_closed_port_is_told() -> None:
