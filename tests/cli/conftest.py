@@ -38,8 +38,9 @@ class RunTsis(Protocol):
 
 @pytest.fixture
 def idle_solver(monkeypatch: pytest.MonkeyPatch) -> WorkerProcess:
-    """What a console gets as its solving process, which is not begun: quick tests start no processes."""
+    """What a console gets as its solving process, which never begins: quick tests start no processes."""
     result = WorkerProcess()
+    monkeypatch.setattr(result, "begin", lambda: None)
     monkeypatch.setattr("tsis.console._worker.solving_process", lambda: result)
     return result
 

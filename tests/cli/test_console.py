@@ -84,6 +84,17 @@ def test_no_garbage_is_collected_until_all_is_loaded(
     assert opened.empty()
 
 
+@pytest.mark.parametrize(("camera", "times"), [("virtual", 1), ("opencv:0", 0)])
+def test_only_the_virtual_probe_begins_a_solving_process(
+    run_tsis: RunTsis, idle_solver: WorkerProcess, monkeypatch: pytest.MonkeyPatch, camera: str, times: int
+) -> None:
+    begun: list[str] = []
+    monkeypatch.setattr(idle_solver, "begin", lambda: begun.append(camera))
+    monkeypatch.setattr(serving, "serve_console", lambda _, ready, solver: ready(ADDRESS))
+    assert run_tsis("console", "--no-browser", "--camera", camera).code == 0
+    assert len(begun) == times
+
+
 @pytest.mark.usefixtures("idle_solver")
 def test_garbage_is_collected_again_after_a_refusal(run_tsis: RunTsis) -> None:
     assert run_tsis("console", "--no-browser", "--probe", "no-such-probe").code == 2

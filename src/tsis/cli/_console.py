@@ -80,9 +80,9 @@ def console(
         preparing.enter_context(waiting("preparing the console"))
         preparing.enter_context(loading())
         package = import_module("tsis.console")
-        solver = None
-        if camera == "virtual":  # the process that solves its presses loads beside this program
-            solver = ending.enter_context(closing(package.solving_process()))
+        solver = ending.enter_context(closing(package.solving_process()))
+        if camera == "virtual":
+            solver.begin()  # it loads beside this program
         terms = package.ConsoleSettings(
             instrument=package.InstrumentSettings(
                 workspace=out,

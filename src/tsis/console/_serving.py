@@ -128,9 +128,10 @@ def listen(address: str, port: int) -> socket.socket:
 
 def public_host(address: str, names: tuple[str, ...]) -> str:
     """The public name: the first given one, else the address."""
-    if not names and ipaddress.ip_address(address.partition("%")[0]).is_unspecified:
-        return LOOPBACK
-    return names[0] if names else f"[{address}]" if ":" in address else address
+    if names:
+        return names[0]
+    unspecified = ipaddress.ip_address(address.partition("%")[0]).is_unspecified
+    return LOOPBACK if unspecified else f"[{address}]" if ":" in address else address
 
 
 FILE = "console.log"

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 MOST = 20  # pieces of work after which the process is replaced, with all the memory that it has gathered
-MOST_PRESSES = 1000  # the same, of presses, whose bodies are kept for the next one
+MOST_PRESSES = 1000  # the same, of presses, which reuse the condensed bodies of those before
 NICE = 10  # priority below that of the console, where a system has priorities
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
@@ -101,10 +101,8 @@ class WorkerProcess:
 
 
 def solving_process() -> WorkerProcess:
-    """A process, begun now, that solves presses of the virtual probe at the console's priority."""
-    process = WorkerProcess(most=MOST_PRESSES, nice=0, loads="tsis.virtual")
-    process.begin()
-    return process
+    """A process, not yet begun, that solves presses of the virtual probe at the console's priority."""
+    return WorkerProcess(most=MOST_PRESSES, nice=0, loads="tsis.virtual")
 
 
 def light_of(rig: Rig, lies: Any, force_n: float) -> tuple[NDArray[np.float64], Rig]:

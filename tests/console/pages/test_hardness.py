@@ -26,7 +26,7 @@ def test_without_camera_or_calibration_it_says_what_to_do_first(lit: Instrument,
     write_calibration(pressed()[1], file)
 
     async def script(operator: Operator) -> None:
-        await operator.sees("Next: start the camera, on page Examine; it is stopped.", "The camera is stopped.")
+        await operator.sees("Next: start the camera, on the page Examine; it is stopped.", "The camera is stopped.")
         assert not operator.enabled("Estimate")
         lit.start(by=lit.control.owner().identity)  # type: ignore[union-attr]
         await operator.sees("Next: activate a calibration, on the page Camera; there is none")

@@ -100,7 +100,7 @@ def test_what_stands_in_the_way_is_named() -> None:
     assert missing_text(state(sphere), scaled=False, responds=True) == ()
     assert missing_text(state(real), scaled=True, responds=True) == ()
     (stopped,) = missing_text(state(real, running=False), scaled=True, responds=True)
-    assert stopped == "start the camera, on page Examine; it is stopped."
+    assert stopped == "start the camera, on the page Examine; it is stopped."
     (starts,) = missing_text(state(real, running=False, busy="starting the camera"), scaled=True, responds=True)
     assert starts == "wait; the console is starting the camera."
     (away,) = missing_text(state(real, lost=True), scaled=True, responds=True)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     import pytest
 
-START = "Next: start the camera, on page Examine; it is stopped."
+START = "Next: start the camera, on the page Examine; it is stopped."
 
 
 def test_a_target_that_was_not_read_is_said_to_be_read(tmp_path: Path) -> None:

@@ -70,8 +70,8 @@ def missing_text(state: InstrumentState, *, scaled: bool, responds: bool) -> tup
     camera = state.camera
     if camera.choice.is_virtual:
         return () if camera.choice.is_sphere and camera.running else ("place an object under the virtual probe.",)
-    why = f"wait; the console is {state.busy}." if state.busy else "start the camera, on page Examine; it is stopped."
-    results = [] if camera.running else [why]
+    stopped = "start the camera, on the page Examine; it is stopped."
+    results = [] if camera.running else [f"wait; the console is {state.busy}." if state.busy else stopped]
     if camera.running and camera.lost:
         results.append("wait until the camera is back; it is away.")
     if not state.calibration_identity:
