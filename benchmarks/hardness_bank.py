@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tsis.files import content_key
+from tsis.files import cached_arrays, content_key
 from tsis.hardness import hertzian_radius_mm, press_fields
-from tsis.mechanics.surrogate import cached_arrays, mechanical_content
+from tsis.mechanics.surrogate import mechanical_content
 from tsis.model import PressField, Probe, SoftSphere
 from tsis.virtual import DIRECT_CONTACT_RESOLUTION
 

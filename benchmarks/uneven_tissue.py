@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 
-from tsis.files import content_key
+from tsis.files import cached_arrays, content_key
 from tsis.inclusion.posterior import FARTHEST, SHIFTED
 from tsis.mechanics import press
-from tsis.mechanics.surrogate import cached_arrays, contrast_factor, mechanical_content
+from tsis.mechanics.surrogate import contrast_factor, mechanical_content
 from tsis.model import Inclusion, Phantom, PressField, PressMap, Probe
 from tsis.virtual import FINE_RESOLUTION
 

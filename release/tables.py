@@ -2,8 +2,8 @@
 
 They are what the catalog's probes need at default settings: the contact tables of the hardness estimate; for the
 inclusion estimate the light on the lit face, the surrogate of its presses, and what finite strain and uneven tissue add
-to them; and the solved presses from which others at finite strain continue. Each is what the product itself computes
-and caches. `tests/files/test_shipped_tables.py` computes them again and compares.
+to them; the solved presses from which others at finite strain continue; and half-spaces under domed faces. Each is what
+the product itself computes and caches. `tests/files/test_shipped_tables.py` computes them again and compares.
 """
 
 from __future__ import annotations
@@ -47,6 +47,7 @@ def compute_tables() -> None:
         PressSeries(tsis.load_probe(name)).press(tsis.load_phantom("size-8"), force_n=FORCES_N[0])
     virtual = VirtualProbe(tsis.load_probe("tsis-domed"), rng=np.random.default_rng(0))
     phantom = tsis.load_phantom("size-8")
+    VirtualProbe(virtual.probe, rng=np.random.default_rng(0), strain="small").press(phantom, force_n=FORCES_N[0])
     images = [virtual.press(phantom, force_n=force) for force in FORCES_N]
     reference = [virtual.press(phantom.without_inclusion(), force_n=force) for force in FORCES_N]
     tsis.inclusion.estimate(images, probe=virtual.probe, calibration=virtual.calibration, reference=reference)

@@ -15,9 +15,9 @@ import numpy as np
 from benchmarks.searched_presses import MovingProbe
 
 import tsis
-from tsis.files import content_key
+from tsis.files import cached_arrays, content_key
 from tsis.mechanics import press
-from tsis.mechanics.surrogate import cached_arrays, mechanical_content
+from tsis.mechanics.surrogate import mechanical_content
 from tsis.model import PressField
 from tsis.virtual import FINE_RESOLUTION
 

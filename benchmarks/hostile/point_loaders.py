@@ -13,11 +13,10 @@ from benchmarks.hostile.bytes_changed import damaged
 from benchmarks.hostile.loader import Loader
 from benchmarks.hostile.picture_loaders import token
 
-from tsis.files import DIGEST_BYTES, cached_sha256
+from tsis.files import cached_arrays, cached_sha256
 from tsis.instrument.gauge import RecordedGauge
 from tsis.matching import csv_text, read_points
 from tsis.matching.trials import PUBLIC_FILE, TRIAL_ROW_HEAD, public_trials, read_trial_rows
-from tsis.mechanics.surrogate import cached_arrays
 
 if TYPE_CHECKING:
     from collections.abc import Hashable
@@ -139,7 +138,7 @@ def _cached() -> bytes:
 
 
 def _forged_cache(original: bytes, rng: np.random.Generator) -> bytes:
-    held = original[DIGEST_BYTES:]
+    held = original[len(cached_sha256(KEY, b"")) :]
     payload = _member_damaged(held, rng, name="plain.npy") if rng.random() < 0.7 else damaged(held, held, rng)
     return cached_sha256(KEY, payload) + payload
 

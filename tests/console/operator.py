@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 INSTRUMENT, TABLET = (1280, 800), (1024, 768)
 API = "/api/v1"
 BY_ITSELF_MS, TRIES = 8_000, 5
-TAKE, RELEASE, OVER = "Take the camera", "Release the camera", "Take it over"
+TAKE, RELEASE, OVER = "Take the camera", "Release the camera", "Take over"
 
 
 @contextmanager

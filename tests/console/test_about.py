@@ -53,12 +53,12 @@ def _says_what_is_so(page: Page, console: RunningConsole) -> None:
     assert fact("Snapshots and sequences") == str(console.workspace)
     assert fact("numpy") == metadata.version("numpy")
     assert fact("Python").startswith(platform.python_version())
-    assert fact("Seed of its errors") == "4"
+    assert fact("Seed of the errors") == "4"
     assert (fact("Targets"), fact("Presses")) == ("0", "0")
     page.get_by_role("button", name="Read the licence").click()
     page.get_by_text("Redistribution and use in source and binary forms").wait_for()
     picture(page, "about")
-    address = page.get_by_role("link", name="The calls and their values").get_attribute("href")
+    address = page.get_by_role("link", name="API description (OpenAPI)").get_attribute("href")
     described = page.context.request.get(f"{console.address}{address}")
     assert described.ok
     assert json.loads(described.text())["openapi"].startswith("3.")

@@ -134,8 +134,8 @@ def test_a_session_is_begun_interrupted_by_the_server_and_goes_on(tmp_path: Path
         picture(page, "calibrate-sessions-dark")
         page.get_by_role("link", name="May <i>left</i>").click()
         page.get_by_role("button", name="Step dark: 16 frames").wait_for()
-        page.get_by_role("button", name="Take all open steps").click()
-        page.get_by_text("Every step is done or left out.").wait_for()
+        page.get_by_role("button", name="Do all open steps").click()
+        page.get_by_text("Every step is done or skipped.").wait_for()
         step(page, "board")
         page.get_by_role("img", name="Frame of step board").wait_for()
         page.set_viewport_size({"width": TABLET[0], "height": TABLET[1]})
@@ -219,7 +219,7 @@ def test_damaged_and_unknown_sessions_are_a_sentence(console: RunningConsole, br
 def test_who_watches_sees_the_steps_and_cannot_take_them(console: RunningConsole, browser: Browser) -> None:
     with tab(browser, console, "/calibrate") as first, tab(browser, console, "/calibrate") as second:
         hold(first)
-        second.get_by_text("holds the camera; you watch.").wait_for()
+        second.get_by_text("controls the camera; you are watching.").wait_for()
         expect(second.get_by_role("button", name="Begin", exact=True)).to_be_disabled()
         begin(first, "watched")
         first.get_by_text(f"Step 1 of {STEPS}: dark").wait_for()

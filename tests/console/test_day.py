@@ -72,8 +72,8 @@ def calibrated(page: Page) -> None:
     go_to(page, "Calibrate")
     page.get_by_label("Name", exact=True).fill("morning")
     page.get_by_role("button", name="Begin", exact=True).click()
-    page.get_by_role("button", name="Take all open steps").click()
-    page.get_by_text("Every step is done or left out.").wait_for()
+    page.get_by_role("button", name="Do all open steps").click()
+    page.get_by_text("Every step is done or skipped.").wait_for()
     page.get_by_role("button", name="Make the calibration").click()
     page.get_by_role("button", name="Activate").click()
     page.get_by_text("It is active.").wait_for()
@@ -128,7 +128,7 @@ def studied(page: Page, console: RunningConsole) -> None:
     given = {"Name": "day", "Made by": "Ada", "With an inclusion": "2", "Blanks": "2", "Forces": "1", "Seed": "3"}
     for label, text in given.items():
         page.get_by_label(label, exact=True).fill(text)
-    page.get_by_role("button", name="Make the study").click()
+    page.get_by_role("button", name="Create the study").click()
     page.get_by_label("Operator").fill("Ada")
     page.get_by_role("button", name="Run on the virtual probe").click()
     page.get_by_text("Ada: 4 of 4 read").wait_for()

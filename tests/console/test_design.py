@@ -61,7 +61,7 @@ def test_what_is_typed_is_drawn_and_what_is_wrong_is_said_beside_it(page: Page) 
         middle.fill(wrong)
         _said(page, f"Layer 2: {reported}")
         page.wait_for_function("document.querySelector('[aria-label=\"Layer 2, modulus\"]').ariaInvalid === 'true'")
-        _said(page, "Not drawn while a field is wrong.")
+        _said(page, "Not drawn while a field is invalid.")
         assert page.get_by_role("status").get_by_text(reported).count() == 1
     picture(page, "design-wrong")
     assert faults(page) == []

@@ -37,7 +37,7 @@ def desktop(console: RunningConsole, browser: Browser) -> Iterator[Page]:
 def tablet(console: RunningConsole, browser: Browser, desktop: Page) -> Iterator[Page]:
     """A dark page on a tablet, which watches."""
     with tab(browser, console, size=TABLET, color_scheme="dark") as page:
-        page.get_by_text("holds the camera; you watch.").wait_for()
+        page.get_by_text("controls the camera; you are watching.").wait_for()
         yield page
 
 

@@ -242,7 +242,7 @@ def test_a_light_press_reads_the_tissue_and_offers_its_forces(console: RunningCo
     with operating(browser, console) as page:
         run(page)
         choose_target(page, "55")
-        page.get_by_role("button", name="Read the tissue").click()
+        page.get_by_role("button", name="Measure the tissue").click()
         page.get_by_text(re.compile(r"^Tissue [45]\.?\d* kPa \(90 % interval ")).wait_for()  # 5 kPa in truth
         assert requested(console, "/state")["role"] == "plain"
         expect(page.get_by_label("Force", exact=True)).to_have_value("0.2")

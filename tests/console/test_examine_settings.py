@@ -109,7 +109,7 @@ def test_what_a_script_changes_appears(console: RunningConsole, browser: Browser
             api + "/control", headers=key, json={"name": "a script", "over": True}, timeout=HANGS_S
         ).raise_for_status()
         key = {**key, "TSIS-Control": taken.json()["identity"]}
-        page.get_by_text("a script holds the camera; you watch.").wait_for()
+        page.get_by_text("a script controls the camera; you are watching.").wait_for()
         httpx.post(api + "/camera/start", headers=key, timeout=HANGS_S).raise_for_status()
         httpx.patch(api + "/camera/settings", headers=key, json={"values": {"gain": 6.0}}).raise_for_status()
         expect(page.get_by_role("textbox", name="Gain")).to_have_value("6")

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 pytestmark = [pytest.mark.system, pytest.mark.slow, needs_browser]
 CONTROLS = ("Stop", "Snapshot", "Previous target", "Next target", "on the target")
-WATCH = "You watch: take the camera"
+WATCH = "You are watching. Take the camera"
 
 
 def _grey(page: Page, grey: bool) -> None:
@@ -30,7 +30,7 @@ def test_the_second_watches_takes_over_and_the_first_is_told(console: RunningCon
     with tab(browser, console) as first, tab(browser, console) as second:
         hold(first)
         run(first)
-        second.get_by_text("holds the camera; you watch.").wait_for()
+        second.get_by_text("controls the camera; you are watching.").wait_for()
         second.get_by_text(WATCH).wait_for()
         _grey(second, True)
         _grey(first, False)
@@ -42,7 +42,7 @@ def test_the_second_watches_takes_over_and_the_first_is_told(console: RunningCon
         first.get_by_role("button", name="Snapshot").click()
         second.get_by_role("cell", name="on the target").first.wait_for()  # kept there, listed here
         hold(second)
-        first.get_by_text("took the camera over; you watch now.").wait_for()
+        first.get_by_text("took over the camera; you are watching now.").wait_for()
         _grey(first, True)
         _grey(second, False)
         second.get_by_role("button", name=RELEASE).click()

@@ -29,7 +29,7 @@ def test_a_press_is_outlined_and_read_in_millimetres_and_newtons(
     with operating(browser, console, "/gel") as page:
         page.get_by_text("Choose the sensor, or its file.").wait_for()
         page.get_by_role("button", name="Use a virtual sensor").click()
-        page.get_by_text("Lift everything off the sensor, and take its untouched frame.").wait_for()
+        page.get_by_text("Remove everything from the sensor, and take its untouched frame.").wait_for()
         page.get_by_text("frames/s shown").wait_for()
         page.get_by_role("button", name="Take the untouched frame now").click()
         page.get_by_text("no contact: nothing changed against the reference").wait_for()

@@ -126,7 +126,7 @@ def test_two_presses_are_compared_in_one_scale(console: RunningConsole, browser:
         page.locator(".compared").scroll_into_view_if_needed()
         picture(page, "records-compared")
         require_pleasant(page)
-        page.get_by_role("switch", name="bring both to the same light").click()
+        page.get_by_role("switch", name="match brightness").click()
         page.get_by_text("brought to the brightness of the first").wait_for()
         page.get_by_role("button", name="Close the comparison").click()
         page.locator(".compared").wait_for(state="hidden")
@@ -155,7 +155,7 @@ def test_a_target_is_exported_and_comes_back_into_a_store(
 ) -> None:
     with tab(browser, console, f"/records/{ESTIMATED}") as page:
         page.get_by_role("button", name="Export").click()
-        page.get_by_text("This form masks nothing").wait_for()
+        page.get_by_text("Not masked").wait_for()
         still(page)
         picture(page, "records-export")
         page.get_by_role("combobox", name="Form").click()

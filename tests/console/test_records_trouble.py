@@ -108,7 +108,7 @@ def test_of_a_subject_the_pseudonym_alone_is_shown(browser: Browser, tmp_path: P
     ):
         page.get_by_text("Subject, target 3: size-10").wait_for()
         page.get_by_text("a flag that tsis does not know").wait_for()
-        page.get_by_text("the page shows the pseudonym only").wait_for()
+        page.get_by_text("the page shows only the pseudonym").wait_for()
         assert "Jane" not in page.content()
         picture(page, "records-subject")
         page.get_by_role("button", name="Edit").click()

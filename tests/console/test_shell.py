@@ -98,25 +98,25 @@ def test_the_camera_is_taken_over_after_asking_and_the_other_is_told(opened: Cal
     one = opened()
     hold(one)
     other = opened()
-    other.get_by_text("holds the camera; you watch.").wait_for()
+    other.get_by_text("controls the camera; you are watching.").wait_for()
     other.get_by_role("button", name=TAKE).click()
-    other.get_by_role("alertdialog").get_by_text("may be in the middle of something").wait_for()
+    other.get_by_role("alertdialog").get_by_text("can then only watch").wait_for()
     other.wait_for_function("document.getAnimations().every((each) => each.playState !== 'running')")
     picture(other, "take-over")
     other.get_by_role("button", name="Cancel").click()
     other.get_by_role("alertdialog").wait_for(state="hidden")
     assert one.get_by_role("button", name=RELEASE).is_visible()
     other.get_by_role("button", name=TAKE).click()
-    other.get_by_role("button", name="Take it over").click()
+    other.get_by_role("button", name="Take over").click()
     other.get_by_role("button", name=RELEASE).wait_for()
-    reported = one.get_by_text("took the camera over; you watch now.")
+    reported = one.get_by_text("took over the camera; you are watching now.")
     reported.wait_for()
     picture(one, "taken-over")
     name = reported.inner_text().partition(" took")[0]
 
     other.reload()  # who loads his page anew stays who he is
     other.get_by_role("button", name=RELEASE).wait_for()
-    assert one.get_by_role("status").get_by_text(f"{name} holds the camera; you watch.").is_visible()
+    assert one.get_by_role("status").get_by_text(f"{name} controls the camera; you are watching.").is_visible()
 
 
 @pytest.mark.slow
@@ -127,7 +127,7 @@ def test_what_is_given_back_goes_to_another_and_not_to_oneself(opened: Callable[
     one.get_by_role("button", name=TAKE).wait_for()
     other = opened()
     other.get_by_role("button", name=RELEASE).wait_for()  # a page that opens takes what nobody holds
-    one.get_by_text("holds the camera; you watch.").wait_for()
+    one.get_by_text("controls the camera; you are watching.").wait_for()
 
 
 @pytest.mark.slow

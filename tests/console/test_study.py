@@ -35,7 +35,7 @@ TRUTH = ("detection-", "blank-", "inclusion")
 @pytest.fixture
 def page(console: RunningConsole, browser: Browser) -> Iterator[Page]:
     with tab(browser, console, "/study", expected="status of 4|status of 5", color_scheme="light") as opened:
-        opened.get_by_role("button", name="Make the study").wait_for()
+        opened.get_by_role("button", name="Create the study").wait_for()
         yield opened
 
 
@@ -48,7 +48,7 @@ def make(page: Page, name: str, **fields: str) -> None:
     given = {"With an inclusion": "2", "Blanks": "2", "Forces": "1", "Seed": "3", **fields}
     for label, text in {"Name": name, **given}.items():
         page.get_by_label(label, exact=True).fill(text)
-    page.get_by_role("button", name="Make the study").click()
+    page.get_by_role("button", name="Create the study").click()
 
 
 def complained(page: Page, words: str) -> None:
@@ -113,7 +113,7 @@ def test_a_whole_study(page: Page, console: RunningConsole, browser: Browser) ->
 
     page.get_by_role("button", name="Verify").click()
     page.get_by_text("The study is as it was written, all 5 lines of its log.").wait_for()
-    page.get_by_label("Head that was saved elsewhere").fill("0" * 12)
+    page.get_by_label("Log head saved elsewhere").fill("0" * 12)
     page.get_by_role("button", name="Compare").click()
     page.get_by_text("The study is NOT as it was written").wait_for()
     with page.expect_download() as saved:
@@ -190,7 +190,7 @@ def test_a_run_is_ended_goes_on_and_is_one_at_a_time(page: Page, console: Runnin
         other.get_by_role("button", name="Run on the virtual probe", disabled=True).wait_for()
         page.get_by_text(re.compile(r"^Ada: [1-9]\d* of 16 read$")).wait_for()
         other.get_by_role("button", name="End", exact=True).click()
-        other.get_by_text("What was read is kept: run it again to go on.").wait_for()
+        other.get_by_text("Readings are saved: run it again to continue.").wait_for()
         left = 16 - len(open_study(position(console, "long")).readings)
         assert 0 < left < 16
         other.reload()

@@ -18,6 +18,7 @@ from tsis.mechanics._mesh import block_radius_mm
 from tsis.mechanics.small_strain import PressKernel, Resolution
 from tsis.mechanics.small_strain import _disc_contact as disc_contact
 from tsis.mechanics.small_strain._bodies import Slab, face_of
+from tsis.mechanics.small_strain._press import half_space_compliance
 from tsis.model import Inclusion, Layer, Phantom, Probe
 
 if TYPE_CHECKING:
@@ -79,6 +80,16 @@ def test_the_half_space_answers_as_copson_found() -> None:
     assert answer[0, 0] == pytest.approx(2 * np.pi * (w * s * hertz * displaced).sum(), rel=1e-5)
     assert answer[-1, 0] == pytest.approx(2 * np.pi * np.pi / 3, rel=1e-9)
     np.testing.assert_allclose(answer[:-1], answer[:-1].T, atol=1e-12)
+
+
+@pytest.mark.parametrize("radius_mm", [6.1, 14.0, 37.0])
+@pytest.mark.parametrize("poisson", [0.31, 0.49])
+def test_a_uniform_pressure_dents_the_half_space_as_boussinesq_found(radius_mm: float, poisson: float) -> None:
+    """2 p a / E* on the axis, 4 / pi of that at the edge; faces of one shape share a table on the disk."""
+    face = face_of(radius_mm, Resolution())
+    dent = half_space_compliance(face, poisson, Resolution()) @ face.mass() @ np.ones(len(face.radius_mm))
+    assert dent[0] == pytest.approx(2 * radius_mm, rel=1e-4)
+    assert dent[-1] == pytest.approx(4 / np.pi * radius_mm, rel=2e-3)
 
 
 def kernel_of(probe: Probe, resolution: Resolution | None = None) -> PressKernel:

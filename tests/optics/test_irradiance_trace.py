@@ -12,7 +12,7 @@ from tsis.catalog import load_probe
 from tsis.errors import InputError
 from tsis.files import cache_folder
 from tsis.model import FOUR_LEDS, Led, LightMap
-from tsis.optics._asperities import real_contact
+from tsis.optics._angles import real_contact
 from tsis.optics.irradiance import Irradiance, irradiance, leaving_light
 from tsis.optics.irradiance import _trace as room
 from tsis.optics.irradiance._fit import powers, slope_terms, smooth, symmetries, watched_slopes

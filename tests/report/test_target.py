@@ -234,7 +234,7 @@ def test_a_subject_is_a_pseudonym_and_nothing_else() -> None:
         assert "Press 1 is flagged" not in shown
         assert "moving" in shown
         assert "off_axis: the inclusion lies too far" in shown
-        assert "the pseudonym only" in shown
+        assert "shows only the pseudonym" in shown
         assert "0" * 64 in shown
     assert "truth" not in words(page)
     assert given.presses[0].calibration is not None

@@ -16,8 +16,8 @@ from tsis.files._atomic import (
     write_durably,
 )
 from tsis.files._cache import (
-    DIGEST_BYTES,
     cache_folder,
+    cached_arrays,
     cached_sha256,
     content_key,
     read_cached_arrays,
@@ -66,7 +66,6 @@ from tsis.files._reading import (
 from tsis.files._result_schemas import RESULT_SCHEMAS, require_known_schema
 
 __all__ = [
-    "DIGEST_BYTES",
     "DISK",
     "EMPTY_CHAIN",
     "FIRST_HASH",
@@ -90,6 +89,7 @@ __all__ = [
     "atomic_file",
     "atomic_folder",
     "cache_folder",
+    "cached_arrays",
     "cached_sha256",
     "canonical",
     "content_key",

@@ -26,7 +26,7 @@ from tsis.files._codec import free_to_json
 from tsis.files._json import content_sha256
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
     from numpy.typing import ArrayLike, NDArray
 
@@ -77,6 +77,15 @@ def read_cached_arrays(kind: str, key: str) -> dict[str, NDArray[Any]] | None:
         return read_arrays(stored)
     except FileInputError:
         return None
+
+
+def cached_arrays(kind: str, key: str, solve: Callable[[], dict[str, NDArray[Any]]]) -> dict[str, NDArray[Any]]:
+    """Arrays from the cache; ``solve`` computes missing ones."""
+    arrays = read_cached_arrays(kind, key)
+    if arrays is None:
+        arrays = solve()
+        write_cached_arrays(kind, key, arrays)
+    return arrays
 
 
 def write_cached_arrays(kind: str, key: str, arrays: Mapping[str, ArrayLike]) -> None:

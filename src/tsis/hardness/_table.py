@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tsis.files import content_key
+from tsis.files import cached_arrays, content_key
 from tsis.hardness._sphere import hertzian_radius_mm, press_fields
 from tsis.mechanics.finite_strain import SphereResolution
-from tsis.mechanics.surrogate import cached_arrays, mechanical_content
+from tsis.mechanics.surrogate import mechanical_content
 from tsis.model import MN_PER_N, Probe, SoftSphere, require_array, require_type
 
 if TYPE_CHECKING:

@@ -5,15 +5,16 @@ from typing import TYPE_CHECKING
 import lazy_loader
 
 from tsis.optics._angles import (
+    ERF_SLOPE,
     Acceptance,
     Fresnel,
     acceptance,
     critical_angle_deg,
     fresnel,
     layer_facing_lamp,
+    real_contact,
     refraction_deg,
 )
-from tsis.optics._asperities import ERF_SLOPE, real_contact
 from tsis.optics._guided_modes import GuidedModes, guided_modes
 
 __all__ = [

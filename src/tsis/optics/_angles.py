@@ -1,4 +1,4 @@
-"""Rays at flat interfaces: refraction, Fresnel's coefficients, and the acceptance angles of a stack.
+"""Rays at interfaces: refraction, Fresnel's coefficients, acceptance angles of a stack, and real contact.
 
 Angles of incidence are from the normal of an interface between layers; angles of acceptance are outside the stack,
 from the normal of its end face. Both are in degrees.
@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.special import erf
 
 from tsis.errors import InputError
 from tsis.model import require_array
@@ -232,6 +233,20 @@ def layer_facing_lamp(probe: Probe, led: Led) -> int:
     """The layer at the height of a lamp's centre, from the pressed face up; the last is the glass."""
     tops = np.cumsum([layer.thickness_mm for layer in probe.layers])
     return int(np.searchsorted(tops, probe.led_height_mm(led), side="right"))
+
+
+ERF_SLOPE = np.sqrt(np.pi) / 2  # erf(0.886 x) has the slope 1 at zero
+
+
+def real_contact(pressure_kpa: Floats, saturation_kpa: float) -> Floats:
+    """Fraction ``erf(0.886 p / saturation)`` of the face in real contact with asperities, zero under tension.
+
+    Examples
+    --------
+    >>> real_contact(np.array([-1.0, 1.0, 100.0]), 20.0).round(3).tolist()
+    [0.0, 0.05, 1.0]
+    """
+    return np.asarray(erf(ERF_SLOPE * np.maximum(pressure_kpa, 0.0) / saturation_kpa), dtype=float)
 
 
 def _aperture(index: Floats, least: Floats) -> Floats:

@@ -153,4 +153,4 @@ def test_an_address_that_is_no_call_says_so(script: Script) -> None:
 def test_a_control_character_in_an_address_is_refused_at_the_gate(script: Script, control: str) -> None:
     answer = script.client.get(f"/targets/{control}/estimates")
     assert answer.status_code == 400
-    assert answer.text.strip() == "This request is not in good form."
+    assert answer.text.strip() == "The request is malformed."

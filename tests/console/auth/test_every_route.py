@@ -27,7 +27,7 @@ WALK = Path(__file__).with_name("every_route.py")
 LIVE = "/live"
 REPORT = "/files/study/1/report.1"
 PUSH = "/_nicegui_ws/socket.io/?EIO=4&transport=websocket"
-REFUSALS = (KEY_NEEDED, "This console is not called by that name", "Pages of other places", "not in good form")
+REFUSALS = (KEY_NEEDED, "does not accept this host name", "Requests from other sites", "is malformed")
 Route = tuple[str, str]
 
 

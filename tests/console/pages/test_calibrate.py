@@ -40,7 +40,7 @@ WRONG = (
 
 def test_wrong_terms_begin_no_session(lit: Instrument) -> None:
     async def script(operator: Operator) -> None:
-        await operator.sees("None yet.", "With the camera that is chosen; start it first")
+        await operator.sees("None yet.", "With the chosen camera. Start it first")
         for field, typed, message in WRONG:
             before = operator.field(field)
             await operator.types(field, typed)
@@ -59,7 +59,7 @@ def test_a_session_with_a_camera_and_typed_forces(lit: Instrument) -> None:
     lit.control.release(ANN)
 
     async def script(operator: Operator) -> None:
-        await operator.sees("With aravis:lit, at the settings that it has now.")
+        await operator.sees("With aravis:lit, at its present settings.")
         await operator.types("Name", "May <i>left</i>")
         await operator.chooses("Probe", "tsis-direct")
         await operator.types("Radii of the tips", "10, 14")
@@ -131,7 +131,7 @@ def test_the_calibration_is_made_shown_activated_and_downloaded(tmp_path: Path) 
     all_taken(tmp_path / "workspace" / "calibrations" / "all", "aravis:lit")
 
     async def script(operator: Operator) -> None:
-        await operator.sees("Every step is done or left out.")
+        await operator.sees("Every step is done or skipped.")
         await operator.types("Good for", "soon")
         await operator.clicks("Make the calibration")
         await operator.beside("Good for", "Days must be a number, as 2 or 0.5 (you entered 'soon').")

@@ -40,7 +40,7 @@ def test_a_calibration_is_used_and_given_up(lit: Instrument, file: Path) -> None
         await operator.hears("The calibration of a Monday is active.")
         identity = (await operator.requested("/state"))["calibration_identity"]
         await operator.sees(f"{identity[:12]}, made {MADE:%Y-%m-%d %H:%M:%S} UTC", "(8 days left)")
-        await operator.clicks("Use none")
+        await operator.clicks("Deactivate")
         await operator.misses("of a Monday")
         assert (await operator.requested("/state"))["calibration"] == ""
 

@@ -53,7 +53,7 @@ def test_who_answers_the_question_takes_it_over() -> None:
         await buttons._take_control()
         await buttons._take_control()
         assert buttons._dialog.value
-        assert buttons._question.text.startswith("Bob holds the camera")
+        assert buttons._question.text.startswith("Bob is using the camera")
         await buttons._take_over()
 
     assert after(requested)[0] == "Ann"

@@ -31,7 +31,7 @@ def test_what_is_typed_is_drawn_and_what_is_wrong_is_said_beside_it(lit: Instrum
             ("", "Modulus must be a number"),
         ):
             await operator.types("Layer 2, modulus", wrong)
-            await operator.sees(f"Layer 2: {message}", "Not drawn while a field is wrong.", "3 mm of 60 kPa")
+            await operator.sees(f"Layer 2: {message}", "Not drawn while a field is invalid.", "3 mm of 60 kPa")
         await operator.clicks("Predict performance")
         await operator.hears("Modulus must be a number, as 2 or 0.5 (nothing was entered).")
         await operator.clicks("Save the probe")
@@ -39,7 +39,7 @@ def test_what_is_typed_is_drawn_and_what_is_wrong_is_said_beside_it(lit: Instrum
         assert (await operator.requested("/jobs"))["jobs"] == []
         await operator.types("Layer 2, modulus", "70")
         await operator.sees("3 mm of 70 kPa")
-        await operator.misses("Not drawn while a field is wrong.")
+        await operator.misses("Not drawn while a field is invalid.")
         await operator.types("Radius of the dome / mm", "11")
         await operator.sees("Radius of the dome must be 12")
         await operator.clicks("Domed")
@@ -60,7 +60,7 @@ def test_a_wrong_draft_is_marked_after_a_reload(lit: Instrument) -> None:
         await operator.types("Layer 2, modulus", "soft")
         await operator.sees("Layer 2: Modulus must be a number")
         await operator.open("/design")
-        await operator.sees("Layer 2: Modulus must be a number", "Not drawn while a field is wrong.")
+        await operator.sees("Layer 2: Modulus must be a number", "Not drawn while a field is invalid.")
         assert operator.field("Layer 2, modulus") == "soft"
 
     at_console(lit, script, "/design")
@@ -87,7 +87,7 @@ def test_the_saved_probe_is_the_typed_one_and_the_draft_stays_with_the_tab(lit: 
     saved: list[str] = []
 
     async def script(operator: Operator) -> None:
-        await operator.sees("Seen from the side")
+        await operator.sees("Side view")
         await operator.chooses("Start from", "tsis-2011")
         await operator.sees("flat; from the tissue up")
         await operator.types("Layer 1, thickness", "3.5")
@@ -111,7 +111,7 @@ def test_the_saved_probe_is_the_typed_one_and_the_draft_stays_with_the_tab(lit: 
 
 def test_wrong_questions_begin_nothing(lit: Instrument) -> None:
     async def script(operator: Operator) -> None:
-        await operator.sees("Seen from the side")
+        await operator.sees("Side view")
         for field, typed, message in (
             ("Forces / N", "0,8", "Force must be"),
             ("Forces / N", "hard", "Force must be a number"),
@@ -138,7 +138,7 @@ def test_the_answer_is_that_of_the_library(lit: Instrument) -> None:
     expected = analyse_designs(question, compared_designs(question)).designs
 
     async def script(operator: Operator) -> None:
-        await operator.sees("Seen from the side")
+        await operator.sees("Side view")
         await operator.chooses("Start from", "tsis-2011")
         await operator.types("Forces / N", "0.8")
         for aspect in ("other forces", "more frames of each press"):

@@ -224,7 +224,7 @@ def test_a_camera_that_goes_away_is_said_in_every_place(lit: Instrument, world: 
 def test_of_two_operators_one_commands_and_the_other_watches(lit: Instrument) -> None:
     async def script(operator: Operator) -> None:
         other = await operator.other()
-        await other.sees("browser 1 holds the camera; you watch.", "You watch: take the camera")
+        await other.sees("browser 1 controls the camera; you are watching.", "You are watching. Take the camera")
         await operator.until(lambda: operator.enabled("Start"), "who holds the camera can not start it")
         assert not other.enabled("Start")
         assert not other.enabled("Snapshot")
@@ -232,10 +232,10 @@ def test_of_two_operators_one_commands_and_the_other_watches(lit: Instrument) ->
         other.presses_key("snapshot")
         await other.hears("the camera is held by browser 1; watch, or take it over")
         await other.clicks("Take the camera")
-        await other.sees("browser 1 holds the camera and may be in the middle of something.")
-        await other.clicks("Take it over")
-        await operator.sees("browser 2 holds the camera; you watch.")
-        await operator.hears("browser 2 took the camera over; you watch now.")
+        await other.sees("browser 1 is using the camera.")
+        await other.clicks("Take over")
+        await operator.sees("browser 2 controls the camera; you are watching.")
+        await operator.hears("browser 2 took over the camera; you are watching now.")
         await other.clicks("Stop")
         await operator.sees("camera stopped")
         await other.clicks("Release the camera")
@@ -280,7 +280,7 @@ def test_jobs_are_listed_and_only_the_owner_ends_them(lit: Instrument) -> None:
         await operator.sees("Jobs: ")
         await operator.clicks(operator.named("Jobs: ")[0])
         await operator.clicks("End sequence of target 1")
-        await operator.hears("Only the camera's owner may end jobs: take the camera first.")
+        await operator.hears("Only the user who controls the camera may cancel jobs: take the camera first.")
         lit.control.release(BOB)
         await operator.clicks("Take the camera")
         await operator.sees("Release the camera")
@@ -322,7 +322,7 @@ def test_the_page_of_jobs_has_those_of_earlier_runs(lit: Instrument) -> None:
     assert job.wait(HANGS_S)
 
     async def script(operator: Operator) -> None:
-        await operator.sees("Nothing is under way.", "Of this run of the console and those before")
+        await operator.sees("Nothing is running.", "Jobs of this session and of earlier ones")
         await operator.until(lambda: [row[1:3] for row in operator.rows] == [("estimate of target 7", "done")], "none")
         assert operator.rows[0][4] == "d = 8 mm"
 

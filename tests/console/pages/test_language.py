@@ -13,9 +13,10 @@ import pytest
 from tests.console.pages.open_page import on_a_page
 
 import tsis
+from tsis.console._catalogues import CATALOGUES, catalogue
+from tsis.console.auth._login_routes import login_page
 from tsis.console.pages import PAGES
 from tsis.console.pages.components import languages, tr
-from tsis.console.pages.components._language import CATALOGUES, catalogue
 
 CONSOLE = Path(tsis.__file__).parent / "console"
 GLOSSARY = Path(__file__).parents[3] / "docs" / "glossary.md"
@@ -23,7 +24,7 @@ HELP = tomllib.loads((CONSOLE / "pages" / "help.toml").read_text(encoding="utf-8
 SHOWING = {"label", "muted", "panel", "button", "link", "switch", "tab", "panel_title", "checkbox", "expansion"}
 SHOWING |= {"notify", "complain", "title_row", "cell", "list_message", "titled_dialog"}
 WORD = re.compile(r"[A-Za-z]{3}")
-NAMES = {"tsis", "3-D"}  # the same in every language
+NAMES = {"tsis", "tsis console", "3-D"}  # the same in every language
 OTHERS = sorted(set(languages()) - {"en"})
 
 
@@ -70,13 +71,11 @@ def meant(node: ast.expr, tree: ast.Module) -> set[str]:
 
 
 def translated_texts() -> set[str]:
-    """Texts that the code gives to `tr`, and headings of tables, which are translated where they are placed."""
-    nodes = [(node, tree) for tree in trees().values() for node in ast.walk(tree)]
-    firsts = [
-        (node.args[0], tree)
-        for node, tree in nodes
-        if isinstance(node, ast.Call) and called(node) in ("tr", "rows_under")
-    ]
+    """Texts that the code gives to `tr`, and those that are translated where they are placed."""
+    auth = [ast.parse(file.read_text(encoding="utf-8")) for file in sorted((CONSOLE / "auth").glob("*.py"))]
+    nodes = [(node, tree) for tree in (*trees().values(), *auth) for node in ast.walk(tree)]
+    placed = ("tr", "rows_under", "_page", "refusal")
+    firsts = [(node.args[0], tree) for node, tree in nodes if isinstance(node, ast.Call) and called(node) in placed]
     return {text for first, tree in firsts for text in meant(first, tree)} - {""}
 
 
@@ -95,7 +94,7 @@ def fields(text: str) -> set[str]:
 @pytest.mark.parametrize("code", OTHERS)
 def test_a_catalogue_has_every_text_with_its_values(code: str) -> None:
     texts = catalogue(code)._texts
-    assert translated_texts() - set(texts) == set()
+    assert translated_texts() - NAMES - set(texts) == set()
     assert help_said() - set(texts) == set()
     assert [text for text, other in texts.items() if fields(text) != fields(other)] == []
     assert [text for text, other in texts.items() if not other.strip()] == []
@@ -145,6 +144,19 @@ def test_another_language_is_what_the_browser_chose() -> None:
     assert catalogue("de").gettext("no such text") == "no such text"
     assert languages() == {"en": "English", "de": "Deutsch"}
     assert sorted(file.stem for file in CATALOGUES.iterdir()) == OTHERS
+
+
+def test_the_login_is_in_the_language_of_the_browser() -> None:
+    def shown(cookie: str) -> str:
+        page = login_page(then="/", requested={"cookie": cookie}, wrong="")
+        return bytes(page.body).decode()
+
+    german, english = shown("a=b; tsis-language=de"), shown("tsis-language=../../etc")
+    assert '<html lang="de">' in german
+    assert "<h1>An der Konsole anmelden</h1>" in german
+    assert "<button>Anmelden</button>" in german
+    assert '<html lang="en">' in english
+    assert "<h1>Log in to the console</h1>" in english
 
 
 def test_every_page_has_a_help_and_its_terms_are_the_glossary_s() -> None:

@@ -93,9 +93,9 @@ def test_presses_come_a_sheet_at_a_time_and_two_are_compared(filled: Instrument)
             await operator.clicks(name)
         await operator.sees("Compare two (2 chosen)")
         await operator.clicks("Compare two (2 chosen)")
-        await operator.sees("bring both to the same light", "centroid")
+        await operator.sees("match brightness", "centroid")
         await operator.clicks("Close the comparison")
-        await operator.misses("bring both to the same light")
+        await operator.misses("match brightness")
         await operator.clicks("Later")
         await operator.sees(f"25 to {PRESSES} of {PRESSES}")
         assert not operator.enabled("Later")
@@ -168,10 +168,10 @@ def test_a_press_is_opened_and_its_force_corrected(filled: Instrument) -> None:
         await operator.clicks(name)
         await operator.sees("frame", "150 × 96 px", "0.12 × 0.14 mm per pixel", "tsis-2011")
         for typed, message in (("hard", "Force must be a number"), ("-2", "Force must be 0–")):
-            await operator.types("Force in newtons; empty where unknown", typed)
+            await operator.types("Force in newtons; empty if unknown", typed)
             await operator.clicks("Save")
-            await operator.beside("Force in newtons; empty where unknown", message)
-        await operator.types("Force in newtons; empty where unknown", "0.75")
+            await operator.beside("Force in newtons; empty if unknown", message)
+        await operator.types("Force in newtons; empty if unknown", "0.75")
         await operator.clicks("Save")
         await operator.hears("The press is version 2 now.")
         await operator.until(lambda: bool(operator.named("Open the press on the target, 0.75 N")), "the force is old")
@@ -220,7 +220,7 @@ def test_a_bundle_is_imported_once_and_other_files_are_refused(lit: Instrument, 
     async def script(operator: Operator) -> None:
         await operator.sees("Nothing is saved yet.")
         await operator.clicks("Import a bundle")
-        await operator.sees("A bundle is the zip file that the export of a target writes.")
+        await operator.sees("A bundle is the zip file that a target's export creates.")
         await operator.uploads("Zip file of a bundle", "b.zip", content[: len(content) // 2])
         await operator.until(lambda: bool(operator.alerts), "no refusal is shown")
         assert "bundle.zip" in operator.alerts[0]
@@ -266,7 +266,7 @@ def test_an_export_is_fetched_by_the_browser_from_an_address_that_gives_it(fille
         operator.user.javascript_rules[re.compile(r"\s*const answer = await fetch\((.*?)\);")] = fetch
         await operator.sees("Target 3: size-10")
         await operator.clicks("Export")
-        await operator.sees("Export target 3", "This form masks nothing")
+        await operator.sees("Export target 3", "Not masked")
         await operator.clicks("Export")
         await operator.hears("the disk is full")
         await operator.chooses("Form", "Bundle: everything, for another store")
@@ -313,13 +313,13 @@ def test_a_target_is_deleted_and_restored(filled: Instrument) -> None:
 def test_a_store_is_backed_up_from_its_page(filled: Instrument, tmp_path: Path) -> None:
     async def script(operator: Operator) -> None:
         await operator.clicks("Back up")
-        await operator.types("New folder, whole path", str(tmp_path / "backup"))
+        await operator.types("New folder (absolute path)", str(tmp_path / "backup"))
         await operator.clicks("Back up")
         await operator.sees(f"The backup is in {tmp_path / 'backup'}")
         await operator.clicks("Back up")
-        await operator.types("New folder, whole path", "here")
+        await operator.types("New folder (absolute path)", "here")
         await operator.clicks("Back up")
-        await operator.beside("New folder, whole path", "Folder must be a whole path")
+        await operator.beside("New folder (absolute path)", "Folder must be a whole path")
 
     at_console(filled, script, "/records")
     with open_store(tmp_path / "backup", create=False) as copy:
@@ -330,7 +330,7 @@ def test_two_targets_are_compared(filled: Instrument) -> None:
     async def script(operator: Operator) -> None:
         await operator.clicks("Compare")
         await operator.types("Number of the other target", "two")
-        await operator.beside("Number of the other target", "The other target must be given by its number.")
+        await operator.beside("Number of the other target", "Enter the number of the other target.")
         await operator.types("Number of the other target", f"{MANY}", enter=False)
         await operator.clicks("Compare")
         await operator.sees(f"Target {ESTIMATED}: size-10", f"Target {MANY}: many presses", "Current estimates")

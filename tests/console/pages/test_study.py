@@ -41,7 +41,7 @@ def test_a_study_is_made_from_the_form_and_wrong_fields_make_none(lit: Instrumen
     folder = lit.terms.workspace / "studies"
 
     async def script(operator: Operator) -> None:
-        await operator.sees("There is no study yet.")
+        await operator.sees("No study yet.")
         fields = {"Name": "trial", "With an inclusion": "2", "Blanks": "3", "Forces": "1", "Seed": "3"}
         for name, text in fields.items():
             await operator.types(name, text)
@@ -63,12 +63,12 @@ def test_a_study_is_made_from_the_form_and_wrong_fields_make_none(lit: Instrumen
         ):
             before = operator.field(field)
             await operator.types(field, typed)
-            await operator.clicks("Make the study")
+            await operator.clicks("Create the study")
             await operator.beside(field, message)
             await operator.types(field, before)
         assert not folder.exists() or list(folder.iterdir()) == []
-        await operator.clicks("Make the study")
-        await operator.sees("Study trial", "Nothing was read yet.", "blinded")
+        await operator.clicks("Create the study")
+        await operator.sees("Study trial", "No readings yet.", "blinded")
         plan = open_study(folder / "trial").plan
         await operator.until(
             lambda: operator.rows == [(str(at), code, "left") for at, code in enumerate(plan.codes, 1)], "other codes"
@@ -116,10 +116,10 @@ def test_it_is_verified_against_its_log_and_a_head_from_elsewhere(lit: Instrumen
         await operator.sees("Study trial", head[:16])
         await operator.clicks("Verify")
         await operator.sees("The study is as it was written, all 1 line of its log.", f"Head of the log: {head}")
-        await operator.types("Head that was saved elsewhere", "0" * 12)
+        await operator.types("Log head saved elsewhere", "0" * 12)
         await operator.clicks("Compare")
         await operator.sees("The study is NOT as it was written: it differs in 1 place.")
-        await operator.types("Head that was saved elsewhere", head)
+        await operator.types("Log head saved elsewhere", head)
         await operator.clicks("Compare")
         await operator.sees("The study is as it was written")
         await operator.clicks("Close")

@@ -33,7 +33,7 @@ def test_a_threshold_that_is_no_probability_makes_no_study(lit: Instrument, tmp_
         await operator.types("Name", "trial")
         await operator.types("Made by", "Ada")
         await operator.types("Threshold", str(threshold))
-        await operator.clicks("Make the study")
+        await operator.clicks("Create the study")
         await operator.beside("Threshold", "Threshold must be 0–1")
         assert not (lit.terms.workspace / "studies").exists()
 
@@ -72,7 +72,7 @@ def test_a_large_study_is_confirmed_and_shown_by_the_sheet(lit: Instrument) -> N
         for name, text in {"Name": "large", "Made by": "Ada", "With an inclusion": str(many), "Blanks": "0"}.items():
             await operator.types(name, text)
         await operator.sees(f"It has {many:,} readings, {4 * many:,} presses: about ")
-        await operator.clicks("Make the study")
+        await operator.clicks("Create the study")
         await operator.sees("A large study")
         assert not (lit.terms.workspace / "studies").exists()
         await operator.clicks(f"Make {many:,} readings")

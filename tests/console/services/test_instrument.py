@@ -310,12 +310,12 @@ def test_what_was_chosen_comes_back_after_a_kill_and_is_said(tmp_path: Path) -> 
             state = again.state()
             assert (state.camera.choice.phantom, state.target) == ("size-8", 12)
             assert state.trouble[-1] == (
-                "The console was not ended in order. Cut off, with what they had saved: sequence of target 12. Brought "
-                "back: camera virtual on size-8, target 12; start the camera to go on."
+                "The console was not shut down properly. Interrupted (saved data are safe): sequence of target 12. "
+                "Restored: camera virtual on size-8, target 12; start the camera to continue."
             )
             again.start(by=ANN)
             assert not any("in order" in message for message in again.state().trouble)
     finally:
         killed.close()
-    with lit_instrument(tmp_path) as later:  # the one before was ended in order
+    with lit_instrument(tmp_path) as later:  # the one before was shut down properly
         assert (later.state().target, later.state().trouble) == (1, ())

@@ -140,7 +140,7 @@ def test_one_that_is_asked_ends_at_its_next_step_and_a_waiting_one_never_begins(
     waiting.end()
     running[0].end()
     assert done(running[0]) == "ended"
-    assert running[0].state().sentence == "long: ended as you asked"
+    assert running[0].state().sentence == "long: cancelled"
     assert done(waiting) == "ended"
     assert begun == []
     assert running[0].result is None
@@ -155,14 +155,14 @@ class Speechless(Exception):  # noqa: N818 - as some libraries call theirs
     ("error", "message"),
     [
         (InputError("depth_mm must lie in (0, 28]; got 31.0"), "depth_mm must lie in (0, 28]; got 31.0"),
-        (RuntimeError(""), "odd failed: RuntimeError: it did not say why"),
+        (RuntimeError(""), "odd failed: RuntimeError: no reason was given"),
         (KeyError("kind"), "odd failed: KeyError: 'kind'"),
-        (Speechless(), "odd failed: Speechless: it did not say why"),
+        (Speechless(), "odd failed: Speechless: no reason was given"),
         (ValueError("first\n  second\x0bthird"), "odd failed: ValueError: first second third"),
         (SystemExit(3), "odd failed: SystemExit: 3"),
-        (KeyboardInterrupt(), "odd failed: KeyboardInterrupt: it did not say why"),
-        (MemoryError(), "odd failed: MemoryError: it did not say why"),
-        (GeneratorExit(), "odd failed: GeneratorExit: it did not say why"),
+        (KeyboardInterrupt(), "odd failed: KeyboardInterrupt: no reason was given"),
+        (MemoryError(), "odd failed: MemoryError: no reason was given"),
+        (GeneratorExit(), "odd failed: GeneratorExit: no reason was given"),
     ],
 )
 def test_whatever_goes_wrong_becomes_a_sentence(jobs: Jobs, error: BaseException, message: str) -> None:
@@ -276,7 +276,7 @@ def test_the_history_outlives_the_program_and_names_what_it_cut_off(tmp_path: Pa
     (over, interrupted) = second.history.past
     assert over == done.state()
     assert (interrupted.identity, interrupted.status) == (cut.identity, "failed")
-    assert interrupted.sentence == "the console ended before it was over; what was saved until then is there"
+    assert interrupted.sentence == "the console ended before the job finished; data saved until then are safe"
     assert second.history.interrupted == (interrupted,)
     third = Jobs(file)
     assert (third.history.past, third.history.interrupted) == ((over, interrupted), ())

@@ -299,7 +299,7 @@ def test_a_store_that_another_program_writes_to_for_too_long(tmp_path: Path, mon
         instrument.start(by=ANN)
         first = instrument.snapshot(by=ANN)
         let_go = _locked(tmp_path / "store")
-        with pytest.raises(RecordsError, match=r"the files are in .*Target1, but the press could not be kept"):
+        with pytest.raises(RecordsError, match=r"the files are in .*Target1, but the press could not be saved"):
             instrument.snapshot(by=ANN)
         let_go()
         second = instrument.snapshot(by=ANN)

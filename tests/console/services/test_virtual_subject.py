@@ -226,7 +226,10 @@ class Elsewhere(WorkerProcess):
         return pickle.loads(pickle.dumps(sent[0](*sent[1], **sent[2])))
 
 
-@pytest.mark.parametrize("choice", [USUAL, CameraChoice(probe="tsis-direct", phantom=list_spheres()[0])])
+@pytest.mark.parametrize(
+    "choice",
+    [USUAL, pytest.param(CameraChoice(probe="tsis-direct", phantom=list_spheres()[0]), marks=pytest.mark.slow)],
+)
 def test_presses_that_are_solved_elsewhere_are_the_same(choice: CameraChoice) -> None:
     here, there = VirtualSubject(choice), VirtualSubject(choice, solver=Elsewhere())
     light: list[Any] = []

@@ -17,6 +17,8 @@ from starlette.requests import ClientDisconnect, Request
 from starlette.responses import HTMLResponse, PlainTextResponse, RedirectResponse
 
 from tsis.__about__ import RESEARCH_USE_ONLY
+from tsis.console._catalogues import COOKIE, ENGLISH, languages, translated
+from tsis.console.auth._access import cookie_of
 from tsis.console.auth._rate_limit import LoginRateLimiter
 from tsis.errors import FileInputError
 
@@ -30,8 +32,8 @@ if TYPE_CHECKING:
 
 
 LOGIN, LOGOUT = "/login", "/logout"
-FAILED = "This failed for a reason that nobody foresaw; what was kept stays, and the console's log says more."
-KEY_NEEDED = "Open the address that tsis console printed when it was started: it holds the key to this page."
+FAILED = "An unexpected error occurred. Saved data are safe; the console's log has the details."
+KEY_NEEDED = "Open the address that tsis console printed at its start: it contains the access key."
 
 
 def refusal(
@@ -39,8 +41,8 @@ def refusal(
 ) -> Response:
     """One message: a page for browsers, text for the rest."""
     if "text/html" in requested.get("accept", ""):
-        again = '<p><a href="">Try again</a></p>' if status == HTTPStatus.UNAUTHORIZED else ""
-        return _page("tsis console", f"<p>{escape(message)}</p>{again}", status, others)
+        again = f'<p><a href="">{tr("Try again", requested)}</a></p>' if status == HTTPStatus.UNAUTHORIZED else ""
+        return _page("tsis console", f"<p>{escape(tr(message, requested))}</p>{again}", status, others, requested)
     return PlainTextResponse(message, status, headers=dict(others or {}))
 
 
@@ -50,7 +52,12 @@ async def failed(request: Request, _: Exception) -> Response:
 
 
 def login_page(
-    *, then: str, wrong: str = "", status: HTTPStatus = HTTPStatus.OK, others: Mapping[str, str] | None = None
+    *,
+    then: str,
+    requested: Mapping[str, str],
+    wrong: str = "",
+    status: HTTPStatus = HTTPStatus.OK,
+    others: Mapping[str, str] | None = None,
 ) -> Response:
     """Ask for name and password; afterwards the page ``then`` is opened."""
     alert = f'<p role="alert">{escape(wrong)}</p>' if wrong else ""
@@ -58,10 +65,12 @@ def login_page(
         "Name": 'name="name" autocomplete="username" autocapitalize="none" spellcheck="false" maxlength="40" autofocus',
         "Password": 'name="password" type="password" autocomplete="current-password" maxlength="1024"',
     }
-    requested = "".join(f"<label>{label}<input {field} required></label>" for label, field in fields.items())
+    labels = ((tr(name, requested), field) for name, field in fields.items())
+    inputs = "".join(f"<label>{label}<input {field} required></label>" for label, field in labels)
     saved = f'<input type="hidden" name="then" value="{escape(then)}">'
-    form = f'<form method="post" action="{LOGIN}">{alert}{saved}{requested}<button>Log in</button></form>'
-    return _page("Log in to the console", form, status, others)
+    button = f"<button>{tr('Log in', requested)}</button>"
+    form = f'<form method="post" action="{LOGIN}">{alert}{saved}{inputs}{button}</form>'
+    return _page("Log in to the console", form, status, others, requested)
 
 
 def onward(address: str, *, requested: Mapping[str, str], others: Mapping[str, str]) -> Response:
@@ -72,21 +81,24 @@ def onward(address: str, *, requested: Mapping[str, str], others: Mapping[str, s
     """
     if requested.get("sec-fetch-site", "none") in ("none", "same-origin"):
         return RedirectResponse(address, HTTPStatus.SEE_OTHER, headers=dict(others))
-    link = f'<p><a href="{escape(address)}">Go on to the console</a></p>'
-    return _page("tsis console", link, HTTPStatus.OK, {**others, "refresh": f"0; url={address}"})
+    link = f'<p><a href="{escape(address)}">{tr("Continue to the console", requested)}</a></p>'
+    return _page("tsis console", link, HTTPStatus.OK, {**others, "refresh": f"0; url={address}"}, requested)
 
 
-def logout_page(name: str) -> Response:
+def logout_page(name: str, *, requested: Mapping[str, str]) -> Response:
     """Ask whether to go."""
-    who = f"You are in as {escape(name)}." if name else "You are in with the console's key."
-    form = f'<p>{who}</p><form method="post" action="{LOGOUT}"><button>Log out</button></form>'
-    return _page("Log out of the console", form, HTTPStatus.OK, None)
+    named = tr("Logged in as {name}.", requested, name=escape(name))
+    who = named if name else tr("Logged in with the console's key.", requested)
+    button = f"<button>{tr('Log out', requested)}</button>"
+    form = f'<p>{who}</p><form method="post" action="{LOGOUT}">{button}</form>'
+    return _page("Log out of the console", form, HTTPStatus.OK, None, requested)
 
 
-def gone_page(others: Mapping[str, str], *, logins: bool) -> Response:
+def gone_page(others: Mapping[str, str], *, logins: bool, requested: Mapping[str, str]) -> Response:
     """Say that the session is over, and have the browser delete its cached pictures."""
-    back = f'<p><a href="{LOGIN}">Log in</a></p>' if logins else f"<p>{KEY_NEEDED}</p>"
-    return _page("You are logged out", back, HTTPStatus.OK, {**others, "clear-site-data": '"cache"'})
+    link = f'<a href="{LOGIN}">{tr("Log in", requested)}</a>'
+    back = f"<p>{link if logins else tr(KEY_NEEDED, requested)}</p>"
+    return _page("You are logged out", back, HTTPStatus.OK, {**others, "clear-site-data": '"cache"'}, requested)
 
 
 def local_address(text: str) -> str:
@@ -101,8 +113,26 @@ def local_address(text: str) -> str:
     return text if reference and text.startswith("/") and not text.startswith("//") else "/"
 
 
-def _page(title: str, content: str, status: HTTPStatus, others: Mapping[str, str] | None) -> Response:
-    html = _template().substitute(title=title, content=content, notice=RESEARCH_USE_ONLY)
+def language_of(requested: Mapping[str, str]) -> str:
+    """The language that the browser of these headers chose."""
+    chosen = cookie_of(requested.get("cookie", ""), COOKIE)
+    return chosen if chosen in languages() else ENGLISH
+
+
+def tr(text: str, requested: Mapping[str, str], **values: object) -> str:
+    """A text in that language."""
+    return translated(text, language_of(requested), **values)
+
+
+def _page(
+    title: str, content: str, status: HTTPStatus, others: Mapping[str, str] | None, requested: Mapping[str, str]
+) -> Response:
+    html = _template().substitute(
+        title=tr(title, requested),
+        content=content,
+        notice=tr(RESEARCH_USE_ONLY, requested),
+        language=language_of(requested),
+    )
     return HTMLResponse(html, status, headers=dict(others or {}))
 
 
@@ -114,7 +144,7 @@ def _template() -> Template:
 LARGEST_FORM = 8192  # bytes
 FORM_S = 20.0  # in which it must have come
 AT_ONCE = 2  # passwords that are hashed: each takes 64 MiB
-WRONG = "This name and password do not belong together."
+WRONG = "Wrong name or password."
 LOGIN_PATHS = (LOGIN, LOGOUT)
 _log = logging.getLogger(__name__)
 
@@ -132,7 +162,7 @@ class AuthRoutes:
         if method not in ("GET", "HEAD", "POST"):
             allowed = {"allow": "GET, HEAD, POST"}
             return refusal(
-                "This can be read or sent, nothing else.",
+                "This address accepts GET, HEAD and POST only.",
                 HTTPStatus.METHOD_NOT_ALLOWED,
                 requested=headers,
                 others=allowed,
@@ -144,33 +174,38 @@ class AuthRoutes:
             return refusal(KEY_NEEDED, HTTPStatus.UNAUTHORIZED, requested=headers)
         if method != "POST":
             query = parse_qs(scope.get("query_string", b"").decode("latin-1"))
-            return login_page(then=local_address(query.get("then", ["/"])[0]))
+            return login_page(then=local_address(query.get("then", ["/"])[0]), requested=headers)
         return await self._login(Request(scope, receive), headers, logins)
 
     async def _login(self, request: Request, headers: Mapping[str, str], logins: Logins) -> Response:
         form = await _form(request)
         if form is None:
             return refusal(
-                "A name and a password are neither so long nor so slow.", HTTPStatus.BAD_REQUEST, requested=headers
+                "The name and password were too long or took too long to arrive.",
+                HTTPStatus.BAD_REQUEST,
+                requested=headers,
             )
         name, then = form.get("name", ""), local_address(form.get("then", "/"))
         address = "" if request.client is None else request.client.host
         wait_s = self._rate_limiter.wait_s(address)
         if wait_s:
-            reported = f"Too many tries: the next one may be made in {_spoken(wait_s)}."
+            reported = _wait_text(math.ceil(wait_s), headers)
             after = {"retry-after": str(math.ceil(wait_s))}
-            return login_page(then=then, wrong=reported, status=HTTPStatus.TOO_MANY_REQUESTS, others=after)
+            many = HTTPStatus.TOO_MANY_REQUESTS
+            return login_page(then=then, requested=headers, wrong=reported, status=many, others=after)
         try:
             async with self._hashing:
                 login = await asyncio.to_thread(logins.check, name, form.get("password", ""))
         except FileInputError as error:
             _log.error("nobody can log in: %s", error)
             return refusal(
-                "Nobody can log in: the logins cannot be read.", HTTPStatus.SERVICE_UNAVAILABLE, requested=headers
+                "Login is impossible: the file of logins cannot be read.",
+                HTTPStatus.SERVICE_UNAVAILABLE,
+                requested=headers,
             )
         if login is None:
             _log.warning("a login from %s failed", address)
-            return login_page(then=then, wrong=WRONG, status=HTTPStatus.UNAUTHORIZED)
+            return login_page(then=then, requested=headers, wrong=tr(WRONG, headers), status=HTTPStatus.UNAUTHORIZED)
         self._rate_limiter.succeeded(address)
         _log.info("%s logged in from %s", login.name, address)
         return RedirectResponse(then, HTTPStatus.SEE_OTHER, headers={"set-cookie": self._access.cookie(login)})
@@ -178,13 +213,14 @@ class AuthRoutes:
     async def _logout(self, headers: Mapping[str, str], *, leaves: bool) -> Response:
         session = self._access.session(headers)
         if session is not None and not leaves:
-            return logout_page(session.name)
+            return logout_page(session.name, requested=headers)
         if session is not None:
             try:
                 await asyncio.to_thread(self._access.sessions.end, session)
             except FileInputError as error:
                 _log.warning("a session that was ended comes back when the console is started anew: %s", error)
-        return gone_page({"set-cookie": self._access.no_cookie()}, logins=self._access.logins is not None)
+        others = {"set-cookie": self._access.no_cookie()}
+        return gone_page(others, logins=self._access.logins is not None, requested=headers)
 
 
 async def _form(request: Request) -> dict[str, str] | None:
@@ -202,6 +238,7 @@ async def _form(request: Request) -> dict[str, str] | None:
     return {name: values[0] for name, values in fields.items()}
 
 
-def _spoken(seconds: float) -> str:
-    whole = math.ceil(seconds)
-    return f"{whole} s" if whole < 2 * 60 else f"{math.ceil(whole / 60)} minutes"
+def _wait_text(seconds: int, requested: Mapping[str, str]) -> str:
+    if seconds < 2 * 60:
+        return tr("Too many attempts: try again in {seconds} s.", requested, seconds=seconds)
+    return tr("Too many attempts: try again in {minutes} minutes.", requested, minutes=math.ceil(seconds / 60))

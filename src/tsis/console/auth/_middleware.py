@@ -177,7 +177,7 @@ def announced_bytes(headers: Mapping[str, str]) -> int:
 
 
 DENIAL = "websocket.http.response"  # what servers call the way to refuse a WebSocket with an answer
-TOO_LARGE = f"What is sent here may be at most {LARGEST_BYTES >> 20} MiB."
+TOO_LARGE = f"A request may have at most {LARGEST_BYTES >> 20} MiB."
 _log = logging.getLogger(__name__)
 
 
@@ -216,13 +216,13 @@ class AuthMiddleware:
     async def _identify(self, scope: Scope, receive: Receive, headers: Mapping[str, str]) -> ClientIdentity | Response:
         """Who may pass, or what is answered instead."""
         if is_repeated(scope) or not is_plain_path(scope["path"]):
-            return refusal("This request is not in good form.", HTTPStatus.BAD_REQUEST, requested=headers)
+            return refusal("The request is malformed.", HTTPStatus.BAD_REQUEST, requested=headers)
         local = (scope.get("server") or ("",))[0]
         if not is_known(headers.get("host", ""), names=self._hosts, local=local):
-            message = "This console is not called by that name (tsis console --allow-host adds one)."
+            message = "The console does not accept this host name (tsis console --allow-host NAME adds one)."
             return refusal(message, HTTPStatus.MISDIRECTED_REQUEST, requested=headers)
         if not is_own_origin(scope, headers):
-            return refusal("Pages of other places may not use this console.", HTTPStatus.FORBIDDEN, requested=headers)
+            return refusal("Requests from other sites are refused.", HTTPStatus.FORBIDDEN, requested=headers)
         if announced_bytes(headers) > LARGEST_BYTES:
             return refusal(TOO_LARGE, HTTPStatus.REQUEST_ENTITY_TOO_LARGE, requested=headers)
         if scope["type"] == "http" and scope["path"] in LOGIN_PATHS:

@@ -44,7 +44,7 @@ def version_facts() -> Facts:
     libraries = {**result["libraries"], **{name: metadata.version(name) for name in ALSO}}
     return (
         ("tsis", result["tsis"]),
-        ("Its code", f"SHA-256 {result['code_sha256'][:SHORT]}…"),
+        ("Code", f"SHA-256 {result['code_sha256'][:SHORT]}…"),
         ("Python", f"{result['python']} on {result['machine']}"),
         *libraries.items(),
     )
@@ -77,7 +77,11 @@ def camera_facts(state: InstrumentState) -> Facts:
     name = now.name or ("the virtual probe" if choice.is_virtual else choice.spec)
     results = [("Camera", name), ("Mode", now.mode or "not known before it runs"), ("Picture", size)]
     if choice.is_virtual:
-        results += [("Probe", choice.probe), ("It presses", choice.phantom), ("Seed of its errors", str(choice.seed))]
+        results += [
+            ("Probe", choice.probe),
+            ("Pressed object", choice.phantom),
+            ("Seed of the errors", str(choice.seed)),
+        ]
     return tuple(results)
 
 
@@ -87,8 +91,8 @@ def place_facts(instrument: Instrument) -> Facts:
     return (
         ("Snapshots and sequences", str(instrument.terms.workspace.resolve())),
         ("Store of records", str(store.folder.resolve())),
-        ("Its rows", "in SQLite, in that folder" if instrument.terms.database is None else "in PostgreSQL"),
-        ("Its kind", f"{store.kind}s"),
+        ("Database", "in SQLite, in that folder" if instrument.terms.database is None else "in PostgreSQL"),
+        ("Kind of targets", f"{store.kind}s"),
         ("Targets", str(len(targets))),
         ("Presses", str(sum(item.presses for item in targets))),
         ("Estimates", str(sum(item.estimates for item in targets))),
@@ -96,10 +100,7 @@ def place_facts(instrument: Instrument) -> Facts:
 
 
 DESCRIPTION = "/api/openapi.json"
-FINDINGS = (
-    "Numbers and pictures here describe objects that were pressed, and how well they are known. They are no findings "
-    "about anybody's health, and no advice."
-)
+FINDINGS = "Numbers and images describe pressed objects and their uncertainty. They are not medical findings or advice."
 
 
 async def about_page(instrument: Instrument, viewer: kit.Viewer) -> None:
@@ -116,10 +117,10 @@ async def about_page(instrument: Instrument, viewer: kit.Viewer) -> None:
             positions = kit.FactList()
         with _panel("Versions"):
             versions = kit.FactList()
-        with _panel("For scripts"):
-            ui.label(tr("Scripts can do what pages do, by HTTP and JSON, with the same key and the same rights."))
-            ui.link(tr("The calls and their values"), DESCRIPTION, new_tab=True)
-        with _panel("To cite it"):
+        with _panel("API for scripts"):
+            ui.label(tr("Scripts can do what the pages do, over HTTP and JSON, with the same key and permissions."))
+            ui.link(tr("API description (OpenAPI)"), DESCRIPTION, new_tab=True)
+        with _panel("Citation"):
             for message in CITATION:
                 ui.label(message)
         title = tr("Licence: {licence}", licence=LICENCE)

@@ -49,7 +49,7 @@ class CalibrationPanel:
                 viewer, "Calibration file", accept=".json", refused=refused, most_bytes=LARGEST_BYTES
             )
             self._upload.on_upload(self._uploaded)
-            self._none = kit.button(tr("Use none"), viewer.command(instrument.use_calibration, None))
+            self._none = kit.button(tr("Deactivate"), viewer.command(instrument.use_calibration, None))
             controls.add(self._upload, self._none)
 
     def show(self, state: InstrumentState) -> None:
@@ -58,7 +58,7 @@ class CalibrationPanel:
         self._name.text = state.calibration or tr("the virtual probe's own, once it runs" if own else "none")
         given = state.active
         self._identity.text = "" if given is None and own else calibration_text(given)
-        self._none.text = tr("Use the virtual probe's own" if own else "Use none")
+        self._none.text = tr("Use the virtual probe's own" if own else "Deactivate")
 
     async def _uploaded(self, event: UploadEventArguments) -> None:
         content = await event.file.read()

@@ -104,7 +104,7 @@ def next_step(setup: GelSetup, state: InstrumentState) -> str:
         return tr("Choose the sensor, or its file.")
     if not state.camera.running:
         return tr("Start the camera.")
-    return tr("Lift everything off the sensor, and take its untouched frame.") if setup.reference is None else ""
+    return tr("Remove everything from the sensor, and take its untouched frame.") if setup.reference is None else ""
 
 
 def verdict(reading: GelReading) -> str:

@@ -39,7 +39,7 @@ __all__ = ["images_page"]
 
 SAYS = (
     "Drop images (PNG, BMP, TIFF, JPEG), videos and the sidecars of tsis acquire here: at most {frames} frames, "
-    "{most} MiB a file. They stay on this machine; nothing is stored before you save them."
+    "{most} MiB a file. They stay on the console's computer; nothing is stored before you save them."
 )
 
 
@@ -66,14 +66,14 @@ class OwnImagesPage:
                 max_file_size=kit.LARGEST_MIB * 2**20,
                 on_upload=self.uploaded,
                 on_rejected=lambda: viewer.complain(
-                    tr("A file is larger than {most} MiB, or of another kind.", most=kit.LARGEST_MIB)
+                    tr("A file is larger than {most} MiB or has an unsupported format.", most=kit.LARGEST_MIB)
                 ),
             ).props("flat bordered")
             field.props["accept"] = ",".join(OPENABLE)
             field.name_parts(tr("Choose images"))
             kit.explain(field, "Choose images")
             with ui.element("div").classes("row"):
-                self.path_field = kit.unit_field("File or folder on the console's machine", "").classes("path")
+                self.path_field = kit.unit_field("File or folder on the console's computer", "").classes("path")
                 kit.button(tr("Open"), self.open_path, icon="folder_open")
             self._refused = kit.message_list()
         with kit.panel(tr("Frames")) as self._panel:
@@ -97,7 +97,7 @@ class OwnImagesPage:
             await event.file.save(file)
         except OSError as error:
             self._viewer.complain(
-                tr("{file} needs room for a copy; got: {reason}", file=file.name, reason=error.strerror or error)
+                tr("There is no space for a copy of {file}: {reason}", file=file.name, reason=error.strerror or error)
             )
             return
         await self._open(file)
@@ -105,7 +105,9 @@ class OwnImagesPage:
     async def open_path(self) -> None:
         """Open a file or folder of the console's machine; only for the owner of the camera."""
         if not self._viewer.commands:
-            self._viewer.complain(tr("Only the camera's owner may open paths of its machine: drop the files here."))
+            self._viewer.complain(
+                tr("Only the user who controls the camera may open paths on its computer: drop the files here.")
+            )
         elif self.path_field.value:
             await self._open(Path(self.path_field.value).expanduser())
 

@@ -49,7 +49,7 @@ class JobRows:
 
     async def _end(self, identity: str) -> None:
         if not self._viewer.commands:
-            self._viewer.complain(tr("Only the camera's owner may end jobs: take the camera first."))
+            self._viewer.complain(tr("Only the user who controls the camera may cancel jobs: take the camera first."))
             return
         await self._viewer.attempt(self._ended, identity)
 
@@ -121,9 +121,9 @@ def jobs_page(instrument: Instrument, viewer: kit.Viewer) -> None:
     with ui.element("div").classes("stack"):
         with kit.panel(tr("Under way")):
             place = ui.element("ul").classes("job-list wide")
-            running = JobRows(instrument, viewer, place, tr("Nothing is under way."))
+            running = JobRows(instrument, viewer, place, tr("Nothing is running."))
         with kit.panel(tr("History")):
-            kit.muted(tr("Of this run of the console and those before; a target's job opens its page."))
+            kit.muted(tr("Jobs of this session and of earlier ones; a target's job links to its page."))
             columns = [{"name": name, "label": tr(label), "field": name, "align": "left"} for name, label in COLUMNS]
             table = ui.table(rows=[], columns=columns, row_key="identity", pagination=25)
             table.props("flat dense wrap-cells").props["rows-per-page-label"] = tr("Jobs on a page")

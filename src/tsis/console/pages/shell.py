@@ -68,7 +68,7 @@ class Subpages(ui.sub_pages):
     """Pages by address; an address without a page, or a page that fails, gives a message and a link."""
 
     def _render_404(self) -> None:
-        _instead(tr("There is no page at this address. The links above lead to all there are."))
+        _instead(tr("There is no page at this address. Use the links above."))
 
     def _render_error(self, _: Exception) -> None:
         _log.exception("a page could not be built")
@@ -159,7 +159,7 @@ class Notices:
         other = now.owner is not None and now.owner.identity != self._viewer.identity
         if self._calm.changes_to(now.owner if other else None) and now.owner is not None and other:
             with self._calm.element:
-                ui.label(tr("{name} holds the camera; you watch.", name=now.owner.name)).classes("calm")
+                ui.label(tr("{name} controls the camera; you are watching.", name=now.owner.name)).classes("calm")
 
 
 class PageVisibility(Element, component="presence.js"):
@@ -192,13 +192,13 @@ class ControlButtons:
         self._release = kit.button(tr(RELEASE), self._release_control, look="flat dense")
         self._release.set_visibility(False)
         with (
-            ui.dialog().props('role="alertdialog" aria-label="Take the camera over?"') as self._dialog,
+            ui.dialog().props('role="alertdialog" aria-label="Take over the camera?"') as self._dialog,
             ui.element("div").classes("panel question"),
         ):
-            kit.panel_title(tr("Take the camera over?"))
+            kit.panel_title(tr("Take over the camera?"))
             self._question = ui.label()
             with ui.element("div").classes("row"):
-                kit.button(tr("Take it over"), self._take_over, look="unelevated dense")
+                kit.button(tr("Take over"), self._take_over, look="unelevated dense")
                 kit.button(tr("Cancel"), self._dialog.close, look="outline dense")
 
     def show(self, now: InstrumentState) -> None:
@@ -208,7 +208,7 @@ class ControlButtons:
         self._release.set_visibility(mine)
         if self._in_control and now.owner is not None and not mine:
             ui.notify(
-                tr("{name} took the camera over; you watch now.", name=now.owner.name),
+                tr("{name} took over the camera; you are watching now.", name=now.owner.name),
                 type="warning",
                 timeout=UNTIL_CLOSED_MS,
                 close_button=tr("Close"),
@@ -249,8 +249,7 @@ class ControlButtons:
 
 def _question(owner: Owner) -> str:
     return tr(
-        "{name} holds the camera and may be in the middle of something. They are told that you took it, and watch from "
-        "then on.",
+        "{name} is using the camera. They will be told that you took it, and can then only watch.",
         name=owner.name,
     )
 
@@ -329,7 +328,7 @@ class Shell:
             kit.language_choice()
             if viewer.logged_in:
                 with ui.element("form").props(f'method="post" action="{LOGOUT}"').classes("logout"):
-                    ui.label(tr("You are in as {name}.", name=viewer.name))
+                    ui.label(tr("Logged in as {name}.", name=viewer.name))
                     with ui.element("button").props('type="submit"'):
                         ui.label(tr("Log out"))
         PageVisibility(viewer)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from tsis.console.services import Instrument, SweepState
 
-SAYS = "A process of its own computes the presses of the plan. A sweep that was ended resumes with its finished files."
+SAYS = "The presses are computed in a separate process. A cancelled sweep resumes from its finished files."
 SWEEP = sweep_title("")
 GREY = "#7a8794"  # read on light and on dark ground
 
@@ -53,7 +53,7 @@ class SweepsPage:
                 self._name = kit.unit_field("Name", "first", keys="text")
                 self._text = kit.text_area("Plan", value=EXAMPLE).props("input-class=sweep-plan")
                 with ui.element("div").classes("row"):
-                    self._cost = kit.button(tr("Show size and time"), self._ask_cost, icon="timer")
+                    self._cost = kit.button(tr("Estimate size and time"), self._ask_cost, icon="timer")
                     self._start = kit.button(tr("Start the sweep"), self._begin, icon="play_arrow", look="unelevated")
                 self._answer = kit.status()
 
@@ -102,7 +102,7 @@ class SweepsPage:
             fields = {"name": self._name, "": self._text}
             job = await kit.submit(self._viewer, fields, self._sweeps.begin, name, self._text.value or "")
         if job is not None:
-            self._viewer.notify(tr("The sweep {name} is under way.", name=name))
+            self._viewer.notify(tr("Sweep {name} started.", name=name))
             await self._refresh()
 
     async def _open(self, name: str) -> None:

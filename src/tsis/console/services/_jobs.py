@@ -146,7 +146,7 @@ class Job:
             self.advance(0, 0)
             self.result = work(self)
         except JobCancelled:
-            status, message = ENDED, f"{self.title}: ended as you asked"
+            status, message = ENDED, f"{self.title}: cancelled"
         except TsisError as error:
             status, message = FAILED, _error_text(error)
         except BaseException as error:  # nothing else would report it
@@ -167,7 +167,7 @@ class Job:
 
 
 MOST_PAST, MOST_LINES = 200, 2000  # jobs of the history that are shown; lines of its file before it is made shorter
-INTERRUPTED = "the console ended before it was over; what was saved until then is there"
+INTERRUPTED = "the console ended before the job finished; data saved until then are safe"
 
 
 class JobHistory:
@@ -347,4 +347,4 @@ def _error_text(error: BaseException) -> str:
         text = " ".join(str(error).split())
     except Exception:
         text = ""
-    return text[:LONGEST_SENTENCE] or "it did not say why"
+    return text[:LONGEST_SENTENCE] or "no reason was given"

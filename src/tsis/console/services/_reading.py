@@ -82,7 +82,7 @@ def trouble_messages(
         )
     if camera.lost:
         why = f": {camera.failure}" if camera.failure else ""
-        results.append(f"The camera is away{why}. It is being connected anew; what was kept is safe.")
+        results.append(f"The camera is away{why}. Reconnecting; saved data are safe.")
     gauge = None if log is None else log.state()
     if gauge is not None and not gauge.running:
         results.append(f"The gauge is away: {gauge.error or 'its readings were ended'}.")
@@ -125,10 +125,10 @@ class InstrumentMemory:
 def interruption_message(jobs: tuple[JobState, ...], restored: tuple[CameraChoice, int] | None) -> str:
     """What a program that was killed left behind; empty without that."""
     cut = ", ".join(state.title for state in jobs)
-    parts = [f"Cut off, with what they had saved: {cut}." if cut else ""]
+    parts = [f"Interrupted (saved data are safe): {cut}." if cut else ""]
     if restored is not None:
         choice, target = restored
         object_ = f" on {choice.phantom}" if choice.is_virtual else ""
-        parts.append(f"Brought back: camera {choice.spec}{object_}, target {target}; start the camera to go on.")
+        parts.append(f"Restored: camera {choice.spec}{object_}, target {target}; start the camera to continue.")
     text = " ".join(part for part in parts if part)
-    return f"The console was not ended in order. {text}" if text else ""
+    return f"The console was not shut down properly. {text}" if text else ""

@@ -114,7 +114,7 @@ class Sweeps:
 
         def work(job: Job) -> None:
             done = run_sweep(plan, self._folder / name, workers=WORKERS, progress=job.advance)
-            refused = f", {done.refused} of them refused by the model" if done.refused else ""
+            refused = f", {done.refused} of them rejected by the model" if done.refused else ""
             job.say(f"{done.presses} presses in {done.folder}{refused}")
 
         with self._lock:

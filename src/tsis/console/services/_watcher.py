@@ -98,7 +98,7 @@ class Watcher:
 
     def _fail(self, error: Exception) -> None:
         """Go on with the live view, and log the error once."""
-        message = f"frames cannot be judged for a reason that nobody foresaw: {type(error).__name__}: {error}"
+        message = f"frames cannot be judged because of an unexpected error: {type(error).__name__}: {error}"
         if message != self.failure:
             _log.exception("a frame could not be judged")
         self.frame_analysis, self.failure = None, message

@@ -120,7 +120,7 @@ def _read(folder: Path, operator: str, job: Job) -> None:
         open_study(folder), operator=operator, preparing=preparing, progress=progress, ended=lambda: job.ending
     )
     message = f"{done.entered} readings entered, {done.undecided} of them undecided; {done.left} left."
-    job.say(f"{message} What was read is kept: run it again to go on." if done.left else message)
+    job.say(f"{message} Readings are saved: run it again to continue." if done.left else message)
 
 
 def _publish(folder: Path, by: str, although_incomplete: bool, job: Job) -> None:

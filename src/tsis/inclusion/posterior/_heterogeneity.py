@@ -19,9 +19,9 @@ import numpy as np
 from scipy.linalg.lapack import dtrtri
 
 from tsis.compiled import one_blas_thread
-from tsis.files import content_key
+from tsis.files import cached_arrays, content_key
 from tsis.inclusion.posterior._rings import ring_means
-from tsis.mechanics.surrogate import cached_arrays, mechanical_content
+from tsis.mechanics.surrogate import mechanical_content
 from tsis.mechanics.tissue_field import FieldMesh, TissueFieldResponse, field_factors, field_features
 
 if TYPE_CHECKING:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
@@ -11,7 +11,8 @@ from scipy.optimize import brentq
 
 from tsis.compiled import one_blas_thread
 from tsis.errors import MechanicsError
-from tsis.mechanics._face import FACE_POINTS
+from tsis.files import cached_arrays, content_key
+from tsis.mechanics._face import FACE_POINTS, Face
 from tsis.mechanics._mesh import block_radius_mm, central_cell_mm, shape_on_axis, sphere_on_axis
 from tsis.mechanics.small_strain._bodies import Resolution, Slab, SlabWithInclusion, face_of, probe_compliance
 from tsis.mechanics.small_strain._contact import FaceContact
@@ -20,7 +21,6 @@ from tsis.model import MN_PER_N, PressField
 
 if TYPE_CHECKING:
     from tsis.mechanics._element import Floats
-    from tsis.mechanics._face import Face
     from tsis.mechanics._mesh import Spheroid
     from tsis.mechanics.small_strain._contact import PartialContact
     from tsis.model import Inclusion, Phantom, Probe
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 STRAIN_LIMIT = 0.3  # nominal strain; the linear model is not valid beyond it
 ENDLESS = 1e5  # thickness of the slab that approximates a half-space, in radii of the face
+DIGITS = 12  # of the lines of a face of radius 1: what two sizes of it have in common
+KIND = "half-spaces"
 
 
 def nominal_strain(approach_mm: float, probe: Probe, thickness_mm: float) -> float:
@@ -182,10 +184,19 @@ class PressKernel:
 
 @lru_cache(maxsize=16)
 def half_space_compliance(face: Face, poisson: float, resolution: Resolution) -> Floats:
-    """Compliance of a face's nodes on a half-space of ``E / (1 - nu**2)`` = 1 kPa, from a very thick slab, (n, n)."""
+    """Compliance of a face's nodes on a half-space of ``E / (1 - nu**2)`` = 1 kPa, from a very thick slab, (n, n).
+
+    It is in inverse proportion to the size of the face, so that the face of radius 1 serves all that are like it.
+    """
     edge = float(face.lines[-1])
-    endless = Slab(thickness_mm=ENDLESS * edge, poisson=poisson, face=face, block_mm=edge / 2, resolution=resolution)
-    compliance = endless.compliance / (1 - poisson**2)
+    unit = Face(lines=np.round(face.lines / edge, DIGITS), order=face.order)
+
+    def solve() -> dict[str, Floats]:
+        endless = Slab(thickness_mm=ENDLESS, poisson=poisson, face=unit, block_mm=0.5, resolution=resolution)
+        return {"compliance": endless.compliance / (1 - poisson**2)}
+
+    content = {"lines": unit.lines.tolist(), "order": unit.order, "poisson": poisson, "resolution": asdict(resolution)}
+    compliance = cached_arrays(KIND, content_key({"format": 1, **content}), solve)["compliance"] / edge
     compliance.flags.writeable = False  # shared through the cache
     return compliance
 

@@ -1,7 +1,7 @@
 """Presses as polynomials over a box of inclusions and tissues, with their measured error and a disk cache."""
 
 from tsis.mechanics._mesh import mechanical_content
-from tsis.mechanics.surrogate._build import build_surrogate, cached_arrays
+from tsis.mechanics.surrogate._build import build_surrogate
 from tsis.mechanics.surrogate._correction_build import build_finite_correction
 from tsis.mechanics.surrogate._finite_correction import CorrectionBox, FiniteCorrection, correction_box, wide_box
 from tsis.mechanics.surrogate._full_contact import (
@@ -36,7 +36,6 @@ __all__ = [
     "build_finite_correction",
     "build_full_contact_surrogate",
     "build_surrogate",
-    "cached_arrays",
     "contrast_factor",
     "correction_box",
     "mechanical_content",

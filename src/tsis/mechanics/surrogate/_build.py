@@ -15,7 +15,7 @@ import numpy as np
 import scipy
 
 from tsis.compiled import one_blas_thread
-from tsis.files import content_key, read_cached_arrays, write_cached_arrays
+from tsis.files import cached_arrays, content_key
 from tsis.mechanics._mesh import mechanical_content
 from tsis.mechanics.surrogate._polynomial import (
     Box,
@@ -131,15 +131,6 @@ def largest_error(box: Box, slabs: Callable[[float], Slabs], error: Callable[[Su
         kernels = itertools.cycle(list(pool.map(slabs, thicknesses)))
         points = ranges[:, 0] + unit * np.ptp(ranges, axis=1)
         return max(pool.map(measured, itertools.cycle(thicknesses), kernels, points))
-
-
-def cached_arrays(kind: str, key: str, solve: Callable[[], dict[str, Floats]]) -> dict[str, Floats]:
-    """Arrays from the disk cache; ``solve`` computes missing ones."""
-    arrays = read_cached_arrays(kind, key)
-    if arrays is None:
-        arrays = solve()
-        write_cached_arrays(kind, key, arrays)
-    return arrays
 
 
 def surrogate_key(

@@ -18,7 +18,7 @@ from tsis.model import (
     require_ascending,
     require_number,
 )
-from tsis.optics._asperities import real_contact
+from tsis.optics._angles import real_contact
 from tsis.optics.irradiance._fit import POWERS, RINGS, powers
 from tsis.optics.rays import face_grid, on_face, slopes
 

@@ -13,7 +13,7 @@ from tsis.errors import InputError
 from tsis.files import content_key, read_cached_arrays, write_cached_arrays
 from tsis.model import Probe, require_integer, require_number, require_type
 from tsis.optics import _inputs as inputs
-from tsis.optics._asperities import real_contact
+from tsis.optics._angles import real_contact
 from tsis.optics.irradiance._field import Irradiance, leaving_light
 from tsis.optics.irradiance._fit import slope_terms, smooth, symmetries, symmetrised, watched_slopes
 from tsis.optics.rays import (

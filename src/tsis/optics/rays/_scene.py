@@ -8,7 +8,7 @@ import numpy as np
 
 from tsis.errors import InputError
 from tsis.model import PressField, PressMap, Probe, require_type
-from tsis.optics._asperities import real_contact
+from tsis.optics._angles import real_contact
 from tsis.optics.rays import _surface as rays_surface
 from tsis.optics.rays._face import face_grid, on_face
 

@@ -170,8 +170,8 @@ def _probe(record: TargetRecord) -> str:
 
 
 IDENTITY_NOTE = (
-    "Notes, settings, names of files, and probes and flags that tsis does not know are left out, since this is a "
-    "subject: the page shows the pseudonym only."
+    "This is a subject: the page shows only the pseudonym. Notes, settings, file names, and probes and flags unknown "
+    "to tsis are hidden."
 )
 
 

@@ -82,7 +82,7 @@ def test_a_camera_lost_in_mid_step_costs_that_step(
     world.plugged = False
     assert job.wait(HANGS_S)
     assert job.state().status == "failed"
-    assert job.state().sentence.startswith(f"step '{LOADING}' is not kept, those before it are: aravis:lit ")
+    assert job.state().sentence.startswith(f"step '{LOADING}' is not saved, those before it are: aravis:lit ")
     assert remaining(session) == {"dark": 16}
     assert drafts(session.folder.path) == []
     with pytest.raises(CameraError, match="aravis:lit is away"):
@@ -244,7 +244,7 @@ def test_a_calibration_that_cannot_be_set_aside_keeps_no_frames_that_it_was_not_
     monkeypatch.setattr(session_module, "archive_calibration", refused)
     job = session.take("dark", by=ANN)
     assert job.wait(HANGS_S)
-    assert "step 'dark' is not kept, those before it are: " in job.state().sentence
+    assert "step 'dark' is not saved, those before it are: " in job.state().sentence
     assert remaining(session) == {}
     session.press(LOADING, 0.5, by=ANN)
     with pytest.raises(FileInputError, match="Permission denied"):

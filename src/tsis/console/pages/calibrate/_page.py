@@ -59,8 +59,8 @@ def session_list(sessions: Sequence[SessionSummary]) -> None:
     if not sessions:
         kit.muted(
             tr(
-                "None yet. A calibration converts grey levels to newtons and pixels to millimetres; begin one, and "
-                "it leads through its steps. It can be interrupted at any time and goes on where it was left."
+                "None yet. A calibration converts grey levels to newtons and pixels to millimetres. Begin one to be "
+                "guided through its steps; it can be interrupted and resumed at any time."
             )
         )
         return
@@ -98,7 +98,7 @@ class StepList:
         self._choose = choose
         self._title = kit.panel_title(tr("Steps"))
         self._list = kit.Redrawn(ui.element("ol").classes("calibrate-steps"))
-        take_all = kit.button(tr("Take all open steps"), viewer.command(session.take_all), icon="fast_forward")
+        take_all = kit.button(tr("Do all open steps"), viewer.command(session.take_all), icon="fast_forward")
         self._all = controls.add(take_all.classes("calibrate-all"))
         self._automatic = session.rig.by_itself
         self._all.set_visibility(self._automatic)
@@ -296,14 +296,12 @@ class TermsForm:
         self._patch.set_visibility(not self._virtual)
         if self._virtual:
             self._with.text = tr(
-                "With the virtual rig, which does each step at a click. It calibrates the virtual probe of this seed."
+                "With the virtual rig, one click per step. It calibrates the virtual probe of this seed."
             )
         elif state.camera.running:
-            self._with.text = tr("With {camera}, at the settings that it has now.", camera=state.camera.name)
+            self._with.text = tr("With {camera}, at its present settings.", camera=state.camera.name)
         else:
-            self._with.text = tr(
-                "With the camera that is chosen; start it first, for the session remembers its settings."
-            )
+            self._with.text = tr("With the chosen camera. Start it first: the session stores its settings.")
 
     async def _begin(self) -> None:
         session = await kit.submit(self._viewer, self._fields, self._begun)

@@ -76,7 +76,7 @@ class TypedLoading:
     ) -> None:
         self._viewer, self._session, self._step = viewer, session, step
         with ui.element("div").classes("stack"):
-            kit.muted(tr("Begin untouched with the force that the gauge shows then, usually 0."))
+            kit.muted(tr("Start without contact, with the force that the gauge shows, usually 0."))
             with ui.element("div").classes("row"):
                 self._force = kit.unit_field("Force that the gauge shows", unit="N").props("autofocus")
                 self._force.on("keydown.enter", self._press)
@@ -136,7 +136,7 @@ class StepCard:
 
     def _build(self, state: StepState | None, number: int, total: int) -> None:
         if state is None:
-            kit.panel_title(tr("Every step is done or left out."))
+            kit.panel_title(tr("Every step is done or skipped."))
             kit.muted(tr("Make the calibration below, or choose a step to repeat it."))
             return
         step, session, command = state.step, self._session, self._viewer.command

@@ -1,5 +1,6 @@
 """Widgets that several pages share."""
 
+from tsis.console._catalogues import ENGLISH, languages
 from tsis.console.pages.components._actions import (
     OperatorControls,
     ProgressBar,
@@ -32,12 +33,10 @@ from tsis.console.pages.components._fields import (
     with_field_labels,
 )
 from tsis.console.pages.components._language import (
-    ENGLISH,
     address_of,
     chosen_language,
     help_texts,
     language_choice,
-    languages,
     plain_message,
     tr,
 )

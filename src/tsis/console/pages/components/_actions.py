@@ -93,7 +93,7 @@ class OperatorControls:
         for control in self._controls:
             control.set_enabled(commands)
         self._message.set_visibility(not commands)
-        self._message.text = tr("You watch: take the camera, at the top of the page, to use what is grey here.")
+        self._message.text = tr("You are watching. Take the camera (top of the page) to use the disabled controls.")
 
 
 class ProgressBar:

@@ -374,7 +374,7 @@ def one_file(
 
 def file_field(viewer: Viewer, label: str, *, accept: str, act: Callable[..., object]) -> FileField:
     """A field that hands an uploaded file to ``act`` as a path, ``by`` this client; the copy is then removed."""
-    field = one_file(viewer, label, accept=accept, refused=tr("The file is of another kind, or too large."))
+    field = one_file(viewer, label, accept=accept, refused=tr("The file is too large or has an unsupported format."))
 
     async def uploaded(event: UploadEventArguments) -> None:
         with tempfile.TemporaryDirectory(prefix="tsis-upload-") as folder:

@@ -1,7 +1,4 @@
-"""Texts of the pages in the language that a browser chose: gettext's call on one catalogue for each language.
-
-The English text in the code is the key of the catalogue. A text that a catalogue lacks stays English.
-"""
+"""Texts of the pages in the language that a browser chose, and a library's errors in the words of people."""
 
 from __future__ import annotations
 
@@ -9,51 +6,16 @@ import json
 import re
 import tomllib
 from functools import cache
-from gettext import NullTranslations
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 from urllib.parse import urlsplit
 
 from nicegui import ui
 from nicegui.slot import Slot
 
-CATALOGUES = Path(__file__).parents[2] / "languages"
-ENGLISH: Final = "en"
-COOKIE = "tsis-language"
+from tsis.console._catalogues import COOKIE, ENGLISH, languages, translated
+
 YEAR_S = 365 * 24 * 3600
-
-
-class Catalogue(NullTranslations):
-    """The texts of one language, by their English.
-
-    Examples
-    --------
-    >>> Catalogue({"Camera": "Kamera"}).gettext("Camera"), Catalogue({}).gettext("Camera")
-    ('Kamera', 'Camera')
-    """
-
-    def __init__(self, texts: dict[str, str]) -> None:
-        super().__init__()
-        self._texts = texts
-
-    def gettext(self, message: str) -> str:
-        """The text in this language; the English one where it is missing."""
-        return self._texts.get(message, message)
-
-
-@cache
-def catalogue(language: str) -> Catalogue:
-    """The catalogue of a language; an empty one for English."""
-    if language == ENGLISH:
-        return Catalogue({})
-    return Catalogue(json.loads((CATALOGUES / f"{language}.json").read_text(encoding="utf-8")))
-
-
-@cache
-def languages() -> dict[str, str]:
-    """The languages by their codes, each under its own name, which its catalogue has under ``English``."""
-    codes = sorted(file.stem for file in CATALOGUES.glob("*.json"))
-    return {ENGLISH: "English"} | {code: catalogue(code).gettext("English") for code in codes}
 
 
 def chosen_language() -> str:
@@ -76,8 +38,7 @@ def tr(text: str, **values: object) -> str:
     >>> tr("Target {number}", number=7)
     'Target 7'
     """
-    translated = catalogue(chosen_language()).gettext(text)
-    return translated.format(**values) if values else translated
+    return translated(text, chosen_language(), **values)
 
 
 @cache

@@ -100,7 +100,7 @@ class Viewer:
             return plain_message(str(error))
         except Exception as error:
             _log.exception("a command of a page failed")
-            return f"This failed for an unexpected reason: {type(error).__name__}: {error}"
+            return f"Unexpected error: {type(error).__name__}: {error}"
         return ""
 
     def command(self, act: Callable[..., object], *given: object) -> Callable[[], Awaitable[object]]:

@@ -88,7 +88,7 @@ class QuestionForm:
                 lambda: self._fault(QuestionDraft(frames=draft.frames)),
                 messages,
             )
-            ui.switch(tr("Reference presses too"), value=draft.with_reference).props("dense").bind_value_to(
+            ui.switch(tr("Include reference presses"), value=draft.with_reference).props("dense").bind_value_to(
                 draft, "with_reference"
             )
 

@@ -49,7 +49,7 @@ class Section:
     def __init__(self, editor: ProbeEditor, viewer: kit.Viewer) -> None:
         self._editor, self._viewer = editor, viewer
         self._requested = 0
-        kit.panel_title(tr("Seen from the side"))
+        kit.panel_title(tr("Side view"))
         with ui.element("div").classes("section"):
             self._picture = kit.drawing()
             kit.show_drawing(self._picture, EMPTY, "the probe, not yet drawn")
@@ -64,7 +64,7 @@ class Section:
         except InputError as error:
             beside = any(self._editor.probe.field_faults())  # which has its own message
             self._fault.text = (
-                tr("Not drawn while a field is wrong.")
+                tr("Not drawn while a field is invalid.")
                 if beside
                 else tr("Not drawn: {message}", message=kit.plain_message(str(error)))
             )
@@ -180,7 +180,7 @@ class DesignResultPanel:
             self._message.text = (
                 tr("{done} of {total} solved", done=state.done, total=state.total)
                 if state.done
-                else tr("The press of a new probe takes a while.")
+                else tr("The first press of a new probe takes a while.")
             )
         elif job is not self._shown:
             self._shown = job
@@ -225,10 +225,7 @@ def file_name(name: str) -> str:
     return re.sub(r"[^A-Za-z0-9_]+", "-", name).strip("-") or "probe"
 
 
-WHAT = (
-    "Nothing is pressed here and no camera is needed: the model of the estimates predicts how well diameter, depth "
-    "and modulus of inclusions would be known."
-)
+WHAT = "No camera is needed: the model predicts how well diameter, depth and modulus of inclusions could be estimated."
 
 
 async def design_tab(instrument: Instrument, viewer: kit.Viewer) -> None:

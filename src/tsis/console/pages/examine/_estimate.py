@@ -117,7 +117,7 @@ def work_steps(state: InstrumentState, saved: SavedTarget) -> tuple[WorkStep, ..
             name="presses",
             title=tr("Presses ({count})", count=saved.count),
             done="target" in saved.roles,
-            cure=tr("Press the target, and save a snapshot. Two forces tell more than one."),
+            cure=tr("Press the target, and save a snapshot. Two forces give more information than one."),
             role="target",
         ),
         WorkStep(
@@ -239,9 +239,9 @@ class TissueRow:
         self._instrument, self._viewer, self._controls = instrument, viewer, controls
         with ui.element("div").classes("row tissue"):
             act = viewer.command(instrument.read_tissue)
-            self._read = kit.button(tr("Read the tissue"), act, icon="straighten", look="outline dense")
+            self._read = kit.button(tr("Measure the tissue"), act, icon="straighten", look="outline dense")
             with controls.add(self._read):
-                ui.tooltip(tr("One light press on tissue without an inclusion, {force} N or so.", force=LIGHT_N))
+                ui.tooltip(tr("One light press on tissue without an inclusion, at about {force} N.", force=LIGHT_N))
             self._message = kit.status("muted wordy")
             self._forces = kit.Redrawn(ui.element("div").classes("row"))
 
@@ -268,7 +268,7 @@ class TissueRow:
 def tissue_text(tissue: TissueReading | None, job: JobState | None) -> str:
     """What is known of the tissue, or why it is not."""
     if job is not None and job.running:
-        return tr("Reading the tissue …")
+        return tr("Measuring the tissue …")
     if job is not None and job.status == FAILED:
         return f"{job.sentence}."
     if tissue is None:

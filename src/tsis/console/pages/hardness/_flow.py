@@ -121,7 +121,7 @@ class HardnessPanel:
             with kit.title_row(page.title):
                 ui.link(tr("Report and export of target {number}", number=saved.number), f"/records/{saved.number}")
             if not saved.is_current:
-                ui.label(tr("Presses were saved since: estimate again to include them.")).classes("doubtful")
+                ui.label(tr("New presses were saved: estimate again to include them.")).classes("doubtful")
             with ui.element("div").classes("hardness-report"):
                 with ui.element("div").classes("stack"):
                     kit.cards(page.cards)

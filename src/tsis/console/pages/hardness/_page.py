@@ -76,12 +76,12 @@ class ObjectPart:
         if written is not None:
             self._fill((choice, written), written, RADIUS_SD_MM)
             self._message.text = tr(
-                "{object} lies under {probe}; its radius is as a calliper measured it.",
+                "{object} is under {probe}; its radius was measured with a calliper.",
                 object=choice.phantom,
                 probe=choice.probe,
             )
         elif not choice.is_virtual:
-            self._message.text = tr("Leave both empty where unknown; the estimate is then wide.")
+            self._message.text = tr("Leave both empty if unknown; the intervals are then wider.")
             options = {} if saved.estimate is None else saved.estimate.options
             if "radius_mm" in options:  # as it was typed for the last estimate
                 self._fill((choice, saved.number), options["radius_mm"], options.get("radius_sd_mm"))

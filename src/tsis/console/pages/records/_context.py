@@ -184,10 +184,10 @@ async def follow_job(
 
 IDENTIFIED = "include label, names and true times"
 MEANT = {
-    True: "Masked: label, names and times are left out or shifted, unless you ask for them below.",
-    False: "This form masks nothing: notes, names and settings are in it.",
+    True: "Masked: label, names and times are removed or shifted unless you include them below.",
+    False: "Not masked: notes, names and settings are included.",
 }
-PAGE = "This form shows what the report shows; of a subject the pseudonym only."
+PAGE = "Contains what the report shows; of a subject only the pseudonym."
 
 
 def export_button(page: TargetContext, view: TargetView) -> None:

@@ -216,14 +216,14 @@ class _PressEditing(Editing["StoredPress"]):
 
     def _lay_out(self) -> None:
         self._role = kit.select_field(ROLE_NAMES, label="What was pressed")
-        self._force = kit.text_field("Force in newtons; empty where unknown")
+        self._force = kit.text_field("Force in newtons; empty if unknown")
         names = list(dict.fromkeys([*GUARD_FLAGS, *self._record.flags]))
         self._flags = kit.select_field(
             names, label="Flags", multiple=True, with_input=True, new_value_mode="add-unique"
         ).props("use-chips")
         self._note = kit.text_area("Note").props("autogrow")
         self._fields = {"force": self._force, "note": self._note}
-        kit.muted(tr("Where force or role are changed, recompute the estimates."))
+        kit.muted(tr("After a change of force or role, recompute the estimates."))
 
     def _show(self, record: StoredPress) -> None:
         self._role.value, self._note.value = record.role, record.note

@@ -223,8 +223,8 @@ def _row(summary: TargetSummary) -> dict[str, Any]:
 
 BUNDLE = "bundle.zip"
 EXPLAINED = (
-    "A bundle is the zip file that the export of a target writes. Target, presses and estimates keep their identity: "
-    "what is here already stays as it is, and what is taken in twice is here once."
+    "A bundle is the zip file that a target's export creates. Existing targets, presses and estimates are not "
+    "changed, and nothing is imported twice."
 )
 TOO_LARGE = f"a bundle must be one zip file of at most {kit.LARGEST_MIB} MiB here; larger ones: tsis records import"
 
@@ -259,9 +259,7 @@ async def _saved(event: UploadEventArguments, viewer: kit.Viewer) -> Path | None
         folder = Path(tempfile.mkdtemp(prefix="tsis-import-"))
         await event.file.save(folder / BUNDLE)
     except OSError as error:
-        viewer.complain(
-            tr("a bundle that is imported needs room for a copy; got: {reason}", reason=error.strerror or error)
-        )
+        viewer.complain(tr("There is no space for a copy of the bundle: {reason}", reason=error.strerror or error))
         if folder is not None:
             shutil.rmtree(folder, ignore_errors=True)
         return None
@@ -301,8 +299,8 @@ def verify_button(instrument: Instrument, viewer: kit.Viewer, place: ui.element)
 
 
 BACKUP = (
-    "A copy of the whole store in a new folder on the console's computer, verified, and a store itself. To restore: "
-    "tsis records restore FOLDER --store NEW, then tsis console --store NEW."
+    "Copies the whole store to a new folder on the console's computer and verifies the copy, which is a store itself. "
+    "To restore: tsis records restore FOLDER --store NEW, then tsis console --store NEW."
 )
 
 
@@ -312,7 +310,9 @@ def backup_button(instrument: Instrument, viewer: kit.Viewer, place: ui.element)
     def ask() -> None:
         with kit.open_dialog(place, tr("Back up the store")) as dialog:
             kit.muted(tr(BACKUP))
-            folder = kit.text_field("New folder, whole path", value=str(instrument.store.folder.resolve()) + "-backup")
+            folder = kit.text_field(
+                "New folder (absolute path)", value=str(instrument.store.folder.resolve()) + "-backup"
+            )
             folder.props("outlined dense")
 
             async def begin() -> None:

@@ -75,7 +75,7 @@ class Presses:
                         turn = kit.button(tr(text), partial(self._turn, by), icon=icon, look="outline dense")
                         turn.set_enabled(0 <= view.offset + by < view.total)
             if not view.presses:
-                kit.muted(tr("Nothing was recorded yet: snapshots on the page Examine become presses."))
+                kit.muted(tr("Nothing recorded yet: snapshots on the page Examine become presses."))
             with ui.element("div").classes("presses"):
                 for press in view.presses:
                     self._press(press, view)
@@ -150,7 +150,7 @@ async def compare(page: TargetContext, view: TargetView, *, same_light: bool = F
     with position:
         with kit.title_row(content.title, level=3):
             ui.switch(
-                tr("bring both to the same light"),
+                tr("match brightness"),
                 value=same_light,
                 on_change=lambda event: compare(page, view, same_light=event.value),
             ).props("dense")
@@ -216,7 +216,7 @@ def ask_to_compare(page: TargetContext, view: TargetView) -> None:
         def go() -> None:
             text = (other.value or "").strip()
             if not text.isdecimal():
-                other.error = tr("The other target must be given by its number.")
+                other.error = tr("Enter the number of the other target.")
                 return
             dialog.close()
             ui.navigate.to(f"/records/compare/{number}-{int(text[:20])}")

@@ -197,10 +197,11 @@ class StudyDraft:
 
 EVERY_S, PROGRESS_EVERY_S = 1.0, 0.5
 HEADINGS = ("Study", "Targets", "Readings", "State")
-NONE_YET = "There is no study yet. Make one here: its targets get codes in random order, and the truth is sealed."
+NONE_YET = "No study yet. Create one here: its targets get codes in random order, and the truth is sealed."
 MEANT = (
-    "Codes and order follow from the seed. Whoever knows it can read the truth; left empty it is drawn, and sealed "
-    "with the truth. Targets, probe, forces and threshold are fixed once the study is made."
+    "The seed determines the codes and their order; whoever knows it can compute the truth. Leave it empty for a "
+    "random seed, which is sealed with the truth. Targets, probe, forces and threshold are fixed once the study is "
+    "created."
 )
 
 
@@ -298,7 +299,7 @@ class _NewStudy:
         kit.muted(tr(MEANT))
         self._size = kit.muted()
         with ui.element("div").classes("row"):
-            self._button = kit.button(tr("Make the study"), self._make, icon="add", look="unelevated")
+            self._button = kit.button(tr("Create the study"), self._make, icon="add", look="unelevated")
             self._bar = ui.linear_progress(0.0, show_value=False, size="6px").props(
                 'aria-label="Progress of the study"'
             )
@@ -331,7 +332,7 @@ class _NewStudy:
             await self._made(draft)
             return
         with kit.open_dialog(self._dialogs, tr("A large study")) as dialog:
-            ui.label(tr("{size} Its targets are fixed once it is made.", size=size.text()))
+            ui.label(tr("{size} The targets are fixed once the study is created.", size=size.text()))
 
             async def confirmed() -> None:
                 dialog.close()

@@ -45,7 +45,7 @@ class Outcome:
         with self._panel:
             self._head(view)
             if result is None:
-                ui.label(tr("The numbers are not available; Verify shows what is wrong.")).classes("flag")
+                ui.label(tr("The results cannot be read; Verify shows the cause.")).classes("flag")
             else:
                 self._body(result)
         return result
@@ -57,7 +57,7 @@ class Outcome:
                 ui.link(tr("Report"), f"{position}.html", new_tab=True).classes("link button")
                 ui.link(tr("PDF"), f"{position}.pdf").classes("link button").props("download")
             else:
-                kit.muted(tr("No report was written yet: Analyse again writes it."))
+                kit.muted(tr("No report yet: Analyse again creates it."))
 
     def _body(self, result: StudyResult) -> None:
         kit.cards(result.page.cards)
@@ -76,7 +76,7 @@ MEANT = (
     "did it and when is entered in the log of the study, once, and cannot be taken back. Then the readings are "
     "analysed and the report is written."
 )
-FAULTY = "The study is not as it was written; that is entered too:"
+FAULTY = "The study's files were changed; the log records that as well:"
 
 
 class Unblinding:
@@ -158,8 +158,8 @@ class Unblinding:
 
 MOST_FAULTS_SHOWN = 100  # faults; a study that has more has one cause
 VERIFICATION_MEANING = (
-    "Lines that were cut off the end of the log, and a log that was written anew, show only beside a head that was "
-    "kept elsewhere."
+    "Lines missing at the end of the log, or a rewritten log, are only detected with a log head that was saved "
+    "elsewhere."
 )
 
 
@@ -192,7 +192,7 @@ def verify_button(page: StudyContext, place: ui.element) -> None:
                 )
             ui.label(tr("Head of the log: {head}", head=verification.head)).classes("muted identity")
             with ui.element("div").classes("row"):
-                saved = kit.unit_field("Head that was saved elsewhere", head, keys="text").classes("study-head")
+                saved = kit.unit_field("Log head saved elsewhere", head, keys="text").classes("study-head")
                 kit.button(tr("Compare"), lambda: begin(saved.value or ""), look="outline dense")
                 kit.button(tr("Close"), place.clear, look="flat dense")
             kit.muted(tr(VERIFICATION_MEANING))
@@ -207,7 +207,7 @@ def verdict(verification: StudyVerification) -> str:
     return f"The study is NOT as it was written: it differs in {count_of(len(verification.faults), 'place')}."
 
 
-NONE_YET = "Nothing was read yet. Run the virtual probe, or import the readings of another device."
+NONE_YET = "No readings yet. Run the virtual probe, or import the readings of another device."
 
 
 def show_devices(page: StudyContext, view: StudyView) -> None:
@@ -280,8 +280,8 @@ class JobProgress:
 
 
 READING_MEANS = (
-    "The virtual probe of this study presses what is left, under the codes. It needs no camera. End it at any time: "
-    "what was read is kept, and the next run goes on there. Another operator reads every target anew."
+    "The virtual probe of this study reads the remaining targets by their codes. No camera is needed. Cancel at any "
+    "time: readings are saved, and the next run continues from there. Each operator reads every target."
 )
 
 
@@ -318,8 +318,8 @@ class Running:
 
 
 EXPLAINED = (
-    "A CSV file with the columns {columns}. A higher score says that an inclusion is "
-    "likelier, an empty one is undecided; the last three may be empty. A table is entered whole or not at all."
+    "A CSV file with the columns {columns}. A higher score means that an inclusion is more likely; an empty score "
+    "means undecided. The last three columns may be empty. A file is imported completely or not at all."
 )
 TOO_LARGE = f"readings must be one CSV file of at most {kit.LARGEST_MIB} MiB here; larger ones: tsis study import"
 CUT = "The upload is incomplete: try again."

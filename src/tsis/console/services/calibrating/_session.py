@@ -88,7 +88,7 @@ class TypedLoadings:
 
     def require_room(self, step: str) -> None:
         """Refuse, with `InputError`, a press more than a loading may have."""
-        require_integer("presses of a loading", len(self.shots(step)) + 1, 1, MOST_TYPED, hint="keep what there is")
+        require_integer("presses of a loading", len(self.shots(step)) + 1, 1, MOST_TYPED, hint="save what there is")
 
     def add(self, step: str, shot: CalibrationFrame) -> int:
         """Add a press, and return how many there are.
@@ -99,7 +99,7 @@ class TypedLoadings:
         stored = sum(shot.image.grey.nbytes for shots in self._shots.values() for shot in shots)
         if stored + shot.image.grey.nbytes > self._most_bytes:
             raise CalibrationError(
-                f"presses that are not kept yet may take at most {self._most_bytes / 2**20:.0f} MiB; this one would "
+                f"presses that are not saved yet may take at most {self._most_bytes / 2**20:.0f} MiB; this one would "
                 "take more (keep the loadings that are complete)"
             )
         self._shots.setdefault(step, []).append(shot)
@@ -192,7 +192,7 @@ class CalibrationSession:
             raise CalibrationError("all steps at once need the virtual bench; a camera needs a person (take each step)")
         steps = [state.step for state in self.steps() if state.status in (OPEN, LEFT_OUT)]
         if not steps:
-            raise CalibrationError("every step is done; there is none to take (repeat one, or make the calibration)")
+            raise CalibrationError("every step is done (repeat one, or make the calibration)")
         return self._begin(steps, by)
 
     def end_loading(self, *, by: str) -> None:
@@ -232,14 +232,14 @@ class CalibrationSession:
             self._require(by)
             shots = self._typed.shots(name)
             if not shots:
-                raise CalibrationError("a loading must hold presses to be kept; it has none (type the first force)")
+                raise CalibrationError("a loading must have presses to be saved; it has none (type the first force)")
             return self._save(step, shots)
 
     def leave_out(self, name: str, *, by: str) -> None:
         """Leave out a step that a calibration can be made without; taking it later is possible."""
         self._control.require(by)
         if not self._open(name).optional:
-            raise CalibrationError(f"step {name!r} cannot be left out: no calibration can be made without it")
+            raise CalibrationError(f"step {name!r} cannot be skipped: every calibration needs it")
         self._left_out.add(name)
 
     def repeat(self, name: str, *, by: str) -> None:
@@ -293,7 +293,7 @@ class CalibrationSession:
             try:
                 saved += self._save(step, self._reporting(job, step, saved, total))
             except TsisError as error:
-                raise CalibrationError(f"step {step.name!r} is not kept, those before it are: {error}") from error
+                raise CalibrationError(f"step {step.name!r} is not saved, those before it are: {error}") from error
             self._left_out.discard(step.name)
         job.say(f"{saved} frames kept")
         return saved
@@ -339,7 +339,7 @@ class CalibrationSession:
     def _open(self, name: str) -> CalibrationStep:
         step = self._step(name)
         if self.folder.done(step):
-            raise CalibrationError(f"step {name!r} is done; its frames are kept (repeat it to take others)")
+            raise CalibrationError(f"step {name!r} is done; its frames are saved (repeat it to take others)")
         return step
 
     def _require(self, by: str) -> None:
