@@ -5,12 +5,10 @@ from __future__ import annotations
 import hashlib
 import logging
 from collections.abc import Callable
-from functools import cache, lru_cache
+from functools import cache, cached_property, lru_cache, update_wrapper
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
-import numba
-from numba.core import event
 from threadpoolctl import ThreadpoolController
 
 if TYPE_CHECKING:
@@ -21,19 +19,6 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 logger = logging.getLogger("tsis")
 
 
-class _Announcement(event.Listener):
-    """Logs once that functions are compiled, which takes seconds; code from the cache is not compiled."""
-
-    def on_start(self, _event: event.Event) -> None:
-        event.unregister("numba:compile", self)  # type: ignore[no-untyped-call]
-        logger.info("compiling the numerical loops, once on this machine")
-
-    def on_end(self, _event: event.Event) -> None:
-        """End of a compilation, of which nothing is said."""
-
-
-event.register("numba:compile", _Announcement())  # type: ignore[no-untyped-call]
-
 _EXACT: dict[str, Any] = {"nogil": True, "cache": True, "error_model": "numpy"}
 # Multiplications and additions may be fused and reciprocals reused; infinities and NaN remain exact.
 _FUSED: dict[str, Any] = {**_EXACT, "fastmath": {"contract", "arcp", "nsz"}}
@@ -41,17 +26,56 @@ _FUSED: dict[str, Any] = {**_EXACT, "fastmath": {"contract", "arcp", "nsz"}}
 
 def compiled(function: Function) -> Function:
     """Compile to machine code without the interpreter lock, cached on disk; it rounds as Python does."""
-    return cast("Function", _stamped(numba.njit(**_EXACT)(function), function))
+    return cast("Function", _Compiled(function, _EXACT))
 
 
 def fused(function: Function) -> Function:
     """Compile with fused, faster arithmetic, for loops whose error is far larger than rounding."""
-    return cast("Function", _stamped(numba.njit(**_FUSED)(function), function))
+    return cast("Function", _Compiled(function, _FUSED))
 
 
 def inlined(function: Function) -> Function:
     """Compile `fused` and inline into callers: a call would copy all fields of the scene, half of the time."""
-    return cast("Function", _stamped(numba.njit(forceinline=True, **_FUSED)(function), function))
+    return cast("Function", _Compiled(function, {"forceinline": True, **_FUSED}))
+
+
+class _Compiled:
+    """A function that numba, which takes a fifth of a second to load, compiles when it is first called."""
+
+    def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
+        update_wrapper(self, function)
+        self.py_func, self._options = function, options
+
+    def __call__(self, *given: Any, **named: Any) -> Any:
+        return self.dispatcher(*given, **named)
+
+    @cached_property
+    def dispatcher(self) -> Any:
+        """What numba makes of the function; in its module, the functions that it calls become theirs."""
+        made = self.dispatcher = _stamped(_numba().njit(**self._options)(self.py_func), self.py_func)
+        names = self.py_func.__globals__
+        for name in self.py_func.__code__.co_names:
+            if isinstance(names.get(name), _Compiled):
+                names[name] = names[name].dispatcher
+        return made
+
+
+@cache
+def _numba() -> Any:
+    """The compiler, which logs once that functions are compiled: it takes seconds, and code from the cache none."""
+    import numba
+    from numba.core import event
+
+    class Announcement(event.Listener):
+        def on_start(self, _event: event.Event) -> None:
+            event.unregister("numba:compile", self)  # type: ignore[no-untyped-call]
+            logger.info("compiling the numerical loops, once on this machine")
+
+        def on_end(self, _event: event.Event) -> None:
+            """End of a compilation, of which nothing is said."""
+
+    event.register("numba:compile", Announcement())  # type: ignore[no-untyped-call]
+    return numba
 
 
 def _stamped(dispatcher: Any, function: Callable[..., Any]) -> Any:

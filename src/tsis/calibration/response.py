@@ -12,9 +12,8 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 from numpy.polynomial.legendre import leggauss
-from scipy.optimize import least_squares
-from scipy.special import erf, erfi
 
 from tsis.calibration._measured import MeasuredValue
 from tsis.calibration.force import GAUGE_ERROR, HERTZ_SPREAD, MIDDLE, combine_variances, fit_run, usable_presses
@@ -171,7 +170,7 @@ def _table() -> tuple[NDArray[np.float64], ...]:
 def _shown(square: NDArray[np.float64], s: NDArray[np.float64]) -> NDArray[np.float64]:
     """``erf(0.886 x s) / x`` over x², continued to negative x²; its slope at zero is that of s."""
     root = ERF_SLOPE * np.sqrt(np.maximum(np.abs(square), 1e-12))
-    bent = np.where(square >= 0, erf(root * s), erfi(root * s))
+    bent = np.where(square >= 0, scipy.special.erf(root * s), scipy.special.erfi(root * s))
     return np.asarray(bent / root * np.sqrt(np.pi) / 2)
 
 
@@ -254,7 +253,7 @@ def _saturation(loadings: Sequence[Loading], pixel_mm2: float) -> Saturation:
         square = _squares(force, spread, unknown[0] * scale)
         return np.asarray(weight * (np.log(shape) - np.log(peakedness(square)) - unknown[1] / spread))
 
-    fit = least_squares(residuals, np.array([0.1, 0.0]), x_scale=np.array([0.1, 0.01]))
+    fit = scipy.optimize.least_squares(residuals, np.array([0.1, 0.0]), x_scale=np.array([0.1, 0.01]))
     freedom = len(force) - 2.0
     slopes = np.asarray(fit.jac)
     covariance = np.linalg.inv(slopes.T @ slopes) * float(2 * fit.cost) / freedom

@@ -15,8 +15,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import nnls
-from scipy.special import stdtrit
+import scipy
 
 from tsis.calibration._measured import MeasuredValue
 from tsis.errors import InputError
@@ -123,7 +122,9 @@ class DecayFit:
     def _solved(self, sign: float, *, fading: float | None = None) -> tuple[NDArray[np.float64], float]:
         """Amplitudes of that sign, and the sum of squared residuals."""
         target = self._observed if fading is None else np.append(self._observed, STIFF * fading)
-        amplitude, norm = nnls(self._matrices[sign, fading is not None], target, maxiter=50 * len(self.tau_s))
+        amplitude, norm = scipy.optimize.nnls(
+            self._matrices[sign, fading is not None], target, maxiter=50 * len(self.tau_s)
+        )
         return sign * amplitude, norm**2 + self._rest
 
 
@@ -288,7 +289,7 @@ def _described(time: NDArray[np.float64], value: NDArray[np.float64], longest_s:
     # Sampling variances: of the residual's variance 2 / n, of the robust variance from differences some 8 / n.
     if missed > noise**2 * (1 + MISFIT_SD * np.sqrt(10.0 / count)):
         return None
-    quantile = float(stdtrit(count - TERMS, CERTAINTY))
+    quantile = float(scipy.special.stdtrit(count - TERMS, CERTAINTY))
     runs = 1 + int(np.count_nonzero(np.diff(value)))
     noise = max(noise, float(np.sqrt(missed)), rounding * float(np.sqrt(count / runs)))
     return fit.decay(noise, deviations=quantile)
@@ -300,7 +301,7 @@ def _verdict(decay: Decay, count: int, tolerance: float, display: float) -> Sett
     low, high = sorted(min(max(-end / present, -CAPPED), CAPPED) for end in (decay.low, decay.high))
     # A change below one step stays invisible.
     bound = max(-low, high, min(display / abs(present), CAPPED))
-    quantile = float(stdtrit(count - TERMS, CERTAINTY))
+    quantile = float(scipy.special.stdtrit(count - TERMS, CERTAINTY))
     change = MeasuredValue(
         value=float(-fading / present), sd=(high - low) / (2 * quantile), degrees_of_freedom=count - TERMS
     )

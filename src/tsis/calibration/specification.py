@@ -7,9 +7,7 @@ from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import ndimage
-from scipy.optimize import least_squares
-from scipy.special import erf
+import scipy
 
 from tsis.calibration._measured import MeasuredValue
 from tsis.calibration.force import HYSTERESIS_POINT, mean_value
@@ -91,8 +89,10 @@ def _crossing(image: TactileImage, low: float, high: float) -> NDArray[np.float6
             f"image must show an edge; its step of {high - low:.1f} grey levels does not stand out of noise of "
             f"{noise:.1f} (press the block harder)"
         )
-    above = ndimage.gaussian_filter(image.grey, 1.5, mode="mirror") > (low + high) / 2
-    above = ndimage.grey_closing(ndimage.grey_opening(above, (7, 7), mode="nearest"), (7, 7), mode="nearest")
+    above = scipy.ndimage.gaussian_filter(image.grey, 1.5, mode="mirror") > (low + high) / 2
+    above = scipy.ndimage.grey_closing(
+        scipy.ndimage.grey_opening(above, (7, 7), mode="nearest"), (7, 7), mode="nearest"
+    )
     points = _longest_border(above)
     if not len(points):
         raise CalibrationError("image must show an edge of contact; it shows no bright part")
@@ -105,8 +105,8 @@ def _crossing(image: TactileImage, low: float, high: float) -> NDArray[np.float6
 
 def _longest_border(bright: NDArray[np.bool]) -> NDArray[np.intp]:
     """Pixels (x, y) of the longest outer border of a connected part."""
-    parts, _ = ndimage.label(ndimage.binary_fill_holes(bright), np.ones((3, 3)))
-    border = np.where(ndimage.binary_erosion(parts > 0), 0, parts)
+    parts, _ = scipy.ndimage.label(scipy.ndimage.binary_fill_holes(bright), np.ones((3, 3)))
+    border = np.where(scipy.ndimage.binary_erosion(parts > 0), 0, parts)
     lengths = np.bincount(border.ravel())
     lengths[0] = 0
     return np.argwhere((border == np.argmax(lengths)) & (border > 0))[:, ::-1]
@@ -188,13 +188,13 @@ def _width(distance: NDArray[np.float64], grey: NDArray[np.float64], step: float
 
     def misfit(values: NDArray[np.float64]) -> NDArray[np.float64]:
         low, height, position, blur = values
-        rise = 0.5 + 0.5 * erf((sign * distance - position) / (np.sqrt(2) * max(abs(blur), 1e-9)))
+        rise = 0.5 + 0.5 * scipy.special.erf((sign * distance - position) / (np.sqrt(2) * max(abs(blur), 1e-9)))
         return np.asarray(low + height * rise - grey)
 
     start = float(np.percentile(grey, 5)), step, 0.0, 0.05
     scale = step, step, 0.05, 0.05
     # The loss lets pixels off the step, which the correction left out, weigh little.
-    fit = least_squares(misfit, start, x_scale=scale, loss="soft_l1", f_scale=step / 10, max_nfev=4000)
+    fit = scipy.optimize.least_squares(misfit, start, x_scale=scale, loss="soft_l1", f_scale=step / 10, max_nfev=4000)
     if not fit.success:
         raise CalibrationError("the edge must rise like a blurred step; it does not (clean the edge)")
     return TEN_TO_NINETY * abs(float(fit.x[3]))

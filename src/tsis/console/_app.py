@@ -24,7 +24,7 @@ from tsis.console.api import PLACE, Calls
 from tsis.console.auth import AuthMiddleware, console_folder, failed, write_private
 from tsis.console.files import Reports, files_router
 from tsis.console.live import ADDRESS, LiveHub, live_view
-from tsis.console.pages.shell import AT_ONCE, LANGUAGE, Shell, loaded_ahead, set_lost_connection_text
+from tsis.console.pages.shell import AT_ONCE, LANGUAGE, Shell, set_lost_connection_text
 from tsis.console.studies import StudyRepository
 from tsis.errors import FileInputError
 
@@ -100,11 +100,11 @@ def console_app(instrument: Instrument, *, access: Access, hosts: Collection[str
     """
     hub = LiveHub(lambda: instrument.camera_controller.acquisition)
     reports = Reports(instrument.store, database=instrument.terms.database)
-    calls = Calls(instrument, reports)
+    calls, shell = Calls(instrument, reports), Shell(instrument)
 
     @asynccontextmanager
     async def living(_: FastAPI) -> AsyncIterator[None]:
-        with calls.built_soon(), loaded_ahead(instrument):
+        with calls.built_soon(), shell.loaded_ahead():
             yield
         for client in Client.instances.values():
             client.outbox.stop()  # its loop can miss that it is cancelled, and the end would wait for it
@@ -129,7 +129,7 @@ def console_app(instrument: Instrument, *, access: Access, hosts: Collection[str
     set_lost_connection_text()
     ui.run_with(
         application,
-        root=Shell(instrument).build,
+        root=shell.build,
         title="tsis console",
         favicon=(STATIC / "favicon.svg").read_text(encoding="utf-8"),
         language=LANGUAGE,

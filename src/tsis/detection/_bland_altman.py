@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
-from scipy.special import ndtri, stdtr, stdtrit
 
 from tsis.detection._icc import squares
 from tsis.detection._inputs import LEVEL, Interval, checked_level, choice, readings, same_length
@@ -48,11 +47,13 @@ class ProportionalBias:
         """Two-sided p-value of the slope."""
         if self.standard_error == 0:
             return 1.0 if self.slope == 0 else 0.0
-        return float(2 * stdtr(self.degrees_of_freedom, -abs(self.slope) / self.standard_error))
+        return float(2 * scipy.special.stdtr(self.degrees_of_freedom, -abs(self.slope) / self.standard_error))
 
     def interval(self, level: float = LEVEL) -> Interval:
         """Student's interval of the slope with the confidence ``level``, in (0, 1); else `InputError`."""
-        half = float(stdtrit(self.degrees_of_freedom, 0.5 + checked_level(level) / 2)) * self.standard_error
+        half = (
+            float(scipy.special.stdtrit(self.degrees_of_freedom, 0.5 + checked_level(level) / 2)) * self.standard_error
+        )
         return Interval(low=self.slope - half, high=self.slope + half, level=level, method="t")
 
 
@@ -98,7 +99,7 @@ class BlandAltman:
 
         Raises `InputError` when the level is no probability, or all differences are equal.
         """
-        quantile = float(stdtrit(self.targets - 1, 0.5 + checked_level(level) / 2))
+        quantile = float(scipy.special.stdtrit(self.targets - 1, 0.5 + checked_level(level) / 2))
         half = quantile * self._spread() / math.sqrt(self.targets)
         return Interval(low=self.bias - half, high=self.bias + half, level=level, method="t")
 
@@ -135,7 +136,7 @@ class BlandAltman:
                 float(scipy.stats.nct.ppf(at, n - 1, noncentral)) * spread / math.sqrt(n) for at in (tail, 1 - tail)
             )
         else:
-            half = -float(stdtrit(n - 1, tail)) * spread * math.sqrt(1 / n + away**2 / (2 * (n - 1)))
+            half = -float(scipy.special.stdtrit(n - 1, tail)) * spread * math.sqrt(1 / n + away**2 / (2 * (n - 1)))
             near, far = away * spread - half, away * spread + half
         return (
             Interval(low=self.bias - far, high=self.bias - near, level=level, method=method),
@@ -193,4 +194,4 @@ def bland_altman(first: ArrayLike, second: ArrayLike) -> BlandAltman:
 
 def _normal(coverage: float) -> float:
     fraction = require_number("coverage", coverage, 1e-6, 1 - 1e-9, hint="a fraction of differences, such as 0.95")
-    return float(ndtri(0.5 + fraction / 2))
+    return float(scipy.special.ndtri(0.5 + fraction / 2))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.special import erfc, ndtri
+import scipy
 
 from tsis.detection._bootstrap import DRAWS, drawn_areas, percentiles
 from tsis.detection._inputs import LEVEL, Interval, both_classes, checked_level, scored
@@ -79,7 +79,7 @@ def compare_detectors(first: ArrayLike, second: ArrayLike, present: ArrayLike, *
     """
     scores, truth = _pair(first, second, present)
     both_classes(truth, least=2, needed_by="a paired test")
-    half = float(ndtri(0.5 + checked_level(level) / 2))
+    half = float(scipy.special.ndtri(0.5 + checked_level(level) / 2))
     spread = math.sqrt(difference_variance(scores, truth))
     difference = area(scores[0], truth) - area(scores[1], truth)
     low, high = max(difference - half * spread, -1.0), min(difference + half * spread, 1.0)
@@ -141,6 +141,6 @@ def _compared(scores: NDArray[np.float64], truth: NDArray[np.bool_], spread: flo
         standard_error=spread,
         interval=interval if varies else None,
         z=z,
-        p=float(erfc(abs(z) / math.sqrt(2))) if z is not None else None,
+        p=float(scipy.special.erfc(abs(z) / math.sqrt(2))) if z is not None else None,
         remark="" if varies else NO_SPREAD,
     )

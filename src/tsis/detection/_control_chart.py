@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.special import ndtr, stdtrit
+import scipy
 
 from tsis.detection._inputs import readings as checked_readings
 from tsis.errors import InputError
@@ -117,7 +117,7 @@ def control_chart(
 
 def _student(width: float, free: int) -> float:
     """The quantile of Student's t with the probability of ``width`` standard deviations of a normal variable."""
-    return -float(stdtrit(free, ndtr(-width)))
+    return -float(scipy.special.stdtrit(free, scipy.special.ndtr(-width)))
 
 
 def ewma_run_length(shift: float, *, weight: float = EWMA_WEIGHT, width: float = EWMA_WIDTH) -> float:
@@ -145,4 +145,4 @@ def ewma_run_length(shift: float, *, weight: float = EWMA_WEIGHT, width: float =
 def shewhart_run_length(shift: float, *, width: float = WIDTH) -> float:
     """Mean number of checks to a Shewhart alarm with a known baseline; ``shift`` as `ewma_run_length`."""
     require_number("shift", shift, -6.0, 6.0, hint="standard deviations")
-    return 1 / float(ndtr(-width - shift) + ndtr(-width + shift))
+    return 1 / float(scipy.special.ndtr(-width - shift) + scipy.special.ndtr(-width + shift))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.special import fdtrc, fdtri
+import scipy
 
 from tsis.detection._inputs import LEVEL, Interval, checked_level, choice, readings
 from tsis.errors import InputError
@@ -106,7 +106,7 @@ class IntraclassCorrelation:
     @property
     def p(self) -> float:
         """p-value of ``f``."""
-        return float(fdtrc(*self.degrees_of_freedom, self.f)) if np.isfinite(self.f) else 0.0
+        return float(scipy.special.fdtrc(*self.degrees_of_freedom, self.f)) if np.isfinite(self.f) else 0.0
 
     def interval(self, level: float = LEVEL) -> Interval:
         """Interval from the F distribution; that of the forms 2 is approximate, after Satterthwaite.
@@ -133,7 +133,10 @@ class IntraclassCorrelation:
 
     def _by_f(self, tail: float) -> tuple[float, float]:
         first, second = self.degrees_of_freedom
-        ends = self.f / fdtri(first, second, 1 - tail), self.f * fdtri(second, first, 1 - tail)
+        ends = (
+            self.f / scipy.special.fdtri(first, second, 1 - tail),
+            self.f * scipy.special.fdtri(second, first, 1 - tail),
+        )
         others = self.mean_squares.rater_count - 1
         low, high = ((end - 1) / (end + others) for end in ends)
         return float(low), float(high)
@@ -145,7 +148,10 @@ class IntraclassCorrelation:
         by_targets, by_raters = m.targets / m.residual, m.raters / m.residual
         part, rest = k * single * by_raters, n * (1 + (k - 1) * single) - k * single
         freedom = (k - 1) * (n - 1) * (part + rest) ** 2 / ((n - 1) * part**2 + rest**2)
-        above, below = float(fdtri(n - 1, freedom, 1 - tail)), float(fdtri(freedom, n - 1, 1 - tail))
+        above, below = (
+            float(scipy.special.fdtri(n - 1, freedom, 1 - tail)),
+            float(scipy.special.fdtri(freedom, n - 1, 1 - tail)),
+        )
         if not (math.isfinite(above) and below > 0):
             raise InputError(
                 f"ratings must differ more between targets for an interval of {self.form}; got F = {by_targets:g}: "

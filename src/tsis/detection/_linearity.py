@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.special import chdtri, stdtr, stdtrit
+import scipy
 
 from tsis.detection._inputs import LEVEL, Interval, checked_level, readings, same_length
 from tsis.detection._repeatability import degrees_of_freedom, modified_large_samples, reproducibility_terms
@@ -59,7 +59,7 @@ class Linearity:
         return self._interval(self.intercept, self.intercept_sd, level)
 
     def _interval(self, value: float, sd: float, level: float) -> Interval:
-        half = float(stdtrit(self.targets - 2, 0.5 + checked_level(level) / 2)) * sd
+        half = float(scipy.special.stdtrit(self.targets - 2, 0.5 + checked_level(level) / 2)) * sd
         return Interval(low=value - half, high=value + half, level=level, method="t")
 
 
@@ -118,7 +118,7 @@ def _least_squares(design: np.ndarray, y: np.ndarray) -> tuple[list[float], list
 def _two_sided(value: float, sd: float, free: int) -> float:
     if sd == 0:
         return 1.0 if value == 0 else 0.0
-    return float(2 * stdtr(free, -abs(value) / sd))
+    return float(2 * scipy.special.stdtr(free, -abs(value) / sd))
 
 
 MOST_PHANTOMS = 500
@@ -229,7 +229,7 @@ def _upper_limits(
     """Upper limits of both coefficients over their values, less 1, where repeats have a standard deviation of 1."""
     n, _, r = shape
     *_, repeats = degrees_of_freedom(shape)
-    within = math.sqrt(repeats / float(chdtri(repeats, 0.5 + level / 2))) - 1
+    within = math.sqrt(repeats / float(scipy.special.chdtri(repeats, 0.5 + level / 2))) - 1
     interaction = 1 + r * interaction_sd**2
     terms = reproducibility_terms(shape, (interaction + n * r * operator_sd**2, interaction, 1.0))
     _, high = modified_large_samples(terms, level)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.special import expit, logit
+import scipy
 
 from tsis.errors import InputError
 from tsis.inclusion import presence_caveats
@@ -71,13 +71,13 @@ class PresenceProbability:
     def log_odds(self) -> float:
         """Logit of the probability; of a rounded probability that of the nearest number."""
         if self.evidence is not None:
-            return self.evidence + float(logit(self.prior))
-        return float(logit(np.clip(self.probability, NEAREST_TO_NONE, 1 - NEAREST_TO_ONE)))
+            return self.evidence + float(scipy.special.logit(self.prior))
+        return float(scipy.special.logit(np.clip(self.probability, NEAREST_TO_NONE, 1 - NEAREST_TO_ONE)))
 
     @property
     def log_likelihood_ratio(self) -> float:
         """Natural logarithm of the likelihood ratio of an inclusion over tissue without inclusion."""
-        return self.log_odds - float(logit(self.prior))
+        return self.log_odds - float(scipy.special.logit(self.prior))
 
     @property
     def likelihood_ratio(self) -> float:
@@ -91,7 +91,7 @@ class PresenceProbability:
         remain those of the estimate's prior.
         """
         require_number("prevalence", prevalence, *PREVALENCE, hint="a fraction of targets")
-        transformed = float(expit(self.log_likelihood_ratio + float(logit(prevalence))))
+        transformed = float(scipy.special.expit(self.log_likelihood_ratio + float(scipy.special.logit(prevalence))))
         # Where the ratio is only a bound, 0 and 1 stay.
         return replace(self, probability=self.probability if self.is_bound else transformed, prior=prevalence)
 

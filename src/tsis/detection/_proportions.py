@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from scipy.optimize import brentq
-from scipy.special import betaincinv, ndtri
+import scipy
 
 from tsis.detection._inputs import LEVEL, Interval, checked_level, choice
 from tsis.errors import InputError
@@ -83,7 +82,7 @@ def wilson_interval(successes: int, trials: int, level: float = LEVEL) -> Interv
     1.0
     """
     counted = Proportion(successes=successes, trials=trials)
-    squared = float(ndtri(0.5 + checked_level(level) / 2)) ** 2
+    squared = float(scipy.special.ndtri(0.5 + checked_level(level) / 2)) ** 2
     failures = trials - successes
     middle = successes + squared / 2
     half = math.sqrt(squared * (successes * failures / trials + squared / 4))
@@ -111,8 +110,8 @@ def exact_interval(successes: int, trials: int, level: float = LEVEL) -> Interva
     """
     Proportion(successes=successes, trials=trials)
     tail, failures = (1 - checked_level(level)) / 2, trials - successes
-    low = float(betaincinv(successes, failures + 1, tail)) if successes else 0.0
-    high = float(betaincinv(successes + 1, failures, 1 - tail)) if failures else 1.0
+    low = float(scipy.special.betaincinv(successes, failures + 1, tail)) if successes else 0.0
+    high = float(scipy.special.betaincinv(successes + 1, failures, 1 - tail)) if failures else 1.0
     return Interval(low=low, high=high, level=level, method="exact")
 
 
@@ -160,7 +159,7 @@ class ProportionRatio:
 
         ``level`` is the confidence, in (0, 1); else `InputError` is raised.
         """
-        z = float(ndtri(0.5 + checked_level(level) / 2))
+        z = float(scipy.special.ndtri(0.5 + checked_level(level) / 2))
         low = 0.0 if self.first.successes == 0 else 1 / self._upper_end(z, self.second, self.first)
         high = math.inf if self.second.successes == 0 else self._upper_end(z, self.first, self.second)
         return Interval(low=low, high=high, level=level, method="koopman")
@@ -176,7 +175,7 @@ class ProportionRatio:
         def beyond(log: float) -> float:
             return score_of_ratio(first, second, math.exp(log)) - z
 
-        return math.exp(brentq(beyond, math.log(start), math.log(end), xtol=1e-13, rtol=1e-14))
+        return math.exp(scipy.optimize.brentq(beyond, math.log(start), math.log(end), xtol=1e-13, rtol=1e-14))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

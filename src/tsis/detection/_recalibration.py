@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.special import expit, logit, ndtri
+import scipy
 
 from tsis.detection._brier import probabilities_and_truth
 from tsis.detection._inputs import LEVEL, Interval, both_classes, checked_level
@@ -41,7 +40,7 @@ class FittedValue:
 
         ``level`` is the confidence, in (0, 1); else `InputError` is raised.
         """
-        half = float(ndtri(0.5 + checked_level(level) / 2)) * self.standard_error
+        half = float(scipy.special.ndtri(0.5 + checked_level(level) / 2)) * self.standard_error
         return Interval(low=self.value - half, high=self.value + half, level=level, method="wald")
 
 
@@ -91,7 +90,7 @@ def recalibration(probabilities: ArrayLike, present: ArrayLike) -> Recalibration
             f"probabilities must lie strictly between 0 and 1 for their logits; got {np.count_nonzero(certain)} that "
             "do not: a probability from n samples can be counted as (k + 1/2) / (n + 1)"
         )
-    logits = logit(values)
+    logits = scipy.special.logit(values)
     _require_overlap(logits, truth)
     scale = float(np.abs(logits).max())
     joint, errors = _line(logits / scale, truth)
@@ -121,7 +120,7 @@ def _line(logits: NDArray[Any], truth: NDArray[np.bool_]) -> tuple[list[float], 
     model.fit(logits[:, None], truth)
     at = np.array([model.intercept_[0], model.coef_[0, 0]])
     design = np.stack([np.ones_like(logits), logits], axis=1)
-    chance = expit(design @ at)
+    chance = scipy.special.expit(design @ at)
     curvature = (design * (chance * (1 - chance))[:, None]).T @ design
     return at.tolist(), np.sqrt(np.diag(np.linalg.inv(curvature))).tolist()
 
@@ -129,11 +128,14 @@ def _line(logits: NDArray[Any], truth: NDArray[np.bool_]) -> tuple[list[float], 
 def _shift(logits: NDArray[Any], truth: NDArray[np.bool_]) -> FittedValue:
     """Shift of the logits that makes the expected number of inclusions equal to the observed one."""
     observed = int(truth.sum())
-    low, high = logit(observed / len(truth)) - logits.max(), logit(observed / len(truth)) - logits.min()
+    low, high = (
+        scipy.special.logit(observed / len(truth)) - logits.max(),
+        scipy.special.logit(observed / len(truth)) - logits.min(),
+    )
 
     def excess(shift: float) -> float:
-        return float(expit(logits + shift).sum() - observed)
+        return float(scipy.special.expit(logits + shift).sum() - observed)
 
-    shift = float(brentq(excess, low - 1, high + 1, xtol=1e-13))
-    chance = expit(logits + shift)
+    shift = float(scipy.optimize.brentq(excess, low - 1, high + 1, xtol=1e-13))
+    chance = scipy.special.expit(logits + shift)
     return FittedValue(value=shift, standard_error=float(1 / np.sqrt((chance * (1 - chance)).sum())))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.special import chdtri, fdtri
+import scipy
 
 from tsis.detection._icc import squares
 from tsis.detection._inputs import LEVEL, Interval, checked_level
@@ -30,7 +30,8 @@ def _chi_square_interval(coefficient: float, degrees_of_freedom: int, level: flo
     if coefficient == 0:
         raise InputError("readings must differ between repeats for an interval; got equal ones: record more digits")
     low, high = (
-        coefficient * math.sqrt(degrees_of_freedom / float(chdtri(degrees_of_freedom, at))) for at in (tail, 1 - tail)
+        coefficient * math.sqrt(degrees_of_freedom / float(scipy.special.chdtri(degrees_of_freedom, at)))
+        for at in (tail, 1 - tail)
     )
     return Interval(low=low, high=high, level=level, method="chi-square")
 
@@ -131,7 +132,7 @@ def repeatability(readings: Sequence[ArrayLike]) -> Repeatability:
 
 def _cochran_limit(targets: int, repeats: int) -> float:
     """Critical value of Cochran's C at 5 %, from the F distribution."""
-    ratio = float(fdtri(repeats - 1, (targets - 1) * (repeats - 1), 1 - COCHRAN_LEVEL / targets))
+    ratio = float(scipy.special.fdtri(repeats - 1, (targets - 1) * (repeats - 1), 1 - COCHRAN_LEVEL / targets))
     return ratio / (ratio + targets - 1)
 
 
@@ -223,8 +224,8 @@ def modified_large_samples(terms: Sequence[tuple[float, float, int]], level: flo
     middle = sum(weight * square for weight, square, _ in terms)
     below = above = 0.0
     for weight, square, free in terms:
-        below += ((1 - free / float(chdtri(free, tail))) * weight * square) ** 2
-        above += ((free / float(chdtri(free, 1 - tail)) - 1) * weight * square) ** 2
+        below += ((1 - free / float(scipy.special.chdtri(free, tail))) * weight * square) ** 2
+        above += ((free / float(scipy.special.chdtri(free, 1 - tail)) - 1) * weight * square) ** 2
     return math.sqrt(max(middle - math.sqrt(below), 0.0)), math.sqrt(middle + math.sqrt(above))
 
 

@@ -10,8 +10,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.special import ndtri
+import scipy
 
 from tsis.detection._bootstrap import DRAWS, bootstrap_auc
 from tsis.detection._counts import Counts
@@ -78,7 +77,7 @@ def newcombe_interval(auc: float, present: int, absent: int, level: float = LEVE
     """
     require_number("auc", auc, 0, 1, hint="an area under the curve")
     m, n = (require_integer(name, value, 1, MOST_TARGETS) for name, value in (("present", present), ("absent", absent)))
-    z = float(ndtri(0.5 + checked_level(level) / 2))
+    z = float(scipy.special.ndtri(0.5 + checked_level(level) / 2))
     low = _lowest_area(auc, z, m, n)
     high = 1 - _lowest_area(1 - auc, z, m, n)  # the variance is symmetric under area -> 1 - area
     return Interval(low=low, high=max(high, auc), level=level, method="newcombe")
@@ -95,7 +94,7 @@ def _lowest_area(auc: float, z: float, m: int, n: int) -> float:
         away = room if auc == 1 else room - (1 - auc) / room
         return away - z * math.sqrt(area * (1 + balanced * ((1 - area) / (2 - area) + area / (1 + area))) / (m * n))
 
-    return float(brentq(rejected, 0.0, auc, xtol=1e-15))
+    return float(scipy.optimize.brentq(rejected, 0.0, auc, xtol=1e-15))
 
 
 FROM_TARGETS = 30  # least number of targets per class for the normal approximation
@@ -166,7 +165,7 @@ def delong_interval(scores: NDArray[np.float64], present: NDArray[np.bool_], lev
     >>> [round(end, 3) for end in interval]
     [0.512, 0.988]
     """
-    z = float(ndtri(0.5 + checked_level(level) / 2))
+    z = float(scipy.special.ndtri(0.5 + checked_level(level) / 2))
     result = auc_covariance(np.atleast_2d(scores), present)
     auc, variance = float(result.auc[0]), float(result.covariance[0, 0])
     if variance == 0:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.special import logsumexp
+import scipy
 
 from tsis.errors import InputError
 from tsis.model import require_number, require_pair
@@ -116,11 +116,11 @@ def explore_modulus(likelihood: HardnessLikelihood, prior: HardnessPrior, radius
         return result + log_weight, misfit
 
     coarse = np.linspace(np.log(prior.young_kpa[0]), np.log(prior.young_kpa[1]), COARSE)
-    log_young = _where_it_matters(coarse, logsumexp(at(coarse)[0], axis=(1, 2)))
+    log_young = _where_it_matters(coarse, scipy.special.logsumexp(at(coarse)[0], axis=(1, 2)))
     result, misfit = at(log_young)
     best = np.unravel_index(int(np.argmin(misfit)), misfit.shape)
     return HardnessPosterior(
-        young_kpa=np.exp(_quantiles(log_young, logsumexp(result, axis=(1, 2)))),
+        young_kpa=np.exp(_quantiles(log_young, scipy.special.logsumexp(result, axis=(1, 2)))),
         misfit=float(misfit.min()),
         best=(float(np.exp(log_young[best[0]])), float(ratios[best[1]]), float(radii[best[2]])),
     )

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.special import erfinv
+import scipy
 
 from tsis.errors import InputError
 from tsis.imaging import features, find_contact, radial_profile
@@ -218,6 +218,6 @@ def _stray(
 def _pressure(grey: NDArray[np.float64], calibration: Calibration) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Pressure in kPa, and grey levels per kPa, of each pixel."""
     fraction = grey / (calibration.gain_grey_per_kpa * calibration.saturation_kpa)
-    argument = erfinv(np.clip(fraction, -BRIGHTEST, BRIGHTEST))
+    argument = scipy.special.erfinv(np.clip(fraction, -BRIGHTEST, BRIGHTEST))
     slope = calibration.gain_grey_per_kpa * np.exp(-(argument**2))
     return np.asarray(calibration.saturation_kpa * argument / ERF_SLOPE), np.asarray(slope)

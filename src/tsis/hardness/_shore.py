@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy
 
 from tsis.model import require_number
 
@@ -77,4 +77,4 @@ def young_of_shore_00(reading: float) -> float:
 def _read(young_kpa: float, young_of: Callable[[float], float]) -> float | None:
     if not young_of(LEAST) <= young_kpa <= young_of(MOST):
         return None
-    return float(brentq(lambda reading: young_of(reading) - young_kpa, LEAST, MOST))
+    return float(scipy.optimize.brentq(lambda reading: young_of(reading) - young_kpa, LEAST, MOST))

@@ -7,7 +7,7 @@ from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.special import logsumexp
+import scipy
 
 from tsis.hardness._layer_model import SOFTNESS
 from tsis.hardness._touch_terms import limit_nodes, measured_terms
@@ -58,7 +58,9 @@ class TouchLikelihood:
         self._gel_kpa = limit_nodes(young_kpa.limits, GEL_MODULI, logarithmic=True)
         self._layers = list(product(limit_nodes(thickness_mm.limits, THICKNESSES), limit_nodes(poisson.limits, RATIOS)))
         self._ratios = limit_nodes(object_poisson, 3)
-        radii = [np.exp(body.radius.nodes()[1] - logsumexp(body.radius.nodes()[1])) for body in self._bodies]
+        radii = [
+            np.exp(body.radius.nodes()[1] - scipy.special.logsumexp(body.radius.nodes()[1])) for body in self._bodies
+        ]
         self._radius_nodes = [
             list(zip(body.radius.nodes()[0], weight, strict=True))
             for body, weight in zip(self._bodies, radii, strict=True)
@@ -76,7 +78,7 @@ class TouchLikelihood:
             part, misfit = self._over_gel(object_kpa, thickness, poisson)
             parts.append(part + np.log(thickness_weight * poisson_weight))
             misfits.append(misfit)
-        return np.asarray(logsumexp(parts, axis=0)), float(min(misfits))
+        return np.asarray(scipy.special.logsumexp(parts, axis=0)), float(min(misfits))
 
     def _over_gel(self, object_kpa: Floats, thickness: float, poisson: float) -> tuple[Floats, float]:
         gel = np.array([(1 - poisson**2) / young for young, _ in self._gel_kpa])
@@ -85,7 +87,7 @@ class TouchLikelihood:
         for body, nodes in zip(self._bodies, self._radius_nodes, strict=True):
             log_body, misfit = self._of_body(body, nodes, object_kpa, gel, thickness, poisson)
             total, least = total + log_body, least + misfit
-        return np.asarray(logsumexp(total + gel_weight, axis=1)), least
+        return np.asarray(scipy.special.logsumexp(total + gel_weight, axis=1)), least
 
     def _of_body(
         self,
@@ -107,7 +109,7 @@ class TouchLikelihood:
                 value, misfit = self._gaussian(body, terms, softness, log_compliance)
                 parts.append(value + np.log(radius_weight * ratio_weight))
                 least = min(least, misfit)
-        return np.asarray(logsumexp(parts, axis=0)), least
+        return np.asarray(scipy.special.logsumexp(parts, axis=0)), least
 
     def _gaussian(
         self, body: TouchedBody, terms: Sequence[MeasuredTerm], softness: Floats, log_compliance: Floats

@@ -6,7 +6,7 @@ from functools import cache, reduce
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.ndimage import gaussian_filter
+import scipy
 
 from tsis.errors import ImageMismatchError, InputError
 from tsis.imaging._corrections import require_image
@@ -127,7 +127,7 @@ def require_pattern(
 ) -> None:
     """Refuse a reference whose uneven light is not that of the frame: one of another sensor, as bright as it may be."""
     blur = (blur_px, blur_px, 0.0)
-    smooth, pattern = gaussian_filter(levels, blur), gaussian_filter(reference, blur)
+    smooth, pattern = scipy.ndimage.gaussian_filter(levels, blur), scipy.ndimage.gaussian_filter(reference, blur)
     left, own = (
         float(np.median(np.abs(part - np.median(part, axis=(0, 1))).max(axis=2)))
         for part in (smooth - pattern, pattern)

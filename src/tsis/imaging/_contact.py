@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.ndimage import map_coordinates
-from scipy.optimize import minimize
+import scipy
 
 from tsis.errors import InputError
 from tsis.imaging._colour import change_magnitude
@@ -163,8 +162,8 @@ class SlopeField:
         columns = (x + np.outer(radii, self.cos) / self.pixel[0]).astype(np.float32)
         rows = (y + np.outer(radii, self.sin) / self.pixel[1]).astype(np.float32)
         slope = (
-            map_coordinates(self.slope_x, (rows, columns), order=1) * self.cos
-            + map_coordinates(self.slope_y, (rows, columns), order=1) * self.sin
+            scipy.ndimage.map_coordinates(self.slope_x, (rows, columns), order=1) * self.cos
+            + scipy.ndimage.map_coordinates(self.slope_y, (rows, columns), order=1) * self.sin
         )
         height, width = self.slope_x.shape
         inside = (columns >= 0) & (columns <= width - 1) & (rows >= 0) & (rows <= height - 1)
@@ -215,7 +214,7 @@ def _lowest(
 ) -> tuple[float, float]:
     """Position (x, y) of a minimum, from a simplex of that step at the start."""
     simplex = start + step * np.vstack([np.zeros(len(start)), np.eye(len(start))])
-    result = minimize(
+    result = scipy.optimize.minimize(
         function,
         start,
         method="Nelder-Mead",
@@ -261,7 +260,7 @@ def symmetry_centre(
 
     def asymmetry(point: NDArray[np.float64]) -> float:
         columns, rows = ((point[axis] + offsets[axis]).astype(np.float32)[None] for axis in (0, 1))
-        values = map_coordinates(hill, (rows[0], columns[0]), order=1).astype(np.float64)
+        values = scipy.ndimage.map_coordinates(hill, (rows[0], columns[0]), order=1).astype(np.float64)
         inside = ((columns >= 0) & (columns <= width - 1) & (rows >= 0) & (rows <= height - 1))[0]
         pair = inside & inside[::-1]
         if np.count_nonzero(pair) < LEAST_COMPARED * pair.size:

@@ -16,8 +16,7 @@ from itertools import accumulate
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import least_squares
-from scipy.special import gamma, j0, jv
+import scipy
 
 from tsis.imaging._filters import gaussian_blur
 from tsis.mechanics.gel import layer_compliance
@@ -65,9 +64,14 @@ def layer_hills() -> NDArray[np.float64]:
     node, weight = np.polynomial.legendre.leggauss(_WAVES)
     wave, weight = _LAST_WAVE * (node + 1.0) / 2.0, _LAST_WAVE * weight / 2.0
     power = np.arange(3) + 0.5
-    transform = 2.0**power * gamma(power + 1.0) * jv(power + 1.0, wave[:, None]) / wave[:, None] ** power
-    bessel, touched = j0(np.outer(_GRID, wave)), np.linspace(0.0, 0.97, 16)
-    within, inside = j0(np.outer(touched, wave)), _GRID <= 1.0
+    transform = (
+        2.0**power
+        * scipy.special.gamma(power + 1.0)
+        * scipy.special.jv(power + 1.0, wave[:, None])
+        / wave[:, None] ** power
+    )
+    bessel, touched = scipy.special.j0(np.outer(_GRID, wave)), np.linspace(0.0, 0.97, 16)
+    within, inside = scipy.special.j0(np.outer(touched, wave)), _GRID <= 1.0
     result = np.empty((_RATIOS.size, _POISSON.size, _GRID.size))
     for row, ratio in enumerate(_RATIOS):
         for column, poisson in enumerate(_POISSON):
@@ -277,7 +281,7 @@ def _solved(window: _Window, factor: float, *, ellipse: bool) -> OptimizeResult:
     def left(values: NDArray[np.float64]) -> NDArray[np.float64]:
         return window.residual(whole(values))
 
-    found = least_squares(
+    found = scipy.optimize.least_squares(
         left,
         start[free],
         bounds=((start - limits)[free], (start + limits)[free]),

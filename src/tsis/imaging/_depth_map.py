@@ -7,7 +7,7 @@ from itertools import combinations_with_replacement
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from scipy.ndimage import binary_dilation, distance_transform_edt, gaussian_filter
+import scipy
 
 from tsis.errors import InputError, import_extra
 from tsis.imaging._colour import largest_channel, require_pattern
@@ -96,7 +96,7 @@ def fit_table(change: NDArray[np.float64], slope: NDArray[np.float64]) -> NDArra
         axis=-1,
     ).reshape(BINS, BINS, BINS, 2)
     empty = (count == 0).reshape(BINS, BINS, BINS)
-    nearest = distance_transform_edt(empty, return_distances=False, return_indices=True)
+    nearest = scipy.ndimage.distance_transform_edt(empty, return_distances=False, return_indices=True)
     return np.asarray(table[tuple(nearest)])
 
 
@@ -271,7 +271,7 @@ class DepthMapper:
         if self.sensor.light == "white":
             if self.calibration.method == "relative":
                 change = change / self.brightness[..., None]
-            grey = gaussian_filter(change[..., 0], GREY_BLUR * change.shape[1])
+            grey = scipy.ndimage.gaussian_filter(change[..., 0], GREY_BLUR * change.shape[1])
             depth = self.calibration.depth_of_grey(grey)
         else:
             slope = self._slopes(change)
@@ -293,7 +293,7 @@ class DepthMapper:
         for _ in range(3):
             left = coarse - plane @ level
             near = np.sqrt(np.count_nonzero(left > 0.3 * left.max()) / np.pi) / 2.0
-            touched = binary_dilation(left > LEVEL_TOUCHED * left.max(), iterations=max(2, int(near)))
+            touched = scipy.ndimage.binary_dilation(left > LEVEL_TOUCHED * left.max(), iterations=max(2, int(near)))
             if touched.mean() > 0.7:
                 return depth
             level = np.linalg.lstsq(plane[~touched], coarse[~touched], rcond=None)[0]
@@ -319,7 +319,7 @@ def colour_change(levels: NDArray[Any], reference: NDArray[Any], method: str) ->
     if method == "ratio":
         change = change / np.maximum(reference, DARKEST) * reference.mean(axis=(0, 1))
         blur = SLOPE_BLUR * levels.shape[1]
-        change = gaussian_filter(change, (blur, blur, 0.0))
+        change = scipy.ndimage.gaussian_filter(change, (blur, blur, 0.0))
     return np.asarray(change)
 
 
@@ -328,11 +328,11 @@ def filled_markers(
 ) -> NDArray[np.float32]:
     """The change with that of their surroundings where a marker lies or lay."""
     lies, lay = (marker_pixels(part.astype(np.float64), sensor) for part in (levels, reference))
-    marker = binary_dilation(lies | lay, iterations=1)
+    marker = scipy.ndimage.binary_dilation(lies | lay, iterations=1)
     side = (sensor.scale_of(marker.shape[1], marker.shape[0]) or (1.0, 1.0))[0]
     blur = MARKER_FILL * (sensor.marker_pitch_mm or 0.0) / side
-    weight = gaussian_filter((~marker).astype(np.float32), blur)[..., None]
-    around = gaussian_filter(change * ~marker[..., None], (blur, blur, 0.0)) / np.maximum(weight, 1e-3)
+    weight = scipy.ndimage.gaussian_filter((~marker).astype(np.float32), blur)[..., None]
+    around = scipy.ndimage.gaussian_filter(change * ~marker[..., None], (blur, blur, 0.0)) / np.maximum(weight, 1e-3)
     return np.asarray(np.where(marker[..., None], around, change), dtype=np.float32)
 
 

@@ -6,9 +6,8 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
-from scipy.sparse import csr_array
-from skimage.transform import resize_local_mean
+import scipy
+import skimage
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -34,9 +33,9 @@ def block_means(levels: NDArray[Any], shape: tuple[int, int]) -> NDArray[np.floa
 
 
 @lru_cache(maxsize=16)
-def _means(size: int, blocks: int) -> csr_array:
+def _means(size: int, blocks: int) -> scipy.sparse.csr_array:
     """The means of a line of pixels over equal blocks, as scikit-image has them."""
-    return csr_array(resize_local_mean(np.eye(size), (blocks, size)))  # type: ignore[no-untyped-call]
+    return scipy.sparse.csr_array(skimage.transform.resize_local_mean(np.eye(size), (blocks, size)))  # type: ignore[no-untyped-call]
 
 
 def gaussian_blur(
@@ -60,6 +59,6 @@ def gaussian_blur(
 
 
 @lru_cache(maxsize=16)
-def _matrix(size: int, sigma: float, mode: str) -> csr_array:
+def _matrix(size: int, sigma: float, mode: str) -> scipy.sparse.csr_array:
     """The blur of a line of pixels."""
-    return csr_array(gaussian_filter1d(np.eye(size), sigma, axis=0, mode=mode))  # type: ignore[call-overload]
+    return scipy.sparse.csr_array(scipy.ndimage.gaussian_filter1d(np.eye(size), sigma, axis=0, mode=mode))  # type: ignore[call-overload]

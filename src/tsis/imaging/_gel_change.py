@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.ndimage import binary_dilation, gaussian_filter
+import scipy
 
 from tsis.errors import ImageMismatchError, InputError
 from tsis.imaging._colour import largest_channel, require_pattern
@@ -131,12 +131,12 @@ def gel_change(
     clipped = (brightest >= GLARE) | (lit <= BLACK)
     marker = np.zeros(clipped.shape, dtype=bool)
     if sensor.marker_pitch_mm is not None:
-        marker = binary_dilation(marker_pixels(levels, sensor) | marker_pixels(reference, sensor), iterations=1)
-    fine = change - gaussian_filter(change, (1.0, 1.0, 0.0))
+        marker = scipy.ndimage.binary_dilation(marker_pixels(levels, sensor) | marker_pixels(reference, sensor))
+    fine = change - scipy.ndimage.gaussian_filter(change, (1.0, 1.0, 0.0))
     noise = 1.4826 * float(np.median(np.abs(fine))) / 0.92  # the blur takes a part of the noise along
     return GelChange(
         change=change,
-        usable=~(binary_dilation(clipped, iterations=2) | marker),
+        usable=~(scipy.ndimage.binary_dilation(clipped, iterations=2) | marker),
         marker=marker,
         noise=max(noise, 0.29),
     )
@@ -147,4 +147,4 @@ def marker_pixels(levels: NDArray[np.float64], sensor: GelSensor) -> NDArray[np.
     grey = levels.mean(axis=2)
     scale = sensor.scale_of(grey.shape[1], grey.shape[0])
     pitch = 10.0 if scale is None or sensor.marker_pitch_mm is None else sensor.marker_pitch_mm / scale[0]
-    return np.asarray(grey < MARKER_DARK * gaussian_filter(grey, pitch))
+    return np.asarray(grey < MARKER_DARK * scipy.ndimage.gaussian_filter(grey, pitch))

@@ -7,7 +7,7 @@ from heapq import heappop, heappush
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy import ndimage
+import scipy
 
 from tsis.compiled import one_blas_thread
 from tsis.errors import InputError
@@ -210,27 +210,27 @@ def _search(
     change: NDArray[np.float64], usable: NDArray[np.bool_], noise: float
 ) -> tuple[tuple[float, float], float, list[tuple[float, float]]] | None:
     """Centre and radius of the strongest patch, and centres of others as strong; None without one."""
-    weight = np.maximum(ndimage.gaussian_filter(usable.astype(float), 2.0), 0.05)
-    smooth = ndimage.gaussian_filter(change * usable[..., None], (2.0, 2.0, 0.0)) / weight[..., None]
+    weight = np.maximum(scipy.ndimage.gaussian_filter(usable.astype(float), 2.0), 0.05)
+    smooth = scipy.ndimage.gaussian_filter(change * usable[..., None], (2.0, 2.0, 0.0)) / weight[..., None]
     strength = np.sqrt(np.square(smooth).sum(axis=2)) * usable
-    energy = np.sqrt(ndimage.gaussian_filter(strength**2, 4.0))
+    energy = np.sqrt(scipy.ndimage.gaussian_filter(strength**2, 4.0))
     top = np.unravel_index(int(energy.argmax()), energy.shape)
     background = float(np.median(strength))
     if energy[top] < max(PEAK_NOISE * noise / 7.0, LEAST_CHANGE, 2.0 * background):
         return None
     near = strength[max(top[0] - 12, 0) : top[0] + 13, max(top[1] - 12, 0) : top[1] + 13]
     mask = strength > max(0.4 * float(np.quantile(near, 0.95)), 1.5 * background)
-    labels, count = ndimage.label(ndimage.binary_closing(mask, iterations=2) | mask)
+    labels, count = scipy.ndimage.label(scipy.ndimage.binary_closing(mask, iterations=2) | mask)
     if count == 0:
         return None
-    totals = ndimage.sum_labels(strength, labels, np.arange(1, count + 1))
-    areas = ndimage.sum_labels(labels > 0, labels, np.arange(1, count + 1))
+    totals = scipy.ndimage.sum_labels(strength, labels, np.arange(1, count + 1))
+    areas = scipy.ndimage.sum_labels(labels > 0, labels, np.arange(1, count + 1))
     main = int(np.argmax(totals))
     y, x = np.nonzero(labels == main + 1)
     others = [
         (float(place[1]), float(place[0]))
         for index, place in enumerate(
-            np.atleast_2d(ndimage.center_of_mass(strength + 1e-9, labels, np.arange(1, count + 1)))
+            np.atleast_2d(scipy.ndimage.center_of_mass(strength + 1e-9, labels, np.arange(1, count + 1)))
         )
         if index != main and totals[index] > 0.25 * totals[main] and areas[index] > 20
     ]
@@ -387,11 +387,11 @@ def _marker_places(levels: NDArray[np.float64], sensor: GelSensor) -> NDArray[np
     scale = sensor.scale_of(columns, rows)
     pitch = 0.0 if scale is None or sensor.marker_pitch_mm is None else sensor.marker_pitch_mm / scale[0]
     grey = levels.mean(axis=2)
-    dark = np.maximum(ndimage.gaussian_filter(grey, max(pitch, 1.0)) - grey, 0.0)
-    labels, count = ndimage.label(marker_pixels(levels, sensor))
+    dark = np.maximum(scipy.ndimage.gaussian_filter(grey, max(pitch, 1.0)) - grey, 0.0)
+    labels, count = scipy.ndimage.label(marker_pixels(levels, sensor))
     numbers = np.arange(1, count + 1)
-    areas = ndimage.sum_labels(labels > 0, labels, numbers)
+    areas = scipy.ndimage.sum_labels(labels > 0, labels, numbers)
     sized = numbers[(areas >= FEWEST_MARKER_PX) & (areas < (MOST_MARKER * max(pitch, 4.0)) ** 2 * np.pi)]
     if sized.size == 0:
         raise InputError(f"a frame of {sensor.name} must show markers every {sensor.marker_pitch_mm} mm; got none")
-    return np.asarray(ndimage.center_of_mass(dark, labels, sized))[:, ::-1]
+    return np.asarray(scipy.ndimage.center_of_mass(dark, labels, sized))[:, ::-1]

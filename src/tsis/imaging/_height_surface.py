@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy import fft
+import scipy
 
 from tsis.imaging._corrections import require_image
 from tsis.imaging._filters import block_means
@@ -126,6 +126,6 @@ def integrate_gradients(
     other = (2.0 - 2.0 * np.cos(np.pi * np.arange(rows) / rows)) / sy**2
     total = (eigen[None, :] + other[:, None]).astype(source.dtype)
     total[0, 0] = 1.0
-    spectrum = fft.dctn(source, type=2, norm="ortho") / -total
+    spectrum = scipy.fft.dctn(source, type=2, norm="ortho") / -total
     spectrum[0, 0] = 0.0
-    return np.asarray(fft.idctn(spectrum, type=2, norm="ortho"))
+    return np.asarray(scipy.fft.idctn(spectrum, type=2, norm="ortho"))

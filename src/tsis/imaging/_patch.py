@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import ndimage
-from skimage.filters import threshold_otsu
-from skimage.measure import find_contours
+import scipy
+import skimage
 
 from tsis.imaging._corrections import require_image, signal
 from tsis.imaging._filters import gaussian_blur
@@ -141,7 +140,7 @@ def outline(smooth: NDArray[np.float64], mask: NDArray[np.bool], cut: float) -> 
     peak = float(smooth[mask].max())
     field = np.minimum(smooth, cut - 1e-9 * (peak - cut))
     field[mask] = np.where(smooth[mask] > cut, smooth[mask], peak)
-    curves = find_contours(np.pad(field, 1, constant_values=2.0 * cut - peak), cut)  # type: ignore[no-untyped-call]
+    curves = skimage.measure.find_contours(np.pad(field, 1, constant_values=2.0 * cut - peak), cut)  # type: ignore[no-untyped-call]
     longest: NDArray[np.float64] = max(curves, key=len)[:, ::-1] - 1.0
     return longest
 
@@ -167,7 +166,7 @@ def _otsu(smooth: NDArray[np.float64]) -> float:
     lit = np.maximum(smooth, 0.0)
     if lit.min() == lit.max():
         return float(smooth.max())
-    first = float(threshold_otsu(lit))  # type: ignore[no-untyped-call]
+    first = float(skimage.filters.threshold_otsu(lit))  # type: ignore[no-untyped-call]
     above = lit > first
     return float(lit[above].mean() + lit[~above].mean()) / 2.0
 
@@ -186,11 +185,11 @@ def _dark_side(grey: NDArray[np.float64], smooth: NDArray[np.float64], cut: floa
 def _strongest_part(smooth: NDArray[np.float64], cut: float) -> NDArray[np.bool]:
     """The connected part above the cut with the greatest sum above it, its holes filled."""
     above = smooth > cut
-    labels, count = ndimage.label(above)
+    labels, count = scipy.ndimage.label(above)
     if count == 0:
         return above
     strength = np.bincount(labels[above], weights=smooth[above] - cut, minlength=count + 1)
-    filled: NDArray[np.bool] = ndimage.binary_fill_holes(labels == int(np.argmax(strength)))
+    filled: NDArray[np.bool] = scipy.ndimage.binary_fill_holes(labels == int(np.argmax(strength)))
     return filled
 
 
@@ -359,7 +358,7 @@ def _circularity(points: NDArray[np.float64]) -> float:
     """Circularity of one closed polygon, smoothed so that noise does not add to its length."""
     radius = np.sqrt(_enclosed(points) / np.pi)
     step = np.hypot(*np.diff(points, axis=0).T).mean()
-    smooth = ndimage.gaussian_filter1d(points[:-1], OUTLINE_BLUR * radius / step, axis=0, mode="wrap")
+    smooth = scipy.ndimage.gaussian_filter1d(points[:-1], OUTLINE_BLUR * radius / step, axis=0, mode="wrap")
     closed = np.vstack([smooth, smooth[:1]])
     perimeter = float(np.hypot(*np.diff(closed, axis=0).T).sum())
     return 4.0 * np.pi * _enclosed(closed) / perimeter**2

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.ndimage import binary_erosion, gaussian_filter
+import scipy
 
 from tsis.imaging._contact_models import SmoothContact, as_contact_model
 from tsis.imaging._filters import gaussian_blur
@@ -145,7 +145,7 @@ def _of_map(
 ) -> NDArray[np.float64]:
     """A press over a grid, each quantity linear between its nodes; a smooth contact has the edges of the grid."""
     # The displacement is zero outside the face; this step at the rim is no slope of the face.
-    inside = binary_erosion(field.face_displacement_mm != 0, border_value=1)
+    inside = scipy.ndimage.binary_erosion(field.face_displacement_mm != 0, border_value=1)
     slope_y, slope_x = inside * np.gradient(field.face_displacement_mm, field.y_mm, field.x_mm)
     steepness = np.hypot(slope_x, slope_y)
     fraction = model.light_fraction(field.pressure_kpa, slope=steepness, saturation_kpa=calibration.saturation_kpa)
@@ -203,5 +203,9 @@ def render_reference(
         fraction = coverage(field, sensor) * (radius <= field.radius_mm[-1])
     picture = _full_contact(calibration) * arriving * fraction
     size_x, size_y = sensor.mm_per_pixel
-    blurred = gaussian_filter(picture, (blur_mm / size_y, blur_mm / size_x), mode="reflect") if blur_mm else picture
+    blurred = (
+        scipy.ndimage.gaussian_filter(picture, (blur_mm / size_y, blur_mm / size_x), mode="reflect")
+        if blur_mm
+        else picture
+    )
     return np.asarray(blurred * sensor.vignetting())

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy
 
 from tsis.errors import CalibrationError, InputError
 from tsis.imaging._depth_map import (
@@ -218,7 +218,9 @@ def _fit_grey(presses: Sequence[_Press], sensor: GelSensor, *, relative: bool) -
             parts.append(change - below * np.polynomial.polynomial.polyval(below, values[:GREY_TERMS]))
         return np.concatenate(parts)
 
-    solution = least_squares(residual, start, x_scale=np.maximum(np.abs(start), 1.0), loss="soft_l1", f_scale=3.0)
+    solution = scipy.optimize.least_squares(
+        residual, start, x_scale=np.maximum(np.abs(start), 1.0), loss="soft_l1", f_scale=3.0
+    )
     return np.asarray(sign * solution.x[:GREY_TERMS])
 
 

@@ -12,7 +12,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+import scipy
 
 from tsis.compiled import one_blas_thread
 from tsis.errors import InputError, NotIdentifiedError, UntrustedError
@@ -240,8 +240,8 @@ def propagate(sources: ErrorSources, prior_sd: Floats) -> dict[str, Floats]:
     """
     change = sources.by_inclusion
     total = sources.by_nuisance @ sources.by_nuisance.T + sum(sources.covariance.values())
-    root = cho_factor(total, lower=True)
-    weighted = cho_solve(root, change)  # R^-1 J
+    root = scipy.linalg.cho_factor(total, lower=True)
+    weighted = scipy.linalg.cho_solve(root, change)  # R^-1 J
     precision = np.diag(prior_sd**-2.0)
     scale = np.outer(prior_sd, prior_sd)  # of one order of magnitude, to invert
     covariance = np.linalg.inv((change.T @ weighted + precision) * scale) * scale

@@ -11,9 +11,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import CubicSpline
-from scipy.ndimage import gaussian_filter1d
-from scipy.special import chdtrc
+import scipy
 
 from tsis.compiled import one_blas_thread
 from tsis.errors import InputError
@@ -153,12 +151,16 @@ def tissue_modulus(
 def _summary(logs: Floats, misfit: float, count: int) -> TissueModulus:
     """Median, interval and spread of a posterior whose logarithm is known at `MODULI_KPA`."""
     fine = np.linspace(np.log(MODULI_KPA[0]), np.log(MODULI_KPA[-1]), FINE)
-    density = CubicSpline(np.log(MODULI_KPA), logs)(fine)
-    density = gaussian_filter1d(np.exp(density - density.max()), MODULUS_SD / (fine[1] - fine[0]), mode="nearest")
+    density = scipy.interpolate.CubicSpline(np.log(MODULI_KPA), logs)(fine)
+    density = scipy.ndimage.gaussian_filter1d(
+        np.exp(density - density.max()), MODULUS_SD / (fine[1] - fine[0]), mode="nearest"
+    )
     density /= density.sum()
     low, middle, high = np.exp(np.interp([0.05, 0.5, 0.95], np.cumsum(density), fine)).tolist()
     sd = float(np.sqrt(density @ (fine - density @ fine) ** 2))
-    return TissueModulus(young_kpa=middle, sd=sd, interval_kpa=(low, high), chance=float(chdtrc(count - 1, misfit)))
+    return TissueModulus(
+        young_kpa=middle, sd=sd, interval_kpa=(low, high), chance=float(scipy.special.chdtrc(count - 1, misfit))
+    )
 
 
 @lru_cache(maxsize=8)

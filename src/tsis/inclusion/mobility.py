@@ -7,8 +7,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import ndimage
-from scipy.spatial.distance import pdist
+import scipy
 
 from tsis.errors import ImageMismatchError, InputError
 from tsis.imaging import pixel_noise, require_same_frame, smoothed
@@ -45,7 +44,7 @@ def centroid_noise_mm(part: LitPart, change: LightChange, frame: TactileImage) -
     sx, sy = frame.scale()
     grey, threshold = change.image.grey, part.threshold_grey
     step = max(change.noise_grey, LEAST_STEP * threshold)
-    near = ndimage.binary_dilation(part.mask, iterations=EDGE_PX)
+    near = scipy.ndimage.binary_dilation(part.mask, iterations=EDGE_PX)
     response = np.zeros(grey.shape)
     for side in (step, -step):
         counted = np.where(near & (grey + side >= threshold), grey + side, 0.0)
@@ -165,7 +164,7 @@ def mobility(
     observed = np.isfinite(position[:, 0])
     noise = float(np.mean(spread)) if spread else 0.0
     any_step = bool(np.isfinite(step).any())
-    excursion = float(pdist(position[observed]).max()) if any_step else None
+    excursion = float(scipy.spatial.distance.pdist(position[observed]).max()) if any_step else None
     wrong = {
         "contact_lost": not observed.all() and bool(observed.any()),
         "repeated_frames": any(np.array_equal(item.grey, other.grey) for item, other in pairwise(frames)),

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial.distance import cdist
+import scipy
 
 from tsis.compiled import fused
 from tsis.matching._fit import Floats, Integers, MatchFit, nearest_pairs, ridge_map, spacing
@@ -74,7 +74,7 @@ def anneal(basis: SplineBasis, coordinates: Floats, target: Floats, cooling: Coo
 def _spacing(target: Floats, order: Integers) -> float:
     """Median distance between neighbours in the coarsest sample of the target."""
     sample = target[order[: COARSE[1]]]
-    return float(np.median(np.sort(cdist(sample, sample))[:, 1]))
+    return float(np.median(np.sort(scipy.spatial.distance.cdist(sample, sample))[:, 1]))
 
 
 def _settle(
@@ -187,7 +187,9 @@ def _balanced(
 def reference_soft_pairs(transformed: Floats, target: Floats, temperature: float, *, balancings: int = 2000) -> Floats:
     """Weights of `soft_pairs`, shape (n, m), from the full matrix with the outliers' row and column."""
     weights = np.zeros((len(transformed) + 1, len(target) + 1))
-    weights[:-1, :-1] = np.exp(-cdist(transformed, target, "sqeuclidean") / (2 * temperature)) / temperature
+    weights[:-1, :-1] = (
+        np.exp(-scipy.spatial.distance.cdist(transformed, target, "sqeuclidean") / (2 * temperature)) / temperature
+    )
     weights[:-1, -1], weights[-1, :-1] = outlier_weights(transformed), outlier_weights(target)
     for _ in range(balancings):
         weights[:-1] /= weights[:-1].sum(axis=1, keepdims=True)
@@ -311,7 +313,7 @@ def field_design(source: Floats, rows: Integers) -> tuple[Floats, Floats]:
     control = source[rows]
     among, across = (
         sum(
-            amplitude**2 * np.exp(-0.5 * cdist(points, control, "sqeuclidean") / width**2)
+            amplitude**2 * np.exp(-0.5 * scipy.spatial.distance.cdist(points, control, "sqeuclidean") / width**2)
             for width, amplitude in zip(FIELD_WIDTHS, FIELD_AMPLITUDES, strict=True)
         )
         for points in (control, source)

@@ -11,9 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solve_triangular
-from scipy.spatial.distance import cdist
-from scipy.special import logsumexp
+import scipy
 
 from tsis.matching._cpd import SHARPEST, DisplacementField, expected_sums, kernel_factor
 from tsis.matching._fit import TOLERANCE_SD, Floats, MatchFit, nearest_pairs, spacing
@@ -78,7 +76,9 @@ def fit_drift(
     blur, transformed = np.ones(n) / stiffness, source
     scale, rotation, shift = 1.0, np.eye(dimension), np.zeros(dimension)
     density = 1 / max(float(np.prod(ROOM * np.ptp(target, axis=0))), SHARPEST)
-    variance = max(WIDENING * float(cdist(source, target, "sqeuclidean").mean() / dimension), SHARPEST)
+    variance = max(
+        WIDENING * float(scipy.spatial.distance.cdist(source, target, "sqeuclidean").mean() / dimension), SHARPEST
+    )
     coordinates, divergence = np.zeros((factor.shape[1], dimension)), 0.0
     sized = False  # an evenly filled set would shrink to a point under the first, wide variance
     for _ in range(rounds):
@@ -98,10 +98,10 @@ def fit_drift(
             if sized:
                 break
             sized = True
-    weights = solve_triangular(triangle, coordinates, lower=True, trans="T")
+    weights = scipy.linalg.solve_triangular(triangle, coordinates, lower=True, trans="T")
     displacement = DisplacementField(control=control, weights=weights)
-    away = cdist(target, transformed, "sqeuclidean") + scale**2 * dimension * blur
-    inlier = logsumexp(-away / (2 * variance), axis=1) + np.log((1 - outliers) / n)
+    away = scipy.spatial.distance.cdist(target, transformed, "sqeuclidean") + scale**2 * dimension * blur
+    inlier = scipy.special.logsumexp(-away / (2 * variance), axis=1) + np.log((1 - outliers) / n)
     inlier -= dimension / 2 * np.log(2 * np.pi * variance)
     either = np.logaddexp(inlier, np.log(max(outliers, 1e-300) * density))
     return DriftFit(
@@ -121,10 +121,10 @@ def _displacement(factor: Floats, precision: Floats, pull: Floats, stiffness: fl
     inner = factor.T @ (precision[:, None] * factor)
     inner[np.diag_indices_from(inner)] += stiffness
     lower = np.linalg.cholesky(inner)
-    half = solve_triangular(lower, factor.T, lower=True)
-    coordinates = solve_triangular(lower, half @ pull, lower=True, trans="T")
+    half = scipy.linalg.solve_triangular(lower, factor.T, lower=True)
+    coordinates = scipy.linalg.solve_triangular(lower, half @ pull, lower=True, trans="T")
     rank, dimension = coordinates.shape
-    inverse = solve_triangular(lower, np.eye(rank), lower=True)
+    inverse = scipy.linalg.solve_triangular(lower, np.eye(rank), lower=True)
     divergence = dimension * (stiffness * np.sum(inverse**2) - rank - rank * np.log(stiffness)) / 2
     divergence += dimension * np.log(np.diag(lower)).sum() + stiffness * np.sum(coordinates**2) / 2
     return coordinates, np.einsum("kn,kn->n", half, half), float(divergence)

@@ -9,9 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solve_triangular
-from scipy.linalg.lapack import dpstrf
-from scipy.spatial.distance import cdist
+import scipy
 
 from tsis.compiled import compiled
 from tsis.matching._fit import TOLERANCE_SD, Floats, MatchFit, nearest_pairs, ridge_solution, spacing
@@ -67,7 +65,7 @@ def fit_displacement(
     factor, control, triangle = kernel_factor(source)
     dimension, transformed = source.shape[1], source
     coordinates = np.zeros((factor.shape[1], dimension))
-    variance = max(float(cdist(source, target, "sqeuclidean").mean() / dimension), SHARPEST)
+    variance = max(float(scipy.spatial.distance.cdist(source, target, "sqeuclidean").mean() / dimension), SHARPEST)
     for _ in range(rounds):
         of_source, of_target, drawn = expect(transformed, target, variance, outliers)
         expected = ExpectedPairs(source=of_source, target=of_target, drawn=drawn)
@@ -77,18 +75,18 @@ def fit_displacement(
         if abs(variance - before) <= settled * before:
             break
     return DisplacementField(
-        control=control, weights=solve_triangular(triangle, coordinates, lower=True, trans="T")
+        control=control, weights=scipy.linalg.solve_triangular(triangle, coordinates, lower=True, trans="T")
     ), variance
 
 
 def gaussian(points: Floats, control: Floats) -> Floats:
     """``exp(-|x - c|**2 / (2 WIDTH**2))`` between two sets of points, shape (n, k)."""
-    return np.asarray(np.exp(-cdist(points, control, "sqeuclidean") / (2 * WIDTH**2)))
+    return np.asarray(np.exp(-scipy.spatial.distance.cdist(points, control, "sqeuclidean") / (2 * WIDTH**2)))
 
 
 def kernel_factor(points: Floats) -> tuple[Floats, Floats, Floats]:
     """Factor L of the kernel matrix L L', shape (n, k); its k pivot points; and its rows there, shape (k, k)."""
-    factor, pivots, rank, _ = dpstrf(gaussian(points, points), tol=KERNEL_ROUNDING, lower=1)
+    factor, pivots, rank, _ = scipy.linalg.lapack.dpstrf(gaussian(points, points), tol=KERNEL_ROUNDING, lower=1)
     lower = np.tril(factor)[:, :rank]
     unpivoted = np.empty_like(lower)
     unpivoted[pivots - 1] = lower

@@ -6,11 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
-from scipy.optimize import linear_sum_assignment
-from scipy.spatial import KDTree
-from scipy.spatial.distance import cdist
 
 from tsis.compiled import fused
 from tsis.errors import InputError
@@ -96,8 +93,8 @@ def ridge_solution(normal: Floats, right: Floats, ridge: Floats | float) -> Floa
     ``normal``, shape (k, k), is symmetric and is overwritten.
     """
     normal[np.diag_indices_from(normal)] += ridge
-    factor = cho_factor(normal, overwrite_a=True, check_finite=False)
-    return np.asarray(cho_solve(factor, right, check_finite=False))
+    factor = scipy.linalg.cho_factor(normal, overwrite_a=True, check_finite=False)
+    return np.asarray(scipy.linalg.cho_solve(factor, right, check_finite=False))
 
 
 ALIGNED = 16  # rows of a table begin and end at multiples of so many: the compiler's vectors leave none over
@@ -161,7 +158,7 @@ def nearest_pairs(transformed: Floats, target: Floats, *, tolerance: float) -> t
     >>> matches.tolist()
     [1, -1]
     """
-    squared = cdist(transformed, target, "sqeuclidean")
+    squared = scipy.spatial.distance.cdist(transformed, target, "sqeuclidean")
     matches = assign(squared, dummy=tolerance**2)
     likely = np.exp(-0.5 * squared * (TOLERANCE_SD / tolerance) ** 2)
     chance = likely / (likely.sum(axis=1, keepdims=True) + np.exp(-0.5 * TOLERANCE_SD**2))
@@ -178,7 +175,7 @@ def assign(cost: Floats, *, dummy: float) -> Integers:
     """
     if np.isfinite(dummy):
         return assign_listed(*_listed(np.ascontiguousarray(cost), dummy), cost.shape[1], dummy)
-    rows, columns = linear_sum_assignment(cost)
+    rows, columns = scipy.optimize.linear_sum_assignment(cost)
     matches = np.full(len(cost), UNMATCHED, dtype=np.int64)
     matches[rows] = columns
     return matches
@@ -322,7 +319,7 @@ def assign_listed(start: Integers, column: Integers, cost: Floats, columns: int,
 def spacing(points: Floats) -> float:
     """Median distance of distinct points, shape (n, d), to their nearest neighbour; 0 for a single point."""
     positions = np.unique(points, axis=0)
-    distance, _ = KDTree(positions).query(positions, k=[2])
+    distance, _ = scipy.spatial.KDTree(positions).query(positions, k=[2])
     return float(np.median(distance)) if len(positions) > 1 else 0.0
 
 
@@ -356,8 +353,8 @@ def matched_all(fit: MatchFit, source: Floats, target: Floats) -> MatchFit:
 
 def mutual_nearest(transformed: Floats, target: Floats) -> tuple[Integers, Floats]:
     """Mutual nearest neighbours within `MUTUAL_RANGE` of the target's spacing, and their weights, shapes (n,)."""
-    away, nearest = KDTree(target).query(transformed)
-    _, back = KDTree(transformed).query(target)
+    away, nearest = scipy.spatial.KDTree(target).query(transformed)
+    _, back = scipy.spatial.KDTree(transformed).query(target)
     extent = MUTUAL_RANGE * spacing(target)
     mutual = (np.asarray(back)[nearest] == np.arange(len(transformed))) & (away <= extent)
     matches = np.where(mutual, nearest, UNMATCHED).astype(np.int64)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial import KDTree
+import scipy
 
 from tsis.compiled import fused
 from tsis.matching._fit import UNMATCHED
@@ -283,7 +283,7 @@ def successors(points: Floats) -> Integers:
     [1, 2, 3, -1]
     """
     count = len(points)
-    nearest = KDTree(points).query(points, k=min(NEIGHBOURS, count))
+    nearest = scipy.spatial.KDTree(points).query(points, k=min(NEIGHBOURS, count))
     length, index = np.asarray(nearest[0]), np.asarray(nearest[1])
     start = np.repeat(np.arange(count), length.shape[1] - 1)
     length, end = length[:, 1:].ravel(), index[:, 1:].ravel()

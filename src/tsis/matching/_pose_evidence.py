@@ -15,8 +15,7 @@ from dataclasses import field as dataclass_field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial.distance import cdist
-from scipy.special import betaln
+import scipy
 
 from tsis.compiled import fused
 from tsis.matching._fit import ALIGNED, UNMATCHED, normal_matrix, ridge_map
@@ -83,7 +82,7 @@ class PoseEvidence:
 
 def gaussian_kernel(points: Floats, control: Floats, width: float) -> Floats:
     """``exp(-|x - c|**2 / (2 width**2))`` between two sets of points, shape (n, c)."""
-    return np.asarray(np.exp(-0.5 * cdist(points, control, "sqeuclidean") / width**2))
+    return np.asarray(np.exp(-0.5 * scipy.spatial.distance.cdist(points, control, "sqeuclidean") / width**2))
 
 
 def soft_evidence(field: SmoothField, target: Floats, pairs: Floats) -> PoseEvidence | None:
@@ -349,7 +348,7 @@ def unrelated_evidence(target: Floats) -> float:
     box = float(np.log(np.ptp(target, axis=0)).sum())
     _, volume = np.linalg.slogdet(np.cov(target, rowvar=False, bias=True))
     cloud = 0.5 * (dimension * math.log(2 * math.pi * math.e) + float(volume))
-    return float(betaln(1, count + 1) - count * min(box, cloud))
+    return float(scipy.special.betaln(1, count + 1) - count * min(box, cloud))
 
 
 @fused

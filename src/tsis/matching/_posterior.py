@@ -13,8 +13,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial.distance import cdist
-from scipy.special import i0e, logsumexp
+import scipy
 
 from tsis.compiled import fused
 from tsis.matching._fit import UNMATCHED, MatchFit, assign, nearest_pairs
@@ -90,8 +89,8 @@ class PosePosterior:
         if not self.maps:
             return -LARGEST_ODDS
         near = self._near(moved)
-        here = logsumexp(self.logs[near]) if near.any() else -math.inf
-        others = logsumexp(np.append(self.logs[~near], self.unrelated))
+        here = scipy.special.logsumexp(self.logs[near]) if near.any() else -math.inf
+        others = scipy.special.logsumexp(np.append(self.logs[~near], self.unrelated))
         return float(np.clip(here - others, -LARGEST_ODDS, LARGEST_ODDS))
 
     def _near(self, moved: Floats) -> Booleans:
@@ -106,7 +105,7 @@ class PosePosterior:
         while left.any() and len(result) < MOST_ALTERNATIVES:
             first = self.maps[left.argmax()]
             near = left & self._near(first.moved)
-            probability = float(np.exp(logsumexp(self.logs[near])))
+            probability = float(np.exp(scipy.special.logsumexp(self.logs[near])))
             if result and probability < LEAST_PROBABILITY:
                 break
             result.append(
@@ -144,7 +143,7 @@ def pose_posterior(
     order = np.argsort(-logs, kind="stable")
     logs, chosen = logs[order], [upright[k] for k in order]
     unrelated = unrelated_evidence(target)
-    total = logsumexp(np.append(logs, unrelated))
+    total = scipy.special.logsumexp(np.append(logs, unrelated))
     return PosePosterior(
         search=search,
         maps=tuple(chosen),
@@ -220,7 +219,7 @@ def _concentrated(cosine: float, sd_deg: float, dimension: int) -> float:
 def _log_normaliser(concentration: float, dimension: int) -> float:
     """Log mean of ``exp(concentration (cos - 1))`` over all rotations."""
     if dimension == 2:
-        return math.log(float(i0e(concentration)))
+        return math.log(float(scipy.special.i0e(concentration)))
     angle = np.linspace(0, np.pi, 20_001)
     density = np.exp(concentration * (np.cos(angle) - 1)) * (1 - np.cos(angle)) / np.pi
     return math.log(float(np.trapezoid(density, angle)))
@@ -253,7 +252,7 @@ def _interpolated(source: Floats, moved: Floats, target: Floats, spacing: float)
     A residual is noise or fine deformation, which the points do not distinguish. Where it is small against the spacing,
     the partner is the better estimate of the position.
     """
-    squared = cdist(moved, target, "sqeuclidean")
+    squared = scipy.spatial.distance.cdist(moved, target, "sqeuclidean")
     pairs = assign(squared, dummy=(NEAREST * spacing) ** 2)
     rows = np.flatnonzero(pairs != UNMATCHED)
     away = squared[rows, pairs[rows]]

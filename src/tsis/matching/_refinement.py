@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial import KDTree
+import scipy
 
 from tsis.compiled import fused
 from tsis.matching._fit import ALIGNED, UNMATCHED, assign_listed, nearest_within, normal_system, pairs_within, ridge_map
@@ -108,7 +108,7 @@ def repatched(field: SmoothField, target: Floats, step: float, pose: PoseEvidenc
     """The map after the pairs of each patch are predicted from all others."""
     best, points = pose, field.points
     count = max(int(PATCH * len(points)), 4)
-    tree = KDTree(points)
+    tree = scipy.spatial.KDTree(points)
     for centre in spread_indices(points, PATCHES):
         near = np.asarray(tree.query(points[centre], k=count)[1])
         matches = best.matches.copy()

@@ -21,8 +21,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial import KDTree
-from scipy.spatial.transform import Rotation
+import scipy
 
 from tsis.compiled import fused
 from tsis.matching._shape_context import ANGLE_BINS, chi_squared, histograms, mean_distance
@@ -57,7 +56,7 @@ class Neighbourhood:
     @classmethod
     def of(cls, points: Floats, count: int) -> Neighbourhood:
         """Neighbours of points, shape (n, d)."""
-        _, index = KDTree(points).query(points, k=min(count + 1, len(points)))
+        _, index = scipy.spatial.KDTree(points).query(points, k=min(count + 1, len(points)))
         return cls.among(points, np.asarray(index)[:, 1:])
 
     @classmethod
@@ -337,7 +336,7 @@ def whitening(points: Floats) -> Floats:
 def rotations(dimension: int) -> Floats:
     """Rotation matrices, shape (k, d, d): by whole angle bins in the plane, those of the icosahedron in space."""
     if dimension == 3:
-        return np.asarray(Rotation.create_group("I").as_matrix())
+        return np.asarray(scipy.spatial.transform.Rotation.create_group("I").as_matrix())
     angles = 2 * np.pi * np.arange(ANGLE_BINS) / ANGLE_BINS
     return np.moveaxis(np.array([[np.cos(angles), -np.sin(angles)], [np.sin(angles), np.cos(angles)]]), 2, 0)
 

@@ -12,8 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.spatial import KDTree
+import scipy
 
 from tsis.compiled import compiled
 from tsis.matching._fit import UNMATCHED, Floats, Integers, MatchFit, assign
@@ -77,13 +76,13 @@ def fit(source: Floats, target: Floats, /, *, rng: np.random.Generator) -> Match
     return MatchFit(move=basis.spline(coordinates), matches=matches, trust=trust)
 
 
-def neighbours(points: Floats) -> csr_array:
+def neighbours(points: Floats) -> scipy.sparse.csr_array:
     """Symmetric graph of the `NEIGHBOURS` nearest neighbours: 1 where points are neighbours, shape (n, n)."""
     number = len(points)
     count = min(NEIGHBOURS, number - 1)
-    _, index = KDTree(points).query(points, k=range(1, count + 2))
+    _, index = scipy.spatial.KDTree(points).query(points, k=range(1, count + 2))
     row = np.repeat(np.arange(number), count + 1)
-    graph = csr_array((np.ones(row.size), (row, index.ravel())), shape=(number, number))
+    graph = scipy.sparse.csr_array((np.ones(row.size), (row, index.ravel())), shape=(number, number))
     graph = graph + graph.T
     graph.setdiag(0)  # of coincident points, any may be the first
     graph.eliminate_zeros()
@@ -99,7 +98,7 @@ def candidates(cost: Floats) -> Pairs:
     return Pairs(row=np.repeat(np.arange(n), count), column=column.ravel().astype(np.int64), shape=(n, m))
 
 
-def support(pairs: Pairs, source: csr_array, target: csr_array) -> csr_array:
+def support(pairs: Pairs, source: scipy.sparse.csr_array, target: scipy.sparse.csr_array) -> scipy.sparse.csr_array:
     """Matrix of the support between pairs, shape (p, p).
 
     It is one over the larger number of neighbours where the points of two pairs are neighbours, else 0: the product
@@ -110,10 +109,10 @@ def support(pairs: Pairs, source: csr_array, target: csr_array) -> csr_array:
     start, end, weight = _supporters(
         pairs.row, pairs.column, position, source.indptr, source.indices, target.indptr, target.indices
     )
-    return csr_array((weight, end, start), shape=(len(pairs.row), len(pairs.row)))
+    return scipy.sparse.csr_array((weight, end, start), shape=(len(pairs.row), len(pairs.row)))
 
 
-def relax(likely: Floats, supported: csr_array, pairs: Pairs) -> Chances:
+def relax(likely: Floats, supported: scipy.sparse.csr_array, pairs: Pairs) -> Chances:
     """Relaxed probabilities, from the initial likelihood of each pair, shape (p,)."""
     n, m = pairs.shape
     chances = Chances(

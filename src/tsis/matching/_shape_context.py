@@ -17,7 +17,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial.distance import pdist
+import scipy
 
 from tsis.compiled import compiled
 from tsis.matching._fit import UNMATCHED, Floats, Integers, MatchFit, assign, require_points
@@ -95,7 +95,7 @@ def chi_squared(a: Floats, b: Floats) -> Floats:
 
 def mean_distance(points: Floats) -> float:
     """Mean distance of two of the points, shape (n, d)."""
-    return _scale(float(pdist(points).mean()) if len(points) > 1 else 0.0)
+    return _scale(float(scipy.spatial.distance.pdist(points).mean()) if len(points) > 1 else 0.0)
 
 
 @compiled

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial.distance import cdist
+import scipy
 
 from tsis.compiled import fused
 from tsis.errors import InputError
@@ -217,8 +217,8 @@ def _outward(spline: ThinPlateSpline, here: NormalFrame, there: NormalFrame) -> 
 def kernel(points: Floats, control: Floats) -> Floats:
     """``r**2 log r`` in the plane, ``-r`` in space, between two sets of points, shape (n, k)."""
     if points.shape[1] == 3:
-        return np.asarray(-cdist(points, control))
-    squared = cdist(points, control, "sqeuclidean")
+        return np.asarray(-scipy.spatial.distance.cdist(points, control))
+    squared = scipy.spatial.distance.cdist(points, control, "sqeuclidean")
     return np.asarray(0.5 * squared * np.log(np.maximum(squared, 1e-300)))
 
 

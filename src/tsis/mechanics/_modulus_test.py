@@ -12,9 +12,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import least_squares
-from scipy.sparse import coo_array
-from scipy.sparse.linalg import spsolve
+import scipy
 
 from tsis.errors import InputError
 from tsis.mechanics._element import stiffness
@@ -128,13 +126,13 @@ def bonded_factor(diameter_mm: float, height_mm: float, poisson: float) -> float
         places.append(mesh.layer(layer, unknown).reshape(len(nodes), -1))
     matrix, place = np.concatenate(blocks), np.concatenate(places)
     row, column = (np.broadcast_to(part, matrix.shape).ravel() for part in (place[:, :, None], place[:, None, :]))
-    whole = coo_array((matrix.ravel(), (row, column)), shape=(unknown.size, unknown.size)).tocsr()
+    whole = scipy.sparse.coo_array((matrix.ravel(), (row, column)), shape=(unknown.size, unknown.size)).tocsr()
     moved = np.zeros(unknown.size)
     fixed = np.zeros(unknown.size, dtype=bool)
     fixed[unknown[0, :, 0]] = fixed[unknown[:, 0]] = fixed[unknown[:, -1, 1]] = True  # axis, plate, middle plane
     moved[unknown[:, 0, 1]] = 1.0
     free = ~fixed
-    moved[free] = spsolve(whole[free][:, free], -(whole[free] @ moved))
+    moved[free] = scipy.sparse.linalg.spsolve(whole[free][:, free], -(whole[free] @ moved))
     force = float((whole @ moved)[unknown[:, 0, 1]].sum())
     return abs(force) * half / (np.pi * radius**2)
 
@@ -164,7 +162,7 @@ def _fitted(
 
     start = length.min() - 0.05 * span
     first = float(force.max() / max(float(np.max(model(length - start))), 1e-300))
-    fit = least_squares(residuals, [np.log(first), start], x_scale=[0.1, 0.1 * span])
+    fit = scipy.optimize.least_squares(residuals, [np.log(first), start], x_scale=[0.1, 0.1 * span])
     if not fit.success or not np.isfinite(fit.x).all():
         raise InputError("no modulus fits these points; check that forces rise with the travel, and the units")
     variance = 2 * fit.cost / (len(length) - 2)

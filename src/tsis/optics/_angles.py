@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.special import erf
+import scipy
 
 from tsis.errors import InputError
 from tsis.model import require_array
@@ -246,7 +246,7 @@ def real_contact(pressure_kpa: Floats, saturation_kpa: float) -> Floats:
     >>> real_contact(np.array([-1.0, 1.0, 100.0]), 20.0).round(3).tolist()
     [0.0, 0.05, 1.0]
     """
-    return np.asarray(erf(ERF_SLOPE * np.maximum(pressure_kpa, 0.0) / saturation_kpa), dtype=float)
+    return np.asarray(scipy.special.erf(ERF_SLOPE * np.maximum(pressure_kpa, 0.0) / saturation_kpa), dtype=float)
 
 
 def _aperture(index: Floats, least: Floats) -> Floats:

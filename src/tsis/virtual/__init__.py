@@ -15,6 +15,7 @@ from tsis.virtual._camera import (
     virtual_mode,
 )
 from tsis.virtual._direct_contact import DIRECT_CONTACT_RESOLUTION, DirectContactRig, direct_contact_calibration
+from tsis.virtual._exposure import load_exposure
 from tsis.virtual._gel_frames import (
     GelBallPress,
     GelLight,
@@ -81,6 +82,7 @@ __all__ = [
     "draw_phantom",
     "exposure_for",
     "gel_depth_mm",
+    "load_exposure",
     "marker_ink",
     "nominal_calibration",
     "random_gel_light",

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import ndimage
+import scipy
 
 from tsis.hardness import DRIFT_SD, press_fields, require_small_sphere
 from tsis.imaging import Sensor, expose, render
@@ -213,7 +213,7 @@ class DirectContactRig:
     def _shifted(self, picture: NDArray[np.float64]) -> NDArray[np.float64]:
         """The picture of a sphere slightly off the axis, where the probe is as soft as on it."""
         shift = self._offset_sd_mm * self._rng.standard_normal(2) / self.sensor.mm_per_pixel
-        return np.asarray(ndimage.shift(picture, shift[::-1], order=1), dtype=float)
+        return np.asarray(scipy.ndimage.shift(picture, shift[::-1], order=1), dtype=float)
 
     def written_radius_mm(self, sphere: SoftSphere) -> float:
         """Recorded radius, drawn once for each sphere, mm."""

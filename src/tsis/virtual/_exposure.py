@@ -22,6 +22,13 @@ def exposed(light: NDArray[np.float64], factor: float, sensor: Sensor, rng: np.r
     return expose(light * factor, sensor, rng).astype(_type_of(sensor))
 
 
+def load_exposure() -> NDArray[np.float64]:
+    """Load what exposes frames, half a second before the first one else; returns the light of a small dark frame."""
+    light = np.zeros((8, 8))
+    exposed(light, 1.0, Sensor(rows=8, columns=8), np.random.default_rng(0))
+    return light
+
+
 class ExposingProcess:
     """Exposes frames in a process of its own, with a generator spawned from ``rng``.
 
@@ -78,8 +85,7 @@ def _serve(requests: Connection) -> None:
     """Answer requests until the other end is closed; it alone is interrupted at a terminal."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.dup2(2, 1)  # standard output is for the other program's messages
-    light = np.zeros((8, 8))
-    exposed(light, 1.0, Sensor(rows=8, columns=8), np.random.default_rng(0))  # which loads what is compiled
+    light = load_exposure()
     try:
         requests.send(None)
         rng = requests.recv()

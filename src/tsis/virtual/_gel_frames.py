@@ -13,8 +13,7 @@ from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.ndimage import gaussian_filter
-from scipy.special import gamma, j0, jv
+import scipy
 
 from tsis.errors import InputError
 from tsis.mechanics.gel import GelGrid
@@ -67,15 +66,18 @@ def ball_press(ball_radius_mm: float, contact_radius_mm: float, *, thickness_mm:
     layer = (kappa * (1 - double) - 4 * w * small) / (kappa * (1 + double) + (1 + kappa**2 + 4 * w**2) * small)
     powers = np.arange(PRESSURES) + 0.5
     # Hankel transform of (1 - r²)^n, Sneddon: 2^n gamma(n + 1) J(n + 1, k) / k^(n + 1).
-    transform = [2.0**n * gamma(n + 1) * jv(n + 1, k) / k ** (n + 1) * layer * (k[1] - k[0]) for n in powers]
+    transform = [
+        2.0**n * scipy.special.gamma(n + 1) * scipy.special.jv(n + 1, k) / k ** (n + 1) * layer * (k[1] - k[0])
+        for n in powers
+    ]
     touched = np.linspace(0.0, 0.995, 60)
-    shapes = j0(touched[:, None] * k) @ np.stack(transform, axis=1)
+    shapes = scipy.special.j0(touched[:, None] * k) @ np.stack(transform, axis=1)
     shape = ball_radius_mm - np.sqrt(ball_radius_mm**2 - (a * touched) ** 2)
     # Depth inside is d - shape; these pressures end at zero on the edge, which sets d.
     solution = np.linalg.lstsq(np.column_stack([shapes, -np.ones(touched.size)]), -shape, rcond=1e-10)[0]
     depth = float(solution[-1])
     radius = np.concatenate([np.linspace(0.0, 3.0, 400), np.geomspace(3.03, 30.0, 60)]) * a
-    face = j0(radius[:, None] / a * k) @ (np.stack(transform, axis=1) @ solution[:-1])
+    face = scipy.special.j0(radius[:, None] / a * k) @ (np.stack(transform, axis=1) @ solution[:-1])
     inside = radius <= a
     face[inside] = depth - (ball_radius_mm - np.sqrt(ball_radius_mm**2 - radius[inside] ** 2))
     return GelBallPress(contact_radius_mm=a, depth_mm=depth, radius_mm=radius, face_mm=face)
@@ -127,7 +129,7 @@ def random_gel_light(shape: tuple[int, int], rng: np.random.Generator, *, size_p
         colour[lamp, lamp % 3] += rng.uniform(0.7, 1.1)
     elevation = np.radians(rng.uniform(20.0, 50.0, count))
     colour /= (colour * np.sin(elevation)[:, None]).sum(axis=0).max()  # the camera's exposure
-    texture = gaussian_filter(rng.normal(size=shape), size_px * 2.0)
+    texture = scipy.ndimage.gaussian_filter(rng.normal(size=shape), size_px * 2.0)
     texture *= rng.uniform(0.02, 0.08) / max(float(texture.std()), 1e-12)
     return GelLight(
         azimuth_rad=rng.uniform(0, 2 * np.pi) + 2 * np.pi * np.arange(count) / count + rng.normal(0, 0.15, count),
@@ -224,7 +226,7 @@ def render_gel(
         level *= 1.0 + light.drift
     level += light.ambient
     level *= (1.0 - light.vignetting * (u**2 + v**2) / (0.25 + (rows / columns / 2) ** 2))[..., None]
-    level = gaussian_filter(level, (light.blur_px, light.blur_px, 0.0))
+    level = scipy.ndimage.gaussian_filter(level, (light.blur_px, light.blur_px, 0.0))
     level += rng.normal(0.0, light.noise_grey, level.shape)
     return np.clip(np.rint(level), 0, 255).astype(np.uint8)
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
-from scipy.ndimage import gaussian_filter
+import scipy
 
 from tsis.calibration.dents import PAD_THICKNESS_MM
 from tsis.calibration.force import LARGEST_GAUGE_N
@@ -333,7 +333,7 @@ class VirtualLoadingMachine:
         if self._blur_mm == 0:
             return light
         sigma_x, sigma_y = (self._blur_mm / size for size in self.sensor.mm_per_pixel)
-        return np.asarray(gaussian_filter(light, (sigma_y, sigma_x), mode="mirror"), dtype=float)
+        return np.asarray(scipy.ndimage.gaussian_filter(light, (sigma_y, sigma_x), mode="mirror"), dtype=float)
 
     def _gauge_reading(self, force: float) -> float:
         reading = self.truth.gauge_gain * force + self.truth.gauge_zero_n

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.ndimage import gaussian_filter
+import scipy
 
 from tsis.imaging import Sensor, expose
 from tsis.model import TactileImage, require_integer, require_number, require_type
@@ -197,7 +197,7 @@ def _exposed(
     """The frame of a fraction of the probe's uneven light."""
     require_number("blur_px", blur_px, 0.0, 50.0, hint="pixels")
     if blur_px > 0.0:
-        fraction = np.asarray(gaussian_filter(fraction, blur_px, mode="nearest"))
+        fraction = np.asarray(scipy.ndimage.gaussian_filter(fraction, blur_px, mode="nearest"))
     span, down = (np.linspace(-1.0, 1.0, sides) for sides in (sensor.columns, sensor.rows))
     light = 1 - SHADE * (span[None, :] ** 2 + down[:, None] ** 2) / 2 + SHADE * span[None, :] / 2
     grey = LEVEL * (sensor.full_scale - sensor.background_grey) * light * fraction

@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import nnls
+import scipy
 
 from tsis.calibration._measured import MeasuredValue
 from tsis.calibration.force._curves import (
@@ -149,7 +149,7 @@ def _residuals(runs: Sequence[LoadingRun], slope: float) -> tuple[MeasuredValue,
     parts = np.zeros(2)
     for _ in range(5):  # the variance of a square grows with its expectation
         scale = np.linalg.norm(design / expected[:, None], axis=0)
-        parts = nnls(design / expected[:, None] / scale, squares / expected)[0] / scale
+        parts = scipy.optimize.nnls(design / expected[:, None] / scale, squares / expected)[0] / scale
         expected = np.maximum(design @ parts, 1e-6 * float(squares.mean()) + 1e-12)
     freedom = len(light) - 2.0 * len(runs)
     return spread_value(float(parts[0]), freedom, unit="grey"), spread_value(float(parts[1]), freedom)

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import ndimage
-from skimage.feature import canny
+import scipy
+import skimage
 
 from tsis.errors import InputError
 from tsis.imaging import segment, smoothed
@@ -116,7 +116,7 @@ def patch_mask(image: TactileImage, *, method: str = "threshold") -> NDArray[np.
     if method == "canny":
         mask = _within_edges(image.grey, mask, patch.threshold_grey)
     margin = max(LEAST_MARGIN_PX, round(MARGIN * float(np.sqrt(mask.sum() / np.pi))))
-    return np.asarray(ndimage.distance_transform_edt(~mask) <= margin)
+    return np.asarray(scipy.ndimage.distance_transform_edt(~mask) <= margin)
 
 
 def _within_edges(grey: NDArray[np.float64], mask: NDArray[np.bool], threshold: float) -> NDArray[np.bool]:
@@ -125,9 +125,9 @@ def _within_edges(grey: NDArray[np.float64], mask: NDArray[np.bool], threshold: 
     top = float(smooth[mask].max())
     low = float(np.clip(threshold / top, 5 / 255, 100 / 255))
     levels = np.clip(smooth / top, 0, 1)
-    edges = canny(levels, 0, low, 2 * low, mode="nearest")  # type: ignore[no-untyped-call]
-    filled = ndimage.binary_fill_holes(ndimage.grey_closing(edges, (5, 5), mode="nearest"))
-    labels, count = ndimage.label(filled)
+    edges = skimage.feature.canny(levels, 0, low, 2 * low, mode="nearest")  # type: ignore[no-untyped-call]
+    filled = scipy.ndimage.binary_fill_holes(scipy.ndimage.grey_closing(edges, (5, 5), mode="nearest"))
+    labels, count = scipy.ndimage.label(filled)
     if count == 0:
         return mask
     sizes = np.bincount(labels[mask], minlength=count + 1)

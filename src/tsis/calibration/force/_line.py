@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from scipy.optimize import brentq
 
 from tsis.calibration._measured import MeasuredValue
 from tsis.calibration.force._frame import PATCH_METHODS
@@ -227,7 +226,7 @@ def combine_variances(parts: tuple[tuple[float, float], ...]) -> tuple[float, fl
 
     if excess(LARGEST_LOG) >= 0:
         return total, np.inf
-    return total, max(1.0, round(float(np.exp(brentq(excess, -1e-9, LARGEST_LOG))), 9))
+    return total, max(1.0, round(float(np.exp(scipy.optimize.brentq(excess, -1e-9, LARGEST_LOG))), 9))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

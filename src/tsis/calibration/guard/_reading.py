@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.ndimage import label
+import scipy
 
 from tsis.calibration.guard._reference import Prepared
 from tsis.calibration.lamps import require_lit
@@ -162,7 +162,7 @@ def lamps_and_ambient(
 
 def _around(position: tuple[int, int], above: NDArray[np.bool]) -> NDArray[np.bool]:
     """The connected part around a block."""
-    labels = label(above, np.ones((3, 3)))[0]
+    labels = scipy.ndimage.label(above, np.ones((3, 3)))[0]
     return np.asarray(labels == labels[position])
 
 

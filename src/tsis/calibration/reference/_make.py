@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
-from scipy.ndimage import gaussian_filter, median_filter
 
 from tsis.calibration._measured import MeasuredValue
 from tsis.calibration.lamps import ReferencePatch, require_lit
@@ -321,7 +320,7 @@ def _bad(dark: NDArray[np.float64], flats: Sequence[NDArray[np.float64]]) -> NDA
 
 
 def _outliers(mean: NDArray[np.float64]) -> NDArray[np.bool]:
-    smooth = median_filter(mean, 5, mode="nearest")
+    smooth = scipy.ndimage.median_filter(mean, 5, mode="nearest")
     residuals = mean - smooth
     spread = GAUSSIAN_MAD * float(np.median(np.abs(residuals - np.median(residuals))))
     return np.asarray(np.abs(residuals) > np.maximum(BAD_FACTOR * max(spread, 0.25), 0.15 * np.abs(smooth)))
@@ -349,5 +348,7 @@ def _relative(
         raise CalibrationError("flat-field frames must be brighter than untouched ones by 10 grey levels or more")
     # A map without pixel noise, which all later frames would inherit; only good pixels count.
     relative, weight = np.maximum(total / mean, 0.0), field.astype(float)
-    weights, sums = (gaussian_filter(part, SMOOTH_PX, mode="mirror") for part in (weight, weight * relative))
+    weights, sums = (
+        scipy.ndimage.gaussian_filter(part, SMOOTH_PX, mode="mirror") for part in (weight, weight * relative)
+    )
     return np.where(field, sums / np.maximum(weights, 1e-9), relative)

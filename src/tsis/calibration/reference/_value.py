@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.ndimage import uniform_filter
+import scipy
 
 from tsis.calibration._measured import MeasuredValue
 from tsis.calibration.lamps import PixelBox, ReferencePatch
@@ -160,8 +160,8 @@ class CameraReference(ContentValue):
         touch /= np.maximum(self.relative_light, LEAST_LIGHT)
         if self.usable.all():
             return touch
-        weights = uniform_filter(self.usable.astype(float), 3, mode="nearest")
-        sums = uniform_filter(np.where(self.usable, touch, 0.0), 3, mode="nearest")
+        weights = scipy.ndimage.uniform_filter(self.usable.astype(float), 3, mode="nearest")
+        sums = scipy.ndimage.uniform_filter(np.where(self.usable, touch, 0.0), 3, mode="nearest")
         return np.where(self.usable, touch, np.divide(sums, weights, out=np.zeros_like(sums), where=weights > 0.1))
 
     def clipped(self, image: TactileImage) -> float:

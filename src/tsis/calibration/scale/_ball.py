@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy
 
 from tsis.calibration._measured import MeasuredValue
 from tsis.calibration.scale._ball_press import (
@@ -57,7 +57,9 @@ def fit_shape(
     def residuals(shape: NDArray[np.float64]) -> NDArray[np.float64]:
         return polynomial_residuals(_depths(presses, travel, radius, shape), grey)
 
-    return least_squares(residuals, first, x_scale=np.concatenate([[0.01, 0.01], np.ones(len(first) - 2)]))
+    return scipy.optimize.least_squares(
+        residuals, first, x_scale=np.concatenate([[0.01, 0.01], np.ones(len(first) - 2)])
+    )
 
 
 def _depths(

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import least_squares
-from skimage.measure import block_reduce
+import scipy
+import skimage
 
 from tsis.calibration._measured import MeasuredValue
 from tsis.errors import CalibrationError
@@ -61,7 +61,7 @@ def read_ball_press(image: TactileImage, reference: TactileImage | None) -> Ball
     # Means of blocks preserve the light of all pixels; the ball hardly bends inside a block.
     block = max(1, int(np.sqrt(np.pi / MOST_PIXELS) * INNER * contact.radius_px))
     whole = change.grey[: change.grey.shape[0] // block * block, : change.grey.shape[1] // block * block]
-    grey = block_reduce(whole, block, np.mean)  # type: ignore[no-untyped-call]
+    grey = skimage.measure.block_reduce(whole, block, np.mean)  # type: ignore[no-untyped-call]
     y, x = (np.mgrid[: grey.shape[0], : grey.shape[1]] + 0.5) * block - 0.5
     x, y = x - contact.centre_px[0], y - contact.centre_px[1]
     inside = np.hypot(x / span, y / down) < INNER * contact.radius_px
@@ -106,7 +106,7 @@ def pixel_aspect_ratio(press: BallPress) -> float:
         squares = ((press.x - shape[1]) ** 2 + (np.exp(shape[0]) * (press.y - shape[2])) ** 2) / size**2
         return polynomial_residuals(squares, press.grey)
 
-    fit = least_squares(residuals, np.zeros(3), x_scale=(0.01, 1.0, 1.0))
+    fit = scipy.optimize.least_squares(residuals, np.zeros(3), x_scale=(0.01, 1.0, 1.0))
     return float(np.exp(fit.x[0]))
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from tsis.calibration._measured import MeasuredValue
 from tsis.calibration.scale._board_map import (
@@ -271,7 +271,7 @@ def _cell_of_axis(fitted: BoardMap, axis_px: tuple[float, float]) -> NDArray[np.
 
 
 def _check_rough(fitted: BoardMap) -> None:
-    nearest = np.asarray(cKDTree(fitted.positions_px).query(fitted.positions_px, k=2)[0])
+    nearest = np.asarray(scipy.spatial.cKDTree(fitted.positions_px).query(fitted.positions_px, k=2)[0])
     rough = _root_mean_square(fitted.residuals_px()) / float(np.median(nearest[:, 1]))
     if rough > ROUGHEST:
         raise CalibrationError(

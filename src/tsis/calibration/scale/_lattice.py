@@ -7,7 +7,7 @@ import itertools
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from tsis.calibration.scale._board_map import BoardMap, fit_map
 from tsis.errors import CalibrationError
@@ -114,7 +114,7 @@ def index_lattice(positions_px: NDArray[np.float64]) -> NDArray[np.int64]:
     best = np.empty((0, 3), dtype=np.int64)
     if len(positions_px) < 4:
         return best
-    tree = cKDTree(positions_px)
+    tree = scipy.spatial.cKDTree(positions_px)
     starts = [(first, _first_steps(positions_px, tree, first)) for first in range(len(positions_px))]
     existing = [(first, steps) for first, steps in starts if steps is not None]
     if not existing:
@@ -133,7 +133,7 @@ def index_lattice(positions_px: NDArray[np.float64]) -> NDArray[np.int64]:
 
 
 def _first_steps(
-    positions: NDArray[np.float64], tree: cKDTree, first: int
+    positions: NDArray[np.float64], tree: scipy.spatial.cKDTree, first: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
     """The two shortest steps, not nearly parallel, that have dots at both ends."""
     near = np.asarray(tree.query(positions[first], k=min(NEAREST + 1, len(positions)))[1])
@@ -168,7 +168,7 @@ def _link_count(rows: NDArray[np.int64]) -> int:
 
 def _grown(
     positions: NDArray[np.float64],
-    tree: cKDTree,
+    tree: scipy.spatial.cKDTree,
     first: int,
     steps: tuple[NDArray[np.float64], NDArray[np.float64]],
 ) -> NDArray[np.int64]:
@@ -190,7 +190,10 @@ def _grown(
 
 
 def _links(
-    positions: NDArray[np.float64], tree: cKDTree, start: int, steps: tuple[NDArray[np.float64], NDArray[np.float64]]
+    positions: NDArray[np.float64],
+    tree: scipy.spatial.cKDTree,
+    start: int,
+    steps: tuple[NDArray[np.float64], NDArray[np.float64]],
 ) -> Iterator[tuple[float, int, int, int, int]]:
     """Spots near the predictions from a dot: (relative miss, start, axis, steps, spot)."""
     for axis, extent in itertools.product((0, 1), (1, -1, 2, -2)):

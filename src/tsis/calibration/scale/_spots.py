@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.ndimage import gaussian_filter, maximum_filter
+import scipy
 
 from tsis.imaging import NOISE_FACTOR, QUANTISATION, pixel_noise
 from tsis.model import freeze_arrays, require_integer
@@ -114,7 +114,7 @@ def in_even_light(
 
 
 def _blurred(grey: NDArray[np.float64], blur: float) -> NDArray[np.float64]:
-    return np.asarray(gaussian_filter(grey, blur), dtype=np.float64)
+    return np.asarray(scipy.ndimage.gaussian_filter(grey, blur), dtype=np.float64)
 
 
 def _noise_gain(blur: float) -> float:
@@ -126,7 +126,7 @@ def _noise_gain(blur: float) -> float:
 def _peaks(response: NDArray[np.float64], blur: float, least: float) -> tuple[NDArray[np.intp], ...]:
     """Rows and columns of the maxima above a level, apart from each other and from the border."""
     size = 2 * round(LEAST_SEPARATION * blur) + 1
-    highest = maximum_filter(response, size)
+    highest = scipy.ndimage.maximum_filter(response, size)
     margin = int(np.ceil(BORDER * blur)) + 1
     inside = np.zeros(response.shape, dtype=bool)
     inside[margin:-margin, margin:-margin] = True

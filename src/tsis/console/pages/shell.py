@@ -13,6 +13,7 @@ from nicegui import ui
 from nicegui.element import Element
 from nicegui.translations import translations
 
+from tsis import report
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.console.auth import LOGOUT
 from tsis.console.live import FIRST_MAP, packed_colours
@@ -22,10 +23,12 @@ from tsis.console.pages.components import tr
 from tsis.console.pages.examine import SHORTCUTS
 from tsis.console.pages.jobs import JobList
 from tsis.errors import ControlError, TsisError
+from tsis.virtual import load_exposure
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from matplotlib.figure import Figure
     from nicegui.elements.label import Label
     from nicegui.events import GenericEventArguments, KeyEventArguments
 
@@ -295,6 +298,7 @@ class Help:
 
 
 OPEN_EVERY_S = 2.0  # between two reports that a page is still open
+SHOWN_S = 5.0  # by which the first page is shown
 MAIN = "page"  # identity of the element that holds the page, for the link that skips to it
 
 
@@ -303,10 +307,35 @@ class Shell:
 
     def __init__(self, instrument: Instrument) -> None:
         self._instrument, self._poller, self._tabs = instrument, kit.StatePoller(instrument), kit.Tabs()
+        self._shown = threading.Event()  # the first page
+
+    @contextmanager
+    def loaded_ahead(self) -> Iterator[None]:
+        """Load in the background what the first page needs; when it is shown, what frames need; then other pages."""
+        ended = threading.Event()
+
+        def load() -> None:
+            packed_colours(FIRST_MAP)
+            with suppress(TsisError):  # the page says it
+                self._instrument.store.entries()
+            self._shown.wait(SHOWN_S)
+            if not ended.is_set():
+                load_exposure()
+            if not ended.wait(SHOWN_S):
+                load_pages()
+                report.address(report.Picture(title="", draw=_blank, size=(1.0, 1.0), alt=""))  # loads what draws
+
+        threading.Thread(target=load, name="loading", daemon=True).start()
+        try:
+            yield
+        finally:
+            ended.set()
+            self._shown.set()
 
     def build(self) -> None:
         """Build the page of the tab that opens now."""
         viewer = kit.Viewer(ui.context.client, self._instrument, self._poller, self._tabs)
+        ui.context.client.on_connect(self._shown.set)
         if viewer.logged_in:
             viewer.operator = viewer.name
         with ui.header(elevated=False).classes("bar"):
@@ -346,6 +375,10 @@ class Shell:
         ui.timer(OPEN_EVERY_S, control.report_open)
 
 
+def _blank(figure: Figure) -> None:
+    figure.subplots()
+
+
 def _camera_text(state: InstrumentState) -> str:
     camera = state.camera
     if state.busy:
@@ -355,25 +388,3 @@ def _camera_text(state: InstrumentState) -> str:
     if camera.lost:
         return tr("camera away")
     return tr("{rate} frames/s, {missed} dropped", rate=f"{camera.frames_per_s:.0f}", missed=camera.missed)
-
-
-SHOWN_S = 5.0  # by which the first page is shown
-
-
-@contextmanager
-def loaded_ahead(instrument: Instrument) -> Iterator[None]:
-    """Load in the background what the first page needs, while a browser starts, and later the other pages."""
-
-    def load() -> None:
-        packed_colours(FIRST_MAP)
-        with suppress(TsisError):  # the page says it
-            instrument.store.entries()
-
-    later = threading.Timer(SHOWN_S, load_pages)
-    later.daemon = True
-    for thread in (threading.Thread(target=load, name="loading", daemon=True), later):
-        thread.start()
-    try:
-        yield
-    finally:
-        later.cancel()

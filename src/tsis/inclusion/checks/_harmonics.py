@@ -10,8 +10,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
-from scipy.special import chdtrc
+import scipy
 
 from tsis.inclusion.checks._sectors import SECTORS
 
@@ -76,12 +75,12 @@ def unevenness(values: Complexes, variance: Floats, radius_mm: Floats, *, given:
         causes = np.array([np.concatenate([cause.real, cause.imag]) for cause in given])
         covariance += causes.T @ causes
     both = np.concatenate([values.real, values.imag])
-    square = float(both @ cho_solve(cho_factor(covariance), both))
+    square = float(both @ scipy.linalg.cho_solve(scipy.linalg.cho_factor(covariance), both))
     diagonal = np.diag(covariance)
     noise = np.sqrt((diagonal[: len(values)] + diagonal[len(values) :]) / 2)
     ring = int(np.argmax(np.abs(values) / noise))
     return Unevenness(
-        chance=float(chdtrc(len(both), square)),
+        chance=float(scipy.special.chdtrc(len(both), square)),
         size_grey=float(np.abs(values[ring])),
         radius_mm=float(radius_mm[ring]),
         over_noise=float(np.abs(values[ring]) / noise[ring]),

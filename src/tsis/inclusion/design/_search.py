@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import brentq, minimize
+import scipy
 
 from tsis.errors import InputError
 from tsis.inclusion._frames import largest_force_n
@@ -152,7 +152,7 @@ def optimise_design(
     start = np.zeros(2)
     # The first simplex spans an octave: a smaller one wastes evaluations on the scale.
     simplex = np.array([start, [1.0, 0.0], [0.0, 1.0]])
-    minimize(
+    scipy.optimize.minimize(
         evaluate,
         start,
         method="Nelder-Mead",
@@ -210,7 +210,7 @@ def _clipping_n(view: PlannedView, inclusions: Floats) -> float:
         return np.inf
     if excess(LEAST_FORCE_N) > 0:
         return 0.0
-    return float(brentq(excess, LEAST_FORCE_N, LARGEST_FORCE_N, xtol=1e-4))
+    return float(scipy.optimize.brentq(excess, LEAST_FORCE_N, LARGEST_FORCE_N, xtol=1e-4))
 
 
 def at_forces(view: PlannedView, forces_n: tuple[float, ...]) -> PlannedView:
@@ -232,7 +232,7 @@ def _pressed_best(view: PlannedView, forces: _Forces, inclusions: Floats, criter
     count = len(view.protocol.presses)
     start = np.linspace(0.0, 1.0, count + 1)[1:] if count > 1 else np.array([0.8])
     simplex = np.vstack([start, *(start + 0.3 * np.where(start > 0.6, -1, 1) * row for row in np.eye(count))])
-    result = minimize(
+    result = scipy.optimize.minimize(
         value,
         start,
         method="Nelder-Mead",

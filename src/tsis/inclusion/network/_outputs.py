@@ -11,8 +11,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
-from scipy.special import erfinv
+import scipy
 
 from tsis.errors import InputError
 from tsis.imaging import radial_profile
@@ -98,7 +97,9 @@ class OutputReading:
         inside = np.clip((ends[1:] + ends[:-1]) / 2, middles[0], middles[-1])
         area = np.pi * np.diff(ends**2)
         parts = np.array_split(values, len(values) // CHUNK + 1)
-        return np.concatenate([(PchipInterpolator(middles, part, axis=1)(inside) > level) @ area for part in parts])
+        return np.concatenate(
+            [(scipy.interpolate.PchipInterpolator(middles, part, axis=1)(inside) > level) @ area for part in parts]
+        )
 
 
 def change_reading(
@@ -301,7 +302,7 @@ def pressure_outputs(
     grey = _rings_of_frames(images, reference, reading, calibration)
     fraction = grey / (calibration.gain_grey_per_kpa * calibration.saturation_kpa)
     slope = np.sqrt(np.pi) / 2.0  # of the error function's argument, so that the gain is the slope at no pressure
-    rings = calibration.saturation_kpa / slope * erfinv(np.clip(fraction, -BRIGHTEST, BRIGHTEST))
+    rings = calibration.saturation_kpa / slope * scipy.special.erfinv(np.clip(fraction, -BRIGHTEST, BRIGHTEST))
     return reading(rings[:-1], rings[-1])
 
 

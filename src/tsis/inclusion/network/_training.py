@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy
 
 from tsis.errors import InputError
 from tsis.inclusion.network._network import Layers, Network, Span, activations, jacobian, mean_square
@@ -334,7 +334,7 @@ def _by_levenberg_marquardt(
         return jacobian(layers, weights, x).reshape(y.size, layers.weights)
 
     try:
-        result = least_squares(residual, start, jac=slopes, method="lm")
+        result = scipy.optimize.least_squares(residual, start, jac=slopes, method="lm")
     except _Enough:
         return not watch.tired
     watch(result.x)

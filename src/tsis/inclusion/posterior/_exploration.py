@@ -12,8 +12,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import RBFInterpolator
-from scipy.special import expit, logit
+import scipy
 
 from tsis.inclusion.posterior._grid import Grid, box_around, refine
 from tsis.mechanics.surrogate import contrast_factor
@@ -168,7 +167,7 @@ def explore_inclusion(likelihood: InclusionLikelihood, prior: InclusionPrior) ->
         middle=middle,
         fit=fit,
         log_bayes_factor=log_bayes_factor,
-        presence=float(expit(logit(prior.presence) + log_bayes_factor)),
+        presence=float(scipy.special.expit(scipy.special.logit(prior.presence) + log_bayes_factor)),
         information=information,
         layer=likelihood.layer(middle, nuisance),
     )
@@ -223,7 +222,9 @@ def _interpolated(grid: Grid, missing: Callable[[Floats], Floats], points: Float
     """
     middle, spread = points.mean(axis=0), points.std(axis=0)
     while len(points) <= min(MOST_CHECKED, len(grid.cells.points) // 4):
-        spline = RBFInterpolator((points - middle) / spread, at_points, kernel="cubic", degree=1, smoothing=SMOOTHING)
+        spline = scipy.interpolate.RBFInterpolator(
+            (points - middle) / spread, at_points, kernel="cubic", degree=1, smoothing=SMOOTHING
+        )
         correction = np.minimum(spline((grid.cells.points - middle) / spread), at_points.max())
         corrected = grid.with_density(grid.log_density + correction)
         further = corrected.samples(2 * len(points))[len(points) :]

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
-from scipy.optimize import brentq
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -232,7 +231,7 @@ def _temper(log_weight: Floats, enough: float) -> float:
         weight = np.exp(log_weight * np.exp(log_power))
         return float(weight.sum() ** 2 / (weight**2).sum()) - enough
 
-    return 1.0 if excess(0.0) >= 0 else float(np.exp(brentq(excess, -30.0, 0.0, xtol=1e-2)))
+    return 1.0 if excess(0.0) >= 0 else float(np.exp(scipy.optimize.brentq(excess, -30.0, 0.0, xtol=1e-2)))
 
 
 def _sheared_box(cells: GridCells, log_weight: Floats, power: float, low: Floats, high: Floats) -> SlantedBox:

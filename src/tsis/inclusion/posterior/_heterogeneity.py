@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.linalg.lapack import dtrtri
+import scipy
 
 from tsis.compiled import one_blas_thread
 from tsis.files import cached_arrays, content_key
@@ -356,7 +356,7 @@ class NoiseHypotheses:
     def of(cls, covariance: Floats, log_weight: Floats) -> NoiseHypotheses:
         """Factorise the covariances."""
         roots = np.linalg.cholesky(covariance)
-        whitening = np.array([dtrtri(root, lower=1)[0] for root in roots])
+        whitening = np.array([scipy.linalg.lapack.dtrtri(root, lower=1)[0] for root in roots])
         return cls(covariance=covariance, whitening=whitening, log_weight=log_weight, log_root=log_root(roots))
 
 

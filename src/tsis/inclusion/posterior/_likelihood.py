@@ -6,8 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import cholesky, solve_triangular
-from scipy.linalg.lapack import dtrtrs
+import scipy
 
 from tsis.inclusion.posterior._heterogeneity import (
     IMPROBABLE_HYPOTHESIS,
@@ -135,7 +134,7 @@ class InclusionLikelihood:
 
         def residual(inclusions: Floats | None) -> Floats:
             above = self._used(self._data.grey - self.model.grey(inclusions, nuisance)) + start
-            return np.asarray(solve_triangular(least, above.T, lower=True).T)
+            return np.asarray(scipy.linalg.solve_triangular(least, above.T, lower=True).T)
 
         table = self.model.table(nuisance)
         reference, at_nodes = residual(None)[0], residual(table.nodes())
@@ -145,7 +144,7 @@ class InclusionLikelihood:
         rest = reference - selected.T @ (selected @ reference)
         # Whitened by a hypothesis, the residual is B a + b for its parts a along the selected directions.
         right = least @ np.column_stack([selected.T, rest])
-        whitened = np.array([dtrtrs(root, right, lower=1)[0] for root in roots])
+        whitened = np.array([scipy.linalg.lapack.dtrtrs(root, right, lower=1)[0] for root in roots])
         square = np.swapaxes(whitened, 1, 2) @ whitened
         return LinearisedLikelihood(
             residual=table.through(selected @ reference, at_nodes @ selected.T),
@@ -228,8 +227,8 @@ class InclusionLikelihood:
         change = self._by_inclusion(inclusion, nuisance)
         hypotheses = self._hypotheses(inclusion, nuisance)
         fit = _mixed(hypotheses, residual, rotated, self._sd)
-        root = cholesky(hypotheses.covariance[fit.hypothesis[0]] + rotated[0] @ rotated[0].T, lower=True)
-        triangular = solve_triangular(root, change.T, lower=True)
+        root = scipy.linalg.cholesky(hypotheses.covariance[fit.hypothesis[0]] + rotated[0] @ rotated[0].T, lower=True)
+        triangular = scipy.linalg.solve_triangular(root, change.T, lower=True)
         return fit, triangular.T @ triangular
 
     def within(self, nuisance: Floats) -> Floats:

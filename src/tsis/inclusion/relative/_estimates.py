@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import ndimage
+import scipy
 
 from tsis.errors import InputError, NotCalibratedError
 from tsis.imaging import require_same_frame
@@ -64,7 +64,7 @@ def relative_depth(
     if lit.centroid_px is not None:
         x, y = lit.centroid_px
         if not change.clipped[round(y), round(x)]:
-            level = float(ndimage.map_coordinates(change.image.grey, np.array([[y], [x]]), order=1)[0])
+            level = float(scipy.ndimage.map_coordinates(change.image.grey, np.array([[y], [x]]), order=1)[0])
         parts = {"centroid_x_px": x, "centroid_y_px": y}
     return RelativeReading(
         quantity="relative depth",

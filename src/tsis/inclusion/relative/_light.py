@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import ndimage
+import scipy
 
 from tsis.errors import ImageMismatchError, InputError
 from tsis.imaging import (
@@ -239,7 +239,7 @@ def lit_part(change: LightChange, threshold_grey: float | None) -> LitPart:
         "noisy": change.is_drowned(least),
     }
     light = np.where(mask, np.maximum(change.image.grey, 0.0), 0.0)
-    row, column = ndimage.center_of_mass(light) if lit else (0.0, 0.0)
+    row, column = scipy.ndimage.center_of_mass(light) if lit else (0.0, 0.0)
     return LitPart(
         mask=mask,
         area_mm2=(result.area_mm2 or 0.0) * lit,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.special import stdtrit
+import scipy
 
 from tsis.errors import GaugeError, InputError
 from tsis.model import require_number
@@ -146,7 +146,7 @@ def force_at(
         curvature * abs(float(times[right - 1] * times[right])) / 2
         + max(reading.resolution_n for reading in pair) / 2
         + (abs(slope) + curvature * gap / 2) * time_error
-        + float(stdtrit(freedom, 0.5 + LEVEL / 2)) * sd * float(np.hypot(weight, 1 - weight))
+        + float(scipy.special.stdtrit(freedom, 0.5 + LEVEL / 2)) * sd * float(np.hypot(weight, 1 - weight))
     )
     force = float(forces[right - 1]) + slope * float(-times[right - 1])
     return ForceAtTime(force_n=force, error_n=error, gap_s=gap)

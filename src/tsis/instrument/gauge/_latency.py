@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
-from scipy.ndimage import gaussian_filter1d
 
 from tsis.errors import GaugeError, InputError
 from tsis.instrument.gauge._alignment import reading_noise
@@ -159,7 +158,7 @@ def _rate(series: tuple[Floats, Floats], origin: float, step: float, smoothing: 
         )
     grid = times[0] + step * np.arange(count)
     level = np.interp(grid, times, values - values.mean())
-    return grid, gaussian_filter1d(level, smoothing / step, order=1, mode="nearest") / step
+    return grid, scipy.ndimage.gaussian_filter1d(level, smoothing / step, order=1, mode="nearest") / step
 
 
 def _highest(times: Floats, lit: Floats, pressed: tuple[Floats, Floats], longest_s: float, step: float) -> Latency:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias
 
 import numpy as np
-from scipy.spatial.distance import cdist
+import scipy
 
 from tsis.errors import InputError
 from tsis.matching._fit import UNMATCHED, Floats, Integers
@@ -200,7 +200,7 @@ def deformed(points: Floats, distortion: Distortion, *, rng: np.random.Generator
     """The points after the affine map and the bumps."""
     dimension = points.shape[1]
     centres = _separated(points, rng=rng)
-    bumps = np.exp(-cdist(points, centres, "sqeuclidean") / BUMP_WIDTH**2)
+    bumps = np.exp(-scipy.spatial.distance.cdist(points, centres, "sqeuclidean") / BUMP_WIDTH**2)
     affine = rng.normal(0.0, distortion.affine, (dimension + 1, dimension))
     bent = bumps @ rng.normal(0.0, distortion.bending, (len(centres), dimension))
     return np.asarray(points + affine[0] + points @ affine[1:] + bent)

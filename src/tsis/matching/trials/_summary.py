@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import minimize
+import scipy
 
 from tsis.matching._fit import NormalFrame
 from tsis.matching._posterior import RELIABLE, probability_right, trust_features
@@ -320,5 +320,7 @@ def fit_trust(measures: Floats, right: Floats) -> Floats:
         return float(value), scaled.T @ (chance - right) + RIDGE * np.append(0.0, weights[1:])
 
     bounds = [(None, None) if column in FREE else (0.0, None) for column in range(len(scale))]
-    result = minimize(loss, np.zeros(len(scale)), jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": 2000})
+    result = scipy.optimize.minimize(
+        loss, np.zeros(len(scale)), jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": 2000}
+    )
     return np.asarray(result.x / scale)

@@ -7,7 +7,7 @@ import io
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import scipy.io
+import scipy
 
 from tsis.errors import FileInputError, InputError
 from tsis.files import one_line, printable_path, read_arrays, read_bytes

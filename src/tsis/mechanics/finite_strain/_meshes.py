@@ -9,9 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
+import scipy
 
 from tsis.mechanics._mesh import (
     LayeredMesh,
@@ -71,9 +69,11 @@ class Solid:
 def weld(patches: Sequence[MeshPatch]) -> Solid:
     """One body from patches: nodes at one position are merged, also those of collapsed edges."""
     positions = np.concatenate([patch.mesh.nodes.reshape(-1, 2) for patch in patches])
-    pairs = cKDTree(positions).query_pairs(SAME_POINT_MM, output_type="ndarray")
-    links = coo_array((np.ones(len(pairs), dtype=bool), (pairs[:, 0], pairs[:, 1])), shape=(len(positions),) * 2)
-    count, label = connected_components(links, directed=False)
+    pairs = scipy.spatial.cKDTree(positions).query_pairs(SAME_POINT_MM, output_type="ndarray")
+    links = scipy.sparse.coo_array(
+        (np.ones(len(pairs), dtype=bool), (pairs[:, 0], pairs[:, 1])), shape=(len(positions),) * 2
+    )
+    count, label = scipy.sparse.csgraph.connected_components(links, directed=False)
     nodes = np.zeros((count, 2))
     nodes[label] = positions
     numbers, cells, young, poisson, start = [], [], [], [], 0

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse import csc_array
-from scipy.sparse.linalg import SuperLU, splu
+import scipy
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -37,7 +36,7 @@ class Quadratic:
     """The energy's second-order model at one state, factorised."""
 
     gradient: Floats  # gradient by the skeleton's unknowns, mN
-    factors: SuperLU  # LU factors of the condensed tangent with permuted rows and columns
+    factors: scipy.sparse.linalg.SuperLU  # LU factors of the condensed tangent with permuted rows and columns
     permutation: Integers
     elements: Tangent
     body: ElasticBody
@@ -161,8 +160,8 @@ class Potential:
         gradient[self.travel] += load.spring * (unknowns[self.travel] - load.travel_mm) - load.force_mn
         data = np.append(np.concatenate(values), load.spring)[self._cached]
         summed = np.bincount(self._slot, weights=data, minlength=len(self._rows))
-        matrix = csc_array((summed, self._rows, self._starts), shape=(skeleton, skeleton))
-        factors = splu(
+        matrix = scipy.sparse.csc_array((summed, self._rows, self._starts), shape=(skeleton, skeleton))
+        factors = scipy.sparse.linalg.splu(
             matrix, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True, "Equil": False}
         )
         return Quadratic(
@@ -177,8 +176,10 @@ class Potential:
 
 def _ordering(rows: Integers, columns: Integers, size: int) -> Integers:
     """An elimination order with sparse factors."""
-    ones = csc_array((np.ones(len(rows)), (rows, columns)), shape=(size, size))
+    ones = scipy.sparse.csc_array((np.ones(len(rows)), (rows, columns)), shape=(size, size))
     ones.data[:] = -1.0
     ones.setdiag(2.0 * np.diff(ones.indptr))
-    factors = splu(csc_array(ones), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    factors = scipy.sparse.linalg.splu(
+        scipy.sparse.csc_array(ones), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+    )
     return np.argsort(factors.perm_c).astype(np.int64)

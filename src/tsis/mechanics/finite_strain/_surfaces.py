@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
+import scipy
 from numpy.polynomial import legendre
-from scipy.interpolate import BSpline, make_interp_spline
 
 from tsis.mechanics._element import Floats, Integers, lagrange, lobatto_points
 
@@ -51,10 +51,10 @@ class SmoothFace:
         self._nodes = nodes
         dense = np.linspace(0.0, self.end, OUTLINE_POINTS)
         both = np.concatenate([outline(dense)[:0:-1] * [-1.0, 1.0], outline(dense)])
-        shape = make_interp_spline(np.concatenate([-dense[:0:-1], dense]), both, k=DEGREE)
+        shape = scipy.interpolate.make_interp_spline(np.concatenate([-dense[:0:-1], dense]), both, k=DEGREE)
         self._shape = (shape, shape.derivative(1), shape.derivative(2))
         self._knots, self._controls = _projection(parameter, nodes[:, 0], order)
-        self._splines = tuple(BSpline(self._knots, controls, DEGREE) for controls in self._controls)
+        self._splines = tuple(scipy.interpolate.BSpline(self._knots, controls, DEGREE) for controls in self._controls)
         self._derivatives = tuple(
             tuple(spline if nu == 0 else spline.derivative(nu) for spline in self._splines) for nu in (0, 1)
         )
@@ -71,7 +71,7 @@ class SmoothFace:
         """Points of the curve closest to ``points`` (k, 2), the curve's nodes lying at ``positions``."""
         nodal = positions - self._nodes
         controls = np.stack([self._controls[i] @ nodal[:, i] for i in (0, 1)], axis=1)
-        displaced = BSpline(self._knots, controls, DEGREE)
+        displaced = scipy.interpolate.BSpline(self._knots, controls, DEGREE)
         shifts = (displaced, displaced.derivative(1), displaced.derivative(2))
 
         def curve(position: Floats, nu: int) -> Floats:
@@ -119,7 +119,7 @@ def _projection(parameter: Floats, radius: Floats, order: int) -> tuple[Floats, 
     trace = np.zeros((len(position), len(parameter)))
     np.put_along_axis(trace, cell[:, None] * order + np.arange(order + 1), local, axis=1)
     area = (size[:, None] * weight).ravel() * (trace @ radius)
-    basis = BSpline(knots, np.eye(count), DEGREE)(position)
+    basis = scipy.interpolate.BSpline(knots, np.eye(count), DEGREE)(position)
     controls = []
     for sign in (-1.0, 1.0):
         fold = np.eye(count)[:, (count // 2 if sign > 0 else (count + 1) // 2) :]

@@ -13,9 +13,7 @@ from typing import Literal
 
 import numpy as np
 import scipy
-import scipy.fft
 from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import map_coordinates
 
 from tsis.model import require_number, require_one_of
 
@@ -352,8 +350,10 @@ def cell_response(
     along_x, along_y, _ = grid.displacement_mm(np.zeros(grid.shape), load)
     offset = (points[:, None] - cells[None]) / pixel + half_width
     places = (offset[..., 1], offset[..., 0])
-    same, across = (map_coordinates(field, places, order=1) for field in (along_x, along_y))
-    other = map_coordinates(along_x.T, places, order=1)  # the layer is isotropic: x and y change their roles
+    same, across = (scipy.ndimage.map_coordinates(field, places, order=1) for field in (along_x, along_y))
+    other = scipy.ndimage.map_coordinates(
+        along_x.T, places, order=1
+    )  # the layer is isotropic: x and y change their roles
     return np.block([[same, across], [across, other]])
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.ndimage import gaussian_filter
+import scipy
 
 from tsis.errors import InputError, MechanicsError
 from tsis.mechanics.gel._contact import LARGEST_RATIO, GelGrid
@@ -224,7 +224,7 @@ def _checked(depth_mm: ArrayLike, sensor: GelSensor, smoothing_px: float) -> tup
     if pixel is None:
         raise InputError(f"mm_per_pixel of {sensor.name} is not known; put it into the sensor's file")
     require_number("smoothing_px", smoothing_px, 0.0, 20.0)
-    return (gaussian_filter(depth, smoothing_px) if smoothing_px else depth), pixel
+    return (scipy.ndimage.gaussian_filter(depth, smoothing_px) if smoothing_px else depth), pixel
 
 
 def _contact(depth: Floats, contact: NDArray[np.bool_] | None, sd_mm: Floats | None) -> NDArray[np.bool_]:

@@ -13,7 +13,7 @@ from functools import cache, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg.lapack import dpotrf, dtrtri
+import scipy
 
 from tsis.mechanics._element import Floats, Integers, stiffness
 from tsis.mechanics._mesh import layer_of
@@ -58,11 +58,11 @@ class Condensate:
 def _eliminate(matrix: Floats, first: int) -> Floats:
     """Schur complement after the ``first`` degrees of freedom are eliminated."""
     # Direct calls of LAPACK: for matrices this small, wrappers cost as much as the computation.
-    factor, failed = dpotrf(matrix[:first, :first], lower=1)
+    factor, failed = scipy.linalg.lapack.dpotrf(matrix[:first, :first], lower=1)
     if failed:
         raise np.linalg.LinAlgError("a body's stiffness must be positive definite; it is not")
     # No triangular solve: SciPy's does not release the interpreter lock, and slabs are solved in threads.
-    root = dtrtri(factor, lower=1, overwrite_c=1)[0] @ matrix[:first, first:]
+    root = scipy.linalg.lapack.dtrtri(factor, lower=1, overwrite_c=1)[0] @ matrix[:first, first:]
     return np.asarray(matrix[first:, first:] - root.T @ root)
 
 

@@ -11,7 +11,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy
 
 from tsis.errors import InputError, MechanicsError
 from tsis.mechanics._face import EDGE_FRACTION, hats, means, ring_points
@@ -226,7 +226,9 @@ class FaceContact:
             far = 10 * (gap / area).max()
             while push(far).sum() < force_mn:
                 far *= 2
-            approach = float(brentq(lambda travel: push(travel).sum() - force_mn, 0.0, far, xtol=1e-12 * far))
+            approach = float(
+                scipy.optimize.brentq(lambda travel: push(travel).sum() - force_mn, 0.0, far, xtol=1e-12 * far)
+            )
         else:
             approach = force_mn / float(push(1.0).sum())  # flat contacts are proportional
         hat_force = push(approach)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy
 
 from tsis.compiled import one_blas_thread
 from tsis.errors import InputError, MechanicsError
@@ -58,7 +58,9 @@ class Indentation:
             return 0.0
         if deeper.min() > 0:
             return float(np.pi * self.radius_mm[-1] ** 2)
-        edge = brentq(lambda radius: np.interp(radius, self.radius_mm, deeper), 0.0, self.radius_mm[deeper.argmin()])
+        edge = scipy.optimize.brentq(
+            lambda radius: np.interp(radius, self.radius_mm, deeper), 0.0, self.radius_mm[deeper.argmin()]
+        )
         return float(np.pi * edge**2)
 
 

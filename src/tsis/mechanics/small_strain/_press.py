@@ -7,7 +7,7 @@ from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy
 
 from tsis.compiled import one_blas_thread
 from tsis.errors import MechanicsError
@@ -244,7 +244,7 @@ def _valid_force(probe: Probe, phantom: Phantom, force_n: float, resolution: Res
     low = 0.1 * force_n
     while excess(low) > 0:
         low *= 0.1
-    valid = float(brentq(excess, low, force_n, rtol=1e-3))
+    valid = float(scipy.optimize.brentq(excess, low, force_n, rtol=1e-3))
     digit = 10 ** (np.floor(np.log10(valid)) - 1)
     return float(digit * np.floor(0.999 * valid / digit))
 

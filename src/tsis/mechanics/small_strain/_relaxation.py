@@ -11,8 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.linalg import eigh
-from scipy.optimize import brentq
+import scipy
 
 from tsis.compiled import one_blas_thread
 from tsis.errors import InputError, MechanicsError
@@ -161,7 +160,9 @@ def settling_time_s(
         return float(course.forces(np.array([ramp_s + np.exp(log_wait)]), ramp_s).sum() / settled.sum()) - 1 - tolerance
 
     first, last = float(np.log(1e-9 * min(relaxation.times_s))), float(np.log(MANY * course.slowest_s))
-    return ramp_s if excess(first) <= 0 else ramp_s + float(np.exp(brentq(excess, first, last, xtol=1e-10)))
+    return (
+        ramp_s if excess(first) <= 0 else ramp_s + float(np.exp(scipy.optimize.brentq(excess, first, last, xtol=1e-10)))
+    )
 
 
 def _check(probe: Probe, phantom: Phantom, relaxation: Relaxation, approach_mm: float, ramp_s: float) -> None:
@@ -189,7 +190,9 @@ class _Course:
     """Nodal forces in time, for a face whose nodes travel by ``travel_mm``."""
 
     def __init__(self, probe: Floats, tissue: Floats, relaxation: Relaxation, travel_mm: Floats) -> None:
-        self._softness, self._vectors = eigh(probe, tissue)  # of each spring of the probe; the tissue's is 1
+        self._softness, self._vectors = scipy.linalg.eigh(
+            probe, tissue
+        )  # of each spring of the probe; the tissue's is 1
         self._travel = self._vectors.T @ travel_mm
         ratio, times = relaxation.instantaneous_ratio, np.array(relaxation.times_s)
         self._lost = ratio * np.array(relaxation.shares)

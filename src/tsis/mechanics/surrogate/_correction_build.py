@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import BarycentricInterpolator
+import scipy
 
 from tsis.compiled import one_blas_thread
 from tsis.errors import MechanicsError
@@ -256,7 +256,7 @@ def _completed(loads: Floats, rows: Floats) -> Floats:
     if solved.sum() < len(loads) - MOST_MISSING:
         raise MechanicsError(f"{(~solved).sum()} of {len(loads)} presses without inclusion do not converge: {NARROWER}")
     completed = rows.copy()
-    completed[~solved] = BarycentricInterpolator(loads[solved], rows[solved])(loads[~solved])
+    completed[~solved] = scipy.interpolate.BarycentricInterpolator(loads[solved], rows[solved])(loads[~solved])
     return completed
 
 

@@ -15,8 +15,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
-from scipy.optimize import minimize
+import scipy
 
 from tsis.errors import InputError
 from tsis.mechanics.surrogate._polynomial import (
@@ -186,12 +185,15 @@ class CorrectionProcess:
     @classmethod
     def through(cls, points: Floats, values: Floats, lengths: Floats, nugget: float) -> CorrectionProcess:
         """Processes with given lengths and relative noise variance through ``values`` (n, k)."""
-        factor = cho_factor(_kernel(points, points, lengths) + nugget * np.eye(len(points)), lower=True)
+        factor = scipy.linalg.cho_factor(_kernel(points, points, lengths) + nugget * np.eye(len(points)), lower=True)
         basis = _linear(points)
         slopes = np.asarray(
-            np.linalg.solve(basis.T @ cho_solve(factor, basis), basis.T @ cho_solve(factor, values)), dtype=float
+            np.linalg.solve(
+                basis.T @ scipy.linalg.cho_solve(factor, basis), basis.T @ scipy.linalg.cho_solve(factor, values)
+            ),
+            dtype=float,
         )
-        weights = cho_solve(factor, values - basis @ slopes)
+        weights = scipy.linalg.cho_solve(factor, values - basis @ slopes)
         return cls(points=points, lengths=lengths, slopes=slopes, weights=weights)
 
     def __call__(self, inclusions: Floats, states: Floats) -> Floats:
@@ -230,8 +232,11 @@ def fit_lengths(points: Floats, values: Floats) -> tuple[Floats, float]:
 
     def misfit(logs: Floats) -> float:
         kernel = _kernel(points, points, np.exp(logs[:-1])) + np.exp(logs[-1]) * np.eye(len(points))
-        root = cholesky(kernel, lower=True, check_finite=False)
-        white, data = solve_triangular(root, basis, lower=True), solve_triangular(root, values, lower=True)
+        root = scipy.linalg.cholesky(kernel, lower=True, check_finite=False)
+        white, data = (
+            scipy.linalg.solve_triangular(root, basis, lower=True),
+            scipy.linalg.solve_triangular(root, values, lower=True),
+        )
         directions, upper = np.linalg.qr(white)
         rest = data - directions @ (directions.T @ data)
         volume = np.log(np.diag(root)).sum() + np.log(np.abs(np.diag(upper))).sum()
@@ -239,7 +244,7 @@ def fit_lengths(points: Floats, values: Floats) -> tuple[Floats, float]:
 
     start = np.append(np.full(points.shape[1], 0.5), np.log(1e-4))
     bounds = [(-1.5, 3.5)] * points.shape[1] + [(np.log(1e-8), np.log(0.1))]
-    best = minimize(misfit, start, method="L-BFGS-B", bounds=bounds, options={"maxiter": 40}).x
+    best = scipy.optimize.minimize(misfit, start, method="L-BFGS-B", bounds=bounds, options={"maxiter": 40}).x
     return np.exp(best[:-1]), float(np.exp(best[-1]))
 
 

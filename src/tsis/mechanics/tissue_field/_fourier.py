@@ -10,8 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.linalg import splu
+import scipy
 
 from tsis.mechanics._element import Floats, Integers, lame_constants, reference_element
 
@@ -125,12 +124,14 @@ def solve_body(
     matrices = np.einsum("egsi,egsj->eij", weighted, stress, optimize=True)
     rows = np.broadcast_to(points.unknowns[:, :, None], matrices.shape).ravel()
     columns = np.broadcast_to(points.unknowns[:, None, :], matrices.shape).ravel()
-    stiffness = coo_array((matrices.ravel(), (rows, columns)), shape=(len(free), len(free))).tocsc()
+    stiffness = scipy.sparse.coo_array((matrices.ravel(), (rows, columns)), shape=(len(free), len(free))).tocsc()
     inside = np.flatnonzero(free)
     forces = np.zeros((len(free), len(loaded)))
     forces[loaded, np.arange(len(loaded))] = 1.0
     options = {"SymmetricMode": True}
-    factor = splu(stiffness[inside][:, inside], permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+    factor = scipy.sparse.linalg.splu(
+        stiffness[inside][:, inside], permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options
+    )
     moved = np.zeros_like(forces)
     moved[inside] = factor.solve(forces[inside])
     of_elements = moved[points.unknowns]

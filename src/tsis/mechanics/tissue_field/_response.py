@@ -13,7 +13,7 @@ from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.special import jv
+import scipy
 
 from tsis.mechanics._face import Face
 from tsis.mechanics._mesh import face_lines, graded, mesh_rectangle, outer_lines, two_sided_lines
@@ -287,7 +287,7 @@ def field_features(harmonic: int, length_mm: float, radius_mm: Floats, depth_mm:
     """
     count = next(count for longest, count in WAVES if length_mm < longest)
     square, weight = np.polynomial.laguerre.laggauss(count)
-    across = jv(harmonic, np.outer(np.sqrt(2 * square) / length_mm, radius_mm)) * np.sqrt(weight)[:, None]
+    across = scipy.special.jv(harmonic, np.outer(np.sqrt(2 * square) / length_mm, radius_mm)) * np.sqrt(weight)[:, None]
     node, weight = np.polynomial.hermite_e.hermegauss(count)
     node, weight = node[count // 2 :], 2 * weight[count // 2 :] / weight.sum()  # symmetric in the wave number
     phase, root = np.outer(node / length_mm, depth_mm), np.sqrt(weight)[:, None]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt
+import scipy
 
 from tsis.errors import InputError
 from tsis.model import (
@@ -162,7 +162,7 @@ class Irradiance:
         bend = (at_full / full - at_half / half) / (full - half)
         growth = at_half / half - bend * half
         outside = np.hypot(self.nodes_mm, self.nodes_mm[:, None]) > self.radius_mm
-        nearest = distance_transform_edt(outside, return_distances=False, return_indices=True)
+        nearest = scipy.ndimage.distance_transform_edt(outside, return_distances=False, return_indices=True)
         return LightMap(
             x_mm=self.nodes_mm,
             y_mm=self.nodes_mm,

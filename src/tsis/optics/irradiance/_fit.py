@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import BSpline
+import scipy
 
 if TYPE_CHECKING:
     from tsis.model import Probe
@@ -115,4 +115,4 @@ def _splines(at: Floats, radius_mm: float) -> Floats:
     """Cubic B-splines over the face's width, shape (len(at), count)."""
     ends = np.linspace(-radius_mm, radius_mm, INTERVALS + 1)
     knots = np.concatenate([[-radius_mm] * 3, ends, [radius_mm] * 3])
-    return np.asarray(BSpline.design_matrix(np.clip(at, -radius_mm, radius_mm), knots, 3).toarray())
+    return np.asarray(scipy.interpolate.BSpline.design_matrix(np.clip(at, -radius_mm, radius_mm), knots, 3).toarray())

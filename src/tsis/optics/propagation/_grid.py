@@ -7,7 +7,7 @@ from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import sparse
+import scipy
 
 from tsis.optics.propagation._guide import interfaces_um
 
@@ -123,7 +123,7 @@ def links(step_x_um: float, step_z_um: float, wavenumber_squared: float) -> tupl
     return 2 * straight, aslant
 
 
-def helmholtz_matrix(layer: Axis, along: Axis, wavenumber_squared: Floats) -> sparse.csc_array[np.complex128]:
+def helmholtz_matrix(layer: Axis, along: Axis, wavenumber_squared: Floats) -> scipy.sparse.csc_array[np.complex128]:
     """Matrix of ``-laplace - k**2`` on the whole grid, absorbers included.
 
     ``wavenumber_squared`` is ``(k0 n)**2`` in each cell, 1/µm², shape (cells along z, cells along x). The node of x
@@ -145,4 +145,4 @@ def helmholtz_matrix(layer: Axis, along: Axis, wavenumber_squared: Floats) -> sp
         )
     nodes = columns * (along.cells + 1)
     entries = np.ravel(values), (np.ravel(rows), np.ravel(positions))
-    return sparse.csc_array(entries, shape=(nodes, nodes))
+    return scipy.sparse.csc_array(entries, shape=(nodes, nodes))

@@ -8,8 +8,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from scipy.linalg.lapack import zgttrf, zgttrs
-from scipy.sparse.linalg import splu
+import scipy
 
 from tsis.compiled import one_blas_thread
 from tsis.errors import InputError
@@ -57,10 +56,10 @@ def march(layer: Axis, along: Axis, wavenumber_squared: Floats, start: Complexes
         if passed is None or not np.array_equal(section, passed):
             operator = (tridiagonal(section * size, MASS) - stiffness) / reference**2 - mass
             diagonal, off = mass + (0.25 - half) * operator
-            factors = zgttrf(off[:-1], diagonal, off[:-1])[:5]
+            factors = scipy.linalg.lapack.zgttrf(off[:-1], diagonal, off[:-1])[:5]
             explicit = mass + (0.25 + half) * operator
             passed = section
-        field[number + 1] = zgttrs(*factors, times(explicit, field[number]))[0]
+        field[number + 1] = scipy.linalg.lapack.zgttrs(*factors, times(explicit, field[number]))[0]
     phase = np.exp(1j * reference * along.step_um * np.arange(along.cells + 1))
     field *= phase[:, np.newaxis, np.newaxis]
     return field
@@ -77,7 +76,9 @@ def memory_bytes(nodes: int, columns: int) -> float:
 
 def solve(matrix: sparse.csc_array[np.complex128], source: Complexes) -> Complexes:
     """Solve for all sources, shape (nodes, sources), with one factorisation; the matrix is symmetric."""
-    factors = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    factors = scipy.sparse.linalg.splu(
+        matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+    )
     return np.asarray(factors.solve(source))
 
 

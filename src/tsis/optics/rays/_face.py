@@ -6,8 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import CubicSpline, RectBivariateSpline
-from scipy.ndimage import distance_transform_edt
+import scipy
 
 from tsis.model import MN_PER_N, PressField, PressMap
 
@@ -30,15 +29,19 @@ def on_face(pressed: PressField | PressMap, side: Floats, from_axis: Floats) -> 
     if isinstance(pressed, PressField):
         # Mirrored through the axis, so that the face is smooth there.
         radius, values = pressed.radius_mm, pressed.face_displacement_mm
-        spline = CubicSpline(np.concatenate([-radius[:0:-1], radius]), np.concatenate([values[:0:-1], values]))
+        spline = scipy.interpolate.CubicSpline(
+            np.concatenate([-radius[:0:-1], radius]), np.concatenate([values[:0:-1], values])
+        )
         at = np.minimum(from_axis, radius[-1])
         return np.asarray(spline(at)), np.interp(at, radius, pressed.pressure_kpa)
     outside = np.hypot(pressed.x_mm, pressed.y_mm[:, None]) > from_axis.max()
-    nearest = distance_transform_edt(outside, return_distances=False, return_indices=True)
+    nearest = scipy.ndimage.distance_transform_edt(outside, return_distances=False, return_indices=True)
 
     def at_grid(values: Floats, order: int) -> Floats:
         along_y, along_x = (min(order, count - 1) for count in values.shape)
-        spline = RectBivariateSpline(pressed.y_mm, pressed.x_mm, values[tuple(nearest)], kx=along_y, ky=along_x, s=0)
+        spline = scipy.interpolate.RectBivariateSpline(
+            pressed.y_mm, pressed.x_mm, values[tuple(nearest)], kx=along_y, ky=along_x, s=0
+        )
         y, x = (np.clip(side, ends[0], ends[-1]) for ends in (pressed.y_mm, pressed.x_mm))
         return np.asarray(spline(y, x))
 

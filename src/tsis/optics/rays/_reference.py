@@ -12,8 +12,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import RectBivariateSpline
-from scipy.optimize import brentq
+import scipy
 
 from tsis.optics import _angles as snell
 from tsis.optics.rays._scene import media, pressed_face
@@ -47,7 +46,7 @@ class ReferenceSurface:
 
     level: float
     pull: float
-    face: RectBivariateSpline
+    face: scipy.interpolate.RectBivariateSpline
 
     def height(self, x: Floats, y: Floats) -> Floats:
         """Height at positions of any shape, mm."""
@@ -71,7 +70,7 @@ class ReferenceSurface:
         crossed = np.flatnonzero(np.diff(np.sign(above(samples))))
         if not len(crossed):
             return np.inf
-        return float(brentq(above, samples[crossed[0]], samples[crossed[0] + 1], xtol=1e-14))
+        return float(scipy.optimize.brentq(above, samples[crossed[0]], samples[crossed[0] + 1], xtol=1e-14))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -83,7 +82,7 @@ class ReferenceProbe:
     outside: float
     absorption: float
     surfaces: list[ReferenceSurface]
-    contact_fraction: RectBivariateSpline
+    contact_fraction: scipy.interpolate.RectBivariateSpline
     paths: list[list[Vector]] = field(default_factory=list)
 
     def fate(self, photon: Photon, rng: np.random.Generator) -> str:
@@ -165,7 +164,7 @@ def reference_probe(
 ) -> ReferenceProbe:
     """A probe under the press ``pressed``."""
     side, height, fraction = pressed_face(probe, pressed, saturation_kpa)
-    face = RectBivariateSpline(side, side, height.T)
+    face = scipy.interpolate.RectBivariateSpline(side, side, height.T)
     indices, levels = media(probe)
     pulls = np.maximum(1 - levels / probe.thickness_mm, 0.0)
     return ReferenceProbe(
@@ -177,7 +176,7 @@ def reference_probe(
             ReferenceSurface(level=level, pull=pull, face=face)
             for level, pull in zip(levels.tolist(), pulls.tolist(), strict=True)
         ],
-        contact_fraction=RectBivariateSpline(side, side, fraction.T, kx=1, ky=1),
+        contact_fraction=scipy.interpolate.RectBivariateSpline(side, side, fraction.T, kx=1, ky=1),
     )
 
 

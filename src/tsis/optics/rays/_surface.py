@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy import ndimage
+import scipy
 
 from tsis.compiled import fused, inlined
 
@@ -35,7 +35,7 @@ class Heights(NamedTuple):
 def heights(side_mm: Floats, height_mm: Floats, fraction: Floats) -> Heights:
     """The smooth surface through heights on an even square grid."""
     spacing = float(side_mm[1] - side_mm[0])
-    coefficients = np.ascontiguousarray(ndimage.spline_filter(height_mm, order=2, mode="mirror"))
+    coefficients = np.ascontiguousarray(scipy.ndimage.spline_filter(height_mm, order=2, mode="mirror"))
     along_x = np.abs(np.diff(coefficients, axis=1)).max() / spacing
     along_y = np.abs(np.diff(coefficients, axis=0)).max() / spacing
     return Heights(

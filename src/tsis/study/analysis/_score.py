@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.special import ndtri, stdtrit
+import scipy
 
 from tsis.detection import Interval
 from tsis.errors import FileInputError, InputError, RecordsError
@@ -241,7 +241,7 @@ def _score(
     relative = [np.mean(values) / truths[code].values[quantity] for code, values in errors.items()]
     interval: Interval | None = None
     if len(means) > 1:
-        half = float(stdtrit(len(means) - 1, 0.975) * means.std(ddof=1) / np.sqrt(len(means)))
+        half = float(scipy.special.stdtrit(len(means) - 1, 0.975) * means.std(ddof=1) / np.sqrt(len(means)))
         interval = Interval(low=float(means.mean()) - half, high=float(means.mean()) + half, level=0.95, method="t")
     return QuantityScore(
         quantity=quantity,
@@ -262,7 +262,7 @@ def _inside(
     known_sd: Mapping[str, Mapping[str, float]],
 ) -> Iterator[tuple[bool, bool]]:
     """Whether each first reading's interval holds the truth, as it is and widened by the truth's uncertainty."""
-    z = float(ndtri((1 + INTERVAL_LEVEL) / 2))
+    z = float(scipy.special.ndtri((1 + INTERVAL_LEVEL) / 2))
     for reading in readings:
         if reading.repeat == 1 and reading.score is not None and quantity in reading.interval_90:
             true, (low, high) = truths[reading.code].values[quantity], reading.interval_90[quantity]

@@ -244,4 +244,4 @@ async def design_tab(instrument: Instrument, viewer: kit.Viewer) -> None:
             ProbeForm(editor, lambda: background_tasks.create(section.draw(), name="section of the probe"))
             ui.label(tr(WHAT)).classes("muted below")
     reporting.result_container()
-    await section.draw()
+    ui.timer(0.0, section.draw, once=True)  # the page does not wait for its picture
