@@ -144,3 +144,10 @@ def test_files_are_few_and_short() -> None:
     assert len(lines) <= MOST_FILES
     assert {name: count for name, count in lines.items() if count > MOST_LINES} == {}
     assert median(lines.values()) <= MEDIAN_LINES
+
+
+def test_parts_of_large_libraries_load_when_they_are_first_used() -> None:
+    """`scipy.optimize.brentq`, not `from scipy.optimize import brentq`: a start would wait half a second for it."""
+    eager = re.compile(r"^(from (scipy|skimage|numba)|import ((scipy|skimage)\.|numba))", re.MULTILINE)
+    found = [module_of(path) for path in SOURCE.rglob("*.py") if eager.search(path.read_text(encoding="utf-8"))]
+    assert found == []

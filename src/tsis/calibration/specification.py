@@ -55,7 +55,7 @@ def edge_width(image: TactileImage, *, shape: str = "straight", extent_mm: float
     --------
     >>> from tsis import TactileImage
     >>> x = np.arange(200) * 0.03 - 3.0
-    >>> step = 100.0 * (0.5 + 0.5 * erf(np.tile(x, (160, 1)) / (0.06 * np.sqrt(2))))
+    >>> step = 100.0 * (0.5 + 0.5 * scipy.special.erf(np.tile(x, (160, 1)) / (0.06 * np.sqrt(2))))
     >>> width = edge_width(TactileImage(grey=step, mm_per_pixel=(0.03, 0.03)))
     >>> round(width.value, 3)
     0.154

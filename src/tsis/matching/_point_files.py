@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
+import skimage
 
 from tsis.errors import FileInputError
 from tsis.files import as_path, file_size, npy_layout, printable_path, read_bytes, text_lines
@@ -202,17 +204,13 @@ def _parsed(content: bytes) -> Floats:
 
 def image_contours(path: str | os.PathLike[str]) -> Floats:
     """Points evenly along the contours of an image file, shape (n, 2), in pixels with y upwards; see `read_points`."""
-    from scipy.ndimage import gaussian_filter
-    from skimage.filters import threshold_otsu
-    from skimage.measure import find_contours
-
     from tsis.instrument import read_image
 
     grey = np.asarray(read_image(path).grey, dtype=float)
     if grey.min() == grey.max():
         raise FileInputError(f"an image must show a contour; got {grey.shape[0]} x {grey.shape[1]} equal pixels")
-    smooth = gaussian_filter(grey, CONTOUR_SMOOTHING, mode="nearest")
-    lines = find_contours(smooth, float(threshold_otsu(smooth)))  # type: ignore[no-untyped-call]
+    smooth = scipy.ndimage.gaussian_filter(grey, CONTOUR_SMOOTHING, mode="nearest")
+    lines = skimage.measure.find_contours(smooth, float(skimage.filters.threshold_otsu(smooth)))  # type: ignore[no-untyped-call]
     lengths = [float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum()) for line in lines]
     long = [number for number, length in enumerate(lengths) if length >= LEAST_CONTOUR * max(lengths)]
     total = sum(lengths[number] for number in long)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+import scipy
 
 from tsis.errors import InputError
 from tsis.model._content import ContentValue
@@ -13,7 +14,6 @@ from tsis.model._require import require_array
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
-    from scipy.sparse import csr_array
 
 
 def require_ascending(name: str, values: ArrayLike) -> NDArray[np.float64]:
@@ -39,7 +39,7 @@ def require_on_grid(value: Any, *names: str) -> tuple[int, int]:
 
 def interpolation_matrix(
     knots: NDArray[np.float64], at: ArrayLike, *, outside: Literal["edge", "zero"] = "edge"
-) -> csr_array[Any, tuple[int, int]]:
+) -> scipy.sparse.csr_array[Any, tuple[int, int]]:
     """Sparse matrix of linear interpolation from ascending ``knots`` to ``at``, shape (len(at), len(knots)).
 
     Beyond the knots the value is that of the edge, or zero. Each row has two entries, so the time to resample a map is
@@ -52,8 +52,6 @@ def interpolation_matrix(
     >>> interpolation_matrix(np.array([0.0, 2.0]), [-1.0], outside="zero").toarray().tolist()
     [[0.0, 0.0]]
     """
-    from scipy.sparse import csr_array  # slow to import
-
     positions = np.asarray(at, dtype=float)
     left = np.clip(np.searchsorted(knots, positions, side="right") - 1, 0, len(knots) - 2)
     part = np.clip((positions - knots[left]) / (knots[left + 1] - knots[left]), 0.0, 1.0)
@@ -62,7 +60,7 @@ def interpolation_matrix(
         weights[(positions < knots[0]) | (positions > knots[-1])] = 0.0
     columns = np.column_stack([left, left + 1])
     rows = np.arange(0, 2 * len(positions) + 1, 2)
-    return csr_array((weights.ravel(), columns.ravel(), rows), shape=(len(positions), len(knots)))
+    return scipy.sparse.csr_array((weights.ravel(), columns.ravel(), rows), shape=(len(positions), len(knots)))
 
 
 MN_PER_N = 1000.0  # mechanics uses mm and kPa, therefore mN

@@ -16,7 +16,7 @@ import tsis
 from tsis.console._catalogues import CATALOGUES, catalogue
 from tsis.console.auth._login_routes import login_page
 from tsis.console.pages import PAGES
-from tsis.console.pages.components import languages, tr
+from tsis.console.pages.components import languages, plain_message, tr
 
 CONSOLE = Path(tsis.__file__).parent / "console"
 GLOSSARY = Path(__file__).parents[3] / "docs" / "glossary.md"
@@ -144,6 +144,12 @@ def test_another_language_is_what_the_browser_chose() -> None:
     assert catalogue("de").gettext("no such text") == "no such text"
     assert languages() == {"en": "English", "de": "Deutsch"}
     assert sorted(file.stem for file in CATALOGUES.iterdir()) == OTHERS
+
+
+def test_ranges_are_refused_in_the_language_of_the_browser(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tsis.console.pages.components._language.chosen_language", lambda: "de")
+    assert plain_message("gain must lie in [0, 24]; got -5 (dB)") == "Gain muss 0–24 dB sein (Sie haben −5 eingegeben)."
+    assert plain_message("seed must lie in [0, inf]; got ''") == "Seed muss 0 oder mehr sein (nichts wurde eingegeben)."
 
 
 def test_the_login_is_in_the_language_of_the_browser() -> None:

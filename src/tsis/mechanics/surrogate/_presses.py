@@ -7,6 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
+import scipy
 
 from tsis.errors import InputError, MechanicsError
 from tsis.mechanics._face import hat_areas, hats
@@ -264,9 +265,7 @@ def design(box: CorrectionBox, count: int, seed: int) -> Floats:
 
     Spheres that would reach below 0.97 of the thickness are left out.
     """
-    from scipy.stats import qmc  # slow to load
-
-    unit = qmc.Sobol(6, seed=seed).random_base2(int(np.ceil(np.log2(count))) + 2)
+    unit = scipy.stats.qmc.Sobol(6, seed=seed).random_base2(int(np.ceil(np.log2(count))) + 2)
     low, high = box.coordinates
     states = low + unit * (high - low)
     states[:, 3:5] = np.exp(states[:, 3:5])

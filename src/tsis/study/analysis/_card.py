@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 
 from tsis.errors import CalibrationError
 from tsis.model import INTERVAL_LEVEL
@@ -145,10 +146,8 @@ def _statistics(
                 required=f"p >= {1 - level:.1g}",
                 passed=not p < 1 - level,
             )
-    from scipy.stats import binom  # slow to load
-
     for quantity, (hits, count) in covered.items():
-        least = int(binom.ppf(1 - level, count, INTERVAL_LEVEL))
+        least = int(scipy.stats.binom.ppf(1 - level, count, INTERVAL_LEVEL))
         yield CardCheck(
             name=f"{quantity}: 90 % intervals that hold the truth",
             found=f"{hits} of {count}",

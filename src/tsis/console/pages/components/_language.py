@@ -86,17 +86,18 @@ def _range(found: re.Match[str]) -> str:
     sign = UNITS.get(unit, unit if unit == hint and len(unit) <= LONGEST_SIGN else "")
     behind = f" {sign}{hint[len(unit) :]}" if sign else f", {hint}" * bool(hint)
     between = f"{low} to {high}" if low.startswith("-") else f"{low}–{high}"
-    reach = f"{low} or more" if high == "inf" else between
-    return f"must be {reach.replace('-', '−')}{behind}{_entered(entered, None)}"
+    reach = tr("{low} or more", low=low) if high == "inf" else between
+    return tr("must be {range}", range=f"{reach.replace('-', '−')}{behind}") + _entered(entered, None)
 
 
 def _entered(typed: str, hint: str | None) -> str:
     if typed in ("''", "none"):
-        typed = "nothing was entered"
+        typed = tr("nothing was entered")
     elif typed == "inf":
-        typed = "what you entered is too large"
+        typed = tr("what you entered is too large")
     else:
-        typed = "you entered " + (typed.replace("-", "−") if re.match(r"[-+.\de]+$", typed) else typed)
+        number = re.match(r"[-+.\de]+$", typed)
+        typed = tr("you entered {value}", value=typed.replace("-", "−") if number else typed)
     return f" ({typed})" if hint is None else f" ({typed}); {hint}"
 
 
