@@ -52,7 +52,7 @@ def test_forces_are_typed_and_a_lost_camera_costs_one_step(tmp_path: Path, brows
         page.get_by_text("2 frames", exact=True).wait_for()
         picture(page, "calibrate-typed-forces")
         page.reload()
-        page.get_by_role("button", name="Step tip-2mm-1: 2 forces, not kept").click()
+        page.get_by_role("button", name="Step tip-2mm-1: 2 forces, not saved").click()
         page.get_by_text("2 frames", exact=True).wait_for()
         page.get_by_role("button", name="Back at 0 N: save the loading").click()
         page.get_by_role("button", name="Step tip-2mm-1: 2 frames").wait_for()

@@ -43,7 +43,7 @@ def test_a_day_s_work(tmp_path: Path, browser: Browser) -> None:
     with running_console(tmp_path, "--port", str(urlsplit(morning.address).port)) as afternoon:
         page.get_by_role("button", name="Release the camera").wait_for()  # the page is back by itself
         page.get_by_text("2 presses").wait_for()
-        page.get_by_text("Calibration 'morning' of the last run is active again.").wait_for()
+        page.get_by_text("Calibration 'morning' of the last session is active again.").wait_for()
         run(page)
         assert requested(afternoon, "/state")["calibration_identity"] == active
         for target in (4, 5):

@@ -107,7 +107,7 @@ def test_of_a_subject_the_pseudonym_alone_is_shown(browser: Browser, tmp_path: P
         tab(browser, console, "/records/3") as page,
     ):
         page.get_by_text("Subject, target 3: size-10").wait_for()
-        page.get_by_text("a flag that tsis does not know").wait_for()
+        page.get_by_text("a flag unknown to tsis").wait_for()
         page.get_by_text("the page shows only the pseudonym").wait_for()
         assert "Jane" not in page.content()
         picture(page, "records-subject")

@@ -112,10 +112,10 @@ def test_a_whole_study(page: Page, console: RunningConsole, browser: Browser) ->
     assert not any(word in page.inner_text("main") for word in TRUTH)
 
     page.get_by_role("button", name="Verify").click()
-    page.get_by_text("The study is as it was written, all 5 lines of its log.").wait_for()
+    page.get_by_text("The study is unchanged, all 5 lines of its log.").wait_for()
     page.get_by_label("Log head saved elsewhere").fill("0" * 12)
     page.get_by_role("button", name="Compare").click()
-    page.get_by_text("The study is NOT as it was written").wait_for()
+    page.get_by_text("The study was CHANGED").wait_for()
     with page.expect_download() as saved:
         page.get_by_role("button", name=f"Export readings of {DEVICE}").click()
     assert saved.value.suggested_filename == "trial-virtual-tsis-domed.csv"
@@ -128,7 +128,7 @@ def test_a_whole_study(page: Page, console: RunningConsole, browser: Browser) ->
     page.get_by_text("Ben: 3 of 4 read, 1 undecided").wait_for()
     page.get_by_role("button", name="Unblind and analyse").click()
     dialog = page.get_by_role("dialog")
-    dialog.get_by_text("cannot be taken back").wait_for()
+    dialog.get_by_text("cannot be undone").wait_for()
     dialog.get_by_label("Done by").fill("Eve")
     still(page)
     picture(page, "study-unblinding")

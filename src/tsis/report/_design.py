@@ -241,7 +241,7 @@ def design_page(design: DesignAnalysis) -> Page:
     """The report: errors of the planned design beside the prior, their plot, and all designs."""
     designs = design.designs
     return Page(
-        title="What it would tell",
+        title="Predicted performance",
         subtitle=design.planned.protocol.described,
         cards=(*(_card(design, name) for name in SHORT), _best_card(design)),
         notes=design_notes(design),

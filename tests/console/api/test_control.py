@@ -38,7 +38,7 @@ def test_an_act_needs_the_header_and_the_camera(
     assert "TSIS-Control" in message
     kind, message = holder.refused(method, address, 409, headers={"TSIS-Control": "somebody else"}, **more)
     assert kind == "ControlError"
-    assert "held by script" in message
+    assert "controlled by script" in message
     after = holder.call("GET", "/state")
     holder.client.headers["TSIS-Control"] = identity
     for name in ("target", "force_n", "calibration_identity", "sequence"):
@@ -47,7 +47,7 @@ def test_an_act_needs_the_header_and_the_camera(
 
 
 def test_who_takes_over_is_the_only_one_to_act(holder: Script, script: Script) -> None:
-    assert "held by script" in script.refused("POST", "/control", 409, json={"name": "second"})[1]
+    assert "controlled by script" in script.refused("POST", "/control", 409, json={"name": "second"})[1]
     script.take("second")
     assert "second" in holder.refused("PUT", "/target", 409, json={"number": 7})[1]
     script.call("PUT", "/target", json={"number": 8})

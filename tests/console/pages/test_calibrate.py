@@ -79,7 +79,7 @@ def test_a_session_with_a_camera_and_typed_forces(lit: Instrument) -> None:
         await operator.sees("take it again?")
         await operator.clicks("Remove and repeat")
         await operator.sees("Take 16 frames", "Steps: 0 of ")
-        (optional, *_) = (name for name in operator.named("Step ") if "may be left out" in name)
+        (optional, *_) = (name for name in operator.named("Step ") if "open, optional" in name)
         await operator.clicks(optional)
         await operator.sees("Skip this step")
         await operator.clicks("Skip this step")
@@ -95,7 +95,7 @@ def test_a_session_with_a_camera_and_typed_forces(lit: Instrument) -> None:
         for typed in ("0", "0,5", "1.0"):
             await operator.types("Force that the gauge shows", typed)
             await operator.until(lambda: operator.field("Force that the gauge shows") == "", "it is not taken")
-        await operator.sees("3 frames", "0.5 N", "1 N", "3 forces, not kept")
+        await operator.sees("3 frames", "0.5 N", "1 N", "3 forces, not saved")
         await operator.clicks("Remove the last")
         await operator.sees("2 frames")
         await operator.clicks("Back at 0 N: save the loading")

@@ -45,7 +45,7 @@ def test_a_page_that_is_open_takes_it_from_nobody() -> None:
 
 
 def test_a_click_on_a_free_camera_takes_it_from_nobody() -> None:
-    assert after(ControlButtons._take_control) == ("Bob", ["The camera is held by Bob; watch, or take it over."])
+    assert after(ControlButtons._take_control) == ("Bob", ["The camera is controlled by Bob; watch, or take it over."])
 
 
 def test_who_answers_the_question_takes_it_over() -> None:

@@ -230,7 +230,7 @@ def test_of_two_operators_one_commands_and_the_other_watches(lit: Instrument) ->
         assert not other.enabled("Snapshot")
         await started(operator)
         other.presses_key("snapshot")
-        await other.hears("the camera is held by browser 1; watch, or take it over")
+        await other.hears("the camera is controlled by browser 1; watch, or take it over")
         await other.clicks("Take the camera")
         await other.sees("browser 1 is using the camera.")
         await other.clicks("Take over")

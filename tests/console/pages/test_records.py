@@ -285,7 +285,7 @@ def test_an_export_is_fetched_by_the_browser_from_an_address_that_gives_it(fille
 def test_a_target_is_deleted_and_restored(filled: Instrument) -> None:
     async def script(operator: Operator) -> None:
         await operator.clicks("Delete")
-        await operator.sees(f"Delete target {MANY}?", "The audit and the logs of studies stay.")
+        await operator.sees(f"Delete target {MANY}?", "The audit and study logs remain.")
         await operator.clicks("Cancel")
         assert filled.store.state(filled.store.target(MANY)) is None
         await operator.clicks("Delete")
@@ -302,7 +302,7 @@ def test_a_target_is_deleted_and_restored(filled: Instrument) -> None:
         await operator.hears(f"Target {MANY} is restored.")
         await operator.misses("It can be restored until")
         await operator.clicks("Archive")
-        await operator.sees("it is out of the lists, and whole")
+        await operator.sees("it is hidden from the lists")
 
     at_console(filled, script, f"/records/{MANY}")
     state = filled.store.state(filled.store.target(MANY))

@@ -115,19 +115,19 @@ def test_it_is_verified_against_its_log_and_a_head_from_elsewhere(lit: Instrumen
     async def script(operator: Operator) -> None:
         await operator.sees("Study trial", head[:16])
         await operator.clicks("Verify")
-        await operator.sees("The study is as it was written, all 1 line of its log.", f"Head of the log: {head}")
+        await operator.sees("The study is unchanged, all 1 line of its log.", f"Head of the log: {head}")
         await operator.types("Log head saved elsewhere", "0" * 12)
         await operator.clicks("Compare")
-        await operator.sees("The study is NOT as it was written: it differs in 1 place.")
+        await operator.sees("The study was CHANGED: it differs in 1 place.")
         await operator.types("Log head saved elsewhere", head)
         await operator.clicks("Compare")
-        await operator.sees("The study is as it was written")
+        await operator.sees("The study is unchanged")
         await operator.clicks("Close")
         await operator.misses("Head of the log: ")
         log = study.folder / "log.jsonl"
         log.write_bytes(log.read_bytes().replace(b"maker", b"faker"))
         await operator.clicks("Verify")
-        await operator.sees("NOT as it was written")
+        await operator.sees("The study was CHANGED")
 
     at_console(lit, script, "/study/trial")
 
@@ -136,7 +136,7 @@ def test_it_is_unblinded_once_with_readings_and_then_shows_the_truth(lit: Instru
     async def script(operator: Operator) -> None:
         await operator.sees("Study trial")
         await operator.clicks("Unblind and analyse")
-        await operator.sees("The seal is opened:", "The study has 0 readings.")
+        await operator.sees("This opens the seal:", "The study has 0 readings.")
         await operator.types("Done by", "Ada")
         await operator.clicks("Unblind and analyse")
         await operator.hears("a study must have a reading before it is unblinded")

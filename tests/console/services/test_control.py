@@ -56,10 +56,10 @@ def test_a_silent_holder_has_gone_whether_anybody_looked_or_not(
         assert control.owner() is None
     control.heard_of("a")  # too late
     assert control.owner() is None
-    with pytest.raises(ControlError, match="nobody holds the camera; take it first"):
+    with pytest.raises(ControlError, match="nobody controls the camera; take it first"):
         control.require("a")
     control.take("b", "Bob")
-    with pytest.raises(ControlError, match="held by Bob"):
+    with pytest.raises(ControlError, match="controlled by Bob"):
         control.take("a", "Ann")
 
 
@@ -78,12 +78,12 @@ def test_a_script_may_be_silent_for_as_long_as_it_said(control: ControlLock, clo
 
 
 def test_taking_over_tells_the_former(control: ControlLock) -> None:
-    with pytest.raises(ControlError, match="the camera is held by Ann; watch, or take it over"):
+    with pytest.raises(ControlError, match="the camera is controlled by Ann; watch, or take it over"):
         control.take("b", "Bob")
     control.take("b", "Bob", over=True)
     with pytest.raises(ControlError, match="Bob has taken the camera over; watch, or take it back"):
         control.require("a")
-    with pytest.raises(ControlError, match="the camera is held by Bob; watch, or take it over"):
+    with pytest.raises(ControlError, match="the camera is controlled by Bob; watch, or take it over"):
         control.require("c")
     control.take("a", "Ann", over=True)
     control.require("a")

@@ -137,7 +137,7 @@ def test_a_picture_can_be_the_untouched_frame_and_no_sensor_is_a_probe(instrumen
 
 
 def test_only_the_owner_of_the_camera_may(instrument: Instrument) -> None:
-    with pytest.raises(ControlError, match="held by Ann"):
+    with pytest.raises(ControlError, match="controlled by Ann"):
         instrument.gel.use_sensor(SENSOR, by=BOB)
     assert instrument.gel.setup.sensor is None
 

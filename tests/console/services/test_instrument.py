@@ -277,7 +277,7 @@ def test_what_follows_the_camera_is_ended_by_who_holds_it_and_other_work_by_anyb
         instrument.jobs.begin("frames", FixedGauge(), at_once=True),
     )
     assert instrument.end_job(estimate.identity, by=BOB) is estimate
-    with pytest.raises(ControlError, match="held by Ann"):
+    with pytest.raises(ControlError, match="controlled by Ann"):
         instrument.end_job(search.identity, by=BOB)
     assert estimate.wait(HANGS_S)
     assert (estimate.state().status, search.state().status) == ("ended", "running")

@@ -160,7 +160,7 @@ def test_a_gauge_that_has_ended_keeps_no_press_and_says_so(instrument: Instrumen
     log.stop()
     until(lambda: not log.state().running)
     (message,) = (item for item in instrument.state().trouble if "gauge" in item)
-    assert message == "The gauge is away: its readings were ended."
+    assert message == "The gauge is away: its readings stopped."
     last_s = log.readings()[-1].time_s
     until(lambda: time.monotonic() - last_s > 2 * LONGEST_GAP_S)
     with pytest.raises(GaugeError):
@@ -204,7 +204,7 @@ def test_nothing_is_kept_while_the_camera_is_away_and_the_next_one_is_of_after(
 
 def test_who_does_not_hold_the_camera_keeps_nothing(instrument: Instrument) -> None:
     instrument.start(by=ANN)
-    with pytest.raises(ControlError, match="held by Ann"):
+    with pytest.raises(ControlError, match="controlled by Ann"):
         instrument.snapshot(by=BOB)
     with pytest.raises(InputError, match="no colour map is called"):
         instrument.snapshot(by=ANN, map_name="rainbow")

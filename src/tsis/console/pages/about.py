@@ -57,15 +57,15 @@ def calibration_facts(state: InstrumentState, cited: UsableCalibration | None) -
     if cited is None:
         return (("Active", "none; lengths are in pixels, and nothing can be estimated"),)
     given = cited.calibration
-    dates: Facts = (("Made", "with the virtual probe; it does not age"),)
+    dates: Facts = (("Made", "with the virtual probe; it does not expire"),)
     if given.made is not None and given.expires is not None:
         dates = (("Made", kit.time_label(given.made)), ("Good until", kit.time_label(given.expires)))
     return (
         ("Active", given.name),
         ("Identity", f"SHA-256 {cited.identity[:SHORT]}…"),
         *dates,
-        ("Probe", given.probe or "not written down"),
-        ("Camera", given.camera or "any; not written down"),
+        ("Probe", given.probe or "not stated"),
+        ("Camera", given.camera or "any; not stated"),
     )
 
 

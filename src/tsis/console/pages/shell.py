@@ -87,10 +87,10 @@ def _instead(message: str) -> None:
 LANGUAGE: Final = "en-GB"
 LOST_CONNECTION = {
     "connection_lost": "The connection to the console is lost.",
-    "trying_to_reconnect": "Trying again; nothing on this page works until it is back. Saved data are safe. Where the "
-    "console itself was ended, its sequences and jobs were too.",
-    "message_too_long": "This was too much for one message.",
-    "message_too_long_body": "It was not done. Try again with less of it.",
+    "trying_to_reconnect": "Reconnecting; the page does not respond until then. Saved data are safe. If the console "
+    "itself was stopped, its sequences and jobs were stopped too.",
+    "message_too_long": "The message is too long.",
+    "message_too_long_body": "Nothing was changed. Try again with less text.",
 }
 
 

@@ -40,7 +40,7 @@ class ControlLock:
     >>> control.take("tab 1", "Ann")
     >>> control.require("tab 2")
     Traceback (most recent call last):
-    tsis.errors.ControlError: the camera is held by Ann; watch, or take it over
+    tsis.errors.ControlError: the camera is controlled by Ann; watch, or take it over
     """
 
     def __init__(self, *, clock: Callable[[], float] = time.monotonic) -> None:
@@ -92,7 +92,7 @@ class ControlLock:
         with self._lock:
             stored = self._present()
             if stored is None:
-                raise ControlError("nobody holds the camera; take it first")
+                raise ControlError("nobody controls the camera; take it first")
             if stored.identity != identity:
                 raise self._require_owner(stored, identity)
             self._heard_s = self._clock()
@@ -120,7 +120,7 @@ class ControlLock:
     def _require_owner(self, owner: Owner, identity: str) -> ControlError:
         if identity == self._taken_from:
             return ControlError(f"{owner.name} has taken the camera over; watch, or take it back")
-        return ControlError(f"the camera is held by {owner.name}; watch, or take it over")
+        return ControlError(f"the camera is controlled by {owner.name}; watch, or take it over")
 
 
 COMMAND_TIMEOUT_S = 2.0  # for which a command waits for the one before

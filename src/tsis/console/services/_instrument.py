@@ -265,7 +265,7 @@ class Instrument:
         cannot be written (nothing is saved then), `RecordsError` when the store refuses the press (its files stay).
         """
         require_one_of("colour map", map_name, COLOUR_MAPS)
-        with self._commands.run(by, "keeping a press"):
+        with self._commands.run(by, "saving a press"):
             self.camera_controller.refresh()  # somebody may have changed a setting elsewhere
             received, gauge = self.camera_controller.fresh(), self._gauge
             force = self._force(received) if gauge is None else gauge_force(gauge, received)
@@ -292,11 +292,13 @@ class Instrument:
         `ControlError` while something else is pressed.
         """
         if self.camera_controller.choice.is_sphere:
-            raise ControlError("tissue must lie under the probe to be read; it is a sphere (choose a phantom)")
+            raise ControlError("tissue must be under the probe to be measured; it is a sphere (choose a phantom)")
         if self.camera_controller.choice.is_virtual:
             self.hold(role=PLAIN, force_n=LIGHT_N, by=by)
         elif self.camera_controller.role != PLAIN:
-            raise ControlError("tissue is read by a reference press; say first that one is pressed, and press lightly")
+            raise ControlError(
+                "tissue is measured with a reference press; choose the reference first, and press lightly"
+            )
         saved = self.snapshot(by=by)
         number, press = saved.target.number, saved.press.id
 

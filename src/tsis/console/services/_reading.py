@@ -85,7 +85,7 @@ def trouble_messages(
         results.append(f"The camera is away{why}. Reconnecting; saved data are safe.")
     gauge = None if log is None else log.state()
     if gauge is not None and not gauge.running:
-        results.append(f"The gauge is away: {gauge.error or 'its readings were ended'}.")
+        results.append(f"The gauge is away: {gauge.error or 'its readings stopped'}.")
     if unfit:
         results.append(f"The calibration is inactive, and presses are saved without one: {unfit}.")
     if watching:

@@ -299,8 +299,8 @@ class InstrumentSettings:
 
 LIGHT_N = 0.2  # of the light press by which the virtual probe reads tissue
 NOT_ON_TISSUE = (
-    "the press does not look like one on even tissue without an inclusion: press another place lightly, and read the "
-    "tissue again"
+    "the press does not look like one on even tissue without an inclusion: press another place lightly, and measure "
+    "the tissue again"
 )
 
 
@@ -328,7 +328,9 @@ def read_tissue(record: TargetRecord, press: str) -> TissueReading:
     """
     stored = next(item for item in record.presses if item.id == press)
     if stored.calibration is None:
-        raise InputError("tissue is read by a calibrated press; this one has no active calibration (activate one)")
+        raise InputError(
+            "tissue is measured with a calibrated press; this one has no active calibration (activate one)"
+        )
     probe, calibration = load_probe(stored.probe), record.calibrations[stored.calibration]
     (ready,), response = apply_calibration(
         calibration, [record.image(stored)], identity=stored.calibration, on_tissue=True
@@ -376,8 +378,8 @@ class CalibrationMemory:
         try:
             given = read_usable_calibration(file)
         except TsisError as error:
-            return None, f"The calibration of the last run is not active again: {error}."
-        return given, f"Calibration {given.calibration.name!r} of the last run is active again."
+            return None, f"The calibration of the last session was not activated: {error}."
+        return given, f"Calibration {given.calibration.name!r} of the last session is active again."
 
     def keep(self, choice: CameraChoice, given: UsableCalibration | None) -> None:
         """Keep the one that was activated, or that none is; a disk that refuses it stops nothing."""

@@ -227,7 +227,7 @@ def test_who_watches_ends_no_step(session: CalibrationSession, instrument: Instr
     instrument.use_gauge(gauge_at(0.5), by=ANN)
     job = session.take(LOADING, by=ANN)
     for command in (session.end_loading, session.end_step, lambda by: instrument.end_job(job.identity, by=by)):
-        with pytest.raises(ControlError, match="held by Ann"):
+        with pytest.raises(ControlError, match="controlled by Ann"):
             command(by=BOB)
     until(lambda: job.state().done >= 1)
     session.end_step(by=ANN)

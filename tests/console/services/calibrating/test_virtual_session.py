@@ -96,11 +96,11 @@ def test_steps_are_left_out_and_taken_nevertheless(instrument: Instrument) -> No
 
 
 def test_who_does_not_hold_the_camera_changes_nothing(instrument: Instrument) -> None:
-    with pytest.raises(ControlError, match="held by Ann"):
+    with pytest.raises(ControlError, match="controlled by Ann"):
         instrument.calibrating.begin(TERMS, by=BOB)
     session = instrument.calibrating.begin(TERMS, by=ANN)
     for command in (session.take, session.leave_out, session.repeat, session.save_presses):
-        with pytest.raises(ControlError, match="held by Ann"):
+        with pytest.raises(ControlError, match="controlled by Ann"):
             command("flat-1", by=BOB)
     assert set(statuses(session).values()) == {"open"}
     with pytest.raises(InputError, match="a session in 'May-left' exists already"):

@@ -134,9 +134,9 @@ def status_text(state: StepState) -> str:
     if state.status == "done":
         return f"{state.frames} frames"
     if state.forces_n:
-        return f"{len(state.forces_n)} forces, not kept"
+        return f"{len(state.forces_n)} forces, not saved"
     if state.status == "open" and state.step.optional:
-        return "open, may be left out"
+        return "open, optional"
     return state.status
 
 

@@ -71,7 +71,8 @@ class Section:
             return
         self._fault.text = ""
         source = await self._viewer.attempt(address, picture_of(probe))
-        if source is not None and turn == self._requested:  # what was typed meanwhile is drawn by who typed it
+        gone = self._picture.is_deleted or turn != self._requested  # what was typed meanwhile is drawn by who typed it
+        if source is not None and not gone:
             kit.show_drawing(self._picture, source, described(probe))
 
 
@@ -120,7 +121,7 @@ def analysis_of(question: DesignQuestion) -> Callable[[Job], DesignResult]:
             optimum = searched_design(question, progress=job.advance)
         except JobCancelled:
             optimum = None
-            job.say("The search was ended; these designs were compared before it.")
+            job.say("The search was cancelled; these designs were compared before it.")
         analysis = analyse_designs(question, result, optimum)
         page = design_page(analysis)
         return DesignResult(analysis=analysis, page=page, pictures=kit.drawings(page))
@@ -155,7 +156,7 @@ class DesignResultPanel:
         if (question := self._valid(lambda: self._editor.question.question(self._editor.probe.probe()))) is None:
             return
         self._editor.job = self._instrument.jobs.begin(
-            f"what {question.planned.described} would tell", analysis_of(question)
+            f"performance of {question.planned.described}", analysis_of(question)
         )
         self._refresh()
 

@@ -208,7 +208,7 @@ class PressPart:
 def press_text(press: StoredPress) -> str:
     """A press in a line."""
     where = "Object" if press.role == TARGET else "Rigid ball"
-    against = f"; against it: {', '.join(press.flags)}" if press.flags else ""
+    against = f"; warnings: {', '.join(press.flags)}" if press.flags else ""
     return f"{where}, {kit.force_text(press.force_n)}, saved at {kit.time_label(press.taken)}{against}"
 
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 AT_ONCE = 24  # presses of a sheet
-UNKNOWN_FLAG = "a flag that tsis does not know"
+UNKNOWN_FLAG = "a flag unknown to tsis"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -129,7 +129,7 @@ FETCH = """
     setTimeout(() => URL.revokeObjectURL(link.href), 60000);
     return "";
 """
-CUT = "the file did not come: the connection was cut or it took too long; try again, or tsis records export"
+CUT = "the download failed: the connection was lost or it took too long; try again, or use tsis records export"
 
 
 async def fetch_file(viewer: kit.Viewer, address: str) -> bool:

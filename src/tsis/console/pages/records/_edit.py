@@ -281,7 +281,7 @@ def state_banner(page: TargetContext, view: TargetView) -> None:
     state = view.state
     if state is None:
         return
-    message = f"Archived on {state.since:%Y-%m-%d}: it is out of the lists, and whole."
+    message = f"Archived on {state.since:%Y-%m-%d}: it is hidden from the lists; nothing was deleted."
     if state.name == DELETED:
         until = state.since + timedelta(days=UNDO_DAYS)
         message = f"Deleted on {state.since:%Y-%m-%d}. It can be restored until {until:%Y-%m-%d}, and is erased then."
@@ -299,8 +299,8 @@ async def _set_state(page: TargetContext, target: Target, state: str) -> None:
 
 async def _delete(page: TargetContext, target: Target) -> None:
     why = (
-        f"It goes out of the lists and takes no more presses. For {UNDO_DAYS} days it can be restored on this page; "
-        "then its presses, estimates and frames are erased. The audit and the logs of studies stay."
+        f"It is removed from the lists and accepts no more presses. For {UNDO_DAYS} days it can be restored on this "
+        "page; then its presses, estimates and frames are erased. The audit and study logs remain."
     )
     with page.dialogs:
         sure = await kit.is_confirmed(f"Delete target {target.number}?", yes="Delete", why=why)

@@ -72,9 +72,9 @@ class Outcome:
 
 MOST_SHOWN = 5  # faults
 MEANT = (
-    "The seal is opened: from then on the codes stand beside what they are, and no reading is taken any more. Who "
-    "did it and when is entered in the log of the study, once, and cannot be taken back. Then the readings are "
-    "analysed and the report is written."
+    "This opens the seal: the codes are shown with their true targets, and no more readings are accepted. The study's "
+    "log records who did it and when; this cannot be undone. Then the readings are analysed and the report is "
+    "written."
 )
 FAULTY = "The study's files were changed; the log records that as well:"
 
@@ -203,8 +203,8 @@ def verify_button(page: StudyContext, place: ui.element) -> None:
 def verdict(verification: StudyVerification) -> str:
     """Whether the study is unchanged."""
     if verification.sound:
-        return f"The study is as it was written, all {count_of(verification.lines, 'line')} of its log."
-    return f"The study is NOT as it was written: it differs in {count_of(len(verification.faults), 'place')}."
+        return f"The study is unchanged, all {count_of(verification.lines, 'line')} of its log."
+    return f"The study was CHANGED: it differs in {count_of(len(verification.faults), 'place')}."
 
 
 NONE_YET = "No readings yet. Run the virtual probe, or import the readings of another device."

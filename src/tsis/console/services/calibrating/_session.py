@@ -295,7 +295,7 @@ class CalibrationSession:
             except TsisError as error:
                 raise CalibrationError(f"step {step.name!r} is not saved, those before it are: {error}") from error
             self._left_out.discard(step.name)
-        job.say(f"{saved} frames kept")
+        job.say(f"{saved} frames saved")
         return saved
 
     def _reporting(self, job: Job, step: CalibrationStep, before: int, total: int) -> Iterator[CalibrationFrame]:
