@@ -101,7 +101,7 @@ def test_a_long_name_pushes_nothing_off_the_screen(console: RunningConsole, brow
 
 def test_a_message_lets_clicks_through_and_stays_until_it_is_closed(console: RunningConsole, browser: Browser) -> None:
     with operating(browser, console, "/images") as page:
-        message = page.locator(".q-notification").filter(has_text="of another kind")
+        message = page.locator(".q-notification").filter(has_text="an unsupported format")
         field = page.locator("input[type=file]")
         repeated(lambda: field.set_input_files({"name": "a.exe", "mimeType": "x/y", "buffer": b"x"}), message)
         message = message.first
@@ -111,9 +111,9 @@ def test_a_message_lets_clicks_through_and_stays_until_it_is_closed(console: Run
           return each.contains(document.elementFromPoint(box.x + 20, box.y + box.height / 2));
         }"""
         assert message.evaluate(over) is False
-        shown = page.locator(".q-notification").filter(has_text="of another kind").count()
+        shown = page.locator(".q-notification").filter(has_text="an unsupported format").count()
         message.get_by_role("button", name="Close").click()
-        expect(page.locator(".q-notification").filter(has_text="of another kind")).to_have_count(shown - 1)
+        expect(page.locator(".q-notification").filter(has_text="an unsupported format")).to_have_count(shown - 1)
 
 
 def test_a_wide_screen_is_used_and_read_from_afar(console: RunningConsole, browser: Browser) -> None:
@@ -141,7 +141,7 @@ def test_files_are_dropped_bad_ones_are_named_and_good_ones_stay(
         files = [["good.png", good], ["cut.png", cut], ["<b>other.exe", other]]
         repeated(lambda: page.evaluate(DROPPED, files), page.get_by_role("cell", name="good.png", exact=True))
         page.get_by_text("'cut.png' must be a PNG").first.wait_for()
-        page.locator(".q-notification").get_by_text("of another kind").first.wait_for()
+        page.locator(".q-notification").get_by_text("an unsupported format").first.wait_for()
         assert page.get_by_role("cell", name=re.compile(r"^(cut\.png|.*other\.exe)$")).count() == 0
         assert faults(page) == []
         assert [item for item in texts(page) if item.contrast < item.least] == []

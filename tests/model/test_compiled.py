@@ -21,7 +21,7 @@ pytestmark = pytest.mark.system
 STEPS = """
 import numpy as np
 from copied_package.caller import twice
-print(twice(3.0), *twice.stats.cache_hits.values())
+print(twice(3.0), *twice.dispatcher.stats.cache_hits.values())
 """
 
 
