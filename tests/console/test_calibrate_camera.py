@@ -57,7 +57,7 @@ def test_forces_are_typed_and_a_lost_camera_costs_one_step(tmp_path: Path, brows
         page.get_by_role("button", name="Back at 0 N: save the loading").click()
         page.get_by_role("button", name="Step tip-2mm-1: 2 frames").wait_for()
         camera.kill()
-        page.get_by_text("Reconnecting").wait_for()
+        page.get_by_text("Reconnecting; saved data are safe.").wait_for()
         page.get_by_role("button", name="Step untouched: open").click()
         page.get_by_role("button", name="Take 16 frames").click()
         page.get_by_role("alert").filter(has_text="is away (wait until it is back)").first.wait_for()

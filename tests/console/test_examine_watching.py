@@ -37,7 +37,7 @@ def test_the_second_watches_takes_over_and_the_first_is_told(console: RunningCon
         choose_target(first, "5")
         expect(second.get_by_label("Target", exact=True)).to_have_value("5")
         second.keyboard.press("Space")
-        second.get_by_text(re.compile("the camera is controlled by .*; watch, or take it over")).wait_for()
+        second.get_by_text(re.compile("The camera is controlled by .*; watch, or take it over")).wait_for()
         picture(second, "examine-watching")
         first.get_by_role("button", name="Snapshot").click()
         second.get_by_role("cell", name="on the target").first.wait_for()  # kept there, listed here
