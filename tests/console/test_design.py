@@ -156,7 +156,7 @@ def test_a_search_that_is_ended_leaves_what_was_compared(page: Page) -> None:
     page.get_by_role("button", name="Predict performance").click()
     page.get_by_text("1 of 25 solved").wait_for()
     page.get_by_role("button", name="Jobs: ").click()
-    page.get_by_role("button", name="End what tsis-2011, 1 N").click()  # in the list of jobs
+    page.get_by_role("button", name="Cancel performance of tsis-2011, 1 N").click()  # in the list of jobs
     page.get_by_text("The search was cancelled; these designs were compared before it.").first.wait_for()
     table = page.get_by_role("table").filter(has_text="as planned")
     table.wait_for()

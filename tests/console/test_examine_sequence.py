@@ -94,7 +94,7 @@ def test_while_it_is_recorded_no_other_begins_and_it_can_be_ended(console: Runni
         run(page)
         _target(page, "4")
         _begin(page, "600", "seconds")
-        end = page.get_by_role("button", name="End", exact=True)
+        end = page.get_by_role("button", name="Stop recording", exact=True)
         end.wait_for()
         page.get_by_role("button", name="Stop").click()
         page.get_by_text("a sequence is being recorded; the camera can be stopped when it is over").wait_for()

@@ -189,7 +189,7 @@ def test_a_run_is_ended_goes_on_and_is_one_at_a_time(page: Page, console: Runnin
         page.get_by_role("button", name="Run on the virtual probe").click()
         other.get_by_role("button", name="Run on the virtual probe", disabled=True).wait_for()
         page.get_by_text(re.compile(r"^Ada: [1-9]\d* of 16 read$")).wait_for()
-        other.get_by_role("button", name="End", exact=True).click()
+        other.get_by_role("button", name="Cancel", exact=True).click()
         other.get_by_text("Readings are saved: run it again to continue.").wait_for()
         left = 16 - len(open_study(position(console, "long")).readings)
         assert 0 < left < 16

@@ -86,7 +86,10 @@ class _Row:
                 ui.element("div").classes("spring")
                 self._text = kit.muted()
                 self._end = kit.button(
-                    tr("End"), lambda: end(state.identity), look="flat dense", label=f"End {state.title}"
+                    tr("Cancel"),
+                    lambda: end(state.identity),
+                    look="flat dense",
+                    label=tr("Cancel {job}", job=state.title),
                 )
             self._bar = kit.ProgressBar(f"Progress of {state.title}")
             with ui.element("div").classes("row"):

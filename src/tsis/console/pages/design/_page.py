@@ -138,7 +138,7 @@ class DesignResultPanel:
         self._begun_here = False
         with ui.element("div").classes("row below"):
             self._start = kit.button(tr("Predict performance"), self._started, look="unelevated")
-            self._end = kit.button(tr("End"), self._ended)
+            self._end = kit.button(tr("Cancel"), self._ended)
             ui.element("div").classes("spring")
             kit.button(tr("Save the probe"), self._save_probe, look="flat dense")
         self._bar = kit.ProgressBar("Progress of the designs")

@@ -326,7 +326,7 @@ class SequencePanel:
             )
             self._unit.props(f'role=group aria-label="{tr("Unit of the length")}"')
             self._begin = kit.button(tr("Record"), self._record, icon="fiber_manual_record")
-            self._end = kit.button(tr("End"), viewer.command(instrument.end_sequence), icon="stop")
+            self._end = kit.button(tr("Stop recording"), viewer.command(instrument.end_sequence), icon="stop")
         self._bar = kit.ProgressBar(tr("Progress of the sequence"))
         self._message = kit.status("muted wordy")
         kit.muted(

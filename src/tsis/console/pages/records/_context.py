@@ -161,7 +161,7 @@ async def follow_job(
         ui.label(job.title)
         bar = kit.ProgressBar(job.title)
         count = kit.muted()
-        kit.button(tr("End"), job.end, look="outline dense")
+        kit.button(tr("Cancel"), job.end, look="outline dense")
 
     def refresh() -> None:
         state = job.state()

@@ -258,7 +258,7 @@ class JobProgress:
         with ui.element("div").classes("stack tight") as self._container:
             with ui.element("div").classes("row"):
                 self._message = ui.label().classes("wordy").props('role="status"')
-                self._end = kit.button(tr("End"), self._ended, look="outline dense")
+                self._end = kit.button(tr("Cancel"), self._ended, look="outline dense")
             self._bar = kit.ProgressBar("Progress of the study")
         self._container.set_visibility(False)
 
