@@ -175,7 +175,7 @@ def test_what_is_made_here_is_what_the_terminal_makes_and_can_be_put_in_force(
             has_text="is of frames of 256 x 216 pixels; the camera's have 768 x 492"
         ).wait_for()
         page.get_by_role("link", name="Examine").click()
-        page.get_by_role("button", name="Stop").click()
+        page.get_by_role("button", name="Stop", exact=True).click()
         page.get_by_role("button", name="Start").wait_for()
         page.get_by_role("link", name="Calibrate").click()
         page.get_by_role("link", name="<b>here</b>").click()

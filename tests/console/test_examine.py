@@ -44,7 +44,7 @@ def _target(page: Page, number: str) -> None:
 def test_start_and_stop_are_one_button(console: RunningConsole, browser: Browser) -> None:
     with operating(browser, console) as page:
         run(page)
-        stop = page.get_by_role("button", name="Stop")
+        stop = page.get_by_role("button", name="Stop", exact=True)
         stop.click()
         page.get_by_role("button", name="Start").wait_for()
         page.get_by_text("the camera is stopped").first.wait_for()
@@ -182,7 +182,7 @@ def test_no_target_before_the_first(console: RunningConsole, browser: Browser) -
 def test_a_snapshot_while_stopped_is_one_sentence(console: RunningConsole, browser: Browser) -> None:
     with operating(browser, console) as page:
         run(page)
-        page.get_by_role("button", name="Stop").click()
+        page.get_by_role("button", name="Stop", exact=True).click()
         page.get_by_role("button", name="Start").wait_for()
         choose_target(page, "77")
         page.get_by_role("button", name="Snapshot").click()

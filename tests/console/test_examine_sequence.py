@@ -96,7 +96,7 @@ def test_while_it_is_recorded_no_other_begins_and_it_can_be_ended(console: Runni
         _begin(page, "600", "seconds")
         end = page.get_by_role("button", name="Stop recording", exact=True)
         end.wait_for()
-        page.get_by_role("button", name="Stop").click()
+        page.get_by_role("button", name="Stop", exact=True).click()
         page.get_by_text("a sequence is being recorded; the camera can be stopped when it is over").wait_for()
         page.get_by_role("navigation").get_by_role("link", name="Camera").click()
         page.get_by_role("button", name="Apply").click()
