@@ -129,6 +129,7 @@ def studied(page: Page, console: RunningConsole) -> None:
     for label, text in given.items():
         page.get_by_label(label, exact=True).fill(text)
     page.get_by_role("button", name="Create the study").click()
+    page.get_by_text("1-4 of 4").wait_for()  # the sheet's
     page.get_by_label("Operator").fill("Ada")
     page.get_by_role("button", name="Run on the virtual probe").click()
     page.get_by_text("Ada: 4 of 4 read").wait_for()

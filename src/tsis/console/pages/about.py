@@ -53,29 +53,29 @@ def version_facts() -> Facts:
 def calibration_facts(state: InstrumentState, cited: UsableCalibration | None) -> Facts:
     """The active calibration."""
     if cited is None and state.camera.choice.is_virtual:
-        return (("Active", "the virtual probe's own, once it runs"),)
+        return (("Active", tr("the virtual probe's own, once it runs")),)
     if cited is None:
-        return (("Active", "none; lengths are in pixels, and nothing can be estimated"),)
+        return (("Active", tr("none; lengths are in pixels, and nothing can be estimated")),)
     given = cited.calibration
-    dates: Facts = (("Made", "with the virtual probe; it does not expire"),)
+    dates: Facts = (("Made", tr("with the virtual probe; it does not expire")),)
     if given.made is not None and given.expires is not None:
         dates = (("Made", kit.time_label(given.made)), ("Good until", kit.time_label(given.expires)))
     return (
         ("Active", given.name),
         ("Identity", f"SHA-256 {cited.identity[:SHORT]}…"),
         *dates,
-        ("Probe", given.probe or "not stated"),
-        ("Camera", given.camera or "any; not stated"),
+        ("Probe", given.probe or tr("not stated")),
+        ("Camera", given.camera or tr("any; not stated")),
     )
 
 
 def camera_facts(state: InstrumentState) -> Facts:
     """The camera and the seed of the virtual one."""
     now = state.camera
-    size = f"{now.columns} x {now.rows} pixels" if now.rows else "not known before it runs"
+    size = f"{now.columns} x {now.rows} pixels" if now.rows else tr("not known before it runs")
     choice = now.choice
     name = now.name or ("the virtual probe" if choice.is_virtual else choice.spec)
-    results = [("Camera", name), ("Mode", now.mode or "not known before it runs"), ("Picture", size)]
+    results = [("Camera", name), ("Mode", now.mode or tr("not known before it runs")), ("Picture", size)]
     if choice.is_virtual:
         results += [
             ("Probe", choice.probe),
@@ -107,7 +107,7 @@ async def about_page(instrument: Instrument, viewer: kit.Viewer) -> None:
     """Build the page."""
     with ui.element("div").classes("about"):
         with _panel("Research use only"):
-            ui.label(RESEARCH_USE_ONLY).classes("strong")
+            ui.label(tr(RESEARCH_USE_ONLY)).classes("strong")
             ui.label(tr(FINDINGS))
         with _panel("Calibration"):
             calibration = kit.FactList()

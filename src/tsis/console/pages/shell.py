@@ -338,7 +338,7 @@ class Shell:
         ui.context.client.on_connect(self._shown.set)
         if viewer.logged_in:
             viewer.operator = viewer.name
-        with ui.header(elevated=False).classes("bar"):
+        with ui.header(elevated=False).classes("bar" if kit.chosen_language() == kit.ENGLISH else "bar long"):
             ui.link(tr("Skip to the page"), f"#{MAIN}").classes("skip")
             ui.label("tsis").classes("brand")
             navigation = Navigation()

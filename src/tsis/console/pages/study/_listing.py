@@ -39,11 +39,12 @@ class CodeTable:
     def __init__(self) -> None:
         self._view: StudyView | None = None
         self._result: StudyResult | None = None
-        self._sheet, self._size = 1, SHEETS[0]
+        self._sheet, self._size, self._total = 1, SHEETS[0], 0
         kit.panel_title(tr("Targets"))
         with ui.element("div").classes("study-codes").props(f'tabindex=0 role=region aria-label="{tr("Targets")}"'):
-            self._table = ui.table(rows=[], columns=[], row_key="number", pagination=self._pages(0)).classes("targets")
+            self._table = ui.table(rows=[], columns=[], row_key="number", pagination=self._pages()).classes("targets")
         self._table.on("request", self._requested)
+        self._table.on_pagination_change(self._notified)
         self._table.props["rows-per-page-label"] = tr("Targets on a sheet")
         self._table.props(f'flat dense wrap-cells :rows-per-page-options="{list(SHEETS)}"')
 
@@ -60,11 +61,16 @@ class CodeTable:
             self._size = next((sheet for sheet in SHEETS if sheet == size), SHEETS[0])
         self._draw()
 
+    def _notified(self) -> None:
+        """Restore the pagination after a browser has sent that of an emptier table."""
+        if self._table.pagination != self._pages():
+            self._table.pagination = self._pages()
+
     def _draw(self) -> None:
         if self._view is None:
             return
-        total = len(self._view.study.plan.codes)
-        self._sheet = min(self._sheet, max(1, -(-total // self._size)))
+        self._total = len(self._view.study.plan.codes)
+        self._sheet = min(self._sheet, max(1, -(-self._total // self._size)))
         begin = (self._sheet - 1) * self._size
         part = slice(begin, begin + self._size)
         if self._result is None:
@@ -79,11 +85,11 @@ class CodeTable:
             {"number": number, **{f"c{at}": text for at, text in enumerate((str(number), *row))}}
             for number, row in enumerate(rows, start=begin + 1)
         ]
-        self._table.pagination = self._pages(total)
+        self._table.pagination = self._pages()
         self._table.update()
 
-    def _pages(self, total: int) -> dict[str, int]:
-        return {"page": self._sheet, "rowsPerPage": self._size, "rowsNumber": total}
+    def _pages(self) -> dict[str, int]:
+        return {"page": self._sheet, "rowsPerPage": self._size, "rowsNumber": self._total}
 
 
 def _progress(view: StudyView, part: slice) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
