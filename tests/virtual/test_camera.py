@@ -121,6 +121,17 @@ def test_a_paced_camera_keeps_the_clocks_time_and_catches_up_with_nothing(paced:
     assert (np.diff(times).max() < 2 / 50) == (not paced)
 
 
+def test_a_frame_late_by_less_than_a_period_delays_no_other() -> None:
+    now = [0.0]
+    camera = _camera(force_n=0.0, frames_per_s=100.0, paced=True, clock=lambda: now[0])
+    camera.open()
+    camera.start()
+    frames, times = camera.frames(), []
+    for now[0] in (0.0, 0.015, 0.02, 0.065, 0.066):  # late: the second by half a period, the fourth by more than three
+        times.append(next(frames).time_s or 0.0)
+    np.testing.assert_allclose(times, (0.0, 0.01, 0.02, 0.055, 0.065), atol=1e-12)
+
+
 def test_a_paced_camera_ends_when_it_is_stopped() -> None:
     camera = _camera(force_n=0.0, frames_per_s=0.1, paced=True)
     with Acquisition(lambda: camera) as acquisition:

@@ -220,7 +220,7 @@ class VirtualCamera:
         due_s = start_s
         while self._running.is_set():
             if self._paced:
-                due_s = max(due_s, self._clock())  # a late frame delays those after it
+                due_s = max(due_s, self._clock() - period_s)  # a frame later than a period delays the others
                 if self._stopped.wait(due_s - self._clock()):
                     return
             press, light = self._lit()
