@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import logging
+import threading
 from collections.abc import Callable
 from functools import cache, cached_property, lru_cache, update_wrapper
 from pathlib import Path
@@ -22,6 +23,7 @@ logger = logging.getLogger("tsis")
 _EXACT: dict[str, Any] = {"nogil": True, "cache": True, "error_model": "numpy"}
 # Multiplications and additions may be fused and reciprocals reused; infinities and NaN remain exact.
 _FUSED: dict[str, Any] = {**_EXACT, "fastmath": {"contract", "arcp", "nsz"}}
+_making = threading.RLock()
 
 
 def compiled(function: Function) -> Function:
@@ -45,19 +47,26 @@ class _Compiled:
     def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
         update_wrapper(self, function)
         self.py_func, self._options = function, options
+        self._made: Any = None
 
     def __call__(self, *given: Any, **named: Any) -> Any:
         return self.dispatcher(*given, **named)
 
     @cached_property
     def dispatcher(self) -> Any:
-        """What numba makes of the function; in its module, the functions that it calls become theirs."""
-        made = self.dispatcher = _stamped(_numba().njit(**self._options)(self.py_func), self.py_func)
-        names = self.py_func.__globals__
-        for name in self.py_func.__code__.co_names:
-            if isinstance(names.get(name), _Compiled):
-                names[name] = names[name].dispatcher
-        return made
+        """What numba makes of the function."""
+        with _making:  # another thread must not call what lacks its callees
+            return self._dispatcher()
+
+    def _dispatcher(self) -> Any:
+        """The same; in the function's module, the functions that it calls become what numba makes of them."""
+        if self._made is None:  # a function may call itself
+            self._made = _stamped(_numba().njit(**self._options)(self.py_func), self.py_func)
+            names = self.py_func.__globals__
+            for name in self.py_func.__code__.co_names:
+                if isinstance(names.get(name), _Compiled):
+                    names[name] = names[name]._dispatcher()
+        return self._made
 
 
 @cache

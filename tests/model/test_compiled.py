@@ -57,6 +57,16 @@ def test_a_change_in_another_file_of_the_package_is_noticed(tmp_path: Path) -> N
     assert run(tmp_path, STEPS) == "150.0"
 
 
+def test_threads_may_be_the_first_to_call_it(tmp_path: Path) -> None:
+    copied_package(tmp_path)
+    code = (
+        "from concurrent.futures import ThreadPoolExecutor\n"
+        "from copied_package.caller import twice\n"
+        "with ThreadPoolExecutor(8) as pool: print(*set(pool.map(twice, [3.0] * 8)))"
+    )
+    assert run(tmp_path, code) == "6.0"
+
+
 def test_without_a_compiler_the_same_comes_out(tmp_path: Path) -> None:
     code = "from tsis.optics import guided_modes as f; print(*f([1.5], [2.0], wavelength_um=0.6).n_eff)"
     slow, fast = (run(tmp_path, code, **variables).split() for variables in ({"NUMBA_DISABLE_JIT": "1"}, {}))
