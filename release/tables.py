@@ -19,6 +19,7 @@ from tsis.files import shipped_tables
 from tsis.hardness import build_contact_table
 from tsis.inclusion import InclusionPrior, prior_on_tissue
 from tsis.inclusion.posterior import build_field_table
+from tsis.mechanics import press
 from tsis.mechanics.finite_strain import PressSeries
 from tsis.mechanics.surrogate import build_finite_correction
 from tsis.virtual import VirtualProbe
@@ -47,6 +48,7 @@ def compute_tables() -> None:
         PressSeries(tsis.load_probe(name)).press(tsis.load_phantom("size-8"), force_n=FORCES_N[0])
     virtual = VirtualProbe(tsis.load_probe("tsis-domed"), rng=np.random.default_rng(0))
     phantom = tsis.load_phantom("size-8")
+    press(virtual.probe, phantom, force_n=FORCES_N[0])
     VirtualProbe(virtual.probe, rng=np.random.default_rng(0), strain="small").press(phantom, force_n=FORCES_N[0])
     images = [virtual.press(phantom, force_n=force) for force in FORCES_N]
     reference = [virtual.press(phantom.without_inclusion(), force_n=force) for force in FORCES_N]

@@ -29,7 +29,8 @@ if TYPE_CHECKING:
 STRAIN_LIMIT = 0.3  # nominal strain; the linear model is not valid beyond it
 ENDLESS = 1e5  # thickness of the slab that approximates a half-space, in radii of the face
 DIGITS = 12  # of the lines of a face of radius 1: what two sizes of it have in common
-KIND = "half-spaces"
+KIND, FORMAT_VERSION = "half-spaces", 1  # in the cache on disk; a change of their mesh is another version
+TYPED_DIGITS = 3  # of a Poisson's ratio that is met again; drawn ones have more
 
 
 def nominal_strain(approach_mm: float, probe: Probe, thickness_mm: float) -> float:
@@ -120,6 +121,7 @@ class PressKernel:
         self.contact = FaceContact(probe, self.face, self.radius_mm)
         self._at_radius = self.face.interpolation(self.radius_mm)
         block = block_radius_mm(probe, thickness_mm) if block_mm is None else block_mm
+        self._is_plain = central_mm == np.inf
         self._slab = Slab(
             thickness_mm=thickness_mm, poisson=poisson, face=self.face, block_mm=block, resolution=resolution
         )
@@ -179,14 +181,16 @@ class PressKernel:
 
     @cached_property
     def _half_space_compliance(self) -> Floats:
-        return (1 - self.poisson**2) * half_space_compliance(self.face, self.poisson, self._resolution)
+        compliance = half_space_compliance(self.face, self.poisson, self._resolution, plain=self._is_plain)
+        return (1 - self.poisson**2) * compliance
 
 
 @lru_cache(maxsize=16)
-def half_space_compliance(face: Face, poisson: float, resolution: Resolution) -> Floats:
+def half_space_compliance(face: Face, poisson: float, resolution: Resolution, *, plain: bool = True) -> Floats:
     """Compliance of a face's nodes on a half-space of ``E / (1 - nu**2)`` = 1 kPa, from a very thick slab, (n, n).
 
-    It is in inverse proportion to the size of the face, so that the face of radius 1 serves all that are like it.
+    It is in inverse proportion to the size of the face, so that the face of radius 1 serves all that are like it. The
+    cache on disk has ``plain`` faces, which suit no inclusion: those of every inclusion would fill it.
     """
     edge = float(face.lines[-1])
     unit = Face(lines=np.round(face.lines / edge, DIGITS), order=face.order)
@@ -196,7 +200,9 @@ def half_space_compliance(face: Face, poisson: float, resolution: Resolution) ->
         return {"compliance": endless.compliance / (1 - poisson**2)}
 
     content = {"lines": unit.lines.tolist(), "order": unit.order, "poisson": poisson, "resolution": asdict(resolution)}
-    compliance = cached_arrays(KIND, content_key({"format": 1, **content}), solve)["compliance"] / edge
+    key = content_key({"format": FORMAT_VERSION, **content})
+    solved = cached_arrays(KIND, key, solve) if plain and round(poisson, TYPED_DIGITS) == poisson else solve()
+    compliance = solved["compliance"] / edge
     compliance.flags.writeable = False  # shared through the cache
     return compliance
 
