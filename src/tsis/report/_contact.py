@@ -134,7 +134,7 @@ def finding_notes(finding: ImageFinding) -> tuple[str, ...]:
     if result.saturated_fraction > 0:
         notes.append(f"{image.name}: {100 * result.saturated_fraction:.1f} % of the contact is clipped by the camera.")
     if image.mm_per_pixel is None:
-        notes.append(f"{image.name}: no scale was given, so lengths are in pixels (give --scale-mm).")
+        notes.append(f"{image.name}: lengths are in pixels; give the scale to have them in millimetres.")
     return tuple(notes)
 
 

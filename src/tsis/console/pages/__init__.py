@@ -46,10 +46,15 @@ def _page(address: str, module: str, name: str) -> Callable[..., object]:
     return build
 
 
+LIBRARIES = ("scipy.interpolate", "scipy.ndimage", "scipy.stats")  # parts that estimates and reports need
+
+
 def load_pages() -> None:
-    """Load the modules of all pages, which are then opened as quickly the first time as later."""
+    """Load the modules of all pages and what their work needs: the first time then is as quick as later ones."""
     for _, _, module, _ in _PAGES:
         import_module(f"{__name__}.{module}")
+    for name in LIBRARIES:
+        import_module(name)
 
 
 PAGES: dict[str, tuple[str, Callable[..., object]]] = {

@@ -75,7 +75,7 @@ def camera_facts(state: InstrumentState) -> Facts:
     size = f"{now.columns} x {now.rows} pixels" if now.rows else tr("not known before it runs")
     choice = now.choice
     name = now.name or ("the virtual probe" if choice.is_virtual else choice.spec)
-    results = [("Camera", name), ("Mode", now.mode or tr("not known before it runs")), ("Picture", size)]
+    results = [("Camera", name), ("Mode", now.mode or tr("not known before it runs")), ("Image size", size)]
     if choice.is_virtual:
         results += [
             ("Probe", choice.probe),

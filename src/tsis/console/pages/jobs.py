@@ -122,7 +122,7 @@ LINK = """<q-td :props="props">
 def jobs_page(instrument: Instrument, viewer: kit.Viewer) -> None:
     """Build the page: what runs, and what was done by this run of the program and those before."""
     with ui.element("div").classes("stack"):
-        with kit.panel(tr("Under way")):
+        with kit.panel(tr("Running")):
             place = ui.element("ul").classes("job-list wide")
             running = JobRows(instrument, viewer, place, tr("Nothing is running."))
         with kit.panel(tr("History")):
