@@ -22,6 +22,8 @@ from tsis.mechanics.small_strain._press import half_space_compliance
 from tsis.model import Inclusion, Layer, Phantom, Probe
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from numpy.typing import NDArray
 
     from tsis.mechanics.small_strain import PartialContact
@@ -90,6 +92,17 @@ def test_a_uniform_pressure_dents_the_half_space_as_boussinesq_found(radius_mm: 
     dent = half_space_compliance(face, poisson, Resolution()) @ face.mass() @ np.ones(len(face.radius_mm))
     assert dent[0] == pytest.approx(2 * radius_mm, rel=1e-4)
     assert dent[-1] == pytest.approx(4 / np.pi * radius_mm, rel=2e-3)
+
+
+@pytest.mark.parametrize(("poisson", "plain", "files"), [(0.317, True, 1), (0.3171828, True, 0), (0.317, False, 0)])
+def test_only_half_spaces_that_are_met_again_are_cached(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, poisson: float, plain: bool, files: int
+) -> None:
+    monkeypatch.setenv("TSIS_CACHE_DIR", str(tmp_path))
+    coarse = Resolution(order=2, edge=0.1)
+    solved = [half_space_compliance(face_of(radius, coarse), poisson, coarse, plain=plain) for radius in (5.0, 8.0)]
+    np.testing.assert_allclose(5.0 * solved[0], 8.0 * solved[1], rtol=1e-9)
+    assert len([file for file in tmp_path.rglob("*") if file.is_file()]) == files
 
 
 def kernel_of(probe: Probe, resolution: Resolution | None = None) -> PressKernel:

@@ -23,11 +23,9 @@ def exposed(light: NDArray[np.float64], factor: float, sensor: Sensor, rng: np.r
     return expose(light * factor, sensor, rng).astype(_type_of(sensor))
 
 
-def load_exposure() -> NDArray[np.float64]:
-    """Load what exposes frames, half a second before the first one else; returns the light of a small dark frame."""
-    light = np.zeros((8, 8))
-    exposed(light, 1.0, Sensor(rows=8, columns=8), np.random.default_rng(0))
-    return light
+def load_exposure() -> None:
+    """Load what exposes frames, which takes half a second before the first one else."""
+    exposed(np.zeros((8, 8)), 1.0, Sensor(rows=8, columns=8), np.random.default_rng(0))
 
 
 FIRST_HERE = 15  # frames; the first picture does not share the processor with the start of a process
@@ -102,7 +100,8 @@ def _serve(requests: Connection) -> None:
     """Answer requests until the other end is closed; it alone is interrupted at a terminal."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.dup2(2, 1)  # standard output is for the other program's messages
-    light = load_exposure()
+    load_exposure()
+    light = np.zeros((8, 8))
     try:
         requests.send(None)
         rng = requests.recv()

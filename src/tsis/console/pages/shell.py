@@ -252,7 +252,7 @@ class ControlButtons:
 
 def _question(owner: Owner) -> str:
     return tr(
-        "{name} is using the camera. They will be told that you took it, and can then only watch.",
+        "{name} is using the camera. They will see that you took it, and can then only watch.",
         name=owner.name,
     )
 

@@ -199,9 +199,9 @@ def half_space_compliance(face: Face, poisson: float, resolution: Resolution, *,
         endless = Slab(thickness_mm=ENDLESS, poisson=poisson, face=unit, block_mm=0.5, resolution=resolution)
         return {"compliance": endless.compliance / (1 - poisson**2)}
 
-    content = {"lines": unit.lines.tolist(), "order": unit.order, "poisson": poisson, "resolution": asdict(resolution)}
-    key = content_key({"format": FORMAT_VERSION, **content})
-    solved = cached_arrays(KIND, key, solve) if plain and round(poisson, TYPED_DIGITS) == poisson else solve()
+    key = {"lines": unit.lines.tolist(), "order": unit.order, "poisson": poisson, "resolution": asdict(resolution)}
+    is_met_again = plain and round(poisson, TYPED_DIGITS) == poisson
+    solved = cached_arrays(KIND, content_key({"format": FORMAT_VERSION, **key}), solve) if is_met_again else solve()
     compliance = solved["compliance"] / edge
     compliance.flags.writeable = False  # shared through the cache
     return compliance

@@ -11,7 +11,8 @@ from tsis.console.pages.components._language import tr
 from tsis.report import address
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
+    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from typing import Any
 
     from nicegui.element import Element
     from nicegui.elements.label import Label
@@ -258,3 +259,15 @@ def table(content: Table) -> None:
         with ui.element("div").classes("scroll"), rows_under(content.headings):
             for item in content.rows:
                 row(item)
+
+
+def sheets_of_targets(table: ui.table, sizes: Sequence[int], pages: Callable[[], dict[str, Any]]) -> None:
+    """Have a table show one sheet of many targets: ``pages`` is its pagination, whatever a slow browser has sent."""
+
+    def restore() -> None:
+        if table.pagination != pages():
+            table.pagination = pages()
+
+    table.props("flat dense wrap-cells").classes("targets")
+    table.props["rows-per-page-label"], table.props["rows-per-page-options"] = tr("Targets on a sheet"), list(sizes)
+    table.on_pagination_change(restore)

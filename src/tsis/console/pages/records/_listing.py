@@ -153,12 +153,10 @@ class _TargetTable:
             row_key="number",
             pagination=self._pages(sheet_of((), self._order)),  # else it asks for a sheet of its own making
         )
-        self._table.props["rows-per-page-label"] = tr("Targets on a sheet")
-        self._table.props(f'flat dense wrap-cells :rows-per-page-options="{list(SHEETS)}"').classes("targets")
+        kit.sheets_of_targets(self._table, SHEETS, lambda: self._pages(sheet_of(self._targets, self._order)))
         for name in ("number", "name"):
             self._table.add_slot(f"body-cell-{name}", LINK)
         self._table.on("request", self._page_changed)
-        self._table.on_pagination_change(self._notified)
         for part in (self._request, self._empty, self._table):
             part.set_visibility(False)
 
@@ -187,12 +185,6 @@ class _TargetTable:
         requested: dict[str, Any] = pagination if isinstance(pagination, dict) else {}
         self._order = Order.requested(requested, search=self._order.search, kind=self._order.kind)
         self._show()
-
-    def _notified(self) -> None:
-        """Restore the pagination after a slow browser has sent an older one."""
-        pages = self._pages(sheet_of(self._targets, self._order))
-        if self._table.pagination != pages:
-            self._table.pagination = pages
 
     def _show(self) -> None:
         sheet = sheet_of(self._targets, self._order)

@@ -42,11 +42,9 @@ class CodeTable:
         self._sheet, self._size, self._total = 1, SHEETS[0], 0
         kit.panel_title(tr("Targets"))
         with ui.element("div").classes("study-codes").props(f'tabindex=0 role=region aria-label="{tr("Targets")}"'):
-            self._table = ui.table(rows=[], columns=[], row_key="number", pagination=self._pages()).classes("targets")
+            self._table = ui.table(rows=[], columns=[], row_key="number", pagination=self._pages())
         self._table.on("request", self._requested)
-        self._table.on_pagination_change(self._notified)
-        self._table.props["rows-per-page-label"] = tr("Targets on a sheet")
-        self._table.props(f'flat dense wrap-cells :rows-per-page-options="{list(SHEETS)}"')
+        kit.sheets_of_targets(self._table, SHEETS, self._pages)
 
     def show(self, view: StudyView, result: StudyResult | None) -> None:
         """Show codes with their readings, or with the truth of an unblinded study."""
@@ -60,11 +58,6 @@ class CodeTable:
             self._sheet = page if isinstance(page, int) and page > 0 else 1
             self._size = next((sheet for sheet in SHEETS if sheet == size), SHEETS[0])
         self._draw()
-
-    def _notified(self) -> None:
-        """Restore the pagination after a browser has sent that of an emptier table."""
-        if self._table.pagination != self._pages():
-            self._table.pagination = self._pages()
 
     def _draw(self) -> None:
         if self._view is None:
