@@ -31,7 +31,7 @@ import tsis
 from tsis.calibration.file import ProbeCalibration, calibration_bytes
 from tsis.cli import main as main_of_tsis
 from tsis.imaging import Sensor
-from tsis.virtual import nominal_calibration
+from tsis.virtual.probe import nominal_calibration
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -32,7 +32,7 @@ from tsis.calibration.force import (
 from tsis.calibration.reference import make_reference
 from tsis.calibration.response import fit_response
 from tsis.imaging import Sensor
-from tsis.virtual import FLAT_LEVELS, VirtualLoadingMachine
+from tsis.virtual.loading_machine import FLAT_LEVELS, VirtualLoadingMachine
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

@@ -24,7 +24,7 @@ from tsis.calibration.scale import axis_ratio_from_ball, scale_from_ball, scale_
 from tsis.errors import CalibrationError
 from tsis.imaging import Sensor
 from tsis.instrument import read_image
-from tsis.virtual import ball_frame, dot_board_frame, untouched_frame
+from tsis.virtual.calibration_bench import ball_frame, dot_board_frame, untouched_frame
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

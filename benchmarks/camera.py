@@ -25,7 +25,7 @@ from scipy.ndimage import gaussian_filter
 import tsis
 from tsis.imaging import Sensor, expose, render, render_reference
 from tsis.model import LightMap
-from tsis.virtual import nominal_calibration
+from tsis.virtual.probe import nominal_calibration
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

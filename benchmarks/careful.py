@@ -19,7 +19,7 @@ from rich.progress import track
 import tsis
 from tsis.inclusion import InclusionPrior, operator_time_s, protocol_forces
 from tsis.inclusion.design import even_inclusions, protocol_information, protocol_of
-from tsis.virtual import VirtualProbe
+from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -4,7 +4,8 @@
 
 Real: 49 presses of a GelSight (Taxim) against hand-labelled centres, in two halves, the even ones of which the method
 was developed on; the ball presses of two 9DTact sensors. Rendered: balls of 2 to 10 mm diameter on three sensors, under
-lamps, blur, noise, gel thickness and Poisson's ratio that the method does not know (`tsis.virtual.random_gel_press`).
+lamps, blur, noise, gel thickness and Poisson's ratio that the method does not know
+(`tsis.virtual.gel_frames.random_gel_press`).
 Finite strain (`--finite N`): N gels a sensor, each pressed by a rigid and a soft ball (`VirtualGelSensor`), whose truth
 is the Hertzian radius of the pressure's second moment. The last columns compare presses of the rigid ball with the edge
 of the contact: under a ball, which is steeper than Hertz's paraboloid, it lies inside that radius.
@@ -25,12 +26,13 @@ from tsis.catalog import load_sensor
 from tsis.imaging import contacts
 from tsis.instrument import read_colour
 from tsis.model import SoftSphere
-from tsis.virtual import VirtualGelSensor, random_gel_press
+from tsis.virtual.gel_frames import random_gel_press
+from tsis.virtual.gel_sensor import VirtualGelSensor
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tsis.virtual import RenderedPress
+    from tsis.virtual.gel_frames import RenderedPress
 
 SENSORS = ("gelsight-mini", "gelsight-taxim", "9dtact")
 FINITE_SENSORS = ("gelsight-mini", "gelsight-wedge", "9dtact")

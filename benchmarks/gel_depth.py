@@ -22,7 +22,7 @@ from rich.table import Table
 from tsis.catalog import load_sensor
 from tsis.imaging import GelContact, contacts
 from tsis.imaging.depth import DepthMap, DepthMapper, calibrate_depth, cap_error_mm
-from tsis.virtual import rendered_series
+from tsis.virtual.gel_frames import rendered_series
 
 
 def real(path: Path, table: Table) -> None:

@@ -26,14 +26,14 @@ from tsis.imaging import contacts
 from tsis.imaging.depth import DepthMapper, calibrate_depth
 from tsis.instrument import read_colour
 from tsis.mechanics.gel import GelGrid, pressure_from_depth
-from tsis.virtual import random_gel_light, random_gel_press, render_gel, rendered_series
+from tsis.virtual.gel_frames import random_gel_light, random_gel_press, render_gel, rendered_series
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.imaging import GelContact
     from tsis.model import GelSensor
-    from tsis.virtual import GelLight, RenderedPress
+    from tsis.virtual.gel_frames import GelLight, RenderedPress
 
 SHOWN = 10
 COIN_MM, RIM_MM, RIM_HEIGHT_MM, COIN_DEPTH_MM = 3.0, 0.6, 0.15, 0.35

@@ -32,7 +32,7 @@ from tsis.cli import progress_bar
 from tsis.errors import TsisError
 from tsis.hardness import estimate
 from tsis.model import SoftSphere
-from tsis.virtual import DirectContactRig
+from tsis.virtual.direct_contact import DirectContactRig
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

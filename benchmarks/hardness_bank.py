@@ -16,7 +16,7 @@ from tsis.files import cached_arrays, content_key
 from tsis.hardness import hertzian_radius_mm, press_fields
 from tsis.mechanics.surrogate import mechanical_content
 from tsis.model import PressField, Probe, SoftSphere
-from tsis.virtual import DIRECT_CONTACT_RESOLUTION
+from tsis.virtual.direct_contact import DIRECT_CONTACT_RESOLUTION
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -23,7 +23,7 @@ from tsis.cli import progress_bar
 from tsis.errors import TsisError
 from tsis.inclusion import PARAMETERS, estimate
 from tsis.model import Estimate, Inclusion, Phantom, TactileImage
-from tsis.virtual import VirtualProbe
+from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence

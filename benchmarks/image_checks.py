@@ -25,7 +25,7 @@ from rich.table import Table
 import tsis
 from tsis.errors import MissingExtraError
 from tsis.inclusion.checks import RINGS, SECTORS, image_findings, roundness, sector_means, tilt_evidence
-from tsis.virtual import VirtualProbe
+from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -24,7 +24,8 @@ from tsis.calibration.session import SessionFolder, SessionSetup, calibrate
 from tsis.files import cache_folder, content_key, write_durably
 from tsis.model import Calibration, LightMap
 from tsis.optics.irradiance import Irradiance, irradiance
-from tsis.virtual import MachineErrors, VirtualBench, VirtualLoadingMachine
+from tsis.virtual.calibration_bench import VirtualBench
+from tsis.virtual.loading_machine import MachineErrors, VirtualLoadingMachine
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

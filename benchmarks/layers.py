@@ -28,7 +28,7 @@ import tsis
 from tsis.errors import TsisError
 from tsis.inclusion import PARAMETERS, InclusionPrior, estimate
 from tsis.mechanics.tissue_field import TissueFieldResponse
-from tsis.virtual import draw_phantom
+from tsis.virtual.examinations import draw_phantom
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -23,7 +23,7 @@ from studies.printed_6_3 import PRINTED, PRINTED_ERROR, relative_error, without_
 import tsis
 from tsis.cli import progress_bar
 from tsis.inclusion import PARAMETERS, InclusionPrior, estimate
-from tsis.virtual import surround
+from tsis.virtual.examinations import surround
 
 if TYPE_CHECKING:
     from collections.abc import Callable

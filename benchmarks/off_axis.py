@@ -34,7 +34,7 @@ from tsis.inclusion.posterior import off_axis_profile
 from tsis.mechanics import press
 from tsis.mechanics.solid import SolidResolution, press_solid
 from tsis.mechanics.tissue_field import TissueFieldResponse
-from tsis.virtual import nominal_calibration
+from tsis.virtual.probe import nominal_calibration
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

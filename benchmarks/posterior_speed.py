@@ -23,7 +23,7 @@ import tsis
 from tsis.inclusion import InclusionPrior, estimate, press_tables, read_frames
 from tsis.inclusion.posterior import explore_inclusion
 from tsis.mechanics.surrogate import build_full_contact_surrogate
-from tsis.virtual import VirtualProbe
+from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -27,7 +27,7 @@ from tsis.imaging import Sensor
 from tsis.inclusion import InclusionPrior
 from tsis.model import Inclusion, Phantom, TactileImage
 from tsis.optics.irradiance import irradiance
-from tsis.virtual import nominal_calibration
+from tsis.virtual.probe import nominal_calibration
 
 if TYPE_CHECKING:
     from tsis.model import Calibration

@@ -42,7 +42,7 @@ from tsis.calibration.settling import assess_history
 from tsis.instrument import Frame
 from tsis.mechanics.small_strain import relaxing_press, settling_time_s
 from tsis.model import Relaxation, TactileImage
-from tsis.virtual import VirtualProbe
+from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence

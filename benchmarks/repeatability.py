@@ -25,7 +25,7 @@ import tsis
 from tsis.cli import progress_bar
 from tsis.study import new_study, open_study, press_by_operators, random_targets
 from tsis.study.analysis import OPERATORS, analyse_precision
-from tsis.virtual import VirtualProbe
+from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:
     from tsis.study import Study

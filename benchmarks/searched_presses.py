@@ -20,7 +20,8 @@ from tsis.inclusion import InclusionPrior
 from tsis.mechanics import press
 from tsis.mechanics.solid import SolidResolution, press_solid
 from tsis.model import Inclusion, Phantom
-from tsis.virtual import FINE_RESOLUTION, VirtualProbe, surround
+from tsis.virtual.examinations import surround
+from tsis.virtual.probe import FINE_RESOLUTION, VirtualProbe
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

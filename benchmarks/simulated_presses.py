@@ -17,7 +17,8 @@ from benchmarks.solved_data import solved_data
 
 import tsis
 from tsis.inclusion import PARAMETERS
-from tsis.virtual import VirtualProbe, draw_phantom, reference_site
+from tsis.virtual.examinations import draw_phantom, reference_site
+from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:
     from tsis.inclusion import InclusionPrior

@@ -41,7 +41,8 @@ from tsis.inclusion.posterior import (
 from tsis.mechanics.surrogate import build_full_contact_surrogate
 from tsis.model import TactileImage
 from tsis.optics.irradiance import irradiance
-from tsis.virtual import DEEPEST_FRACTION, nominal_calibration
+from tsis.virtual.examinations import DEEPEST_FRACTION
+from tsis.virtual.probe import nominal_calibration
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -24,7 +24,8 @@ from tsis.inclusion.posterior import ring_correction, ring_means, ring_responses
 from tsis.mechanics.finite_strain import PressSeries
 from tsis.mechanics.surrogate import build_finite_correction, build_full_contact_surrogate
 from tsis.model import LIGHT_REACH, LIGHT_RINGS, Inclusion, Phantom
-from tsis.virtual import RepeatedExamination, VirtualProbe, coverage_counts, exposure_for
+from tsis.virtual.examinations import RepeatedExamination, coverage_counts
+from tsis.virtual.probe import VirtualProbe, exposure_for
 
 LIGHT_N, THICKNESS_SD = 0.2, 0.1
 TISSUES_KPA = (1.5, 5.0, 15.0, 30.0)

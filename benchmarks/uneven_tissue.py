@@ -20,7 +20,7 @@ from tsis.inclusion.posterior import FARTHEST, SHIFTED
 from tsis.mechanics import press
 from tsis.mechanics.surrogate import contrast_factor, mechanical_content
 from tsis.model import Inclusion, Phantom, PressField, PressMap, Probe
-from tsis.virtual import FINE_RESOLUTION
+from tsis.virtual.probe import FINE_RESOLUTION
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

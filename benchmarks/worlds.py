@@ -20,7 +20,8 @@ from benchmarks.solved_data import solved_data
 from scipy.special import jv
 
 from tsis.mechanics.tissue_field import FieldMesh, TissueFieldResponse
-from tsis.virtual import VirtualProbe, draw_phantom
+from tsis.virtual.examinations import draw_phantom
+from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

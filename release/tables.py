@@ -22,7 +22,7 @@ from tsis.inclusion.posterior import build_field_table
 from tsis.mechanics import press
 from tsis.mechanics.finite_strain import PressSeries
 from tsis.mechanics.surrogate import build_finite_correction
-from tsis.virtual import VirtualProbe
+from tsis.virtual.probe import VirtualProbe
 
 FORCES_N = (0.5, 1.0)
 OTHER_KPA = 15.0  # tissue that the default prior's table of finite strain does not hold, so that the wide one is built

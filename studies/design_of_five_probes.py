@@ -29,7 +29,7 @@ from tsis.inclusion.design import (
     protocol_information,
 )
 from tsis.mechanics.surrogate import FULL_CONTACT_DEGREES
-from tsis.virtual import nominal_calibration
+from tsis.virtual.probe import nominal_calibration
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -23,7 +23,7 @@ import tsis
 from tsis.imaging import Sensor, features, height_surface, signal
 from tsis.optics.irradiance import irradiance
 from tsis.plots import relief, tactile_image
-from tsis.virtual import VirtualProbe, nominal_calibration
+from tsis.virtual.probe import VirtualProbe, nominal_calibration
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

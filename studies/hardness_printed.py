@@ -32,7 +32,7 @@ from studies.shown import Shown
 import tsis
 from tsis.catalog import load_sphere
 from tsis.hardness import STRESSES, PrintedHardness, estimate, printed_estimate
-from tsis.virtual import DirectContactRig
+from tsis.virtual.direct_contact import DirectContactRig
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

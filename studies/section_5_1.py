@@ -46,7 +46,7 @@ from studies.section_5_1_bench import (
 from tsis.imaging import CONTACT_MODELS, LedDrift, expose, find_lost_light, render
 from tsis.mechanics.small_strain import indent
 from tsis.optics.irradiance import irradiance
-from tsis.virtual import nominal_calibration
+from tsis.virtual.probe import nominal_calibration
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

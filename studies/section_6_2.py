@@ -19,7 +19,7 @@ import numpy as np
 import tsis
 from tsis.cli import progress_bar
 from tsis.inclusion.relative import RelativeReading, Repeats, ratios, relative_depth, relative_hardness, relative_size
-from tsis.virtual import VirtualProbe
+from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

@@ -38,7 +38,7 @@ from tsis.inclusion.network import (
     simulated_outputs,
 )
 from tsis.mechanics.surrogate import Box, build_surrogate
-from tsis.virtual import VirtualProbe
+from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -19,7 +19,7 @@ from tsis.files import cached_arrays, content_key
 from tsis.mechanics import press
 from tsis.mechanics.surrogate import mechanical_content
 from tsis.model import PressField
-from tsis.virtual import FINE_RESOLUTION
+from tsis.virtual.probe import FINE_RESOLUTION
 
 if TYPE_CHECKING:
     from benchmarks.uneven_tissue import Site

@@ -24,7 +24,7 @@ from tsis.calibration.force import TIPS_MM, Loading, fit_force_line, loading_for
 from tsis.calibration.reference import CameraReference, make_reference
 from tsis.calibration.specification import edge_width, specification_sheet
 from tsis.plots import hysteresis_loops
-from tsis.virtual import FLAT_LEVELS, VirtualLoadingMachine
+from tsis.virtual.loading_machine import FLAT_LEVELS, VirtualLoadingMachine
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,7 +9,7 @@ import tsis
 from tsis.imaging import features, subtract_background
 from tsis.inclusion import InclusionPrior, estimate
 from tsis.plots import marginal, tactile_image
-from tsis.virtual import VirtualProbe
+from tsis.virtual.probe import VirtualProbe
 
 
 def main() -> None:

@@ -16,7 +16,7 @@ import tsis
 from tsis.imaging import Sensor
 from tsis.inclusion.posterior import off_axis_profile
 from tsis.model import Inclusion, Phantom
-from tsis.virtual import VirtualProbe
+from tsis.virtual.probe import VirtualProbe
 
 FLAT = tsis.load_probe("tsis-2011")
 TISSUE = Phantom(young_kpa=5.0, thickness_mm=30.0)

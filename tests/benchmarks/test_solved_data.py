@@ -10,7 +10,7 @@ from benchmarks.simulated_presses import PROTOCOLS, examine
 from benchmarks.solved_data import TableReadError, solved_data
 
 import tsis
-from tsis.virtual import VirtualProbe
+from tsis.virtual.probe import VirtualProbe
 
 PROBE = tsis.load_probe("tsis-domed")
 

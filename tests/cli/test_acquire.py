@@ -16,7 +16,8 @@ from tsis.calibration.file import ProbeCalibration, write_calibration
 from tsis.catalog import load_phantom, load_probe
 from tsis.instrument import CameraInfo, CameraListing
 from tsis.instrument.gauge import SimulatedGauge
-from tsis.virtual import VirtualCamera, VirtualProbe
+from tsis.virtual.camera import VirtualCamera
+from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -14,7 +14,7 @@ from tsis.errors import ImageMismatchError, InputError
 from tsis.files import encode_picture
 from tsis.imaging import contacts
 from tsis.imaging.depth import DepthCalibration, DepthMapper, depth_calibration_json
-from tsis.virtual import random_gel_press
+from tsis.virtual.gel_frames import random_gel_press
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -18,7 +18,7 @@ from tests.waiting import HANGS_S
 
 from tsis.calibration.file import ProbeCalibration, read_calibration, write_calibration
 from tsis.calibration.session import SessionFolder, SessionSetup
-from tsis.virtual import VirtualBench
+from tsis.virtual.calibration_bench import VirtualBench
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -63,7 +63,7 @@ def frames(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def small_bench(monkeypatch: pytest.MonkeyPatch) -> None:
     """The virtual bench of the guide with a small camera, to be quick."""
-    monkeypatch.setattr("tsis.virtual.VirtualBench", partial(VirtualBench, sensor=SENSOR))
+    monkeypatch.setattr("tsis.virtual.calibration_bench.VirtualBench", partial(VirtualBench, sensor=SENSOR))
 
 
 def kept(folder: Path) -> dict[str, bytes]:

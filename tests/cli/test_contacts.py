@@ -15,7 +15,7 @@ import pytest
 
 from tsis.catalog import load_sensor
 from tsis.cli._contacts import missing_frames_note
-from tsis.virtual import rendered_series
+from tsis.virtual.gel_frames import rendered_series
 
 if TYPE_CHECKING:
     from tests.cli.conftest import RunTsis

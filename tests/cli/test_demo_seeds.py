@@ -9,7 +9,7 @@ import pytest
 
 import tsis
 from tsis.cli._demo_seeds import stored_note
-from tsis.virtual import coverage_counts
+from tsis.virtual.examinations import coverage_counts
 
 if TYPE_CHECKING:
     from tests.cli.conftest import RunTsis
@@ -41,7 +41,7 @@ def test_options_of_one_examination_are_refused(run_tsis: RunTsis, typed: list[s
 
 
 def test_the_note_names_the_stored_counts_and_their_command() -> None:
-    stored = tsis.virtual.stored_coverage()
+    stored = tsis.virtual.examinations.stored_coverage()
     held = stored["counts"]["held"]["0.9"]
     note = stored_note()
     assert f"diameter_mm {held['diameter_mm']}, depth_mm {held['depth_mm']}, young_kpa {held['young_kpa']}" in note

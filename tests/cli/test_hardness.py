@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import pytest
 from tests.hardness.stand_ins import by_table
 
-from tsis.virtual import DirectContactRig
+from tsis.virtual.direct_contact import DirectContactRig
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -25,7 +25,7 @@ def quick_rig(monkeypatch: pytest.MonkeyPatch) -> None:
         def __init__(self, *arguments: object, **options: object) -> None:
             super().__init__(*arguments, solve=by_table, **options)  # type: ignore[arg-type]
 
-    monkeypatch.setattr("tsis.virtual.DirectContactRig", Quick)
+    monkeypatch.setattr("tsis.virtual.direct_contact.DirectContactRig", Quick)
 
 
 @pytest.mark.usefixtures("quick_rig")

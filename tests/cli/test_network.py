@@ -15,7 +15,7 @@ from tsis.inclusion import InclusionPrior
 from tsis.inclusion.network import read_networks, train_networks, write_networks
 from tsis.instrument import png_bytes, read_image
 from tsis.model import LightMap
-from tsis.virtual import VirtualProbe
+from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:
     from pathlib import Path

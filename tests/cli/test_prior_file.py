@@ -155,7 +155,7 @@ def test_the_hardness_is_estimated_with_the_prior_of_the_file(
         given.append(prior)
         raise InputError("enough")
 
-    monkeypatch.setattr("tsis.virtual.DirectContactRig", Rig)
+    monkeypatch.setattr("tsis.virtual.direct_contact.DirectContactRig", Rig)
     monkeypatch.setattr("tsis.calibration.file.ProbeCalibration", lambda **_: None)
     monkeypatch.setattr("tsis.calibration.file.calibration_bytes", lambda _: b"")
     monkeypatch.setattr("tsis.hardness.estimate", estimated)

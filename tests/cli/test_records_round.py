@@ -24,7 +24,7 @@ from tsis.records import _values as values
 from tsis.records.export.bundle import read_bundle
 from tsis.records.store import open_store, verify_store
 from tsis.report import ENDINGS
-from tsis.virtual import DirectContactRig
+from tsis.virtual.direct_contact import DirectContactRig
 
 if TYPE_CHECKING:
     import pytest
@@ -126,7 +126,7 @@ def test_a_hardness_is_kept_and_made_again(run: RunTsis, tmp_path: Path, monkeyp
         def __init__(self, *arguments: object, **options: object) -> None:
             super().__init__(*arguments, solve=by_table, **options)  # type: ignore[arg-type]
 
-    monkeypatch.setattr("tsis.virtual.DirectContactRig", Quick)
+    monkeypatch.setattr("tsis.virtual.direct_contact.DirectContactRig", Quick)
     store = ("--store", tmp_path / "records")
     told(run, "hardness", "--demo", "--save", *store, "--out", tmp_path / "touch")
     frames = [tmp_path / "touch" / f"press-{force}N.png" for force in (0.7, 1.2)]

@@ -15,7 +15,7 @@ from tsis.inclusion.relative import relative_depth, relative_hardness, relative_
 from tsis.inclusion.shape import object_shape
 from tsis.instrument import png_bytes, read_image
 from tsis.model import LightMap, TactileImage
-from tsis.virtual import VirtualProbe
+from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:
     from pathlib import Path

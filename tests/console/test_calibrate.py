@@ -22,7 +22,7 @@ from tests.console.running import running_console
 from tsis.calibration.file import calibration_sha256, read_calibration
 from tsis.calibration.session import SessionFolder, SessionSetup
 from tsis.cli import main
-from tsis.virtual import VirtualBench
+from tsis.virtual.calibration_bench import VirtualBench
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page

@@ -14,7 +14,7 @@ from tests.console.operator import operating, press_with, requested, run
 
 from tsis.calibration.file import ProbeCalibration, write_calibration
 from tsis.catalog import load_phantom, load_probe
-from tsis.virtual import VirtualProbe
+from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -10,7 +10,7 @@ import pytest
 
 from release import tables
 from tsis.files import read_cached_arrays, shipped_tables
-from tsis.virtual import VirtualProbe
+from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:
     from pathlib import Path

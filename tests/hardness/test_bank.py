@@ -12,7 +12,7 @@ from benchmarks.hardness_bank import SolvedSphere
 import tsis
 from tsis.hardness import hertzian_radius_mm, press_fields
 from tsis.model import SoftSphere
-from tsis.virtual import DIRECT_CONTACT_RESOLUTION
+from tsis.virtual.direct_contact import DIRECT_CONTACT_RESOLUTION
 
 PROBE = tsis.load_probe("tsis-direct")
 

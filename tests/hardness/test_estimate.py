@@ -16,7 +16,7 @@ from tsis.errors import ImageMismatchError, InputError, NotCalibratedError
 from tsis.hardness import HardnessPrior, build_contact_table, estimate
 from tsis.mechanics.finite_strain import SphereResolution
 from tsis.model import Estimate, SoftSphere, TactileImage
-from tsis.virtual import DirectContactRig
+from tsis.virtual.direct_contact import DirectContactRig
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -13,7 +13,7 @@ from tsis.errors import InputError
 from tsis.hardness import ContactReading, read_contact
 from tsis.imaging import Sensor, expose, render
 from tsis.model import Calibration, LightMap, TactileImage
-from tsis.virtual import direct_contact_calibration
+from tsis.virtual.direct_contact import direct_contact_calibration
 
 PROBE, SENSOR = tsis.load_probe("tsis-direct"), Sensor()
 KNOWN = direct_contact_calibration(SENSOR, probe=PROBE)

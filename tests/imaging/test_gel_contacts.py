@@ -13,7 +13,7 @@ from tsis.errors import ImageMismatchError, InputError
 from tsis.imaging import contacts
 from tsis.imaging._contact_fit import ContactFit, GelLayer, fit_contact, joined_fits, layer_hill
 from tsis.instrument import read_colour
-from tsis.virtual import RenderedPress, ball_press, random_gel_light, random_gel_press, render_gel
+from tsis.virtual.gel_frames import RenderedPress, ball_press, random_gel_light, random_gel_press, render_gel
 
 if TYPE_CHECKING:
     from pathlib import Path

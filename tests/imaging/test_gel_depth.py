@@ -24,7 +24,7 @@ from tsis.imaging.depth import (
     polynomial_features,
     polynomial_slopes,
 )
-from tsis.virtual import marker_ink, rendered_series
+from tsis.virtual.gel_frames import marker_ink, rendered_series
 
 if TYPE_CHECKING:
     from tsis.model import GelSensor

@@ -17,7 +17,7 @@ from tsis.inclusion._budget import OF_NUISANCE, OF_PRIOR, nuisance_columns, prop
 from tsis.inclusion._estimate import analyse
 from tsis.inclusion.posterior import NUISANCES, ErrorSources
 from tsis.model import LightMap
-from tsis.virtual import VirtualProbe, nominal_calibration
+from tsis.virtual.probe import VirtualProbe, nominal_calibration
 
 if TYPE_CHECKING:
     from tsis.inclusion._prior import Floats

@@ -24,7 +24,7 @@ from scipy.stats import kstest
 from tsis.inclusion import PARAMETERS, InclusionPrior, ring_edges
 from tsis.inclusion.posterior import THICKNESS, InclusionLikelihood, explore_inclusion
 from tsis.inclusion.posterior._forward import SHARED
-from tsis.virtual import DEEPEST_FRACTION
+from tsis.virtual.examinations import DEEPEST_FRACTION
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -18,7 +18,7 @@ from benchmarks.worlds import WORLDS
 from tsis.errors import InputError
 from tsis.inclusion import PARAMETERS, InclusionPrior
 from tsis.model import Estimate, Inclusion
-from tsis.virtual import DEEPEST_FRACTION, LARGEST_DRAWN_POISSON, draw_phantom
+from tsis.virtual.examinations import DEEPEST_FRACTION, LARGEST_DRAWN_POISSON, draw_phantom
 
 if TYPE_CHECKING:
     from pathlib import Path

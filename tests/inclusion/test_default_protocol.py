@@ -19,7 +19,7 @@ from tsis.inclusion.posterior import explore_inclusion, ring_means
 from tsis.mechanics import press
 from tsis.mechanics.surrogate import Degrees, build_full_contact_surrogate
 from tsis.model import LightMap
-from tsis.virtual import VirtualProbe
+from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:
     from tsis.model import Estimate, Phantom, TactileImage

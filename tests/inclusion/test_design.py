@@ -45,7 +45,7 @@ from tsis.mechanics.small_strain import STRAIN_LIMIT, nominal_strain
 from tsis.mechanics.surrogate import FULL_CONTACT_DEGREES
 from tsis.model import LightMap
 from tsis.plots import design_errors
-from tsis.virtual import nominal_calibration
+from tsis.virtual.probe import nominal_calibration
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -18,7 +18,7 @@ from tsis.inclusion._frames import ring_profiles
 from tsis.inclusion.posterior import explore_inclusion
 from tsis.mechanics.surrogate import Degrees, build_full_contact_surrogate
 from tsis.model import Layer, LightMap, Probe, TactileImage
-from tsis.virtual import VirtualProbe, nominal_calibration
+from tsis.virtual.probe import VirtualProbe, nominal_calibration
 
 if TYPE_CHECKING:
     from collections.abc import Callable

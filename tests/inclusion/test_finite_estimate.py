@@ -16,7 +16,7 @@ from tsis.inclusion import InclusionPrior, estimate
 from tsis.inclusion._frames import require_valid_forces
 from tsis.mechanics.surrogate import build_finite_correction, build_full_contact_surrogate
 from tsis.model import LightMap, Phantom, PressField
-from tsis.virtual import VirtualProbe
+from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:
     from typing import Any
@@ -71,7 +71,7 @@ def frames(monkeypatch: pytest.MonkeyPatch) -> Frames:
         assert field.force_n == pytest.approx(force_n, rel=1e-9)
         return field
 
-    monkeypatch.setattr("tsis.virtual._probe._series", lambda *_: SimpleNamespace(press=press))
+    monkeypatch.setattr("tsis.virtual.probe._series", lambda *_: SimpleNamespace(press=press))
     result = pressed(virtual_probe())
     assert not left
     return result
@@ -139,7 +139,7 @@ def test_largest_force_follows_the_tissue() -> None:
 @pytest.mark.slow
 def test_the_stored_presses_are_solved(monkeypatch: pytest.MonkeyPatch) -> None:
     left = fields()
-    from tsis.virtual._probe import _series
+    from tsis.virtual.probe import _series
 
     def compared(slab: Phantom, *, force_n: float) -> PressField:
         field, stored = series.press(slab, force_n=force_n), left.pop(0)
@@ -149,7 +149,7 @@ def test_the_stored_presses_are_solved(monkeypatch: pytest.MonkeyPatch) -> None:
 
     virtual = virtual_probe()
     series = _series(DOMED.unlit(), virtual._resolution)
-    monkeypatch.setattr("tsis.virtual._probe._series", lambda *_: SimpleNamespace(press=compared))
+    monkeypatch.setattr("tsis.virtual.probe._series", lambda *_: SimpleNamespace(press=compared))
     pressed(virtual)
     assert not left
 

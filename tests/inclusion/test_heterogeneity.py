@@ -25,7 +25,7 @@ from tsis.inclusion.posterior._likelihood import noise_covariance
 from tsis.mechanics import press
 from tsis.mechanics.tissue_field import FieldMesh, TissueFieldResponse
 from tsis.model import Inclusion, LightMap, Phantom, TactileImage
-from tsis.virtual import VirtualProbe, nominal_calibration
+from tsis.virtual.probe import VirtualProbe, nominal_calibration
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

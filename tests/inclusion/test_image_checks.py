@@ -13,7 +13,7 @@ import tsis
 from tsis.errors import InputError
 from tsis.inclusion.checks import image_findings, require_forces_as_lit
 from tsis.model import TactileImage
-from tsis.virtual import VirtualProbe
+from tsis.virtual.probe import VirtualProbe
 
 PROBE = tsis.load_probe("tsis-2011")
 PLAIN = tsis.load_phantom("plain")

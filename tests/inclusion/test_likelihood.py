@@ -31,7 +31,7 @@ from tsis.inclusion.posterior._likelihood import noise_covariance
 from tsis.mechanics import press
 from tsis.mechanics.surrogate import build_finite_correction
 from tsis.model import Calibration
-from tsis.virtual import FINE_RESOLUTION
+from tsis.virtual.probe import FINE_RESOLUTION
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

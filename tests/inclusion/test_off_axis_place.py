@@ -21,7 +21,7 @@ from tsis.inclusion.checks._position import APPARENT_SD
 from tsis.inclusion.posterior import FARTHEST
 from tsis.mechanics import press
 from tsis.model import LightMap, PressMap, TactileImage
-from tsis.virtual import nominal_calibration
+from tsis.virtual.probe import nominal_calibration
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

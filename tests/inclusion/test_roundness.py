@@ -15,7 +15,7 @@ from tsis.inclusion.checks import RINGS, SECTORS, roundness, sector_means, tilt_
 from tsis.inclusion.checks._harmonics import harmonic, unevenness
 from tsis.inclusion.checks._roundness import harmonic_variance, roundness_findings, tilt_findings
 from tsis.model import Calibration, Inclusion, LightMap, Phantom, PressMap, TactileImage
-from tsis.virtual import VirtualProbe, nominal_calibration
+from tsis.virtual.probe import VirtualProbe, nominal_calibration
 
 if TYPE_CHECKING:
     from tsis.inclusion.checks._sectors import Sectors

@@ -15,7 +15,7 @@ from tsis.errors import InputError, TsisError
 from tsis.inclusion import InclusionPrior, prior_on_tissue, protocol_forces, tissue_modulus
 from tsis.mechanics import press
 from tsis.model import Calibration, LightMap, Phantom, Probe, TactileImage
-from tsis.virtual import VirtualProbe
+from tsis.virtual.probe import VirtualProbe
 
 DOMED, FLAT = (tsis.load_probe(name) for name in ("tsis-domed", "tsis-2011"))
 SCALE = 0.1  # mm per pixel

@@ -12,7 +12,7 @@ from tests.model.test_content import disc, estimate
 
 import tsis
 from tsis.imaging import features
-from tsis.virtual import VirtualProbe
+from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:
     from tsis.model import Estimate, Probe, TactileImage

@@ -11,7 +11,7 @@ import tsis
 from tsis.catalog import load_sphere
 from tsis.hardness import build_contact_table, estimate
 from tsis.plots import contact_growth, modulus
-from tsis.virtual import DirectContactRig
+from tsis.virtual.direct_contact import DirectContactRig
 
 if TYPE_CHECKING:
     from tsis.model import Estimate

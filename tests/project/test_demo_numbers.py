@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tsis.virtual import stored_coverage
+from tsis.virtual.examinations import stored_coverage
 
 ROOT = Path(__file__).parents[2]
 

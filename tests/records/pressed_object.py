@@ -14,7 +14,7 @@ from tsis.calibration.file import ProbeCalibration
 from tsis.catalog import load_probe, load_sphere
 from tsis.hardness import estimate
 from tsis.records import environment
-from tsis.virtual import DirectContactRig
+from tsis.virtual.direct_contact import DirectContactRig
 
 if TYPE_CHECKING:
     from datetime import datetime

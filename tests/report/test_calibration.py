@@ -21,7 +21,7 @@ from tsis.report import (
     content_rows,
     specification_rows,
 )
-from tsis.virtual import VirtualBench
+from tsis.virtual.calibration_bench import VirtualBench
 
 if TYPE_CHECKING:
     from tsis.calibration.file import ProbeCalibration

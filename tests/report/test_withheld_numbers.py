@@ -64,7 +64,7 @@ READS_WITHHELD = {
     "records/_deidentify_estimate.py",  # another estimate of the same samples
     "records/_recompute.py",  # equality bit for bit, and shifts of trusted estimates
     "records/export/arrays.py",  # samples for programs, in a group that is called untrusted
-    "virtual/_repeated.py",  # whether an interval holds a known truth, and no number of it
+    "virtual/examinations.py",  # whether an interval holds a known truth, and no number of it
     "detection/classify/_classifier.py",  # evidence on presence, whose trust is its own
 }
 # Means, spreads and ends of intervals that stand nowhere else: each has its own digits.

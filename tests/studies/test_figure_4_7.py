@@ -9,7 +9,7 @@ from studies.figure_4_7 import FORCE_N, PHANTOM, PROBE, SHOWN, Result, run, valu
 
 from tsis.imaging import signal
 from tsis.model import LightMap
-from tsis.virtual import VirtualProbe
+from tsis.virtual.probe import VirtualProbe
 
 
 @pytest.fixture(scope="module")

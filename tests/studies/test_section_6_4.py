@@ -18,7 +18,7 @@ from studies.section_6_4_bench import BLANK, PreparedProbe, between, scaled
 import tsis
 from tsis.detection import newcombe_interval
 from tsis.mechanics import press
-from tsis.virtual import FINE_RESOLUTION, VirtualProbe
+from tsis.virtual.probe import FINE_RESOLUTION, VirtualProbe
 
 
 def test_what_the_printed_numbers_can_mean_is_so_for_every_ranking_of_eight_and_eight() -> None:

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from studies.table_4_1 import PROBE, SHOWN, Result, run, short, values
 
 from tsis.imaging import Sensor
-from tsis.virtual import VirtualLoadingMachine
+from tsis.virtual.loading_machine import VirtualLoadingMachine
 
 TEN_TO_NINETY = 2 * 1.2815515655446004  # standard deviations between 10 and 90 % of a normal distribution
 SMALL = Sensor(columns=256, rows=216)

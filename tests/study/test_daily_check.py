@@ -30,7 +30,7 @@ from tsis.study import (
     rehearsed_checks,
 )
 from tsis.study._log import LOG_FILE
-from tsis.virtual import VirtualProbe
+from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:
     from pathlib import Path

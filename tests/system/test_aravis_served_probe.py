@@ -14,7 +14,9 @@ from tests.system.aravis_peer import FOREIGN_CLIENT, LOOPBACK, loopback_camera_p
 from tsis.catalog import load_probe, phantom_variant
 from tsis.errors import CameraError
 from tsis.instrument.drivers.aravis import AravisCamera, find_cameras_here
-from tsis.virtual import GigEServer, VirtualCamera, VirtualProbe
+from tsis.virtual.camera import VirtualCamera
+from tsis.virtual.gige import GigEServer
+from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

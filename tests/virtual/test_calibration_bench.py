@@ -7,8 +7,7 @@ from benchmarks.calibration_force import PROBE, SENSOR
 from tsis.calibration.force import loading_forces
 from tsis.calibration.session import BOARD, BOARD_UNTOUCHED, DARK, EDGE, UNTOUCHED, CalibrationStep, plan_steps
 from tsis.errors import InputError
-from tsis.virtual import VirtualBench
-from tsis.virtual._calibration_bench import FRAMES_PER_S
+from tsis.virtual.calibration_bench import FRAMES_PER_S, VirtualBench
 
 STEPS = {step.name: step for step in plan_steps((10.0,))}
 

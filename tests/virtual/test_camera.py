@@ -16,7 +16,8 @@ from tsis.imaging import Sensor
 from tsis.instrument import Camera
 from tsis.instrument.acquisition import Acquisition
 from tsis.model import LightMap, Phantom, SoftSphere
-from tsis.virtual import VirtualCamera, VirtualProbe
+from tsis.virtual.camera import VirtualCamera
+from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -254,7 +255,7 @@ def test_known_light_is_not_computed_again() -> None:
 def test_it_looks_at_a_sphere_through_the_rig_of_direct_contact() -> None:
     from tests.hardness.stand_ins import by_table
 
-    rig = tsis.virtual.DirectContactRig(
+    rig = tsis.virtual.direct_contact.DirectContactRig(
         tsis.load_probe("tsis-direct"),
         rng=np.random.default_rng(1),
         sensor=Sensor(columns=192, rows=128),

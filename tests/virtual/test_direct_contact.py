@@ -16,7 +16,7 @@ from tsis.hardness import read_contact
 from tsis.imaging import Sensor
 from tsis.mechanics.finite_strain import SphereResolution
 from tsis.model import LightMap, SoftSphere
-from tsis.virtual import DirectContactRig, direct_contact_calibration
+from tsis.virtual.direct_contact import DirectContactRig, direct_contact_calibration
 
 PROBE, SPHERE = tsis.load_probe("tsis-direct"), load_sphere("cl2003x")
 SMALL = Sensor(columns=192, rows=128, mm_per_pixel=(0.13, 0.15))

@@ -15,7 +15,7 @@ import pytest
 from tests.waiting import until
 
 from tsis.imaging import Sensor
-from tsis.virtual._exposure import ExposingProcess, exposed
+from tsis.virtual.camera import ExposingProcess, exposed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -83,7 +83,7 @@ def test_frames_go_on_when_the_process_was_killed(apart: ExposingProcess) -> Non
 PROGRAM = """
 import numpy as np
 from tests.virtual.test_exposure import LIGHT, _first_apart
-from tsis.virtual._exposure import ExposingProcess
+from tsis.virtual.camera import ExposingProcess
 
 if __name__ == "__main__":
     process = ExposingProcess(np.random.default_rng(1))

@@ -14,7 +14,9 @@ from tsis.instrument import Camera
 from tsis.mechanics.finite_strain import SphereResolution
 from tsis.mechanics.gel import gel_shear
 from tsis.model import BoundedValue, GelSensor, Layer, SoftSphere
-from tsis.virtual import GEL_PRESS_SETTING, VirtualGelCamera, VirtualGelSensor, marker_ink, rendered_series
+from tsis.virtual.camera import GEL_PRESS_SETTING, VirtualGelCamera
+from tsis.virtual.gel_frames import marker_ink, rendered_series
+from tsis.virtual.gel_sensor import VirtualGelSensor
 
 COARSE = SphereResolution(order=3, cells=4, rings=2, face_cells=6)
 GEL = Layer(thickness_mm=8.0, young_kpa=150.0, poisson=0.45)

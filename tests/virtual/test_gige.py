@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from tsis.catalog import load_phantom, load_probe
 from tsis.errors import CameraError, InputError, MissingExtraError
 from tsis.model import LightMap
-from tsis.virtual import GigEServer, VirtualCamera, VirtualProbe
-from tsis.virtual._gige import region_bytes, require_free_address
+from tsis.virtual.camera import VirtualCamera
+from tsis.virtual.gige import GigEServer, region_bytes, require_free_address
+from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

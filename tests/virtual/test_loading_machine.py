@@ -11,8 +11,8 @@ import tsis
 from tsis.errors import InputError
 from tsis.imaging import LedDrift, Sensor
 from tsis.model import LightMap
-from tsis.virtual import VirtualLoadingMachine, VirtualProbe
-from tsis.virtual._loading_camera import MachineErrors
+from tsis.virtual.loading_machine import MachineErrors, VirtualLoadingMachine
+from tsis.virtual.probe import VirtualProbe
 
 SENSOR = Sensor(columns=256, rows=216)
 NO_ERRORS = MachineErrors(

@@ -16,7 +16,7 @@ from tsis.mechanics.finite_strain import FiniteResolution, PressSeries
 from tsis.mechanics.small_strain import Resolution
 from tsis.model import Calibration, LightMap
 from tsis.optics.irradiance import irradiance
-from tsis.virtual import VirtualProbe, nominal_calibration
+from tsis.virtual.probe import VirtualProbe, nominal_calibration
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -6,7 +6,7 @@ from scipy import ndimage
 
 from tsis.errors import InputError
 from tsis.imaging import Sensor
-from tsis.virtual import ball_frame, dot_board_frame, untouched_frame
+from tsis.virtual.calibration_bench import ball_frame, dot_board_frame, untouched_frame
 
 QUIET = Sensor(columns=240, rows=200, mm_per_pixel=(0.05, 0.06), read_noise_grey=0.0, shot_noise_grey=0.0)
 

@@ -216,8 +216,8 @@ def serve(
     target = tsis.catalog.phantom_variant(phantom, diameter_mm, depth_mm, young_kpa)
     with waiting("tracing the light of the lamps"):
         rig = tsis.virtual.VirtualProbe(tsis.catalog.load_probe(probe), rng=rng, strain="small")  # a live view
-    camera = tsis.virtual.VirtualCamera(rig, target, rng=rng, force_n=force_n, frames_per_s=SLOWEST)
-    server = tsis.virtual.GigEServer(camera, interface=interface, serial=serial, frames_per_s=frames_per_s)
+    camera = tsis.virtual.camera.VirtualCamera(rig, target, rng=rng, force_n=force_n, frames_per_s=SLOWEST)
+    server = tsis.virtual.gige.GigEServer(camera, interface=interface, serial=serial, frames_per_s=frames_per_s)
     console = people()
     with ended_by(signal.SIGINT, signal.SIGTERM) as ended, server:
         serving = f"Serving {camera.name} at {force_n:g} N as {server.identity} on {interface}; Ctrl-C ends it."

@@ -36,7 +36,7 @@ from tsis.errors import InputError
 if TYPE_CHECKING:
     from tsis.inclusion import InclusionPrior
     from tsis.model import Phantom, Probe, TactileImage
-    from tsis.virtual import VirtualProbe
+    from tsis.virtual.probe import VirtualProbe
 
 ONE_EXAMINATION = ("phantom", "diameter_mm", "depth_mm", "young_kpa", "out", "save", "store", "number")
 
@@ -106,7 +106,7 @@ def demo(
     destination = chosen_destination(save, store, number=number)
     with progress_bar("tracing the light of the lamps") as advance:
         light = tsis.optics.irradiance.irradiance(chosen, progress=advance)
-    exposure = tsis.virtual.exposure_for(max(force_n))
+    exposure = tsis.virtual.probe.exposure_for(max(force_n))
     virtual = tsis.virtual.VirtualProbe(
         chosen, rng=np.random.default_rng(seed), light=light, strain=strain, exposure=exposure
     )

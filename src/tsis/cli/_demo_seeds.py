@@ -30,10 +30,12 @@ def repeat_demo(
     as_json: bool,
 ) -> None:
     """Run the examinations, print the counts, and as JSON each case too."""
-    examination = tsis.virtual.RepeatedExamination(probe=probe, prior=prior, forces_n=tuple(forces_n), strain=strain)
+    examination = tsis.virtual.examinations.RepeatedExamination(
+        probe=probe, prior=prior, forces_n=tuple(forces_n), strain=strain
+    )
     with progress_bar(f"examining {count} virtual phantoms") as advance:
         cases = examination.run(count, first_seed=first_seed, progress=advance)
-    counts = tsis.virtual.coverage_counts(cases)
+    counts = tsis.virtual.examinations.coverage_counts(cases)
     protocol: dict[str, Any] = {
         "probe": probe.name,
         "prior": prior_name(prior),
@@ -56,7 +58,7 @@ def prior_name(prior: InclusionPrior) -> str:
 
 def is_default_protocol(protocol: Mapping[str, Any]) -> bool:
     """Whether probe, prior, forces and strain are those of the stored run."""
-    stored = tsis.virtual.stored_coverage()["protocol"]
+    stored = tsis.virtual.examinations.stored_coverage()["protocol"]
     return all(protocol[name] == stored[name] for name in ("probe", "prior", "forces_n", "strain"))
 
 
@@ -106,7 +108,7 @@ def coverage_notes(counts: Mapping[str, Any]) -> list[str]:
 
 def stored_note() -> str:
     """One sentence on the stored run of 100 examinations: how often the intervals of 90 % held."""
-    stored = tsis.virtual.stored_coverage()
+    stored = tsis.virtual.examinations.stored_coverage()
     counts = stored["counts"]
     hits = ", ".join(f"{name} {count}" for name, count in counts["held"]["0.9"].items())
     return (

@@ -217,7 +217,7 @@ def _virtual(
     import numpy as np
 
     sphere = tsis.catalog.load_sphere(name)
-    rig = tsis.virtual.DirectContactRig(probe, rng=np.random.default_rng(seed))
+    rig = tsis.virtual.direct_contact.DirectContactRig(probe, rng=np.random.default_rng(seed))
     with waiting(f"pressing {name} with the virtual rig"):
         frames = rig.press_path(sphere, forces_n=forces)
     simulated_probe = tsis.calibration.file.ProbeCalibration(

@@ -31,7 +31,7 @@ def frames(
     loaded = tsis.catalog.load_sensor(sensor)
     tsis.model.require_integer("--presses", presses, 1, 100)
     tsis.model.require_number("--ball-mm", ball_mm, 1.0, 40.0, hint="millimetres")
-    made = tsis.virtual.rendered_series(loaded, presses, ball_radius_mm=ball_mm / 2, seed=seed)
+    made = tsis.virtual.gel_frames.rendered_series(loaded, presses, ball_radius_mm=ball_mm / 2, seed=seed)
     files = {"untouched.png": tsis.files.encode_picture(made[0].reference)}
     truth = []
     for number, press in enumerate(made, start=1):

@@ -15,7 +15,8 @@ from tsis.cli._progress import waiting
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tsis.virtual import RenderedPress, VirtualGelSensor
+    from tsis.virtual.gel_frames import RenderedPress
+    from tsis.virtual.gel_sensor import VirtualGelSensor
 
 
 GAUGE_SD, CALIPER_MM = 0.01, 0.1  # relative error of a force gauge; step of a caliper
@@ -52,7 +53,7 @@ def write_gel_frames(name: str, order: GelOrder, out: Path, *, as_json: bool) ->
     folder = tsis.report.free_folder(out)
     rng = np.random.default_rng(order.seed)
     with waiting("pressing a gel at finite strain"):
-        virtual = tsis.virtual.VirtualGelSensor(tsis.catalog.load_sensor(name), rng=rng)
+        virtual = tsis.virtual.gel_sensor.VirtualGelSensor(tsis.catalog.load_sensor(name), rng=rng)
         ball = virtual.rigid_ball(order.ball_mm / 2)
         if order.ball_kpa is not None:
             ball = tsis.model.SoftSphere(radius_mm=order.ball_mm / 2, young_kpa=order.ball_kpa)

@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from tsis.virtual import DirectContactRig, VirtualProbe
+    from tsis.virtual.direct_contact import DirectContactRig
+    from tsis.virtual.probe import VirtualProbe
 
     Rig = VirtualProbe | DirectContactRig
 
@@ -102,7 +103,7 @@ class WorkerProcess:
 
 def solving_process() -> WorkerProcess:
     """A process, not yet begun, that solves presses of the virtual probe at the console's priority."""
-    return WorkerProcess(most=MOST_PRESSES, nice=0, loads="tsis.virtual")
+    return WorkerProcess(most=MOST_PRESSES, nice=0, loads="tsis.virtual.direct_contact")
 
 
 def light_of(rig: Rig, lies: Any, force_n: float) -> tuple[NDArray[np.float64], Rig]:

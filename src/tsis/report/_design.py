@@ -24,7 +24,7 @@ from tsis.model import Probe, require_integer, require_one_of, require_type
 from tsis.plots import LABELS, design_errors
 from tsis.report._document import envelope
 from tsis.report._page import Card, Page, Picture, Table
-from tsis.virtual import nominal_calibration
+from tsis.virtual.probe import nominal_calibration
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

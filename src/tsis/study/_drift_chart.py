@@ -14,7 +14,7 @@ from tsis.detection import ControlChart, control_chart
 from tsis.errors import InputError
 from tsis.model import require_integer, require_number
 from tsis.study._daily_check import CHARTED, CheckLog, DailyCheck, daily_check
-from tsis.virtual import VirtualProbe
+from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:
     from collections.abc import Callable

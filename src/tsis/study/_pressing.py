@@ -19,7 +19,7 @@ from tsis.optics.irradiance import irradiance
 from tsis.study._folder import PLAN, enter_readings, open_study, read_seal, user
 from tsis.study._log import run_lock
 from tsis.study._values import QUANTITIES, DeviceReading, require_short_name
-from tsis.virtual import VirtualProbe
+from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -14,7 +14,7 @@ from tsis.study._making import new_study
 from tsis.study._pressing import StudyInstrument, press_study
 from tsis.study._values import TargetTruth, require_short_name
 from tsis.study._verification import unblind
-from tsis.virtual import VirtualProbe
+from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:
     import os

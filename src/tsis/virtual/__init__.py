@@ -1,99 +1,26 @@
 """The virtual probe: mechanics, light and camera without hardware."""
 
-from tsis.virtual._calibration_bench import VirtualBench, bench_name, bench_seed
-from tsis.virtual._camera import (
-    FORCE_SETTING,
-    GEL_BALL_MM,
-    GEL_PRESS_SETTING,
-    GEL_PRESSES,
-    LARGEST_FORCE_N,
-    USUAL_MS,
-    VirtualCamera,
-    VirtualGelCamera,
-    camera_settings,
-    virtual_gel_sensor,
-    virtual_mode,
-)
-from tsis.virtual._direct_contact import DIRECT_CONTACT_RESOLUTION, DirectContactRig, direct_contact_calibration
-from tsis.virtual._exposure import load_exposure
-from tsis.virtual._gel_frames import (
-    GelBallPress,
-    GelLight,
-    RenderedPress,
-    ball_press,
-    gel_depth_mm,
-    marker_ink,
-    random_gel_light,
-    random_gel_press,
-    render_gel,
-    rendered_series,
-)
-from tsis.virtual._gel_sensor import VirtualGelSensor
-from tsis.virtual._gige import GigEServer
-from tsis.virtual._loading_camera import MachineErrors
-from tsis.virtual._loading_machine import FLAT_LEVELS, PROBE_PAD_SD, VirtualLoadingMachine, tissue_calibration
-from tsis.virtual._probe import FINE_RESOLUTION, VirtualProbe, exposure_for, nominal_calibration
-from tsis.virtual._repeated import (
-    DEEPEST_FRACTION,
-    LARGEST_DRAWN_POISSON,
-    RepeatedExamination,
-    coverage_counts,
-    draw_phantom,
-    reference_site,
-    stored_coverage,
-    surround,
-)
-from tsis.virtual._scale_targets import ball_frame, dot_board_frame, untouched_frame
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "DEEPEST_FRACTION",
-    "DIRECT_CONTACT_RESOLUTION",
-    "FINE_RESOLUTION",
-    "FLAT_LEVELS",
-    "FORCE_SETTING",
-    "GEL_BALL_MM",
-    "GEL_PRESSES",
-    "GEL_PRESS_SETTING",
-    "LARGEST_DRAWN_POISSON",
-    "LARGEST_FORCE_N",
-    "PROBE_PAD_SD",
-    "USUAL_MS",
-    "DirectContactRig",
-    "GelBallPress",
-    "GelLight",
-    "GigEServer",
-    "MachineErrors",
-    "RenderedPress",
-    "RepeatedExamination",
-    "VirtualBench",
-    "VirtualCamera",
-    "VirtualGelCamera",
-    "VirtualGelSensor",
-    "VirtualLoadingMachine",
-    "VirtualProbe",
-    "ball_frame",
-    "ball_press",
-    "bench_name",
-    "bench_seed",
-    "camera_settings",
-    "coverage_counts",
-    "direct_contact_calibration",
-    "dot_board_frame",
-    "draw_phantom",
-    "exposure_for",
-    "gel_depth_mm",
-    "load_exposure",
-    "marker_ink",
-    "nominal_calibration",
-    "random_gel_light",
-    "random_gel_press",
-    "reference_site",
-    "render_gel",
-    "rendered_series",
-    "stored_coverage",
-    "surround",
-    "tissue_calibration",
-    "untouched_frame",
-    "virtual_gel_sensor",
-    "virtual_mode",
-]
+import lazy_loader
+
+if TYPE_CHECKING:
+    from tsis.virtual import calibration_bench as calibration_bench
+    from tsis.virtual import camera as camera
+    from tsis.virtual import direct_contact as direct_contact
+    from tsis.virtual import examinations as examinations
+    from tsis.virtual import gel_frames as gel_frames
+    from tsis.virtual import gel_sensor as gel_sensor
+    from tsis.virtual import gige as gige
+    from tsis.virtual import loading_machine as loading_machine
+    from tsis.virtual import probe as probe
+    from tsis.virtual.probe import VirtualProbe as VirtualProbe
+else:  # modules load when they are first used
+    __getattr__, __dir__, _ = lazy_loader.attach(
+        __name__,
+        submodules=[
+            *("calibration_bench", "camera", "direct_contact", "examinations", "gel_frames", "gel_sensor", "gige"),
+            *("loading_machine", "probe"),
+        ],
+        submod_attrs={"probe": ["VirtualProbe"]},
+    )

@@ -27,7 +27,7 @@ from tsis.calibration.settling import assess_settling
 from tsis.errors import ImageMismatchError, InputError
 from tsis.instrument import Frame
 from tsis.model import TactileImage
-from tsis.virtual import VirtualProbe
+from tsis.virtual.probe import VirtualProbe
 
 ROWS, COLUMNS, RADIUS_PX, DARK = 246, 384, 60.0, 8.0
 LIT = ReferencePatch(first_row=0, last_row=16, first_column=0, last_column=24)

@@ -13,7 +13,7 @@ from tsis.errors import CalibrationError, ImageMismatchError, InputError
 from tsis.imaging import Sensor
 from tsis.instrument import read_image
 from tsis.model import TactileImage
-from tsis.virtual import dot_board_frame, untouched_frame
+from tsis.virtual.calibration_bench import dot_board_frame, untouched_frame
 
 if TYPE_CHECKING:
     from collections.abc import Callable

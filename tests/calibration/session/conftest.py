@@ -10,7 +10,7 @@ import pytest
 from benchmarks.calibration_force import PROBE, SENSOR
 
 from tsis.calibration.session import SessionFolder, SessionSetup
-from tsis.virtual import VirtualBench
+from tsis.virtual.calibration_bench import VirtualBench
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -14,7 +14,7 @@ from tsis.calibration.specification import Specification, edge_width, frame_rate
 from tsis.errors import CalibrationError, InputError, UnknownNameError
 from tsis.imaging import Sensor
 from tsis.model import TactileImage
-from tsis.virtual import VirtualLoadingMachine
+from tsis.virtual.loading_machine import VirtualLoadingMachine
 
 SCALE = (0.03, 0.04)
 TEN_TO_NINETY = 2 * 1.2815515655446004  # standard deviations between 10 and 90 % of a normal distribution

@@ -14,7 +14,7 @@ from tests.waiting import HANGS_S
 
 from tsis.calibration import parse_usable_calibration
 from tsis.calibration.session import SessionFolder, SessionSetup
-from tsis.virtual import VirtualBench
+from tsis.virtual.calibration_bench import VirtualBench
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -28,7 +28,7 @@ from tsis.console.services._subject import read_tissue
 from tsis.errors import ControlError, InputError
 from tsis.imaging import Sensor
 from tsis.inclusion import InclusionPrior
-from tsis.virtual import DirectContactRig
+from tsis.virtual.direct_contact import DirectContactRig
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence

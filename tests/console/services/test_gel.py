@@ -16,7 +16,8 @@ from tsis.console.services import CameraChoice
 from tsis.errors import CameraError, ControlError, FileInputError, InputError, UnknownNameError
 from tsis.files import encode_picture
 from tsis.imaging.depth import calibrate_depth, depth_calibration_json
-from tsis.virtual import GEL_BALL_MM, GEL_PRESS_SETTING, GEL_PRESSES, rendered_series
+from tsis.virtual.camera import GEL_BALL_MM, GEL_PRESS_SETTING, GEL_PRESSES
+from tsis.virtual.gel_frames import rendered_series
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
     from tsis.console.services import Instrument
     from tsis.imaging.depth import GelReading
-    from tsis.virtual import RenderedPress
+    from tsis.virtual.gel_frames import RenderedPress
 
 SENSOR, SEED = "gelsight-mini", 1
 

@@ -143,7 +143,7 @@ def axis_ratio_from_ball(image: TactileImage, reference: TactileImage | None = N
     Examples
     --------
     >>> from tsis.imaging import Sensor
-    >>> from tsis.virtual import ball_frame, untouched_frame
+    >>> from tsis.virtual.calibration_bench import ball_frame, untouched_frame
     >>> rng, sensor = np.random.default_rng(1), Sensor(mm_per_pixel=(0.0336, 0.0392))
     >>> ratio = axis_ratio_from_ball(ball_frame(sensor, rng=rng), untouched_frame(sensor, rng=rng))
     >>> abs(ratio.value - 0.0392 / 0.0336) < 0.01
@@ -203,7 +203,7 @@ def scale_from_ball(
     Examples
     --------
     >>> from tsis.imaging import Sensor
-    >>> from tsis.virtual import ball_frame, untouched_frame
+    >>> from tsis.virtual.calibration_bench import ball_frame, untouched_frame
     >>> rng, sensor = np.random.default_rng(1), Sensor(mm_per_pixel=(0.0336, 0.0392))
     >>> frames = [ball_frame(sensor, rng=rng, ball_radius_mm=4.0, depth_mm=depth) for depth in (0.7, 1.0, 1.3)]
     >>> untouched = untouched_frame(sensor, rng=rng)

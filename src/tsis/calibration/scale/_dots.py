@@ -179,7 +179,7 @@ def scale_from_dots(
     Examples
     --------
     >>> from tsis.imaging import Sensor
-    >>> from tsis.virtual import dot_board_frame
+    >>> from tsis.virtual.calibration_bench import dot_board_frame
     >>> frame = dot_board_frame(Sensor(mm_per_pixel=(0.0336, 0.0392)), rng=np.random.default_rng(1), pitch_mm=2.5)
     >>> scale, diagnostics = scale_from_dots(frame, pitch_mm=2.5)
     >>> [round(size, 4) for size in scale.mm_per_pixel]

@@ -60,7 +60,7 @@ def connector(spec: str, press: VirtualPress) -> Callable[[], Camera]:
     rng = np.random.default_rng(press.seed)
     probe = tsis.virtual.VirtualProbe(tsis.catalog.load_probe(press.probe), rng=rng, strain="small")  # a live view
     phantom = tsis.catalog.load_phantom(press.phantom)
-    return lambda: tsis.virtual.VirtualCamera(probe, phantom, rng=rng, force_n=press.force_n, paced=True)
+    return lambda: tsis.virtual.camera.VirtualCamera(probe, phantom, rng=rng, force_n=press.force_n, paced=True)
 
 
 def live_connector(spec: str) -> Callable[[], Camera]:
@@ -293,7 +293,7 @@ class GelCamera:
             capture.release()
 
     def _virtual(self) -> Iterator[NDArray[Any]]:
-        made = tsis.virtual.rendered_series(
+        made = tsis.virtual.gel_frames.rendered_series(
             chosen_sensor(self.sensor), VIRTUAL_PRESSES, ball_radius_mm=VIRTUAL_BALL_MM / 2, seed=self.seed
         )
         yield made[0].reference

@@ -247,10 +247,14 @@ def guide(
     if camera == VIRTUAL:
         if gauge or gauge_unit or gauge_sends or mode or setting or patch_px:
             raise InputError("--gauge, --mode, --set and --patch-px need --camera; the virtual rig has its own")
-        rig = tsis.virtual.VirtualBench(
+        rig = tsis.virtual.calibration_bench.VirtualBench(
             tsis.catalog.load_probe(probe), rng=np.random.default_rng(seed), pitch_mm=pitch_mm
         )
-        begin(folder, replace(terms, camera=tsis.virtual.bench_name(seed), patch_px=rig.patch_px), console)
+        begin(
+            folder,
+            replace(terms, camera=tsis.virtual.calibration_bench.bench_name(seed), patch_px=rig.patch_px),
+            console,
+        )
         console.print("The virtual rig does every step; the instructions for an operator are:")
         _take_steps(folder, rig.shots, console)
     else:

@@ -12,7 +12,7 @@ from tsis.console.api._models import OwnerItem, RequestModel, ResponseModel, Who
 from tsis.console.api._value_schemas import CameraInfoItem
 from tsis.console.services import LONGEST_SPEC, MOST_TYPED_N, CameraChoice, CameraState, FrameAnalysis, JobState
 from tsis.instrument import Setting
-from tsis.virtual import LARGEST_FORCE_N
+from tsis.virtual.camera import LARGEST_FORCE_N
 
 PROBES, PHANTOMS = tuple(list_probes()), (*list_phantoms(), *list_spheres())
 LARGEST_EXACT = 2**53 - 1  # whole number of JSON: many programs round larger ones

@@ -14,7 +14,7 @@ from tsis.console.pages.camera import choose_and_start
 from tsis.console.pages.components import tr
 from tsis.console.services import CameraChoice
 from tsis.imaging import REASONS
-from tsis.virtual import GEL_PRESS_SETTING, GEL_PRESSES, virtual_gel_sensor
+from tsis.virtual.camera import GEL_PRESS_SETTING, GEL_PRESSES, virtual_gel_sensor
 
 if TYPE_CHECKING:
     from tsis.console.services import GelSetup, Instrument, InstrumentState

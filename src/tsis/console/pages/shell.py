@@ -23,7 +23,7 @@ from tsis.console.pages.components import tr
 from tsis.console.pages.examine import SHORTCUTS
 from tsis.console.pages.jobs import JobList
 from tsis.errors import ControlError, TsisError
-from tsis.virtual import load_exposure
+from tsis.virtual.camera import load_exposure
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from tsis.calibration.guard import guard_reference
 from tsis.errors import CalibrationError
-from tsis.virtual import bench_seed
+from tsis.virtual.calibration_bench import bench_seed
 
 if TYPE_CHECKING:
     from tsis.calibration import UsableCalibration

@@ -15,7 +15,7 @@ from tsis.errors import CameraError, ControlError, InputError, TsisError
 from tsis.instrument import LATE_FRAMES, connect, find_cameras, preset
 from tsis.instrument.acquisition import LOST_AFTER_S, Acquisition
 from tsis.model import require_number, require_one_of
-from tsis.virtual import FORCE_SETTING, LARGEST_FORCE_N, VirtualGelCamera, virtual_gel_sensor
+from tsis.virtual.camera import FORCE_SETTING, LARGEST_FORCE_N, VirtualGelCamera, virtual_gel_sensor
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -13,7 +13,7 @@ from tsis.errors import InputError, RecordsError
 from tsis.inclusion import InclusionPrior, estimate, prior_on_tissue, stated_strain
 from tsis.model import require_integer, require_one_of
 from tsis.records import ESTIMATES, REFERENCE_ROLES, EstimationRequest, environment, estimate_stored, require_options
-from tsis.virtual import VirtualProbe
+from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

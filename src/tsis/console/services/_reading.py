@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from tsis.console.services._subject import CameraChoice, PressForce
 from tsis.errors import InputError
 from tsis.files import from_json_value, printable_path, to_json_value
-from tsis.virtual import FORCE_SETTING
+from tsis.virtual.camera import FORCE_SETTING
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -25,7 +25,9 @@ from tsis.inclusion import protocol_forces, tissue_modulus
 from tsis.instrument import STORED_SOURCES, live_sources
 from tsis.model import Phantom, SoftSphere, TactileImage, require_integer, require_number, require_one_of, require_type
 from tsis.records import KINDS, ROLES
-from tsis.virtual import LARGEST_FORCE_N, DirectContactRig, VirtualCamera, VirtualProbe, camera_settings, virtual_mode
+from tsis.virtual.camera import LARGEST_FORCE_N, VirtualCamera, camera_settings, virtual_mode
+from tsis.virtual.direct_contact import DirectContactRig
+from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

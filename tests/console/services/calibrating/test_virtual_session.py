@@ -19,7 +19,8 @@ from tsis.console.services.calibrating._sessions import folder_name
 from tsis.errors import CalibrationError, ControlError, InputError
 from tsis.model import Calibration
 from tsis.report import calibration_page
-from tsis.virtual import VirtualBench, VirtualProbe, bench_name
+from tsis.virtual.calibration_bench import VirtualBench, bench_name
+from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -18,7 +18,7 @@ from tsis.console.pages.calibrate._steps import CalibrationResultPanel, MakePane
 from tsis.console.pages.components import tr
 from tsis.errors import InputError, TsisError
 from tsis.model import require_integer
-from tsis.virtual import bench_name
+from tsis.virtual.calibration_bench import bench_name
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Sequence

@@ -18,7 +18,9 @@ from tsis.console.services.calibrating._session import CalibrationRig, Calibrati
 from tsis.errors import CalibrationError, CameraError, InputError, TsisError
 from tsis.imaging import Sensor
 from tsis.model import require_number
-from tsis.virtual import PROBE_PAD_SD, VirtualBench, VirtualProbe, bench_seed, tissue_calibration
+from tsis.virtual.calibration_bench import VirtualBench, bench_seed
+from tsis.virtual.loading_machine import PROBE_PAD_SD, tissue_calibration
+from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

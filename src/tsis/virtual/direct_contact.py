@@ -22,7 +22,7 @@ from tsis.model import (
     require_number,
     require_type,
 )
-from tsis.virtual._probe import LARGEST_FORCE_N, VirtualProbe
+from tsis.virtual.probe import LARGEST_FORCE_N, VirtualProbe
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -14,7 +14,7 @@ from tsis.errors import InputError
 from tsis.hardness import hertzian_radius_mm, press_fields
 from tsis.mechanics.finite_strain import WIDEST_CONTACT, SphereResolution
 from tsis.model import GelSensor, Layer, Probe, SoftSphere, require_number, require_type
-from tsis.virtual._gel_frames import (
+from tsis.virtual.gel_frames import (
     GelBallPress,
     RenderedPress,
     gel_depth_mm,

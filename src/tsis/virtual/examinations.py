@@ -16,7 +16,7 @@ import numpy as np
 from tsis.errors import TsisError
 from tsis.inclusion import PARAMETERS, estimate
 from tsis.model import Inclusion, Phantom, require_integer, require_one_of
-from tsis.virtual._probe import RESOLUTIONS, VirtualProbe, exposure_for
+from tsis.virtual.probe import RESOLUTIONS, VirtualProbe, exposure_for
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

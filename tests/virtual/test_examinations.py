@@ -8,7 +8,7 @@ import pytest
 import tsis
 from tsis.errors import InputError
 from tsis.inclusion import PARAMETERS, InclusionPrior
-from tsis.virtual import RepeatedExamination, coverage_counts, stored_coverage
+from tsis.virtual.examinations import RepeatedExamination, coverage_counts, stored_coverage
 
 DOMED = RepeatedExamination(probe=tsis.load_probe("tsis-domed"), prior=InclusionPrior(), strain="small")
 

@@ -1,21 +1,43 @@
-"""Frames of the targets that give a camera's scale: a board of dots, and a ball, pressed into a gel.
+"""A calibration without hardware: frames of each step, from the virtual loading machine and of targets for the scale.
 
-Each part of a pixel is traced through the lens to the face, to the nearest dot or the ball's depth. Light, blur and
-noise follow. The estimators use no part of this code.
+A target is a board of dots, or a ball pressed into a gel. Each part of a pixel is traced through the lens to the face,
+to the nearest dot or the ball's depth. Light, blur and noise follow. The estimators use no part of this code.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 import scipy
 
+from tsis.calibration.force import loading_forces
+from tsis.calibration.session import (
+    BOARD,
+    BOARD_UNTOUCHED,
+    DARK,
+    EDGE,
+    FLAT,
+    PAD_FORCES_N,
+    UNTOUCHED,
+    CalibrationFrame,
+    CalibrationStep,
+)
+from tsis.errors import InputError
 from tsis.imaging import Sensor, expose
 from tsis.model import TactileImage, require_integer, require_number, require_type
+from tsis.virtual.camera import camera_settings
+from tsis.virtual.loading_machine import FLAT_LEVELS, VirtualLoadingMachine
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
     from numpy.typing import NDArray
+
+    from tsis.model import Probe
+    from tsis.virtual.probe import VirtualProbe
 
 
 PARTS = 2  # of a pixel, along each axis
@@ -204,3 +226,107 @@ def _exposed(
     return TactileImage(
         grey=expose(grey, sensor, rng), full_scale=sensor.full_scale, name=name, settings={"source": "virtual"}
     )
+
+
+FRAMES_PER_S = 30.0
+NAME_PREFIX = "virtual bench, seed "  # in session files
+BOARD_ANGLE_DEG = 3.0
+
+
+def bench_name(seed: int) -> str:
+    """Name of the virtual calibration rig in a session; frames of different seeds do not mix.
+
+    Examples
+    --------
+    >>> bench_name(4), bench_seed("virtual bench, seed 4"), bench_seed("aravis:Fake_1")
+    ('virtual bench, seed 4', 4, None)
+    """
+    return f"{NAME_PREFIX}{seed}"
+
+
+def bench_seed(name: str) -> int | None:
+    """Seed of the virtual calibration rig of that name; None for the name of a camera."""
+    number = name.removeprefix(NAME_PREFIX)
+    return int(number) if name.startswith(NAME_PREFIX) and number.isascii() and number.isdecimal() else None
+
+
+class VirtualBench:
+    """The virtual calibration rig, which takes the frames of all steps automatically.
+
+    Parameters
+    ----------
+    probe
+        The probe to calibrate.
+    rng
+        Random generator of all errors.
+    sensor
+        The camera.
+    pitch_mm
+        Pitch of the dot board.
+    machine
+        The loading machine; one with the default errors when None.
+    """
+
+    def __init__(
+        self,
+        probe: Probe,
+        *,
+        rng: np.random.Generator,
+        sensor: Sensor | None = None,
+        pitch_mm: float = 2.5,
+        machine: VirtualLoadingMachine | None = None,
+    ) -> None:
+        self.machine = VirtualLoadingMachine(probe, rng=rng, sensor=sensor) if machine is None else machine
+        self._rng, self._pitch_mm = rng, pitch_mm
+
+    @classmethod
+    def of(cls, rig: VirtualProbe, *, rng: np.random.Generator, pitch_mm: float = 2.5) -> Self:
+        """The rig on which a virtual probe is calibrated, at a shorter exposure; see `VirtualLoadingMachine.of`."""
+        return cls(rig.probe, rng=rng, pitch_mm=pitch_mm, machine=VirtualLoadingMachine.of(rig, rng=rng))
+
+    @property
+    def settings(self) -> dict[str, float]:
+        """Settings of its camera, as those of the virtual probe's camera are named."""
+        return camera_settings(self.machine.sensor, exposure=self.machine.exposure)
+
+    @property
+    def patch_px(self) -> tuple[int, int, int, int] | None:
+        """Reference patch as left, top, right, bottom; None when there is none."""
+        return self.machine.patch_px
+
+    def shots(self, step: CalibrationStep) -> Iterator[CalibrationFrame]:
+        """Yield the frames of a step."""
+        if step.tip_mm is not None:
+            for image, gauge_n in self.machine.loading(step.tip_mm, loading_forces()):
+                yield CalibrationFrame(image=_raw(image), force_n=gauge_n)
+            return
+        if step.pad_kpa is not None:
+            for force_n in PAD_FORCES_N:
+                image, gauge_n = self.machine.press_pad(step.pad_kpa, force_n)
+                yield CalibrationFrame(image=_raw(image), force_n=gauge_n)
+            return
+        take = self._take(step)
+        for number in range(step.frames):
+            yield CalibrationFrame(image=_raw(take()), time_s=number / FRAMES_PER_S)
+
+    def _take(self, step: CalibrationStep) -> Callable[[], TactileImage]:
+        sensor, rng = self.machine.sensor, self._rng
+        if step.name == BOARD:
+            board = dot_board_frame(sensor, rng=rng, pitch_mm=self._pitch_mm, angle_deg=BOARD_ANGLE_DEG, bright=True)
+            return lambda: board
+        calls: dict[str, Callable[[], TactileImage]] = {
+            DARK: self.machine.dark,
+            UNTOUCHED: self.machine.no_contact,
+            BOARD_UNTOUCHED: lambda: untouched_frame(sensor, rng=rng),
+            EDGE: self.machine.edge,
+        }
+        for level, light in enumerate(FLAT_LEVELS, start=1):
+            calls[f"{FLAT}-{level}"] = partial(self.machine.flat, light)
+        if step.name not in calls:
+            raise InputError(f"step must be one of a calibration's plan; got {step.name!r:.60}")
+        return calls[step.name]
+
+
+def _raw(image: TactileImage) -> TactileImage:
+    """The frame as a camera delivers it, without scale and force."""
+    return replace(image, mm_per_pixel=None, force_n=None)
