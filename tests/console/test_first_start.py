@@ -1,13 +1,13 @@
-"""A first start in a browser: what this is, the steps of the work until the report, and a second language."""
+"""A first start in a browser: what this is, and the steps of the work until the report."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 import pytest
-from tests.console.accessible import faults, too_wide
+from tests.console.accessible import faults
 from tests.console.browser import needs_browser, picture
-from tests.console.operator import operating, tab
+from tests.console.operator import operating
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -50,18 +50,3 @@ def test_the_filled_button_leads_from_the_first_start_to_the_report(console: Run
         page.wait_for_url("**/records/1")
         page.get_by_role("link", name="Examine", exact=True).click()
         page.get_by_role("region", name="Order of work").wait_for()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("width", [390, 768, 1280, 2560])
-def test_german_is_chosen_in_the_browser_and_stays(console: RunningConsole, browser: Browser, width: int) -> None:
-    with tab(browser, console, size=(width, 844), color_scheme="dark") as page:
-        page.get_by_role("button", name="Deutsch").click()
-        page.get_by_role("heading", level=1, name="Untersuchen").wait_for()
-        page.wait_for_function("document.documentElement.lang === 'de'")
-        page.reload()
-        page.get_by_role("heading", level=1, name="Untersuchen").wait_for()
-        assert too_wide(page) == []
-        assert faults(page) == []
-        page.get_by_role("button", name="English").click()
-        page.get_by_role("heading", level=1, name="Examine").wait_for()

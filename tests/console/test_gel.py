@@ -57,14 +57,3 @@ def test_a_press_is_outlined_and_read_in_millimetres_and_newtons(
         page.get_by_role("option", name="untouched").click()
         page.get_by_text("no contact: nothing changed against the reference").wait_for()
         expect(page.get_by_text("Deepest point")).to_have_count(0)
-
-
-def test_the_page_is_german_for_who_wants_it(console: RunningConsole, browser: Browser) -> None:
-    with operating(browser, console, "/gel") as page:
-        page.get_by_role("button", name="Deutsch").click()
-        page.get_by_role("heading", level=1, name="Gelsensor", exact=True).wait_for()
-        page.get_by_role("button", name="Virtuellen Sensor verwenden").wait_for()
-        page.get_by_text("Unberührtes Bild", exact=True).wait_for()
-        picture(page, "gel-sensor-german")
-        page.get_by_role("button", name="English").click()
-        page.get_by_role("heading", level=1, name="Gel sensor", exact=True).wait_for()

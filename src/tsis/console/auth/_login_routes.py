@@ -17,8 +17,6 @@ from starlette.requests import ClientDisconnect, Request
 from starlette.responses import HTMLResponse, PlainTextResponse, RedirectResponse
 
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.console._catalogues import COOKIE, ENGLISH, languages, translated
-from tsis.console.auth._access import cookie_of
 from tsis.console.auth._rate_limit import LoginRateLimiter
 from tsis.errors import FileInputError
 
@@ -41,8 +39,8 @@ def refusal(
 ) -> Response:
     """One message: a page for browsers, text for the rest."""
     if "text/html" in requested.get("accept", ""):
-        again = f'<p><a href="">{tr("Try again", requested)}</a></p>' if status == HTTPStatus.UNAUTHORIZED else ""
-        return _page("tsis console", f"<p>{escape(tr(message, requested))}</p>{again}", status, others, requested)
+        again = '<p><a href="">Try again</a></p>' if status == HTTPStatus.UNAUTHORIZED else ""
+        return _page("tsis console", f"<p>{escape(message)}</p>{again}", status, others)
     return PlainTextResponse(message, status, headers=dict(others or {}))
 
 
@@ -65,12 +63,11 @@ def login_page(
         "Name": 'name="name" autocomplete="username" autocapitalize="none" spellcheck="false" maxlength="40" autofocus',
         "Password": 'name="password" type="password" autocomplete="current-password" maxlength="1024"',
     }
-    labels = ((tr(name, requested), field) for name, field in fields.items())
-    inputs = "".join(f"<label>{label}<input {field} required></label>" for label, field in labels)
+    inputs = "".join(f"<label>{label}<input {field} required></label>" for label, field in fields.items())
     saved = f'<input type="hidden" name="then" value="{escape(then)}">'
-    button = f"<button>{tr('Log in', requested)}</button>"
+    button = "<button>Log in</button>"
     form = f'<form method="post" action="{LOGIN}">{alert}{saved}{inputs}{button}</form>'
-    return _page("Log in to the console", form, status, others, requested)
+    return _page("Log in to the console", form, status, others)
 
 
 def onward(address: str, *, requested: Mapping[str, str], others: Mapping[str, str]) -> Response:
@@ -81,24 +78,23 @@ def onward(address: str, *, requested: Mapping[str, str], others: Mapping[str, s
     """
     if requested.get("sec-fetch-site", "none") in ("none", "same-origin"):
         return RedirectResponse(address, HTTPStatus.SEE_OTHER, headers=dict(others))
-    link = f'<p><a href="{escape(address)}">{tr("Continue to the console", requested)}</a></p>'
-    return _page("tsis console", link, HTTPStatus.OK, {**others, "refresh": f"0; url={address}"}, requested)
+    link = f'<p><a href="{escape(address)}">Continue to the console</a></p>'
+    return _page("tsis console", link, HTTPStatus.OK, {**others, "refresh": f"0; url={address}"})
 
 
 def logout_page(name: str, *, requested: Mapping[str, str]) -> Response:
     """Ask whether to go."""
-    named = tr("Logged in as {name}.", requested, name=escape(name))
-    who = named if name else tr("Logged in with the console's key.", requested)
-    button = f"<button>{tr('Log out', requested)}</button>"
+    who = f"Logged in as {escape(name)}." if name else "Logged in with the console's key."
+    button = "<button>Log out</button>"
     form = f'<p>{who}</p><form method="post" action="{LOGOUT}">{button}</form>'
-    return _page("Log out of the console", form, HTTPStatus.OK, None, requested)
+    return _page("Log out of the console", form, HTTPStatus.OK, None)
 
 
 def gone_page(others: Mapping[str, str], *, logins: bool, requested: Mapping[str, str]) -> Response:
     """Say that the session is over, and have the browser delete its cached pictures."""
-    link = f'<a href="{LOGIN}">{tr("Log in", requested)}</a>'
-    back = f"<p>{link if logins else tr(KEY_NEEDED, requested)}</p>"
-    return _page("You are logged out", back, HTTPStatus.OK, {**others, "clear-site-data": '"cache"'}, requested)
+    link = f'<a href="{LOGIN}">Log in</a>'
+    back = f"<p>{link if logins else KEY_NEEDED}</p>"
+    return _page("You are logged out", back, HTTPStatus.OK, {**others, "clear-site-data": '"cache"'})
 
 
 def local_address(text: str) -> str:
@@ -113,26 +109,8 @@ def local_address(text: str) -> str:
     return text if reference and text.startswith("/") and not text.startswith("//") else "/"
 
 
-def language_of(requested: Mapping[str, str]) -> str:
-    """The language that the browser of these headers chose."""
-    chosen = cookie_of(requested.get("cookie", ""), COOKIE)
-    return chosen if chosen in languages() else ENGLISH
-
-
-def tr(text: str, requested: Mapping[str, str], **values: object) -> str:
-    """A text in that language."""
-    return translated(text, language_of(requested), **values)
-
-
-def _page(
-    title: str, content: str, status: HTTPStatus, others: Mapping[str, str] | None, requested: Mapping[str, str]
-) -> Response:
-    html = _template().substitute(
-        title=tr(title, requested),
-        content=content,
-        notice=tr(RESEARCH_USE_ONLY, requested),
-        language=language_of(requested),
-    )
+def _page(title: str, content: str, status: HTTPStatus, others: Mapping[str, str] | None) -> Response:
+    html = _template().substitute(title=title, content=content, notice=RESEARCH_USE_ONLY)
     return HTMLResponse(html, status, headers=dict(others or {}))
 
 
@@ -189,7 +167,7 @@ class AuthRoutes:
         address = "" if request.client is None else request.client.host
         wait_s = self._rate_limiter.wait_s(address)
         if wait_s:
-            reported = _wait_text(math.ceil(wait_s), headers)
+            reported = _wait_text(math.ceil(wait_s))
             after = {"retry-after": str(math.ceil(wait_s))}
             many = HTTPStatus.TOO_MANY_REQUESTS
             return login_page(then=then, requested=headers, wrong=reported, status=many, others=after)
@@ -205,7 +183,7 @@ class AuthRoutes:
             )
         if login is None:
             _log.warning("a login from %s failed", address)
-            return login_page(then=then, requested=headers, wrong=tr(WRONG, headers), status=HTTPStatus.UNAUTHORIZED)
+            return login_page(then=then, requested=headers, wrong=WRONG, status=HTTPStatus.UNAUTHORIZED)
         self._rate_limiter.succeeded(address)
         _log.info("%s logged in from %s", login.name, address)
         return RedirectResponse(then, HTTPStatus.SEE_OTHER, headers={"set-cookie": self._access.cookie(login)})
@@ -238,7 +216,7 @@ async def _form(request: Request) -> dict[str, str] | None:
     return {name: values[0] for name, values in fields.items()}
 
 
-def _wait_text(seconds: int, requested: Mapping[str, str]) -> str:
+def _wait_text(seconds: int) -> str:
     if seconds < 2 * 60:
-        return tr("Too many attempts: try again in {seconds} s.", requested, seconds=seconds)
-    return tr("Too many attempts: try again in {minutes} minutes.", requested, minutes=math.ceil(seconds / 60))
+        return f"Too many attempts: try again in {seconds} s."
+    return f"Too many attempts: try again in {math.ceil(seconds / 60)} minutes."

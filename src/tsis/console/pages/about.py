@@ -10,7 +10,6 @@ from nicegui import ui
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.console.pages import components as kit
-from tsis.console.pages.components import tr
 from tsis.records import environment
 
 if TYPE_CHECKING:
@@ -53,29 +52,29 @@ def version_facts() -> Facts:
 def calibration_facts(state: InstrumentState, cited: UsableCalibration | None) -> Facts:
     """The active calibration."""
     if cited is None and state.camera.choice.is_virtual:
-        return (("Active", tr("the virtual probe's own, once it runs")),)
+        return (("Active", "the virtual probe's own, once it runs"),)
     if cited is None:
-        return (("Active", tr("none; lengths are in pixels, and nothing can be estimated")),)
+        return (("Active", "none; lengths are in pixels, and nothing can be estimated"),)
     given = cited.calibration
-    dates: Facts = (("Made", tr("with the virtual probe; it does not expire")),)
+    dates: Facts = (("Made", "with the virtual probe; it does not expire"),)
     if given.made is not None and given.expires is not None:
         dates = (("Made", kit.time_label(given.made)), ("Good until", kit.time_label(given.expires)))
     return (
         ("Active", given.name),
         ("Identity", f"SHA-256 {cited.identity[:SHORT]}…"),
         *dates,
-        ("Probe", given.probe or tr("not stated")),
-        ("Camera", given.camera or tr("any; not stated")),
+        ("Probe", given.probe or "not stated"),
+        ("Camera", given.camera or "any; not stated"),
     )
 
 
 def camera_facts(state: InstrumentState) -> Facts:
     """The camera and the seed of the virtual one."""
     now = state.camera
-    size = f"{now.columns} x {now.rows} pixels" if now.rows else tr("not known before it runs")
+    size = f"{now.columns} x {now.rows} pixels" if now.rows else "not known before it runs"
     choice = now.choice
     name = now.name or ("the virtual probe" if choice.is_virtual else choice.spec)
-    results = [("Camera", name), ("Mode", now.mode or tr("not known before it runs")), ("Image size", size)]
+    results = [("Camera", name), ("Mode", now.mode or "not known before it runs"), ("Image size", size)]
     if choice.is_virtual:
         results += [
             ("Probe", choice.probe),
@@ -107,8 +106,8 @@ async def about_page(instrument: Instrument, viewer: kit.Viewer) -> None:
     """Build the page."""
     with ui.element("div").classes("about"):
         with _panel("Research use only"):
-            ui.label(tr(RESEARCH_USE_ONLY)).classes("strong")
-            ui.label(tr(FINDINGS))
+            ui.label(RESEARCH_USE_ONLY).classes("strong")
+            ui.label(FINDINGS)
         with _panel("Calibration"):
             calibration = kit.FactList()
         with _panel("Camera"):
@@ -118,13 +117,13 @@ async def about_page(instrument: Instrument, viewer: kit.Viewer) -> None:
         with _panel("Versions"):
             versions = kit.FactList()
         with _panel("API for scripts"):
-            ui.label(tr("Scripts can do what the pages do, over HTTP and JSON, with the same key and permissions."))
-            ui.link(tr("API description (OpenAPI)"), DESCRIPTION, new_tab=True)
+            ui.label("Scripts can do what the pages do, over HTTP and JSON, with the same key and permissions.")
+            ui.link("API description (OpenAPI)", DESCRIPTION, new_tab=True)
         with _panel("Citation"):
             for message in CITATION:
                 ui.label(message)
-        title = tr("Licence: {licence}", licence=LICENCE)
-        with _panel(title), ui.expansion(tr("Read the licence")).props("dense").classes("licence"):
+        title = f"Licence: {LICENCE}"
+        with _panel(title), ui.expansion("Read the licence").props("dense").classes("licence"):
             ui.label(licence()).classes("whole-text")
 
     def show(state: InstrumentState) -> None:
@@ -138,7 +137,7 @@ async def about_page(instrument: Instrument, viewer: kit.Viewer) -> None:
 
 @contextmanager
 def _panel(title: str) -> Iterator[None]:
-    with kit.panel(tr(title), style="panel"):
+    with kit.panel(title, style="panel"):
         yield
 
 

@@ -14,7 +14,6 @@ from tsis.calibration import parse_usable_calibration
 from tsis.calibration.file import LARGEST_BYTES
 from tsis.catalog import list_phantoms, list_probes, list_spheres
 from tsis.console.pages import components as kit
-from tsis.console.pages.components import tr
 from tsis.console.services import DONE, CameraChoice
 from tsis.errors import GaugeError
 from tsis.instrument.gauge import BAUD, connected_gauge, find_ports
@@ -41,7 +40,7 @@ class CalibrationPanel:
 
     def __init__(self, instrument: Instrument, viewer: kit.Viewer, controls: kit.OperatorControls) -> None:
         self._instrument, self._viewer = instrument, viewer
-        with kit.panel(tr("Active calibration"), style="panel stack tight"):
+        with kit.panel("Active calibration", style="panel stack tight"):
             self._name = ui.label()
             self._identity = ui.label().classes("muted wordy")
             refused = f"a calibration file must end in .json and hold at most {LARGEST_BYTES // 2**20} MiB"
@@ -49,16 +48,16 @@ class CalibrationPanel:
                 viewer, "Calibration file", accept=".json", refused=refused, most_bytes=LARGEST_BYTES
             )
             self._upload.on_upload(self._uploaded)
-            self._none = kit.button(tr("Deactivate"), viewer.command(instrument.use_calibration, None))
+            self._none = kit.button("Deactivate", viewer.command(instrument.use_calibration, None))
             controls.add(self._upload, self._none)
 
     def show(self, state: InstrumentState) -> None:
         """Show which it is."""
         own = state.camera.choice.is_virtual
-        self._name.text = state.calibration or tr("the virtual probe's own, once it runs" if own else "none")
+        self._name.text = state.calibration or ("the virtual probe's own, once it runs" if own else "none")
         given = state.active
         self._identity.text = "" if given is None and own else calibration_text(given)
-        self._none.text = tr("Use the virtual probe's own" if own else "Deactivate")
+        self._none.text = "Use the virtual probe's own" if own else "Deactivate"
 
     async def _uploaded(self, event: UploadEventArguments) -> None:
         content = await event.file.read()
@@ -71,7 +70,7 @@ class CalibrationPanel:
 
         name = await self._viewer.attempt(activated)
         if name is not None:
-            self._viewer.notify(tr("The calibration {name} is active.", name=name))
+            self._viewer.notify(f"The calibration {name} is active.")
 
 
 def calibration_text(usable: UsableCalibration | None) -> str:
@@ -95,16 +94,16 @@ class GaugePanel:
 
     def __init__(self, instrument: Instrument, viewer: kit.Viewer, controls: kit.OperatorControls) -> None:
         self._instrument, self._viewer = instrument, viewer
-        with kit.panel(tr("Force gauge"), style="panel stack tight") as self._panel:
+        with kit.panel("Force gauge", style="panel stack tight") as self._panel:
             self._in_use = ui.label().props("role=status")
             with ui.element("div").classes("row"):
                 self._port = kit.select_field([], label="Serial port", with_input=True, new_value_mode="add-unique")
                 self._unit = kit.select_field(list(UNITS), value=ITS_OWN, label="Unit")
                 self._baud = kit.unit_field("Bits per second", str(BAUD), keys="numeric")
-            self._sends = ui.switch(tr("Sends continuously (do not query it)"))
+            self._sends = ui.switch("Sends continuously (do not query it)")
             with ui.element("div").classes("row"):
-                self._connect = kit.button(tr("Connect"), self._begin)
-                leave = kit.button(tr("Use no gauge"), viewer.command(instrument.use_gauge, None))
+                self._connect = kit.button("Connect", self._begin)
+                leave = kit.button("Use no gauge", viewer.command(instrument.use_gauge, None))
             controls.add(self._port, self._unit, self._baud, self._sends, self._connect, leave)
         self._panel.set_visibility(False)
         ui.timer(0.0, self._ports, once=True)
@@ -113,9 +112,7 @@ class GaugePanel:
         """Show for real cameras which gauge is connected."""
         self._panel.set_visibility(not state.camera.choice.is_virtual)
         self._in_use.text = (
-            tr("Forces are read from the {gauge}.", gauge=state.gauge)
-            if state.gauge
-            else tr("Forces are typed, or not known.")
+            f"Forces are read from the {state.gauge}." if state.gauge else "Forces are typed, or not known."
         )
 
     async def _ports(self) -> None:
@@ -151,8 +148,8 @@ class VirtualPanel:
     def __init__(self, instrument: Instrument, viewer: kit.Viewer, controls: kit.OperatorControls) -> None:
         self._instrument, self._viewer = instrument, viewer
         choice = instrument.camera_controller.choice
-        with kit.panel(tr("Virtual probe"), style="panel stack tight"):
-            kit.muted(tr("No hardware: mechanics, light and camera are calculated."))
+        with kit.panel("Virtual probe", style="panel stack tight"):
+            kit.muted("No hardware: mechanics, light and camera are calculated.")
             with ui.element("div").classes("row"):
                 self._probe = kit.select_field(list(list_probes()), value=choice.probe, label="Probe")
                 self._phantom = kit.select_field(subjects(), value=choice.phantom, label="Pressed object")
@@ -160,7 +157,7 @@ class VirtualPanel:
                 self._seed = kit.unit_field("Seed", str(choice.seed), keys="numeric").classes("seed")
             self._changes = ui.element("div").classes("row")
             with self._changes:
-                ui.label(tr("Inclusion other than the catalog's:")).classes("muted whole-line")
+                ui.label("Inclusion other than the catalog's:").classes("muted whole-line")
                 self._values = {
                     name: kit.unit_field(label, kit.number_text_of_field(getattr(choice, name)), unit=unit).classes(
                         "number-field"
@@ -169,13 +166,13 @@ class VirtualPanel:
                 }
             for select in (self._probe, self._phantom):
                 controls.add(select).props("dense outlined")
-            self._use = kit.button(tr("Use the virtual probe"), self._chosen, look="unelevated")
+            self._use = kit.button("Use the virtual probe", self._chosen, look="unelevated")
             controls.add(self._seed, *self._values.values(), self._use)
         self._show_changes()
 
     def show(self, state: InstrumentState) -> None:
         """Show whether it is in use."""
-        self._use.text = tr("Apply" if state.camera.choice.is_virtual else "Use the virtual probe")
+        self._use.text = "Apply" if state.camera.choice.is_virtual else "Use the virtual probe"
 
     def _show_changes(self) -> None:
         """Show the inclusion's fields, which spheres do not have."""
@@ -216,14 +213,14 @@ class ChosenPanel:
         self._instrument, self._viewer = instrument, viewer
         with ui.element("div").classes("row"):
             with ui.element("div"):
-                kit.panel_title(tr("Camera in use"))
+                kit.panel_title("Camera in use")
                 self._name = ui.label()
                 self._how = kit.muted()
             ui.element("div").classes("spring")
             select = kit.select_field({}, label="Mode").classes("mode")
             self._mode = kit.ChoiceField(viewer, select, self._in_mode)
             self._run = kit.RunButton(instrument, viewer)
-            ui.link(tr("Examine"), "/")
+            ui.link("Examine", "/")
         controls.add(select, self._run.element)
 
     def show(self, state: InstrumentState) -> None:
@@ -264,8 +261,8 @@ class SearchPanel:
     def __init__(self, instrument: Instrument, viewer: kit.Viewer, controls: kit.OperatorControls) -> None:
         self._instrument, self._viewer, self._controls = instrument, viewer, controls
         with ui.element("section").classes("panel stack tight"):
-            with kit.title_row(tr("Cameras")):
-                self._search = kit.button(tr("Search"), self._begin, icon="search")
+            with kit.title_row("Cameras"):
+                self._search = kit.button("Search", self._begin, icon="search")
             self._bar = kit.ProgressBar("Search")
             self._message = kit.status()
             self._cameras = kit.Redrawn(ui.element("div").classes("stack"))
@@ -292,9 +289,7 @@ class SearchPanel:
                     self._line(camera)
         if findings.missing:
             with (
-                ui.expansion(tr("{count} sources could not be searched", count=len(findings.missing)))
-                .props("dense")
-                .classes("missing")
+                ui.expansion(f"{len(findings.missing)} sources could not be searched").props("dense").classes("missing")
             ):
                 for source, message in findings.missing.items():
                     with ui.element("p"):
@@ -308,9 +303,7 @@ class SearchPanel:
             kit.cell(", ".join(filter(None, (camera.identity, camera.note)))).classes("muted")
             with ui.element("td"):
                 self._controls.add(
-                    kit.button(
-                        tr("Use"), partial(self._use, camera), look="outline dense", label=f"Use {camera.identity}"
-                    )
+                    kit.button("Use", partial(self._use, camera), look="outline dense", label=f"Use {camera.identity}")
                 )
 
     async def _use(self, camera: CameraInfo) -> None:
@@ -322,8 +315,8 @@ class SearchPanel:
 def search_text(job: JobState | None) -> str:
     """How far a search is."""
     if job is None:
-        return tr("No search yet. A search asks every source and takes some seconds.")
-    return tr("Searching all sources; this takes some seconds.") if job.running else job.sentence
+        return "No search yet. A search asks every source and takes some seconds."
+    return "Searching all sources; this takes some seconds." if job.running else job.sentence
 
 
 def camera_page(instrument: Instrument, viewer: kit.Viewer) -> None:

@@ -11,7 +11,6 @@ from tsis.catalog import list_probes, list_sensors
 from tsis.console.live import LiveView
 from tsis.console.pages import components as kit
 from tsis.console.pages.camera import choose_and_start
-from tsis.console.pages.components import tr
 from tsis.console.services import CameraChoice
 from tsis.imaging import REASONS
 from tsis.virtual.camera import GEL_PRESS_SETTING, GEL_PRESSES, virtual_gel_sensor
@@ -35,23 +34,23 @@ class GelPage:
             with ui.element("section").classes("panel stack"):
                 with ui.element("div").classes("row"):
                     self._run = kit.RunButton(instrument, viewer)
-                    self._virtual = kit.button(tr("Use a virtual sensor"), self.use_virtual)
-                    press = kit.select_field({UNTOUCHED: tr("untouched")}, value=UNTOUCHED, label="Virtual press")
+                    self._virtual = kit.button("Use a virtual sensor", self.use_virtual)
+                    press = kit.select_field({UNTOUCHED: "untouched"}, value=UNTOUCHED, label="Virtual press")
                     self._press = kit.ChoiceField(viewer, press, self._pressed)
                     ui.element("div").classes("spring")
-                    ui.link(tr("Another camera"), "/camera")
+                    ui.link("Another camera", "/camera")
                 self.view = LiveView(map_name="grey")
                 self._camera = ui.label().classes("muted camera-line")
                 self._controls.why()
             with ui.element("div").classes("stack"):
-                with kit.panel(tr("Contact"), style="panel stack tight"):
+                with kit.panel("Contact", style="panel stack tight"):
                     self._message = ui.label().props("role=status")
                     self.facts = kit.FactList()
-                with kit.panel(tr("Gel sensor"), style="panel stack tight"):
-                    sensor = kit.select_field({NONE: tr("none: a probe")}, value=NONE, label="Sensor")
+                with kit.panel("Gel sensor", style="panel stack tight"):
+                    sensor = kit.select_field({NONE: "none: a probe"}, value=NONE, label="Sensor")
                     self._sensor = kit.ChoiceField(viewer, sensor, self._chosen)
                     files = [kit.file_field(viewer, "Sensor file", accept=".toml", act=self._gel.use_sensor)]
-                    take = kit.button(tr("Take the untouched frame now"), viewer.command(self._gel.use_reference))
+                    take = kit.button("Take the untouched frame now", viewer.command(self._gel.use_reference))
                     files += [
                         kit.file_field(viewer, "Untouched frame", accept=PICTURES, act=self._gel.use_reference),
                         kit.file_field(viewer, "Depth calibration", accept=".json", act=self._gel.use_calibration),
@@ -68,11 +67,11 @@ class GelPage:
         self._camera.text = kit.camera_line(state)
         self._press.element.set_visibility(bool(virtual_gel_sensor(camera.choice.spec)) and camera.running)
         place = next((item.value for item in camera.settings if item.name == GEL_PRESS_SETTING), 0.0)
-        presses = {str(number): tr("press {number}", number=number) for number in range(1, GEL_PRESSES + 1)}
-        self._press.show(f"{place:.0f}", {UNTOUCHED: tr("untouched")} | presses)
+        presses = {str(number): f"press {number}" for number in range(1, GEL_PRESSES + 1)}
+        self._press.show(f"{place:.0f}", {UNTOUCHED: "untouched"} | presses)
         name = NONE if setup.sensor is None else setup.sensor.name
         listed = {item: item for item in (*list_sensors(), name) if item not in list_probes()}
-        self._sensor.show(name, listed | {NONE: tr("none: a probe")})
+        self._sensor.show(name, listed | {NONE: "none: a probe"})
         analysis = state.frame_analysis if camera.running and not camera.lost else None
         reading = None if analysis is None else analysis.gel
         self._message.text = next_step(setup, state) if reading is None else verdict(reading)
@@ -101,30 +100,30 @@ class GelPage:
 def next_step(setup: GelSetup, state: InstrumentState) -> str:
     """What to do before contacts are shown."""
     if setup.sensor is None:
-        return tr("Choose the sensor, or its file.")
+        return "Choose the sensor, or its file."
     if not state.camera.running:
-        return tr("Start the camera.")
-    return tr("Remove everything from the sensor, and take its untouched frame.") if setup.reference is None else ""
+        return "Start the camera."
+    return "Remove everything from the sensor, and take its untouched frame." if setup.reference is None else ""
 
 
 def verdict(reading: GelReading) -> str:
     """Whether the contact can be used, else what to do."""
-    advice = " ".join(f"{tr(reason)}: {tr(REASONS[reason])}." for reason in reading.reasons)
-    return tr("The contact is good.") if reading.good else advice
+    advice = " ".join(f"{reason}: {REASONS[reason]}." for reason in reading.reasons)
+    return "The contact is good." if reading.good else advice
 
 
 def reading_facts(reading: GelReading, setup: GelSetup) -> tuple[tuple[str, str], ...]:
     """The reading in numbers, with their units."""
-    facts = [(tr("Quality"), f"{reading.quality:.2f}")]
+    facts = [("Quality", f"{reading.quality:.2f}")]
     if reading.centre_px is not None:
-        facts += [(tr("Centre"), "{:.1f}, {:.1f} px".format(*reading.centre_px))]
+        facts += [("Centre", "{:.1f}, {:.1f} px".format(*reading.centre_px))]
         mm = reading.radius_mm
         facts += [
-            (tr("Radius"), f"{reading.radius_px:.1f} px" if mm is None else f"{mm:.3f} ± {reading.radius_sd_mm:.3f} mm")
+            ("Radius", f"{reading.radius_px:.1f} px" if mm is None else f"{mm:.3f} ± {reading.radius_sd_mm:.3f} mm")
         ]
     if reading.force_interval_n is not None:
         force = f"{reading.force_n:.3g} N " + "({:.3g} … {:.3g} N)".format(*reading.force_interval_n)
-        facts += [(tr("Deepest point"), f"{reading.deepest_mm:.3f} mm"), (tr("Force"), force)]
+        facts += [("Deepest point", f"{reading.deepest_mm:.3f} mm"), ("Force", force)]
     elif setup.calibration is None:
-        facts += [(tr("Depth and force"), tr("need a depth calibration: tsis depth calibrate writes one"))]
-    return (*facts, *((tr("Note"), problem) for problem in reading.problems))
+        facts += [("Depth and force", "need a depth calibration: tsis depth calibrate writes one")]
+    return (*facts, *(("Note", problem) for problem in reading.problems))

@@ -12,7 +12,6 @@ from nicegui import ui
 
 from tsis.__about__ import LARGEST_TARGET
 from tsis.console.pages import components as kit
-from tsis.console.pages.components import tr
 from tsis.console.services import (
     IMAGE_ROLES,
     MOST_OWN_FRAMES,
@@ -57,36 +56,36 @@ class OwnImagesPage:
         self._folder = Path(tempfile.mkdtemp(prefix="tsis-images-"))
         ui.context.client.on_delete(lambda: shutil.rmtree(self._folder, ignore_errors=True))
         self.rows: list[FrameRow] = []
-        with kit.panel(tr("My images")):
-            kit.muted(tr(SAYS, frames=MOST_OWN_FRAMES, most=kit.LARGEST_MIB))
+        with kit.panel("My images"):
+            kit.muted(SAYS.format(frames=MOST_OWN_FRAMES, most=kit.LARGEST_MIB))
             field = kit.FileField(
-                label=tr("Drop files here, or choose them"),
+                label="Drop files here, or choose them",
                 multiple=True,
                 auto_upload=True,
                 max_file_size=kit.LARGEST_MIB * 2**20,
                 on_upload=self.uploaded,
                 on_rejected=lambda: viewer.complain(
-                    tr("A file is larger than {most} MiB or has an unsupported format.", most=kit.LARGEST_MIB)
+                    f"A file is larger than {kit.LARGEST_MIB} MiB or has an unsupported format."
                 ),
             ).props("flat bordered")
             field.props["accept"] = ",".join(OPENABLE)
-            field.name_parts(tr("Choose images"))
+            field.name_parts("Choose images")
             kit.explain(field, "Choose images")
             with ui.element("div").classes("row"):
                 self.path_field = kit.unit_field("File or folder on the console's computer", "").classes("path")
-                kit.button(tr("Open"), self.open_path, icon="folder_open")
+                kit.button("Open", self.open_path, icon="folder_open")
             self._refused = kit.message_list()
-        with kit.panel(tr("Frames")) as self._panel:
+        with kit.panel("Frames") as self._panel:
             with ui.element("div").classes("scroll"):
-                self._rows = kit.rows_under(("File", "Size", "Pressed on", "Force", ""), label=tr("Frames"))
+                self._rows = kit.rows_under(("File", "Size", "Pressed on", "Force", ""), label="Frames")
             with ui.element("div").classes("row"):
                 self.scale_field = kit.unit_field("Scale, or x,y", "", unit="mm/pixel")
-                self._invert = ui.switch(tr("Light falls where pressed"), value=False)
-                self._calibrated = ui.switch(tr("Taken with the active calibration"), value=False)
+                self._invert = ui.switch("Light falls where pressed", value=False)
+                self._calibrated = ui.switch("Taken with the active calibration", value=False)
             with ui.element("div").classes("row"):
-                self._measure = kit.button(tr("Measure contact"), self.measure, icon="straighten")
+                self._measure = kit.button("Measure contact", self.measure, icon="straighten")
                 self.number_field = kit.unit_field("Target (empty: a new one)", "").classes("long-label")
-                self._save = kit.button(tr("Save as target"), self.save, icon="save", look="unelevated")
+                self._save = kit.button("Save as target", self.save, icon="save", look="unelevated")
         self._panel.set_visibility(False)
         self._results = ui.element("section").classes("stack").props('role="status"')
 
@@ -96,9 +95,7 @@ class OwnImagesPage:
         try:
             await event.file.save(file)
         except OSError as error:
-            self._viewer.complain(
-                tr("There is no space for a copy of {file}: {reason}", file=file.name, reason=error.strerror or error)
-            )
+            self._viewer.complain(f"There is no space for a copy of {file.name}: {error.strerror or error}")
             return
         await self._open(file)
 
@@ -106,7 +103,7 @@ class OwnImagesPage:
         """Open a file or folder of the console's machine; only for the owner of the camera."""
         if not self._viewer.commands:
             self._viewer.complain(
-                tr("Only the user who controls the camera may open paths on its computer: drop the files here.")
+                "Only the user who controls the camera may open paths on its computer: drop the files here."
             )
         elif self.path_field.value:
             await self._open(Path(self.path_field.value).expanduser())
@@ -180,12 +177,8 @@ class OwnImagesPage:
         if result is not None:
             number, added = result
             with self._results, ui.element("div").classes("panel row"):
-                ui.label(
-                    tr("Saved {presses} of target {number}.", presses=kit.count_text(added, "press"), number=number)
-                ).classes("good")
-                ui.link(tr("Open target {number}: estimate and report", number=number), f"/records/{number}").classes(
-                    "link"
-                )
+                ui.label(f"Saved {kit.count_text(added, 'press')} of target {number}.").classes("good")
+                ui.link(f"Open target {number}: estimate and report", f"/records/{number}").classes("link")
 
 
 class FrameRow:
@@ -197,7 +190,7 @@ class FrameRow:
             kit.cell(image.name)
             kit.cell(f"{image.columns} x {image.rows}")
             with ui.element("td"):
-                self.role = ui.select({role: tr(ROLE_NAMES[role]) for role in IMAGE_ROLES}, value=image.role)
+                self.role = ui.select({role: ROLE_NAMES[role] for role in IMAGE_ROLES}, value=image.role)
                 self.role.props("dense outlined").props["aria-label"] = f"Pressed on, {image.name}"
                 kit.explain(self.role, "Pressed on")
             with ui.element("td"):

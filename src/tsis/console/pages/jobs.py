@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from nicegui import ui
 
 from tsis.console.pages import components as kit
-from tsis.console.pages.components import tr
 from tsis.console.services import DONE, ENDED, FAILED
 from tsis.errors import InputError
 
@@ -49,7 +48,7 @@ class JobRows:
 
     async def _end(self, identity: str) -> None:
         if not self._viewer.commands:
-            self._viewer.complain(tr("Only the user who controls the camera may cancel jobs: take the camera first."))
+            self._viewer.complain("Only the user who controls the camera may cancel jobs: take the camera first.")
             return
         await self._viewer.attempt(self._ended, identity)
 
@@ -62,10 +61,10 @@ class JobList:
     """The header's button, which says how far running jobs are, and its list."""
 
     def __init__(self, instrument: Instrument, viewer: kit.Viewer) -> None:
-        self._button = ui.button(tr("Jobs")).props('flat dense aria-haspopup="dialog"').classes("jobs")
+        self._button = ui.button("Jobs").props('flat dense aria-haspopup="dialog"').classes("jobs")
         with self._button, ui.menu().props('anchor="bottom right" self="top right" role=dialog') as menu:
-            menu.props["aria-label"] = tr("Jobs")
-            ui.link(tr("All jobs and their history"), "/jobs").classes("link job-history").on("click", menu.close)
+            menu.props["aria-label"] = "Jobs"
+            ui.link("All jobs and their history", "/jobs").classes("link job-history").on("click", menu.close)
             place = ui.element("ul").classes("job-list").props('aria-label="Jobs, the newest first"')
             self._rows = JobRows(instrument, viewer, place, "No jobs yet.")
 
@@ -86,16 +85,16 @@ class _Row:
                 ui.element("div").classes("spring")
                 self._text = kit.muted()
                 self._end = kit.button(
-                    tr("Cancel"),
+                    "Cancel",
                     lambda: end(state.identity),
                     look="flat dense",
-                    label=tr("Cancel {job}", job=state.title),
+                    label=f"Cancel {state.title}",
                 )
             self._bar = kit.ProgressBar(f"Progress of {state.title}")
             with ui.element("div").classes("row"):
                 self._when = kit.muted()
                 if address := job_address(state.title):
-                    ui.link(tr("Open target"), address).classes("link")
+                    ui.link("Open target", address).classes("link")
             self._message = kit.muted()
 
     def show(self, state: JobState) -> None:
@@ -103,7 +102,7 @@ class _Row:
         if state == self._shown:
             return
         self._shown = state
-        self._text.text = _progress(state) or (tr("under way") if state.running else state.status)
+        self._text.text = _progress(state) or ("under way" if state.running else state.status)
         self._when.text = job_time(state)
         self._end.set_visibility(state.running)
         self._bar.show(state)
@@ -122,16 +121,16 @@ LINK = """<q-td :props="props">
 def jobs_page(instrument: Instrument, viewer: kit.Viewer) -> None:
     """Build the page: what runs, and what was done by this run of the program and those before."""
     with ui.element("div").classes("stack"):
-        with kit.panel(tr("Running")):
+        with kit.panel("Running"):
             place = ui.element("ul").classes("job-list wide")
-            running = JobRows(instrument, viewer, place, tr("Nothing is running."))
-        with kit.panel(tr("History")):
-            kit.muted(tr("Jobs of this session and of earlier ones; a target's job links to its page."))
-            columns = [{"name": name, "label": tr(label), "field": name, "align": "left"} for name, label in COLUMNS]
+            running = JobRows(instrument, viewer, place, "Nothing is running.")
+        with kit.panel("History"):
+            kit.muted("Jobs of this session and of earlier ones; a target's job links to its page.")
+            columns = [{"name": name, "label": label, "field": name, "align": "left"} for name, label in COLUMNS]
             table = ui.table(rows=[], columns=columns, row_key="identity", pagination=25)
-            table.props("flat dense wrap-cells").props["rows-per-page-label"] = tr("Jobs on a page")
+            table.props("flat dense wrap-cells").props["rows-per-page-label"] = "Jobs on a page"
             with table.add_slot("no-data"):
-                kit.muted(tr("No job has finished yet."))
+                kit.muted("No job has finished yet.")
             table.add_slot("body-cell-title", LINK)
 
     def show(now: InstrumentState) -> None:
@@ -151,7 +150,7 @@ def history_row(state: JobState) -> dict[str, str]:
         "identity": state.identity,
         "began": "" if state.began is None else f"{state.began:%Y-%m-%d %H:%M}",
         "title": state.title,
-        "status": tr(STATUSES[state.status]) if state.status in STATUSES else state.status,
+        "status": STATUSES.get(state.status, state.status),
         "took": f"{(state.over - state.began).total_seconds():.0f} s" if known else "",  # type: ignore[operator]
         "result": state.sentence,
         "address": job_address(state.title),
@@ -194,9 +193,9 @@ def job_address(title: str) -> str:
 
 def _summary(running: list[JobState]) -> str:
     if not running:
-        return tr("Jobs")
+        return "Jobs"
     fraction = _progress(running[-1]) if len(running) == 1 else ""
-    return f"{tr('Jobs')}: {fraction or len(running)}"
+    return f"Jobs: {fraction or len(running)}"
 
 
 def _progress(state: JobState) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import threading
 from contextlib import contextmanager, suppress
@@ -19,7 +18,6 @@ from tsis.console.auth import LOGOUT
 from tsis.console.live import FIRST_MAP, packed_colours
 from tsis.console.pages import PAGES, UNLISTED, load_pages
 from tsis.console.pages import components as kit
-from tsis.console.pages.components import tr
 from tsis.console.pages.examine import SHORTCUTS
 from tsis.console.pages.jobs import JobList
 from tsis.errors import ControlError, TsisError
@@ -71,17 +69,17 @@ class Subpages(ui.sub_pages):
     """Pages by address; an address without a page, or a page that fails, gives a message and a link."""
 
     def _render_404(self) -> None:
-        _instead(tr("There is no page at this address. Use the links above."))
+        _instead("There is no page at this address. Use the links above.")
 
     def _render_error(self, _: Exception) -> None:
         _log.exception("a page could not be built")
-        _instead(tr("This page could not be built. Saved data are safe; the other pages work. Load it again."))
+        _instead("This page could not be built. Saved data are safe; the other pages work. Load it again.")
 
 
 def _instead(message: str) -> None:
     with ui.element("section").classes("panel"):
         ui.label(message)
-        ui.link(tr("To the live image"), "/")
+        ui.link("To the live image", "/")
 
 
 LANGUAGE: Final = "en-GB"
@@ -109,9 +107,9 @@ class Navigation:
     def __init__(self) -> None:
         router = ui.context.client.sub_pages_router
         self._heading: Label | None = None
-        with ui.element("nav").props(f'aria-label="{tr("Pages")}"').classes("tabs"):
+        with ui.element("nav").props('aria-label="Pages"').classes("tabs"):
             self._links = {
-                address: ui.link(tr(title), address).classes("tab")
+                address: ui.link(title, address).classes("tab")
                 for address, (title, _) in PAGES.items()
                 if "{" not in address and address not in UNLISTED
             }
@@ -121,13 +119,13 @@ class Navigation:
 
     def heading(self) -> None:
         """The page's first heading: readers of the screen begin with it, the eye has the marked link."""
-        self._heading = ui.label(tr(title_of(self._path))).props('role="heading" aria-level="1"').classes("unseen")
+        self._heading = ui.label(title_of(self._path)).props('role="heading" aria-level="1"').classes("unseen")
 
     def _navigated(self, path: str) -> None:
         self._path = path
         self._mark()
         if self._heading is not None:
-            self._heading.text = tr(title_of(path))
+            self._heading.text = title_of(path)
 
     def _mark(self) -> None:
         here = kit.address_of(self._path)
@@ -137,7 +135,7 @@ class Navigation:
                 ui.run_javascript(IN_REACH % link.id)
             else:
                 link.classes(remove="here").props(remove="aria-current")
-        ui.page_title(f"{tr(title_of(self._path))} · tsis console")
+        ui.page_title(f"{title_of(self._path)} · tsis console")
 
 
 def title_of(path: str) -> str:
@@ -162,7 +160,7 @@ class Notices:
         other = now.owner is not None and now.owner.identity != self._viewer.identity
         if self._calm.changes_to(now.owner if other else None) and now.owner is not None and other:
             with self._calm.element:
-                ui.label(tr("{name} controls the camera; you are watching.", name=now.owner.name)).classes("calm")
+                ui.label(f"{now.owner.name} controls the camera; you are watching.").classes("calm")
 
 
 class PageVisibility(Element, component="presence.js"):
@@ -191,18 +189,18 @@ class ControlButtons:
     def __init__(self, instrument: Instrument, viewer: kit.Viewer) -> None:
         self._instrument, self._viewer = instrument, viewer
         self._released = self._in_control = False
-        self._take = kit.button(tr(TAKE), self._take_control, look="flat dense")
-        self._release = kit.button(tr(RELEASE), self._release_control, look="flat dense")
+        self._take = kit.button(TAKE, self._take_control, look="flat dense")
+        self._release = kit.button(RELEASE, self._release_control, look="flat dense")
         self._release.set_visibility(False)
         with (
             ui.dialog().props('role="alertdialog" aria-label="Take over the camera?"') as self._dialog,
             ui.element("div").classes("panel question"),
         ):
-            kit.panel_title(tr("Take over the camera?"))
+            kit.panel_title("Take over the camera?")
             self._question = ui.label()
             with ui.element("div").classes("row"):
-                kit.button(tr("Take over"), self._take_over, look="unelevated dense")
-                kit.button(tr("Cancel"), self._dialog.close, look="outline dense")
+                kit.button("Take over", self._take_over, look="unelevated dense")
+                kit.button("Cancel", self._dialog.close, look="outline dense")
 
     def show(self, now: InstrumentState) -> None:
         """Show the applicable button; notify when somebody else has taken the camera."""
@@ -211,10 +209,10 @@ class ControlButtons:
         self._release.set_visibility(mine)
         if self._in_control and now.owner is not None and not mine:
             ui.notify(
-                tr("{name} took over the camera; you are watching now.", name=now.owner.name),
+                f"{now.owner.name} took over the camera; you are watching now.",
                 type="warning",
                 timeout=UNTIL_CLOSED_MS,
-                close_button=tr("Close"),
+                close_button="Close",
             )
         self._in_control = mine
 
@@ -251,10 +249,7 @@ class ControlButtons:
 
 
 def _question(owner: Owner) -> str:
-    return tr(
-        "{name} is using the camera. They will see that you took it, and can then only watch.",
-        name=owner.name,
-    )
+    return f"{owner.name} is using the camera. They will see that you took it, and can then only watch."
 
 
 KEYS_OF_ALL = (("?", "this help"), ("Tab, Enter", "use every control without a mouse"))
@@ -267,7 +262,7 @@ class Help:
         self._client = ui.context.client
         self._open: ui.dialog | None = None
         button = ui.button(icon="help_outline", on_click=self.open).props("flat dense round")
-        button.props["aria-label"] = tr("Help")
+        button.props["aria-label"] = "Help"
         ui.keyboard(self._pressed, repeating=False, ignore=["input", "select", "textarea"])
 
     def _pressed(self, event: KeyEventArguments) -> None:
@@ -281,20 +276,20 @@ class Help:
         address = kit.address_of(self._client.sub_pages_router.current_path)
         page, meanings = kit.help_texts().get(address, {"text": (), "terms": ()}), kit.help_texts()["terms"]
         fields = kit.explained_fields(self._client)
-        title = tr("Help: {page}", page=tr(title_of(address)))
+        title = f"Help: {title_of(address)}"
         with kit.open_dialog(self._client.layout, title, style="dialog-card help") as self._open:
             for text in page["text"]:
-                ui.label(tr(text))
+                ui.label(text)
             keys = [(item.cap, item.does) for item in SHORTCUTS] if address == "/" else []
             for heading, facts in (
-                (tr("Keys"), [(key, tr(does)) for key, does in (*keys, *KEYS_OF_ALL)]),
-                (tr("Fields"), fields),
-                (tr("Terms"), [(tr(term), tr(meanings[term])) for term in page["terms"]]),
+                ("Keys", [(key, does) for key, does in (*keys, *KEYS_OF_ALL)]),
+                ("Fields", fields),
+                ("Terms", [(term, meanings[term]) for term in page["terms"]]),
             ):
                 if facts:
                     kit.panel_title(heading, level=3)
                     kit.FactList().show(facts)
-            kit.button(tr("Close"), self._open.close)
+            kit.button("Close", self._open.close)
 
 
 OPEN_EVERY_S = 2.0  # between two reports that a page is still open
@@ -338,8 +333,8 @@ class Shell:
         ui.context.client.on_connect(self._shown.set)
         if viewer.logged_in:
             viewer.operator = viewer.name
-        with ui.header(elevated=False).classes("bar" if kit.chosen_language() == kit.ENGLISH else "bar long"):
-            ui.link(tr("Skip to the page"), f"#{MAIN}").classes("skip")
+        with ui.header(elevated=False).classes("bar"):
+            ui.link("Skip to the page", f"#{MAIN}").classes("skip")
             ui.label("tsis").classes("brand")
             navigation = Navigation()
             ui.element("div").classes("spring")
@@ -353,16 +348,13 @@ class Shell:
             navigation.heading()
             Subpages({address: partial(build, self._instrument, viewer) for address, (_, build) in PAGES.items()})
         with ui.footer(elevated=False).classes("foot"):
-            ui.label(tr(RESEARCH_USE_ONLY))
-            kit.language_choice()
+            ui.label(RESEARCH_USE_ONLY)
             if viewer.logged_in:
                 with ui.element("form").props(f'method="post" action="{LOGOUT}"').classes("logout"):
-                    ui.label(tr("Logged in as {name}.", name=viewer.name))
+                    ui.label(f"Logged in as {viewer.name}.")
                     with ui.element("button").props('type="submit"'):
-                        ui.label(tr("Log out"))
+                        ui.label("Log out")
         PageVisibility(viewer)
-        if (language := kit.chosen_language()) != kit.ENGLISH:
-            ui.run_javascript(f"document.documentElement.lang = {json.dumps(language)}")
 
         def show(now: InstrumentState) -> None:
             camera.text = _camera_text(now)
@@ -384,7 +376,7 @@ def _camera_text(state: InstrumentState) -> str:
     if state.busy:
         return f"{state.busy} …"
     if not camera.running:
-        return tr("camera stopped")
+        return "camera stopped"
     if camera.lost:
-        return tr("camera away")
-    return tr("{rate} frames/s, {missed} dropped", rate=f"{camera.frames_per_s:.0f}", missed=camera.missed)
+        return "camera away"
+    return f"{camera.frames_per_s:.0f} frames/s, {camera.missed} dropped"

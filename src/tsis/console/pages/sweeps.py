@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 from nicegui import run, ui
 
 from tsis.console.pages import components as kit
-from tsis.console.pages.components import tr
 from tsis.console.pages.jobs import JobRows
 from tsis.console.services import sweep_title, varying_columns
 from tsis.sweep import EXAMPLE
@@ -33,11 +32,9 @@ class SweepsPage:
         self._shown = ""  # name of the sweep in the plot
         self._rows: Mapping[str, Any] = {}
         with ui.element("div").classes("sweeps"):
-            with kit.panel(tr("Sweeps")):
+            with kit.panel("Sweeps"):
                 self._list = kit.Redrawn(ui.element("div").classes("scroll"))
-                running = JobRows(
-                    instrument, viewer, ui.element("ul").classes("job-list wide"), tr("No sweep is running.")
-                )
+                running = JobRows(instrument, viewer, ui.element("ul").classes("job-list wide"), "No sweep is running.")
                 with ui.element("div").classes("stack") as self._plot:
                     self._title = kit.panel_title("", level=3)
                     with ui.element("div").classes("row"):
@@ -48,13 +45,13 @@ class SweepsPage:
                     self._place = ui.element("div")
                     self._chart: ui.echart | None = None  # made for the first plot: its library is large
                 self._plot.set_visibility(False)
-            with kit.panel(tr("New sweep")):
-                kit.muted(tr(SAYS))
+            with kit.panel("New sweep"):
+                kit.muted(SAYS)
                 self._name = kit.unit_field("Name", "first", keys="text")
                 self._text = kit.text_area("Plan", value=EXAMPLE).props("input-class=sweep-plan")
                 with ui.element("div").classes("row"):
-                    self._cost = kit.button(tr("Estimate size and time"), self._ask_cost, icon="timer")
-                    self._start = kit.button(tr("Start the sweep"), self._begin, icon="play_arrow", look="unelevated")
+                    self._cost = kit.button("Estimate size and time", self._ask_cost, icon="timer")
+                    self._start = kit.button("Start the sweep", self._begin, icon="play_arrow", look="unelevated")
                 self._answer = kit.status()
 
         viewer.follow(lambda now: running.show([job for job in now.jobs if job.running and SWEEP in job.title]))
@@ -69,12 +66,12 @@ class SweepsPage:
                 await self._open(self._shown)
 
     def _list_sweeps(self, found: Sequence[SweepState]) -> None:
-        with kit.rows_under((tr("Sweep"), tr("Presses"), tr("Files"), ""), label=tr("Sweeps of the workspace")):
+        with kit.rows_under(("Sweep", "Presses", "Files", ""), label="Sweeps of the workspace"):
             for item in found:
                 with ui.element("tr"):
                     kit.cell(item.name)
                     kit.cell(item.trouble or f"{item.presses:,}")
-                    kit.cell(tr("{done} of {total}", done=item.finished, total=item.shards))
+                    kit.cell(f"{item.finished} of {item.shards}")
                     resume = partial(self._viewer.attempt, self._sweeps.resume, item.name)
                     with ui.element("td"), ui.element("div").classes("row"):
                         for text, act, useful in (
@@ -82,19 +79,14 @@ class SweepsPage:
                             ("Resume", resume, not item.complete and not item.trouble),
                         ):
                             if useful:
-                                kit.button(tr(text), act, look="outline dense", label=f"{tr(text)} {item.name}")
+                                kit.button(text, act, look="outline dense", label=f"{text} {item.name}")
 
     async def _ask_cost(self) -> None:
         with kit.loading(self._cost):
             found = await kit.submit(self._viewer, {"": self._text}, self._sweeps.cost, self._text.value or "")
         if found is not None:
             plan, lasts = found[0], timedelta(seconds=round(found[1]))
-            self._answer.text = tr(
-                "{presses} presses in {files} files, about {lasts} (h:min:s).",
-                presses=f"{plan.presses:,}",
-                files=plan.shards,
-                lasts=lasts,
-            )
+            self._answer.text = f"{plan.presses:,} presses in {plan.shards} files, about {lasts} (h:min:s)."
 
     async def _begin(self) -> None:
         name = (self._name.value or "").strip()
@@ -102,7 +94,7 @@ class SweepsPage:
             fields = {"name": self._name, "": self._text}
             job = await kit.submit(self._viewer, fields, self._sweeps.begin, name, self._text.value or "")
         if job is not None:
-            self._viewer.notify(tr("Sweep {name} started.", name=name))
+            self._viewer.notify(f"Sweep {name} started.")
             await self._refresh()
 
     async def _open(self, name: str) -> None:
@@ -124,9 +116,7 @@ class SweepsPage:
         if self._chart is None:
             with self._place:
                 self._chart = ui.echart(plot((), "", "")).classes("sweep-chart").props("role=img")
-        self._title.text = self._chart.props["aria-label"] = tr(
-            "{name}: {y} over {x}, {count} presses", name=self._shown, y=y, x=x, count=len(points)
-        )
+        self._title.text = self._chart.props["aria-label"] = f"{self._shown}: {y} over {x}, {len(points)} presses"
         self._chart.options.update(plot(points, x, y))
         self._chart.update()
 

@@ -15,7 +15,6 @@ from tsis.catalog import list_probes
 from tsis.console.live import LiveView
 from tsis.console.pages import components as kit
 from tsis.console.pages.calibrate._steps import CalibrationResultPanel, MakePanel, SavedFrame, StepCard
-from tsis.console.pages.components import tr
 from tsis.errors import InputError, TsisError
 from tsis.model import require_integer
 from tsis.virtual.calibration_bench import bench_name
@@ -34,9 +33,9 @@ def calibrate_page(instrument: Instrument, viewer: kit.Viewer) -> None:
     """Build the page."""
     controls = kit.OperatorControls(viewer)
     with ui.element("div").classes("split calibrate-choosing"):
-        with kit.panel(tr("Sessions"), style="panel"):
+        with kit.panel("Sessions", style="panel"):
             listed = kit.Redrawn(ui.element("div").classes("stack"))
-        with kit.panel(tr("Begin a calibration")):
+        with kit.panel("Begin a calibration"):
             form = TermsForm(instrument, viewer, controls)
             controls.why()
 
@@ -58,10 +57,8 @@ def session_list(sessions: Sequence[SessionSummary]) -> None:
     """Links to all sessions with their progress."""
     if not sessions:
         kit.muted(
-            tr(
-                "None yet. A calibration converts grey levels to newtons and pixels to millimetres. Begin one to be "
-                "guided through its steps; it can be interrupted and resumed at any time."
-            )
+            "None yet. A calibration converts grey levels to newtons and pixels to millimetres. Begin one to be "
+            "guided through its steps; it can be interrupted and resumed at any time."
         )
         return
     with ui.element("ul").classes("calibrate-sessions"):
@@ -74,12 +71,12 @@ def session_list(sessions: Sequence[SessionSummary]) -> None:
                 ui.link(item.title or item.name, f"/calibrate/{quote(item.name)}").classes("strong").mark(
                     f"session {item.name}"
                 )
-                kit.muted(tr("{probe}, {camera}", probe=item.probe, camera=item.camera))
+                kit.muted(f"{item.probe}, {item.camera}")
                 ui.element("div").classes("spring")
                 if item.made:
-                    ui.label(tr("calibration made")).classes("good")
+                    ui.label("calibration made").classes("good")
                 else:
-                    kit.muted(tr("{done} of {total} steps", done=item.done, total=item.total))
+                    kit.muted(f"{item.done} of {item.total} steps")
 
 
 ICONS = {"open": "radio_button_unchecked", "under way": "hourglass_top", "done": "check_circle", "left out": "remove"}
@@ -96,9 +93,9 @@ class StepList:
         choose: Callable[[str], Awaitable[None]],
     ) -> None:
         self._choose = choose
-        self._title = kit.panel_title(tr("Steps"))
+        self._title = kit.panel_title("Steps")
         self._list = kit.Redrawn(ui.element("ol").classes("calibrate-steps"))
-        take_all = kit.button(tr("Do all open steps"), viewer.command(session.take_all), icon="fast_forward")
+        take_all = kit.button("Do all open steps", viewer.command(session.take_all), icon="fast_forward")
         self._all = controls.add(take_all.classes("calibrate-all"))
         self._automatic = session.rig.by_itself
         self._all.set_visibility(self._automatic)
@@ -109,7 +106,7 @@ class StepList:
         if not self._list.changes_to(now):
             return
         done = sum(state.status == "done" for state in steps)
-        self._title.text = tr("Steps: {done} of {total} done", done=done, total=len(steps))
+        self._title.text = f"Steps: {done} of {len(steps)} done"
         self._all.set_visibility(self._automatic and any(state.status in ("open", "left out") for state in steps))
         with self._list.element:
             for state in steps:
@@ -148,7 +145,7 @@ async def session_page(instrument: Instrument, viewer: kit.Viewer, name: str) ->
     except TsisError as error:
         with position, ui.element("section").classes("panel"):
             ui.label(str(error)).classes("doubtful")
-            ui.link(tr("All sessions"), "/calibrate")
+            ui.link("All sessions", "/calibrate")
         return
     if session is None:  # the console is shutting down
         return
@@ -167,7 +164,7 @@ class _Guide:
         self._view: LiveView | None = None
         self._state: InstrumentState | None = None
         with ui.element("div").classes("row calibrate-head"):
-            ui.link(tr("Sessions"), "/calibrate")
+            ui.link("Sessions", "/calibrate")
             kit.panel_title(session.terms.name)
             kit.muted(setup_text(session))
         with ui.element("div").classes("calibrate-guide"):
@@ -286,7 +283,7 @@ class TermsForm:
                 "patch_px": self._patch,
             }
             with ui.element("div").classes("row"):
-                self._button = kit.button(tr("Begin"), self._begin, icon="play_arrow", look="unelevated")
+                self._button = kit.button("Begin", self._begin, icon="play_arrow", look="unelevated")
         controls.add(self._button)
 
     def show(self, state: InstrumentState) -> None:
@@ -295,13 +292,11 @@ class TermsForm:
         self._seed.set_visibility(self._virtual)
         self._patch.set_visibility(not self._virtual)
         if self._virtual:
-            self._with.text = tr(
-                "With the virtual rig, one click per step. It calibrates the virtual probe of this seed."
-            )
+            self._with.text = "With the virtual rig, one click per step. It calibrates the virtual probe of this seed."
         elif state.camera.running:
-            self._with.text = tr("With {camera}, at its present settings.", camera=state.camera.name)
+            self._with.text = f"With {state.camera.name}, at its present settings."
         else:
-            self._with.text = tr("With the chosen camera. Start it first: the session stores its settings.")
+            self._with.text = "With the chosen camera. Start it first: the session stores its settings."
 
     async def _begin(self) -> None:
         session = await kit.submit(self._viewer, self._fields, self._begun)

@@ -12,7 +12,6 @@ from tsis.calibration import read_usable_calibration
 from tsis.calibration.file import read_calibration
 from tsis.console.files import GREY, thumbnail_png
 from tsis.console.pages import components as kit
-from tsis.console.pages.components import tr
 from tsis.console.services import DONE, ENDED, FAILED
 from tsis.files import to_json_value
 from tsis.report import Table, calibration_page, content_rows
@@ -76,17 +75,17 @@ class TypedLoading:
     ) -> None:
         self._viewer, self._session, self._step = viewer, session, step
         with ui.element("div").classes("stack"):
-            kit.muted(tr("Start without contact, with the force that the gauge shows, usually 0."))
+            kit.muted("Start without contact, with the force that the gauge shows, usually 0.")
             with ui.element("div").classes("row"):
                 self._force = kit.unit_field("Force that the gauge shows", unit="N").props("autofocus")
                 self._force.on("keydown.enter", self._press)
-                take = kit.button(tr("Take a frame"), self._press, icon="photo_camera", look="unelevated")
+                take = kit.button("Take a frame", self._press, icon="photo_camera", look="unelevated")
             self._table = kit.Redrawn(ui.element("div").classes("calibrate-forces"))
             with ui.element("div").classes("row"):
                 save = kit.button(
-                    tr("Back at 0 N: save the loading"), viewer.command(session.save_presses, step), icon="check"
+                    "Back at 0 N: save the loading", viewer.command(session.save_presses, step), icon="check"
                 )
-                undo = kit.button(tr("Remove the last"), viewer.command(session.unpress, step), icon="undo")
+                undo = kit.button("Remove the last", viewer.command(session.unpress, step), icon="undo")
         controls.add(self._force, take, save, undo)
 
     def show(self, forces_n: Sequence[float]) -> None:
@@ -94,9 +93,9 @@ class TypedLoading:
         if not self._table.changes_to(forces_n):
             return
         with self._table.element:
-            kit.muted(tr("{count} frames", count=len(forces_n)) if forces_n else tr("No frame yet."))
+            kit.muted(f"{len(forces_n)} frames" if forces_n else "No frame yet.")
             for force in forces_n:
-                ui.label(tr("{force} N", force=f"{force:g}")).classes("chip")
+                ui.label(f"{force:g} N").classes("chip")
 
     async def _press(self) -> None:
         text = str(self._force.value or "")
@@ -136,24 +135,24 @@ class StepCard:
 
     def _build(self, state: StepState | None, number: int, total: int) -> None:
         if state is None:
-            kit.panel_title(tr("Every step is done or skipped."))
-            kit.muted(tr("Make the calibration below, or choose a step to repeat it."))
+            kit.panel_title("Every step is done or skipped.")
+            kit.muted("Make the calibration below, or choose a step to repeat it.")
             return
         step, session, command = state.step, self._session, self._viewer.command
-        kit.panel_title(tr("Step {number} of {total}: {name}", number=number, total=total, name=step.name))
+        kit.panel_title(f"Step {number} of {total}: {step.name}")
         ui.label(f"{step.instruction}.").classes("calibrate-instruction")
         if session.rig.by_itself and state.status != "done":
-            kit.muted(tr("Instructions for an operator; the virtual rig does this step."))
+            kit.muted("Instructions for an operator; the virtual rig does this step.")
         with ui.element("div").classes("row"):
             if state.status == "under way":
                 self._under_way(state)
             elif state.status == "done":
-                ui.label(tr("Done: {frames} frames are saved.", frames=state.frames)).classes("good")
+                ui.label(f"Done: {state.frames} frames are saved.").classes("good")
                 self._button("Repeat this step", "replay", lambda: self._repeat(step.name), look="outline")
             elif step.is_loading and not session.rig.has_gauge:
                 self._typed = TypedLoading(self._viewer, session, self._controls, step.name)
             else:
-                text = "Begin the loading" if step.is_loading else tr("Take {count} frames", count=step.frames)
+                text = "Begin the loading" if step.is_loading else f"Take {step.frames} frames"
                 self._button(text, "photo_camera", command(session.take, step.name))
             if step.optional and state.status == "open":
                 self._button("Skip this step", "skip_next", command(session.leave_out, step.name), look="outline")
@@ -161,12 +160,12 @@ class StepCard:
     def _under_way(self, state: StepState) -> None:
         session, command = self._session, self._viewer.command
         if state.step.is_loading and not session.rig.by_itself:
-            ui.label(tr("Load now, slowly, and back to 0.")).classes("strong")
+            ui.label("Load now, slowly, and back to 0.").classes("strong")
             self._button("Back at 0 N: save the loading", "check", command(session.end_loading))
         self._button("Cancel", "stop", command(session.end_step), look="outline")
 
     def _button(self, text: str, icon: str, act: Callable[[], Awaitable[object]], look: str = "unelevated") -> None:
-        self._controls.add(kit.button(tr(text), act, icon=icon, look=look))
+        self._controls.add(kit.button(text, act, icon=icon, look=look))
 
     def _progress(self) -> None:
         """How far the frames of a step are, and what became of the last step."""
@@ -187,8 +186,8 @@ class StepCard:
 def frames_text(job: JobState) -> str:
     """Progress of a step's frames, or why they are not saved."""
     if job.running:
-        counted = tr("{done} of {total} frames", done=job.done, total=job.total)
-        return counted if job.total else tr("{count} frames", count=job.done)
+        counted = f"{job.done} of {job.total} frames"
+        return counted if job.total else f"{job.done} frames"
     return "" if job.status == DONE else job.sentence
 
 
@@ -242,7 +241,7 @@ def result_content(page: Page, sources: Sequence[str]) -> None:
 
 def calibration_content(calibration: ProbeCalibration) -> None:
     """Contents of the file of an earlier calibration."""
-    kit.muted(tr("It was computed before. Compute it again from the same frames to see the residuals of its fits."))
+    kit.muted("It was computed before. Compute it again from the same frames to see the residuals of its fits.")
     kit.table(Table(title="Measured", headings=("quantity", "value", "95 % interval"), rows=content_rows(calibration)))
 
 
@@ -255,15 +254,15 @@ class MakePanel:
         self._instrument, self._viewer, self._session = instrument, viewer, session
         self._identity = ""
         with ui.element("section").classes("panel stack").props('aria-label="Calibration"'):
-            with kit.title_row(tr("Calibration")):
+            with kit.title_row("Calibration"):
                 self._days = kit.unit_field("Good for", str(VALID_DAYS), unit="days").classes("calibrate-days")
-                self._make = kit.button(tr("Make the calibration"), self._begin, icon="calculate", look="unelevated")
+                self._make = kit.button("Make the calibration", self._begin, icon="calculate", look="unelevated")
             self._bar = kit.ProgressBar("Progress of the calibration")
             self._text = kit.status()
             with ui.element("div").classes("row") as self._commands:
-                self._use = controls.add(kit.button(tr("Activate"), self._activate, icon="verified", look="unelevated"))
-                self._active = ui.label(tr("It is active.")).classes("good")
-                kit.button(tr("Download the file"), self._download, icon="download")
+                self._use = controls.add(kit.button("Activate", self._activate, icon="verified", look="unelevated"))
+                self._active = ui.label("It is active.").classes("good")
+                kit.button("Download the file", self._download, icon="download")
                 self._cited = kit.muted()
         self._commands.set_visibility(False)
 
@@ -293,7 +292,7 @@ class MakePanel:
     def cites(self, identity: str) -> None:
         """Set the identity of the calibration; empty without one."""
         self._identity = identity
-        self._cited.text = tr("cited as {identity}", identity=identity[:12])
+        self._cited.text = f"cited as {identity[:12]}"
         self._commands.set_visibility(bool(identity))
 
     async def _begin(self) -> None:
@@ -310,7 +309,7 @@ class MakePanel:
 
         name = await self._viewer.attempt(activated)
         if name is not None:
-            self._viewer.notify(tr("Calibration {name} is active.", name=name))
+            self._viewer.notify(f"Calibration {name} is active.")
 
     async def _download(self) -> None:
         def content() -> bytes:

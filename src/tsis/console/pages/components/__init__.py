@@ -1,6 +1,5 @@
 """Widgets that several pages share."""
 
-from tsis.console._catalogues import ENGLISH, languages
 from tsis.console.pages.components._actions import (
     OperatorControls,
     ProgressBar,
@@ -34,11 +33,8 @@ from tsis.console.pages.components._fields import (
 )
 from tsis.console.pages.components._language import (
     address_of,
-    chosen_language,
     help_texts,
-    language_choice,
     plain_message,
-    tr,
 )
 from tsis.console.pages.components._lists import (
     FactList,
@@ -73,7 +69,6 @@ from tsis.console.pages.components._summary import StatePoller, Tabs, camera_lin
 from tsis.console.pages.components._viewer import LONGEST_OPERATOR, Viewer
 
 __all__ = [
-    "ENGLISH",
     "FORCE",
     "LARGEST_MIB",
     "LONGEST_OPERATOR",
@@ -93,7 +88,6 @@ __all__ = [
     "camera_line",
     "cards",
     "cell",
-    "chosen_language",
     "count_text",
     "dialog_buttons",
     "drawing",
@@ -107,8 +101,6 @@ __all__ = [
     "force_text",
     "help_texts",
     "is_confirmed",
-    "language_choice",
-    "languages",
     "list_message",
     "loading",
     "message_list",
@@ -136,7 +128,6 @@ __all__ = [
     "time_label",
     "title_row",
     "titled_dialog",
-    "tr",
     "typed_forces",
     "typed_integer",
     "typed_number",

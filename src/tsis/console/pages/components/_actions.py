@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, TypeVar
 
 from nicegui import ui
 
-from tsis.console.pages.components._language import tr
 from tsis.console.services import estimate_title
 
 if TYPE_CHECKING:
@@ -93,7 +92,7 @@ class OperatorControls:
         for control in self._controls:
             control.set_enabled(commands)
         self._message.set_visibility(not commands)
-        self._message.text = tr("You are watching. Take the camera (top of the page) to use the disabled controls.")
+        self._message.text = "You are watching. Take the camera (top of the page) to use the disabled controls."
 
 
 class ProgressBar:
@@ -122,12 +121,12 @@ class RunButton:
     def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
         self._instrument, self._viewer = instrument, viewer
         self._runs: bool | None = None  # as the button says; None before anything is known
-        self.element = ui.button(tr("Start"), on_click=self._clicked).props("outline").classes("run")
+        self.element = ui.button("Start", on_click=self._clicked).props("outline").classes("run")
 
     def show(self, camera: CameraState, *, main: bool = True) -> None:
         """Say what a click would do; filled when starting is the ``main`` thing to do."""
         self._runs = camera.running
-        self.element.text = tr("Stop") if self._runs else tr("Start")
+        self.element.text = "Stop" if self._runs else "Start"
         self.element.set_icon("stop" if self._runs else "play_arrow")
         set_filled(self.element, main and not self._runs)
 

@@ -14,7 +14,7 @@ from nicegui import ui
 from nicegui.elements.upload import Upload
 
 from tsis.console.pages.components._actions import UndoMemory
-from tsis.console.pages.components._language import address_of, help_texts, tr
+from tsis.console.pages.components._language import address_of, help_texts
 from tsis.errors import InputError
 from tsis.model import require_integer
 
@@ -137,8 +137,8 @@ def explain(field: Field, label: str = "", about: str = "") -> Field:
     here = texts.get(address_of(field.client.sub_pages_router.current_path), {}).get("fields", {})
     about = about or here.get(label) or texts["fields"].get(label, "")
     if about:
-        field.props[ABOUT] = tr(about)
-        field.tooltip(tr(about))
+        field.props[ABOUT] = about
+        field.tooltip(about)
     return field
 
 
@@ -149,13 +149,11 @@ def explained_fields(client: Client) -> list[tuple[str, str]]:
 
 
 def explaining(kind: Callable[Arguments, Field]) -> Callable[Arguments, Field]:
-    """Fields of a kind of the pages' library, outlined, with a translated label, and explained by the help."""
+    """Fields of a kind of the pages' library, outlined, and explained by the help."""
 
     def placed(*given: Arguments.args, **named: Arguments.kwargs) -> Field:
         field = kind(*given, **named).props("dense outlined")
-        if label := str(field.props.get("label") or ""):
-            field.props["label"] = tr(label)
-        return explain(field, label)
+        return explain(field, str(field.props.get("label") or ""))
 
     return placed
 
@@ -168,7 +166,7 @@ def unit_field(label: str, value: str = "", *, about: str = "", unit: str = "", 
 
     ``keys`` are those of a telephone: ``"decimal"``, ``"numeric"`` or ``"text"``.
     """
-    field = ui.input(tr(label), value=value).props("dense outlined hide-bottom-space autocomplete=off")
+    field = ui.input(label, value=value).props("dense outlined hide-bottom-space autocomplete=off")
     field.props["inputmode"] = keys
     if unit:
         with field.add_slot("append"):
@@ -361,20 +359,20 @@ def one_file(
     ``accept`` are endings that the browser offers, as ``".csv,text/csv"``; ``refused`` is said of other files.
     """
     field = FileField(
-        label=tr(label),
+        label=label,
         auto_upload=True,
         max_files=1,
         max_file_size=most_bytes,
         on_rejected=lambda: viewer.complain(refused),
     ).props("flat bordered")
     field.props["accept"] = accept
-    field.name_parts(tr("Choose: {label}", label=tr(label)))
+    field.name_parts(f"Choose: {label}")
     return explain(field, label)
 
 
 def file_field(viewer: Viewer, label: str, *, accept: str, act: Callable[..., object]) -> FileField:
     """A field that hands an uploaded file to ``act`` as a path, ``by`` this client; the copy is then removed."""
-    field = one_file(viewer, label, accept=accept, refused=tr("The file is too large or has an unsupported format."))
+    field = one_file(viewer, label, accept=accept, refused="The file is too large or has an unsupported format.")
 
     async def uploaded(event: UploadEventArguments) -> None:
         with tempfile.TemporaryDirectory(prefix="tsis-upload-") as folder:

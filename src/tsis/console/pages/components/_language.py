@@ -1,44 +1,13 @@
-"""Texts of the pages in the language that a browser chose, and a library's errors in the words of people."""
+"""The help of the pages, and a library's errors in the words of people."""
 
 from __future__ import annotations
 
-import json
 import re
 import tomllib
 from functools import cache
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
-
-from nicegui import ui
-from nicegui.slot import Slot
-
-from tsis.console._catalogues import COOKIE, ENGLISH, languages, translated
-
-YEAR_S = 365 * 24 * 3600
-
-
-def chosen_language() -> str:
-    """The language of the browser whose page is built or updated now; English outside of pages."""
-    stack = Slot.get_stack()
-    if not stack:
-        return ENGLISH
-    try:
-        code = stack[-1].parent.client.request.cookies.get(COOKIE, ENGLISH)
-    except RuntimeError:  # a page that no browser asked for
-        return ENGLISH
-    return code if code in languages() else ENGLISH
-
-
-def tr(text: str, **values: object) -> str:
-    """A text in the language of the browser, with values in place of names in braces.
-
-    Examples
-    --------
-    >>> tr("Target {number}", number=7)
-    'Target 7'
-    """
-    return translated(text, chosen_language(), **values)
 
 
 @cache
@@ -86,26 +55,16 @@ def _range(found: re.Match[str]) -> str:
     sign = UNITS.get(unit, unit if unit == hint and len(unit) <= LONGEST_SIGN else "")
     behind = f" {sign}{hint[len(unit) :]}" if sign else f", {hint}" * bool(hint)
     between = f"{low} to {high}" if low.startswith("-") else f"{low}–{high}"
-    reach = tr("{low} or more", low=low) if high == "inf" else between
-    return tr("must be {range}", range=f"{reach.replace('-', '−')}{behind}") + _entered(entered, None)
+    reach = f"{low} or more" if high == "inf" else between
+    return f"must be {reach.replace('-', '−')}{behind}" + _entered(entered, None)
 
 
 def _entered(typed: str, hint: str | None) -> str:
     if typed in ("''", "none"):
-        typed = tr("nothing was entered")
+        typed = "nothing was entered"
     elif typed == "inf":
-        typed = tr("what you entered is too large")
+        typed = "what you entered is too large"
     else:
         number = re.match(r"[-+.\de]+$", typed)
-        typed = tr("you entered {value}", value=typed.replace("-", "−") if number else typed)
+        typed = f"you entered {typed.replace('-', '−') if number else typed}"
     return f" ({typed})" if hint is None else f" ({typed}); {hint}"
-
-
-def language_choice() -> None:
-    """Place a button for each other language; the browser keeps the choice, and loads the page anew in it."""
-    for code, name in languages().items():
-        if code != chosen_language():
-            cookie = f"{COOKIE}={code}; path=/; max-age={YEAR_S}; samesite=strict"
-            button = ui.button(name).props("flat dense").classes("language")
-            button.props["lang"] = code
-            button.on("click", js_handler=f"() => {{ document.cookie = {json.dumps(cookie)}; location.reload(); }}")

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from tsis.console.pages.components._language import tr
 from tsis.report import address
 
 if TYPE_CHECKING:
@@ -107,7 +106,7 @@ async def is_confirmed(question: str, *, yes: str, why: str) -> bool:
         ui.label(why).classes("muted")
         with ui.element("div").classes("row"):
             ui.element("div").classes("spring")
-            button(tr("Cancel"), lambda: dialog.submit(False), look="flat")
+            button("Cancel", lambda: dialog.submit(False), look="flat")
             button(yes, lambda: dialog.submit(True), look="unelevated")
     response = bool(await dialog)
     dialog.delete()
@@ -144,7 +143,7 @@ class FactList:
         with self._list.element:
             for term, value in facts:
                 with ui.element("dt"):
-                    ui.label(tr(term))
+                    ui.label(term)
                 with ui.element("dd"):
                     ui.label(value)
 
@@ -170,11 +169,11 @@ def rows_under(headings: Iterable[str], *, caption: str = "", label: str = "", s
             table.props["aria-label"] = label
         if caption:
             with ui.element("caption"):
-                ui.label(tr(caption))
+                ui.label(caption)
         with ui.element("thead"), ui.element("tr"):
             for heading in headings:
                 with ui.element("th").props("scope=col") if heading else ui.element("td"):
-                    ui.label(tr(heading))
+                    ui.label(heading)
         return ui.element("tbody")
 
 
@@ -196,7 +195,7 @@ def count_text(number: int, what: str) -> str:
     >>> count_text(1, "press"), count_text(2, "target")
     ('1 press', '2 targets')
     """
-    return tr(COUNTED[what][number != 1], count=number)
+    return COUNTED[what][number != 1].format(count=number)
 
 
 def cell(text: str) -> ui.label:
@@ -269,5 +268,5 @@ def sheets_of_targets(table: ui.table, sizes: Sequence[int], pages: Callable[[],
             table.pagination = pages()
 
     table.props("flat dense wrap-cells").classes("targets")
-    table.props["rows-per-page-label"], table.props["rows-per-page-options"] = tr("Targets on a sheet"), list(sizes)
+    table.props["rows-per-page-label"], table.props["rows-per-page-options"] = "Targets on a sheet", list(sizes)
     table.on_pagination_change(restore)

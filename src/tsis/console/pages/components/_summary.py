@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
 
 from nicegui import run
 
-from tsis.console.pages.components._language import tr
 from tsis.records import ROLE_NAMES
 from tsis.report.target import time_text
 
@@ -39,7 +38,7 @@ def time_label(when: datetime) -> str:
 
 def press_label(press: StoredPress) -> str:
     """A press: what was pressed, how hard, when."""
-    return f"{tr(ROLE_NAMES[press.role])}, {tr(force_text(press.force_n))}, {time_label(press.taken)}"
+    return f"{ROLE_NAMES[press.role]}, {force_text(press.force_n)}, {time_label(press.taken)}"
 
 
 def camera_line(state: InstrumentState) -> str:
@@ -48,7 +47,7 @@ def camera_line(state: InstrumentState) -> str:
     if state.busy:
         return f"{state.busy.capitalize()} …"
     if not camera.running:
-        return tr("The camera is stopped.")
+        return "The camera is stopped."
     size = f", {camera.columns} x {camera.rows} pixels" if camera.columns else ""
     times = "once" if camera.interruptions == 1 else f"{camera.interruptions} times"
     breaks = f", interrupted {times}" if camera.interruptions else ""

@@ -10,7 +10,6 @@ from nicegui import ui
 
 from tsis.catalog import load_probe
 from tsis.console.pages import components as kit
-from tsis.console.pages.components import tr
 from tsis.errors import InputError
 from tsis.inclusion.design import MOST_EVALUATIONS, MOST_FRAMES_PER_PRESS
 from tsis.model import Layer, Led, Probe
@@ -62,7 +61,7 @@ def typed_field(
         element.props["aria-invalid"] = "true" if wrong else "false"
         return wrong or None
 
-    element = ui.input(tr(label) if shown else None, value=text, validation=validate)
+    element = ui.input(label if shown else None, value=text, validation=validate)
     element.props("dense outlined hide-bottom-space inputmode=decimal no-error-icon autocomplete=off debounce=150")
     if empty:
         element.props("stack-label").props["placeholder"] = empty

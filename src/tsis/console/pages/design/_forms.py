@@ -9,7 +9,6 @@ from nicegui import ui
 
 from tsis.catalog import list_probes, load_probe
 from tsis.console.pages import components as kit
-from tsis.console.pages.components import tr
 from tsis.console.pages.design._draft import (
     COMPARED,
     CRITERIA,
@@ -36,26 +35,24 @@ class QuestionForm:
 
     def __init__(self, editor: ProbeEditor) -> None:
         self._editor, draft = editor, editor.question
-        kit.panel_title(tr("Presses"))
+        kit.panel_title("Presses")
         self._presses(draft)
-        kit.panel_title(tr("Compare with"), level=3).classes("below")
+        kit.panel_title("Compare with", level=3).classes("below")
         with ui.element("div").classes("choices"):
             for aspect, text in COMPARED.items():
                 ui.checkbox(text, value=aspect in draft.compared, on_change=partial(self._compare, aspect)).props(
                     "dense"
                 )
-        kit.panel_title(tr("Judge by"), level=3).classes("below")
+        kit.panel_title("Judge by", level=3).classes("below")
         with ui.element("div").classes("fields"):
             kit.select_field(CRITERIA, value=draft.criterion, label="The expected error of").props(
                 "options-dense"
             ).bind_value_to(draft, "criterion")
-            ui.switch(tr("Ray-trace the light of the lamps"), value=draft.traced).props("dense").bind_value_to(
+            ui.switch("Ray-trace the light of the lamps", value=draft.traced).props("dense").bind_value_to(
                 draft, "traced"
             )
         with ui.element("div").classes("fields"):
-            search = ui.switch(tr("Search for better layers and forces (takes minutes)"), value=draft.search).props(
-                "dense"
-            )
+            search = ui.switch("Search for better layers and forces (takes minutes)", value=draft.search).props("dense")
             search.bind_value_to(draft, "search")
             tries = ui.element("div")
         messages = FieldMessages()
@@ -88,7 +85,7 @@ class QuestionForm:
                 lambda: self._fault(QuestionDraft(frames=draft.frames)),
                 messages,
             )
-            ui.switch(tr("Include reference presses"), value=draft.with_reference).props("dense").bind_value_to(
+            ui.switch("Include reference presses", value=draft.with_reference).props("dense").bind_value_to(
                 draft, "with_reference"
             )
 
@@ -125,7 +122,7 @@ class LayerTable:
                     self._row(at, messages)
             if len(layers) < MOST_LAYERS:
                 add = partial(self._change, lambda: layers.append(dict(NEW_LAYER)))
-                kit.button(tr("Add a layer at the glass"), add, icon="add", look="flat dense")
+                kit.button("Add a layer at the glass", add, icon="add", look="flat dense")
 
     def _row(self, at: int, messages: FieldMessages) -> None:
         texts, number = self._draft.layers[at], at + 1
@@ -179,7 +176,7 @@ class ProbeForm:
 
     def __init__(self, editor: ProbeEditor, changed: Callable[[], object]) -> None:
         self._editor, self._changed = editor, changed
-        kit.panel_title(tr("Probe"))
+        kit.panel_title("Probe")
         kit.select_field(
             list(list_probes()), value=editor.probe.start.name, label="Start from", on_change=self._start
         ).props("options-dense").classes("start")
@@ -195,7 +192,7 @@ class ProbeForm:
         self._container.clear()
         with self._container:
             self._face()
-            kit.panel_title(tr("Layers, from the tissue up"), level=3)
+            kit.panel_title("Layers, from the tissue up", level=3)
             LayerTable(self._editor.probe, self._changed)
             self._lamps()
 
@@ -207,13 +204,13 @@ class ProbeForm:
             self._fill()
             self._changed()
 
-        kit.panel_title(tr("Face"), level=3)
+        kit.panel_title("Face", level=3)
         fields = ui.element("div").classes("fields")
         messages = FieldMessages()
         with fields:
             radius = partial(self._set, "radius_mm")
             typed_field("Radius / mm", draft.radius_mm, radius, partial(draft.face_fault, "radius_mm"), messages)
-            ui.switch(tr("Domed"), value=draft.domed, on_change=domed).props("dense")
+            ui.switch("Domed", value=draft.domed, on_change=domed).props("dense")
             if draft.domed:
                 curvature, fault = partial(self._set, "curvature_mm"), partial(draft.face_fault, "curvature_mm")
                 typed_field("Radius of the dome / mm", draft.curvature_mm, curvature, fault, messages)
@@ -229,7 +226,7 @@ class ProbeForm:
             draft.lamp[name] = text
             self._changed()
 
-        kit.panel_title(tr("Lamps around the side"), level=3)
+        kit.panel_title("Lamps around the side", level=3)
         fields = ui.element("div").classes("fields four")
         messages = FieldMessages()
         with fields:

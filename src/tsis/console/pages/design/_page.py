@@ -11,7 +11,6 @@ from nicegui import background_tasks, ui
 
 from tsis.catalog import probe_toml
 from tsis.console.pages import components as kit
-from tsis.console.pages.components import tr
 from tsis.console.pages.design._draft import ProbeEditor
 from tsis.console.pages.design._forms import ProbeForm, QuestionForm
 from tsis.console.services import DONE, JobCancelled
@@ -49,7 +48,7 @@ class Section:
     def __init__(self, editor: ProbeEditor, viewer: kit.Viewer) -> None:
         self._editor, self._viewer = editor, viewer
         self._requested = 0
-        kit.panel_title(tr("Side view"))
+        kit.panel_title("Side view")
         with ui.element("div").classes("section"):
             self._picture = kit.drawing()
             kit.show_drawing(self._picture, EMPTY, "the probe, not yet drawn")
@@ -64,9 +63,7 @@ class Section:
         except InputError as error:
             beside = any(self._editor.probe.field_faults())  # which has its own message
             self._fault.text = (
-                tr("Not drawn while a field is invalid.")
-                if beside
-                else tr("Not drawn: {message}", message=kit.plain_message(str(error)))
+                "Not drawn while a field is invalid." if beside else f"Not drawn: {kit.plain_message(str(error))}"
             )
             return
         self._fault.text = ""
@@ -137,10 +134,10 @@ class DesignResultPanel:
         self._shown: Job | None = None
         self._begun_here = False
         with ui.element("div").classes("row below"):
-            self._start = kit.button(tr("Predict performance"), self._started, look="unelevated")
-            self._end = kit.button(tr("Cancel"), self._ended)
+            self._start = kit.button("Predict performance", self._started, look="unelevated")
+            self._end = kit.button("Cancel", self._ended)
             ui.element("div").classes("spring")
-            kit.button(tr("Save the probe"), self._save_probe, look="flat dense")
+            kit.button("Save the probe", self._save_probe, look="flat dense")
         self._bar = kit.ProgressBar("Progress of the designs")
         self._message = ui.label().props('role="status"')
 
@@ -179,9 +176,9 @@ class DesignResultPanel:
         if running:
             self._begun_here = True
             self._message.text = (
-                tr("{done} of {total} solved", done=state.done, total=state.total)
+                f"{state.done} of {state.total} solved"
                 if state.done
-                else tr("The first press of a new probe takes a while.")
+                else "The first press of a new probe takes a while."
             )
         elif job is not self._shown:
             self._shown = job
@@ -195,8 +192,8 @@ class DesignResultPanel:
         self._result.clear()
         self._result.set_visibility(True)
         with self._result:
-            with kit.title_row(tr("{title}: {subtitle}", title=result.page.title, subtitle=result.page.subtitle)):
-                kit.button(tr("Save the result"), lambda: self._save(result.analysis), look="flat dense")
+            with kit.title_row(f"{result.page.title}: {result.page.subtitle}"):
+                kit.button("Save the result", lambda: self._save(result.analysis), look="flat dense")
             kit.report_parts(result.page, result.pictures)
 
     def _save(self, analysis: DesignAnalysis) -> None:
@@ -243,6 +240,6 @@ async def design_tab(instrument: Instrument, viewer: kit.Viewer) -> None:
                 reporting = DesignResultPanel(instrument, viewer, editor)
         with probe_panel:
             ProbeForm(editor, lambda: background_tasks.create(section.draw(), name="section of the probe"))
-            ui.label(tr(WHAT)).classes("muted below")
+            ui.label(WHAT).classes("muted below")
     reporting.result_container()
     ui.timer(0.0, section.draw, once=True)  # the page does not wait for its picture

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 from nicegui import run, ui
 
 from tsis.console.pages import components as kit
-from tsis.console.pages.components import tr
 from tsis.console.services import FAILED, LIGHT_N, CameraChoice, tissue_title
 from tsis.errors import TsisError
 from tsis.records import ESTIMATES, ROLE_NAMES
@@ -91,47 +90,47 @@ def work_steps(state: InstrumentState, saved: SavedTarget) -> tuple[WorkStep, ..
     return (
         WorkStep(
             name="camera",
-            title=tr("Camera"),
+            title="Camera",
             done=camera.running and not camera.lost,
-            cure=tr("Start the camera."),
+            cure="Start the camera.",
             address="/camera",
         ),
         WorkStep(
             name="calibration",
-            title=tr("Calibration"),
+            title="Calibration",
             done=bool(state.calibration),
-            cure=tr("Calibrate the probe, or activate its calibration file on the page Camera."),
+            cure="Calibrate the probe, or activate its calibration file on the page Camera.",
             address="/calibrate",
         ),
-        WorkStep(name="target", title=tr("Target {number}", number=state.target), done=True, cure=""),
+        WorkStep(name="target", title=f"Target {state.target}", done=True, cure=""),
         WorkStep(
             name="reference",
-            title=tr("Press on the ball") if sphere else tr("Reference press"),
+            title="Press on the ball" if sphere else "Reference press",
             done=reference in saved.roles,
-            cure=tr("Press the ball of known radius, and save a snapshot.")
+            cure="Press the ball of known radius, and save a snapshot."
             if sphere
-            else tr("Press tissue without an inclusion, and save a snapshot."),
+            else "Press tissue without an inclusion, and save a snapshot.",
             role=reference,
         ),
         WorkStep(
             name="presses",
-            title=tr("Presses ({count})", count=saved.count),
+            title=f"Presses ({saved.count})",
             done="target" in saved.roles,
-            cure=tr("Press the target, and save a snapshot. Two forces give more information than one."),
+            cure="Press the target, and save a snapshot. Two forces give more information than one.",
             role="target",
         ),
         WorkStep(
             name="estimate",
-            title=tr("Hardness") if sphere else tr("Estimate"),
+            title="Hardness" if sphere else "Estimate",
             done=ready and bool(begun),
-            cure=tr("Measure the hardness.") if sphere else tr("Estimate, or save more presses first."),
+            cure="Measure the hardness." if sphere else "Estimate, or save more presses first.",
             address="/hardness" if sphere else "",
         ),
         WorkStep(
             name="report",
-            title=tr("Report"),
+            title="Report",
             done=False,
-            cure=tr("Open the report."),
+            cure="Open the report.",
             address=f"/records/{saved.number}" if saved.target is not None else "",
         ),
     )
@@ -163,11 +162,11 @@ class WorkOrder:
         self.main = "camera"
         self._first = kit.Redrawn(ui.element("div"))
         with ui.element("section").classes("panel work") as strip:
-            strip.props["aria-label"] = tr("Order of work")
+            strip.props["aria-label"] = "Order of work"
             self._steps = kit.Redrawn(ui.element("ol").classes("work-steps"))
             with ui.element("div").classes("row"):
                 self._cure = kit.status()
-                self._choose = kit.button(tr("Switch to the target"), self._choose_role, look="unelevated dense")
+                self._choose = kit.button("Switch to the target", self._choose_role, look="unelevated dense")
                 self._choose.set_visibility(False)
                 controls.add(self._choose)
 
@@ -192,20 +191,20 @@ class WorkOrder:
                 self._say_what_this_is()
         self._role = step.role if step.role and step.role != state.role else ""
         self._choose.set_visibility(bool(self._role))
-        self._choose.text = tr("Switch to the target") if self._role == "target" else tr("Switch to the reference")
-        self._cure.text = tr("Next: {step}", step=step.cure)
+        self._choose.text = "Switch to the target" if self._role == "target" else "Switch to the reference"
+        self._cure.text = f"Next: {step.cure}"
         self.main = "first" if first else "role" if self._role else step.name
 
     def _say_what_this_is(self) -> None:
-        with kit.panel(tr("What this is")):
-            ui.label(tr(WHAT_THIS_IS)).classes("wordy")
+        with kit.panel("What this is"):
+            ui.label(WHAT_THIS_IS).classes("wordy")
             with ui.element("div").classes("row"):
                 self._controls.add(
-                    kit.button(tr("Try the virtual probe"), self._try_virtual, icon="science", look="unelevated")
+                    kit.button("Try the virtual probe", self._try_virtual, icon="science", look="unelevated")
                 )
                 for text, icon, address in (
-                    (tr("Connect a camera"), "videocam", "/camera"),
-                    (tr("Open my images"), "folder_open", "/images"),
+                    ("Connect a camera", "videocam", "/camera"),
+                    ("Open my images", "folder_open", "/images"),
                 ):
                     kit.button(text, partial(ui.navigate.to, address), icon=icon)
 
@@ -223,7 +222,7 @@ class WorkOrder:
 
 
 def _step_item(step: WorkStep, *, here: bool) -> None:
-    status = tr("done") if step.done else tr("next") if here else tr("open")
+    status = "done" if step.done else "next" if here else "open"
     with ui.element("li").classes("here" if here else "done" if step.done else ""):
         ui.icon("check_circle" if step.done else "arrow_forward" if here else "radio_button_unchecked")
         place = ui.link(step.title, step.address) if step.address else ui.label(step.title)
@@ -239,9 +238,9 @@ class TissueRow:
         self._instrument, self._viewer, self._controls = instrument, viewer, controls
         with ui.element("div").classes("row tissue"):
             act = viewer.command(instrument.read_tissue)
-            self._read = kit.button(tr("Measure the tissue"), act, icon="straighten", look="outline dense")
+            self._read = kit.button("Measure the tissue", act, icon="straighten", look="outline dense")
             with controls.add(self._read):
-                ui.tooltip(tr("One light press on tissue without an inclusion, at about {force} N.", force=LIGHT_N))
+                ui.tooltip(f"One light press on tissue without an inclusion, at about {LIGHT_N} N.")
             self._message = kit.status("muted wordy")
             self._forces = kit.Redrawn(ui.element("div").classes("row"))
 
@@ -256,9 +255,7 @@ class TissueRow:
             with self._forces.element:
                 for force_n in () if state.tissue is None else state.tissue.forces_n:
                     self._controls.add(
-                        kit.button(
-                            tr("{force} N", force=f"{force_n:g}"), partial(self._press, force_n), look="outline dense"
-                        )
+                        kit.button(f"{force_n:g} N", partial(self._press, force_n), look="outline dense")
                     )
 
     async def _press(self, force_n: float) -> None:
@@ -268,18 +265,13 @@ class TissueRow:
 def tissue_text(tissue: TissueReading | None, job: JobState | None) -> str:
     """What is known of the tissue, or why it is not."""
     if job is not None and job.running:
-        return tr("Measuring the tissue …")
+        return "Measuring the tissue …"
     if job is not None and job.status == FAILED:
         return f"{job.sentence}."
     if tissue is None:
         return ""
     low, high = tissue.interval_kpa
-    return tr(
-        "Tissue {young} kPa (90 % interval {low} to {high}). Press target and reference at:",
-        young=f"{tissue.young_kpa:.2g}",
-        low=f"{low:.2g}",
-        high=f"{high:.2g}",
-    )
+    return f"Tissue {tissue.young_kpa:.2g} kPa (90 % interval {low:.2g} to {high:.2g}). Press target and reference at:"
 
 
 EVERY_S = 1.0  # between two readings of the store
@@ -293,12 +285,12 @@ class EstimatePanel:
         self._state: InstrumentState | None = None
         self._drawn: dict[str, tuple[tuple[Picture, str], ...]] = {}  # by the estimate's identity
         with ui.element("div").classes("row"):
-            self._title = kit.panel_title(tr("Target"))
+            self._title = kit.panel_title("Target")
             ui.element("div").classes("spring")
-            self._report = ui.link(tr("Report"), "/records")
-            self._hardness = ui.link(tr("Hardness of this object"), "/hardness")
-            self._begin = kit.button(tr("Estimate"), self._estimate, icon="analytics")
-        self._bar = kit.ProgressBar(tr("Progress of the estimate"))
+            self._report = ui.link("Report", "/records")
+            self._hardness = ui.link("Hardness of this object", "/hardness")
+            self._begin = kit.button("Estimate", self._estimate, icon="analytics")
+        self._bar = kit.ProgressBar("Progress of the estimate")
         self._message = kit.status("muted wordy")
         self._record = kit.Redrawn(ui.element("div").classes("stack"))
         viewer.every(EVERY_S, self._refresh)
@@ -345,7 +337,7 @@ class EstimatePanel:
 
     def _show_recorded(self, saved: SavedTarget) -> None:
         name = f": {saved.target.name}" if saved.target is not None and saved.target.name else ""
-        self._title.text = tr("Target {number}", number=saved.number) + name
+        self._title.text = f"Target {saved.number}" + name
         self._report.set_visibility(saved.target is not None)
         self._report.props["href"] = f"/records/{saved.number}"
         self._on_saved(saved)
@@ -357,21 +349,21 @@ class EstimatePanel:
                         kit.figure(*item)
                 kit.message_list(estimate_messages_of(stored))
             for message in saved.damaged:
-                ui.label(tr("Left out: {message}.", message=message)).classes("doubtful")
+                ui.label(f"Left out: {message}.").classes("doubtful")
             presses(saved)
 
 
 def presses(saved: SavedTarget) -> None:
     """The newest presses, one line each."""
     if not saved.count:
-        kit.muted(tr("No presses of this target yet. Press it and save a snapshot (space bar)."))
+        kit.muted("No presses of this target yet. Press it and save a snapshot (space bar).")
         return
-    more = "" if saved.count <= len(saved.presses) else tr(", the last {count}", count=len(saved.presses))
+    more = "" if saved.count <= len(saved.presses) else f", the last {len(saved.presses)}"
     count = kit.count_text(saved.count, "press")
-    with kit.rows_under((tr("Pressed"), tr("Force"), tr("Saved at (UTC)"), tr("Flags")), caption=count + more):
+    with kit.rows_under(("Pressed", "Force", "Saved at (UTC)", "Flags"), caption=count + more):
         for press in saved.presses:
             flags = ", ".join(press.flags)
-            kit.row((tr(ROLE_NAMES[press.role]), kit.force_text(press.force_n), time_text(press.taken), flags))
+            kit.row((ROLE_NAMES[press.role], kit.force_text(press.force_n), time_text(press.taken), flags))
 
 
 def job_text(job: JobState | None) -> str:
@@ -379,6 +371,6 @@ def job_text(job: JobState | None) -> str:
     if job is None:
         return ""
     if job.running:
-        fraction = tr(", {done} of {total} steps", done=job.done, total=job.total) if job.total else ""
-        return tr("Estimating{fraction}; the mechanics of a probe are solved once and cached.", fraction=fraction)
+        fraction = f", {job.done} of {job.total} steps" if job.total else ""
+        return f"Estimating{fraction}; the mechanics of a probe are solved once and cached."
     return job.sentence if job.status == FAILED else ""

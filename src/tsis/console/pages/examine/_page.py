@@ -10,7 +10,6 @@ from nicegui.element import Element
 from tsis.__about__ import LARGEST_TARGET
 from tsis.console.live import FIRST_MAP, Histogram, LiveView, SurfaceView
 from tsis.console.pages import components as kit
-from tsis.console.pages.components import tr
 from tsis.console.pages.examine._estimate import EstimatePanel, TissueRow, WorkOrder
 from tsis.console.pages.examine._settings import SettingsPanel
 from tsis.console.services import MOST_SEQUENCE_FRAMES
@@ -43,8 +42,8 @@ class ForceRow:
         analysis = present(state)
         force = None if analysis is None else analysis.force
         self._force.text = "" if force is None else f"{force.value_n:.2f} N"
-        self._source.text = tr(kit.force_text(None) if force is None else SOURCES[force.source])
-        self._still.text = "" if analysis is None or not analysis.still else tr(analysis.still)
+        self._source.text = kit.force_text(None) if force is None else SOURCES[force.source]
+        self._still.text = "" if analysis is None or not analysis.still else analysis.still
         self._still.set_visibility(bool(self._still.text))
         kit.set_class(self._still, "good", analysis is not None and analysis.still == "settled")
 
@@ -53,7 +52,7 @@ class FlagList:
     """Flags of the press, with advice."""
 
     def __init__(self) -> None:
-        self._list = kit.Redrawn(ui.element("ul").classes("flags").props(f'aria-label="{tr("Flags of this press")}"'))
+        self._list = kit.Redrawn(ui.element("ul").classes("flags").props('aria-label="Flags of this press"'))
 
     def show(self, state: InstrumentState) -> None:
         """Show the flags of the newest analysis; an unchanged list stays, so that screen readers do not repeat it."""
@@ -62,7 +61,7 @@ class FlagList:
             with self._list.element:
                 for name, advice in result:
                     with ui.element("li"):
-                        ui.label(tr(name)).classes("flag" if advice else "good")
+                        ui.label(name).classes("flag" if advice else "good")
                         kit.muted(advice)
 
 
@@ -133,20 +132,20 @@ class LivePanel:
     def _tools(self) -> None:
         with ui.element("div").classes("row tools"):
             colours = kit.select_field(list(MAPS), value=FIRST_MAP, label="Colours", on_change=self._colour)
-            ranges = {name: tr(name) for name in (FULL_RANGE, AUTOMATIC, MANUAL)}
+            ranges = {name: name for name in (FULL_RANGE, AUTOMATIC, MANUAL)}
             self._range = kit.select_field(ranges, value=FULL_RANGE, label="Range", on_change=self._ranged)
             for select in (colours, self._range):
                 select.props("dense outlined").classes("colours")
-            ui.switch(tr("Freeze"), value=False, on_change=lambda event: self.view.freeze(bool(event.value)))
-            ui.switch(tr("Clipping"), value=False, on_change=lambda event: self.view.mark_limits(bool(event.value)))
-            ui.switch(tr("Contact"), value=True, on_change=lambda event: self.view.overlay(bool(event.value)))
+            ui.switch("Freeze", value=False, on_change=lambda event: self.view.freeze(bool(event.value)))
+            ui.switch("Clipping", value=False, on_change=lambda event: self.view.mark_limits(bool(event.value)))
+            ui.switch("Contact", value=True, on_change=lambda event: self.view.overlay(bool(event.value)))
             ui.switch("3-D", value=False, on_change=self._three)
             ui.element("div").classes("spring")
-            alone = ui.button(icon="fullscreen").props(f'flat dense round aria-label="{tr("Full screen")}"')
+            alone = ui.button(icon="fullscreen").props('flat dense round aria-label="Full screen"')
             # What F does too; in the browser, where only a click may fill the screen.
             alone.on("click", js_handler="() => document.dispatchEvent(new CustomEvent('tsis-alone'))")
         self._ends = ui.range(min=0, max=255, step=1, value={"min": 0, "max": 255}, on_change=self._ranged)
-        self._ends.props(f'dense label aria-label="{tr("Grey levels of the colour range, of 255")}"')
+        self._ends.props('dense label aria-label="Grey levels of the colour range, of 255"')
         self._ends.set_visibility(False)
 
     def _ranged(self) -> None:
@@ -198,9 +197,9 @@ def examine_page(instrument: Instrument, viewer: kit.Viewer) -> None:
     with ui.element("div").classes("stack work-place"):
         order = WorkOrder(instrument, viewer, controls)
     with ui.element("div").classes("split examine"):
-        with ui.element("section").classes("stack").props(f'aria-label="{tr("Live image")}"'):
+        with ui.element("section").classes("stack").props('aria-label="Live image"'):
             live = LivePanel()
-        with ui.element("section").classes("stack").props(f'aria-label="{tr("Press, estimate and camera")}"'):
+        with ui.element("section").classes("stack").props('aria-label="Press, estimate and camera"'):
             with ui.element("div").classes("panel stack tight"):
                 press = PressPanel(instrument, viewer, controls)
                 with press.force_row:
@@ -210,7 +209,7 @@ def examine_page(instrument: Instrument, viewer: kit.Viewer) -> None:
                 controls.why()
             with ui.element("div").classes("panel under-tabs"):
                 with ui.tabs().props("dense no-caps align=left") as tabs:
-                    reported, set_up, recorded = (ui.tab(tr(name)) for name in ("Estimate", "Settings", "Sequence"))
+                    reported, set_up, recorded = (ui.tab(name) for name in ("Estimate", "Settings", "Sequence"))
                 with ui.tab_panels(tabs, value=reported).props("keep-alive").classes("plain-panels"):
                     with ui.tab_panel(reported):
                         estimate = EstimatePanel(instrument, viewer, saved)
@@ -242,14 +241,14 @@ class PressPanel:
         self._instrument, self._viewer, self._saving = instrument, viewer, False
         with ui.element("div").classes("row"):
             self._run = kit.RunButton(instrument, viewer)
-            self._save = kit.button(tr("Snapshot"), self.snapshot, icon="photo_camera", look="unelevated")
+            self._save = kit.button("Snapshot", self.snapshot, icon="photo_camera", look="unelevated")
             with ui.element("div").classes("stepper"):
-                back = self._stepper("remove", tr("Previous target"), -1)
+                back = self._stepper("remove", "Previous target", -1)
                 self._target = kit.NumberField(viewer, "Target", self._set_target)
-                on = self._stepper("add", tr("Next target"), 1)
+                on = self._stepper("add", "Next target", 1)
         with ui.element("div").classes("row"):
             choice = ui.toggle({}, value=None).props("unelevated toggle-color=primary").classes("roles")
-            choice.props(f'role=group aria-label="{tr("Pressed on")}"')
+            choice.props('role=group aria-label="Pressed on"')
             self._role = kit.ChoiceField(viewer, choice, lambda role: instrument.hold(role=role, by=viewer.identity))
         with ui.element("div").classes("row") as self.force_row:
             self._force = kit.NumberField(
@@ -266,7 +265,7 @@ class PressPanel:
         self._run.show(state.camera, main=main == "camera")
         kit.set_filled(self._save, main in TO_PRESS)
         self._target.show(state.target)
-        self._role.show(state.role, {role: tr(ROLE_NAMES[role]) for role in state.roles})
+        self._role.show(state.role, {role: ROLE_NAMES[role] for role in state.roles})
         self._force.show(state.force_n)
 
     async def snapshot(self) -> None:
@@ -302,12 +301,10 @@ class PressPanel:
 def snapshot_text(saved: SavedPress) -> str:
     """Text of a snapshot."""
     press = saved.press
-    against = tr("; flagged {flags}", flags=", ".join(press.flags)) if press.flags else ""
+    against = f"; flagged {', '.join(press.flags)}" if press.flags else ""
     notes = "".join(f" {note}." for note in saved.notes)
-    role, force = tr(ROLE_NAMES[press.role]), tr(kit.force_text(press.force_n))
-    return (
-        tr("Saved for target {number}: {press}.", number=saved.target.number, press=f"{role}, {force}{against}") + notes
-    )
+    role, force = ROLE_NAMES[press.role], kit.force_text(press.force_n)
+    return f"Saved for target {saved.target.number}: {role}, {force}{against}." + notes
 
 
 SECONDS, FRAMES = "seconds", "frames"
@@ -321,17 +318,15 @@ class SequencePanel:
         self._instrument, self._viewer = instrument, viewer
         with ui.element("div").classes("row"):
             self._length = kit.unit_field("Length", kit.number_text_of_field(FIRST_LENGTH)).classes("number-field")
-            self._unit = ui.toggle({SECONDS: tr(SECONDS), FRAMES: tr(FRAMES)}, value=SECONDS).props(
+            self._unit = ui.toggle({SECONDS: SECONDS, FRAMES: FRAMES}, value=SECONDS).props(
                 "unelevated toggle-color=primary"
             )
-            self._unit.props(f'role=group aria-label="{tr("Unit of the length")}"')
-            self._begin = kit.button(tr("Record"), self._record, icon="fiber_manual_record")
-            self._end = kit.button(tr("Stop recording"), viewer.command(instrument.end_sequence), icon="stop")
-        self._bar = kit.ProgressBar(tr("Progress of the sequence"))
+            self._unit.props('role=group aria-label="Unit of the length"')
+            self._begin = kit.button("Record", self._record, icon="fiber_manual_record")
+            self._end = kit.button("Stop recording", viewer.command(instrument.end_sequence), icon="stop")
+        self._bar = kit.ProgressBar("Progress of the sequence")
         self._message = kit.status("muted wordy")
-        kit.muted(
-            tr("Every frame is saved unchanged in the workspace; the recording continues when this page is closed.")
-        )
+        kit.muted("Every frame is saved unchanged in the workspace; the recording continues when this page is closed.")
         controls.add(self._length, self._unit, self._begin, self._end)
 
     def show(self, state: InstrumentState) -> None:
@@ -360,5 +355,5 @@ def sequence_text(sequence: JobState | None) -> str:
         return ""
     if sequence.running:
         fraction = f": {sequence.fraction:.0%}" if sequence.total else ""
-        return tr("Recording {what}", what=sequence.title) + fraction
+        return f"Recording {sequence.title}" + fraction
     return f"{sequence.title.capitalize()}: {sequence.sentence}"

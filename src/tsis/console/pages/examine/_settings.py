@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 from nicegui import ui
 
 from tsis.console.pages import components as kit
-from tsis.console.pages.components import tr
 from tsis.instrument import PRESETS
 
 if TYPE_CHECKING:
@@ -37,7 +36,7 @@ class SettingLine:
         text = setting_label(setting.name)
         with ui.element("div").classes("setting"):
             ends = f"{setting.low:g} to {setting.high:.4g} {setting.unit}".strip()
-            about = tr("{setting} of the camera: {ends}.", setting=tr(text), ends=ends)
+            about = f"{text} of the camera: {ends}."
             self._field = kit.NumberField(viewer, text, adjust, about=about, unit=setting.unit)
             controls.add(self._field.element)
             if math.isfinite(setting.low) and math.isfinite(setting.high) and setting.low < setting.high:
@@ -92,10 +91,10 @@ class SettingsPanel:
         with ui.element("div").classes("row"):
             for name in PRESETS:
                 act = viewer.command(instrument.preset, name)
-                with controls.add(kit.button(tr(name.capitalize()), act, look="outline dense")):
-                    ui.tooltip(tr(PRESET_TEXTS[name]))
+                with controls.add(kit.button(name.capitalize(), act, look="outline dense")):
+                    ui.tooltip(PRESET_TEXTS[name])
         self._container = kit.Redrawn(ui.element("div").classes("settings"))
-        self._none = kit.muted(tr("Start the camera to adjust it."))
+        self._none = kit.muted("Start the camera to adjust it.")
 
     def show(self, state: InstrumentState) -> None:
         """Show the camera's settings."""
@@ -110,7 +109,7 @@ class SettingsPanel:
                     for setting in settings
                 }
         self._none.set_visibility(not settings)
-        self._none.text = tr("The camera is away.") if state.camera.lost else tr("Start the camera to adjust it.")
+        self._none.text = "The camera is away." if state.camera.lost else "Start the camera to adjust it."
         for setting in settings:
             self._lines[setting.name].show(setting.value)
 

@@ -10,7 +10,6 @@ from nicegui import ui
 from tsis.calibration import apply_calibration
 from tsis.catalog import load_probe
 from tsis.console.pages import components as kit
-from tsis.console.pages.components import tr
 from tsis.console.services import newest_presses
 from tsis.hardness import build_contact_table
 from tsis.records.importing import target_by_number
@@ -119,9 +118,9 @@ class HardnessPanel:
         page, sources = built
         with self._panel.element:
             with kit.title_row(page.title):
-                ui.link(tr("Report and export of target {number}", number=saved.number), f"/records/{saved.number}")
+                ui.link(f"Report and export of target {saved.number}", f"/records/{saved.number}")
             if not saved.is_current:
-                ui.label(tr("New presses were saved: estimate again to include them.")).classes("doubtful")
+                ui.label("New presses were saved: estimate again to include them.").classes("doubtful")
             with ui.element("div").classes("hardness-report"):
                 with ui.element("div").classes("stack"):
                     kit.cards(page.cards)

@@ -10,7 +10,6 @@ from nicegui import run, ui
 from tsis.catalog import list_spheres, load_probe
 from tsis.console.live import LiveView
 from tsis.console.pages import components as kit
-from tsis.console.pages.components import tr
 from tsis.console.pages.examine import snapshot_text
 from tsis.console.pages.hardness._flow import (
     BALL,
@@ -44,20 +43,18 @@ class ObjectPart:
         self._instrument, self._viewer = instrument, viewer
         self._filled: object = None
         with ui.element("div").classes("panel stack tight"):
-            with kit.title_row(tr("1  Object")):
+            with kit.title_row("1  Object"):
                 self._target = ui.label().classes("chip")
             with ui.element("div").classes("row") as self._virtual:
                 spheres = list(list_spheres())
                 self._sphere = kit.select_field(spheres, value=spheres[0], label="Virtual sphere")
                 self._sphere.classes("hardness-sphere")
                 self._lay = controls.add(
-                    kit.button(
-                        tr("Place it under the probe"), self._laid, icon="vertical_align_bottom", look="unelevated"
-                    )
+                    kit.button("Place it under the probe", self._laid, icon="vertical_align_bottom", look="unelevated")
                 )
             with ui.element("div").classes("row") as self._real:
                 self._name = kit.muted()
-                controls.add(kit.button(tr("Another object"), self._another, icon="add"))
+                controls.add(kit.button("Another object", self._another, icon="add"))
             with ui.element("div").classes("row") as self._size:
                 self.radius_field = kit.unit_field("Radius of the object", unit="mm").classes("hardness-number")
                 self.sd_field = kit.unit_field("Its standard uncertainty", unit="mm").classes("hardness-number")
@@ -69,19 +66,15 @@ class ObjectPart:
         self._virtual.set_visibility(choice.is_virtual)
         self._real.set_visibility(not choice.is_virtual)
         self._name.text = state.camera.name or kit.camera_line(state)
-        self._target.text = tr("target {number}", number=state.target)
+        self._target.text = f"target {state.target}"
         subject = self._instrument.camera_controller.subject
         written = None if subject is None else subject.written_radius_mm
         self._size.set_visibility(written is not None or not choice.is_virtual)
         if written is not None:
             self._fill((choice, written), written, RADIUS_SD_MM)
-            self._message.text = tr(
-                "{object} is under {probe}; its radius was measured with a calliper.",
-                object=choice.phantom,
-                probe=choice.probe,
-            )
+            self._message.text = f"{choice.phantom} is under {choice.probe}; its radius was measured with a calliper."
         elif not choice.is_virtual:
-            self._message.text = tr("Leave both empty if unknown; the intervals are then wider.")
+            self._message.text = "Leave both empty if unknown; the intervals are then wider."
             options = {} if saved.estimate is None else saved.estimate.options
             if "radius_mm" in options:  # as it was typed for the last estimate
                 self._fill((choice, saved.number), options["radius_mm"], options.get("radius_sd_mm"))
@@ -141,23 +134,23 @@ class PressPart:
         self._gauge = False
         self._offered = FORCES_N[0]
         with ui.element("div").classes("panel stack tight"):
-            kit.panel_title(tr("2  Presses"))
+            kit.panel_title("2  Presses")
             self._list = kit.Redrawn(ui.element("ol").classes("hardness-presses"))
-            self._none = kit.muted(tr("None yet; {count} at different forces are best.", count=PRESSES))
+            self._none = kit.muted(f"None yet; {PRESSES} at different forces are best.")
             with ui.element("div").classes("row") as self._row:
                 self._force = kit.unit_field("Force", FORCES_N[0], unit="N").classes("hardness-number")
                 self._press = controls.add(
-                    kit.button(tr("Press and save"), lambda: self._save(TARGET), icon="photo_camera", look="unelevated")
+                    kit.button("Press and save", lambda: self._save(TARGET), icon="photo_camera", look="unelevated")
                 )
-            self._extra = ui.expansion(tr("Rigid ball, for a soft probe")).props("dense").classes("hardness-ball")
+            self._extra = ui.expansion("Rigid ball, for a soft probe").props("dense").classes("hardness-ball")
             with self._extra:
-                kit.muted(tr("A rigid ball shows how much the probe itself yields."))
+                kit.muted("A rigid ball shows how much the probe itself yields.")
                 with ui.element("div").classes("row"):
                     self.ball_mm = kit.unit_field("Radius of the ball", kit.number_text_of_field(BALL_MM), unit="mm")
                     self._ball_force = kit.unit_field("Force on the ball", FORCES_N[0], unit="N")
                     for field in (self.ball_mm, self._ball_force):
                         field.classes("hardness-number")
-                    self._ball = controls.add(kit.button(tr("Press the ball and save"), lambda: self._save(BALL)))
+                    self._ball = controls.add(kit.button("Press the ball and save", lambda: self._save(BALL)))
 
     def show(self, state: InstrumentState) -> None:
         """Ask for forces where there is no gauge."""
@@ -225,8 +218,8 @@ class Estimating:
     def __init__(self, instrument: Instrument, viewer: kit.Viewer, measured: ObjectPart, presses: PressPart) -> None:
         self._instrument, self._viewer, self._object, self._presses = instrument, viewer, measured, presses
         with ui.element("div").classes("panel stack tight"):
-            with kit.title_row(tr("3  Estimate")):
-                self._button = kit.button(tr("Estimate"), self._begin, icon="analytics", look="unelevated")
+            with kit.title_row("3  Estimate"):
+                self._button = kit.button("Estimate", self._begin, icon="analytics", look="unelevated")
             self._bar = kit.ProgressBar("Progress of the estimate")
             self._message = kit.status()
 

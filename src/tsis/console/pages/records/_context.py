@@ -12,7 +12,6 @@ from nicegui import ui
 from tsis.calibration.guard import GUARD_FLAGS
 from tsis.console.files import target_of
 from tsis.console.pages import components as kit
-from tsis.console.pages.components import tr
 from tsis.console.services import DONE
 from tsis.errors import TsisError
 from tsis.report import FORM_LABELS, MASKED
@@ -161,13 +160,13 @@ async def follow_job(
         ui.label(job.title)
         bar = kit.ProgressBar(job.title)
         count = kit.muted()
-        kit.button(tr("Cancel"), job.end, look="outline dense")
+        kit.button("Cancel", job.end, look="outline dense")
 
     def refresh() -> None:
         state = job.state()
         if state.running:
             bar.show(state)
-            count.text = tr("{done} of {total}", done=state.done, total=state.total) if state.total else tr("under way")
+            count.text = f"{state.done} of {state.total}" if state.total else "under way"
             return
         timer.cancel()
         place.clear()
@@ -192,20 +191,20 @@ PAGE = "Contains what the report shows; of a subject only the pseudonym."
 
 def export_button(page: TargetContext, view: TargetView) -> None:
     """A button that asks for the form, and downloads the file."""
-    kit.button(tr("Export"), lambda: _ask(page, view), icon="download", look="outline dense")
+    kit.button("Export", lambda: _ask(page, view), icon="download", look="outline dense")
 
 
 def _ask(page: TargetContext, view: TargetView) -> None:
-    with kit.open_dialog(page.dialogs, tr("Export target {number}", number=view.target.number)) as dialog:
+    with kit.open_dialog(page.dialogs, f"Export target {view.target.number}") as dialog:
         form = kit.select_field(FORM_LABELS, value="csv", label="Form", on_change=lambda: explain())
         meant = kit.muted()
-        identified = ui.switch(tr(IDENTIFIED), value=False).props("dense")
+        identified = ui.switch(IDENTIFIED, value=False).props("dense")
         waiting = ui.linear_progress(show_value=False).props('indeterminate aria-label="writing the file"')
         waiting.set_visibility(False)
 
         def explain() -> None:
             masked = form.value in MASKED
-            meant.text = tr(PAGE if form.value in ("html", "pdf") else MEANT[masked])
+            meant.text = PAGE if form.value in ("html", "pdf") else MEANT[masked]
             identified.set_visibility(masked)
 
         async def begin() -> None:
@@ -214,7 +213,7 @@ def _ask(page: TargetContext, view: TargetView) -> None:
             button.disable()
             address = f"/files/export/{view.target.number}/{form.value}" + ("?identified=true" if with_names else "")
             if await fetch_file(page.viewer, address):
-                page.viewer.notify(tr("Exported as {form}: the browser saves the file.", form=form.value))
+                page.viewer.notify(f"Exported as {form.value}: the browser saves the file.")
                 dialog.close()
             waiting.set_visibility(False)
             button.enable()

@@ -11,7 +11,6 @@ from nicegui import run, ui
 
 from tsis.calibration.guard import GUARD_FLAGS
 from tsis.console.pages import components as kit
-from tsis.console.pages.components import tr
 from tsis.console.pages.records._context import fault_of, flags_of
 from tsis.errors import StaleRecordError
 from tsis.records import DAMAGED, ROLE_NAMES, parse_force, parse_truth
@@ -158,8 +157,8 @@ class Editing(ABC, Generic[Record]):
             for difference in result.differences or ("Your fields are unchanged; another field has changed.",):
                 ui.label(difference)
             with ui.element("div").classes("row"):
-                kit.button(tr("Discard my changes"), lambda: self._fill(result.record), look="outline dense")
-                kit.button(tr("Overwrite with mine"), overwrite, look="outline dense")
+                kit.button("Discard my changes", lambda: self._fill(result.record), look="outline dense")
+                kit.button("Overwrite with mine", overwrite, look="outline dense")
 
 
 LARGE_PX = 768
@@ -167,7 +166,7 @@ LARGE_PX = 768
 
 def open_press(page: TargetContext, view: TargetView, press: StoredPress) -> None:
     """Show a press in a dialog."""
-    title = tr("Press {press}", press=kit.press_label(press))
+    title = f"Press {kit.press_label(press)}"
     with (
         kit.open_dialog(page.dialogs, title, style="dialog-card wide") as dialog,
         ui.element("div").classes("press-large"),
@@ -223,7 +222,7 @@ class _PressEditing(Editing["StoredPress"]):
         ).props("use-chips")
         self._note = kit.text_area("Note").props("autogrow")
         self._fields = {"force": self._force, "note": self._note}
-        kit.muted(tr("After a change of force or role, recompute the estimates."))
+        kit.muted("After a change of force or role, recompute the estimates.")
 
     def _show(self, record: StoredPress) -> None:
         self._role.value, self._note.value = record.role, record.note
@@ -255,14 +254,14 @@ def about_target(page: TargetContext, view: TargetView) -> None:
     target = view.target
 
     def edit() -> None:
-        with kit.open_dialog(page.dialogs, tr("Edit target {number}", number=target.number)) as dialog:
+        with kit.open_dialog(page.dialogs, f"Edit target {target.number}") as dialog:
             _TargetEditing(page, target, dialog, leave="Cancel")
 
-    with kit.title_row(tr("About this target"), level=3):
-        kit.button(tr("Edit"), edit, icon="edit", look="outline dense")
+    with kit.title_row("About this target", level=3):
+        kit.button("Edit", edit, icon="edit", look="outline dense")
         if view.state is None:
-            kit.button(tr("Archive"), lambda: _set_state(page, target, ARCHIVED), icon="archive", look="outline dense")
-            kit.button(tr("Delete"), lambda: _delete(page, target), icon="delete", look="outline dense")
+            kit.button("Archive", lambda: _set_state(page, target, ARCHIVED), icon="archive", look="outline dense")
+            kit.button("Delete", lambda: _delete(page, target), icon="delete", look="outline dense")
     rows = {
         "name": target.name or "none",
         "note": "not shown of a subject" if view.private else target.note or "none",
@@ -287,13 +286,13 @@ def state_banner(page: TargetContext, view: TargetView) -> None:
         message = f"Deleted on {state.since:%Y-%m-%d}. It can be restored until {until:%Y-%m-%d}, and is erased then."
     with ui.element("div").classes("row conflict").props('role="status"'):
         ui.label(message).classes("flag" if state.name == DELETED else "strong")
-        kit.button(tr("Restore"), lambda: _set_state(page, view.target, ""), icon="undo", look="outline dense")
+        kit.button("Restore", lambda: _set_state(page, view.target, ""), icon="undo", look="outline dense")
 
 
 async def _set_state(page: TargetContext, target: Target, state: str) -> None:
     if await page.viewer.attempt(lambda: (page.instrument.store.set_state(target, state), True)) is None:
         return
-    page.viewer.notify(tr("Target {number} is {state}.", number=target.number, state=state or "restored"))
+    page.viewer.notify(f"Target {target.number} is {state or 'restored'}.")
     await page.load()
 
 

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 from nicegui import ui
 
 from tsis.console.pages import components as kit
-from tsis.console.pages.components import tr
 from tsis.console.pages.records._context import follow_job, follow_store
 from tsis.errors import FileInputError, InputError
 from tsis.records.export.bundle import read_bundle
@@ -114,7 +113,7 @@ def target_listing(instrument: Instrument, viewer: kit.Viewer) -> None:
     """Build the list."""
     with ui.element("section").classes("panel stack"):
         with ui.element("div").classes("row"):
-            kit.panel_title(tr("Targets"))
+            kit.panel_title("Targets")
             count = kit.muted()
             ui.element("div").classes("spring")
             buttons = ui.element("div").classes("row")
@@ -143,11 +142,11 @@ class _TargetTable:
                 .props("dense outlined")
                 .classes("kind-choice")
             )
-        self._empty = kit.muted(tr(BEGIN))
+        self._empty = kit.muted(BEGIN)
         self._table = ui.table(
             rows=[],
             columns=[
-                {"name": name, "label": tr(label), "field": name, "align": align, "sortable": True}
+                {"name": name, "label": label, "field": name, "align": align, "sortable": True}
                 for name, label, align in COLUMNS
             ],
             row_key="number",
@@ -169,7 +168,7 @@ class _TargetTable:
         targets = tuple(item for item in everything if item.state is None)
         presses = sum(target.presses for target in targets)
         kind = self._instrument.store.kind
-        of_kind = tr("phantoms" if kind == "phantom" else "subjects")
+        of_kind = "phantoms" if kind == "phantom" else "subjects"
         self._count.text = f"{kit.count_text(len(targets), 'target')} ({of_kind}), {kit.count_text(presses, 'press')}"
         self._empty.set_visibility(not everything)
         self._request.set_visibility(bool(everything))
@@ -223,10 +222,10 @@ TOO_LARGE = f"a bundle must be one zip file of at most {kit.LARGEST_MIB} MiB her
 
 def import_button(instrument: Instrument, viewer: kit.Viewer, place: ui.element) -> None:
     """A button that asks for a bundle, imports it, and shows the result in ``place``."""
-    with kit.titled_dialog(tr("Import a bundle")) as dialog:
-        kit.muted(tr(EXPLAINED))
+    with kit.titled_dialog("Import a bundle") as dialog:
+        kit.muted(EXPLAINED)
         upload = kit.one_file(viewer, "Zip file of a bundle", accept=".zip", refused=TOO_LARGE)
-        kit.button(tr("Close"), dialog.close, look="flat dense")
+        kit.button("Close", dialog.close, look="flat dense")
 
     async def uploaded(event: UploadEventArguments) -> None:
         upload.reset()
@@ -241,7 +240,7 @@ def import_button(instrument: Instrument, viewer: kit.Viewer, place: ui.element)
             remove()
 
     upload.on_upload(uploaded)
-    kit.button(tr("Import a bundle"), dialog.open, icon="upload_file", look="outline dense")
+    kit.button("Import a bundle", dialog.open, icon="upload_file", look="outline dense")
 
 
 async def _saved(event: UploadEventArguments, viewer: kit.Viewer) -> Path | None:
@@ -251,7 +250,7 @@ async def _saved(event: UploadEventArguments, viewer: kit.Viewer) -> Path | None
         folder = Path(tempfile.mkdtemp(prefix="tsis-import-"))
         await event.file.save(folder / BUNDLE)
     except OSError as error:
-        viewer.complain(tr("There is no space for a copy of the bundle: {reason}", reason=error.strerror or error))
+        viewer.complain(f"There is no space for a copy of the bundle: {error.strerror or error}")
         if folder is not None:
             shutil.rmtree(folder, ignore_errors=True)
         return None
@@ -268,9 +267,7 @@ def _import(instrument: Instrument, folder: Path, job: Job) -> ImportedTarget:
 def _show(imported: ImportedTarget) -> None:
     with ui.element("div").classes("row").props('role="status"'):
         ui.label(import_message(imported)).classes("good")
-        ui.link(
-            tr("Open target {number}", number=imported.target.number), f"/records/{imported.target.number}"
-        ).classes("link")
+        ui.link(f"Open target {imported.target.number}", f"/records/{imported.target.number}").classes("link")
 
 
 MOST_SHOWN = 100  # faults; a store that has more has one cause
@@ -287,7 +284,7 @@ def verify_button(instrument: Instrument, viewer: kit.Viewer, place: ui.element)
 
         await follow_job(viewer, place, verify, partial(_show_verification, place))
 
-    kit.button(tr("Verify the store"), begin, icon="verified_user", look="outline dense")
+    kit.button("Verify the store", begin, icon="verified_user", look="outline dense")
 
 
 BACKUP = (
@@ -300,8 +297,8 @@ def backup_button(instrument: Instrument, viewer: kit.Viewer, place: ui.element)
     """A button that asks for a folder, copies the store there, and shows the verification of the copy in ``place``."""
 
     def ask() -> None:
-        with kit.open_dialog(place, tr("Back up the store")) as dialog:
-            kit.muted(tr(BACKUP))
+        with kit.open_dialog(place, "Back up the store") as dialog:
+            kit.muted(BACKUP)
             folder = kit.text_field(
                 "New folder (absolute path)", value=str(instrument.store.folder.resolve()) + "-backup"
             )
@@ -320,7 +317,7 @@ def backup_button(instrument: Instrument, viewer: kit.Viewer, place: ui.element)
 
     with place:
         results = ui.element("div")
-    kit.button(tr("Back up"), ask, icon="save", look="outline dense")
+    kit.button("Back up", ask, icon="save", look="outline dense")
 
 
 def _whole_path(text: str) -> Path:
@@ -339,7 +336,7 @@ def _backup(instrument: Instrument, path: Path) -> Job:
 def _show_backup(place: ui.element, path: Path, verification: StoreVerification) -> None:
     _show_verification(place, verification)
     with place:
-        ui.label(tr("The backup is in {path}", path=path)).classes("good identity")
+        ui.label(f"The backup is in {path}").classes("good identity")
 
 
 def _show_verification(place: ui.element, verification: StoreVerification) -> None:
@@ -349,12 +346,7 @@ def _show_verification(place: ui.element, verification: StoreVerification) -> No
             for fault in verification.faults[:MOST_SHOWN]:
                 kit.list_message(fault, "doubtful")
         if len(verification.faults) > MOST_SHOWN:
-            ui.label(
-                tr(
-                    "and {count} more faults (tsis records verify shows all)",
-                    count=len(verification.faults) - MOST_SHOWN,
-                )
-            )
+            ui.label(f"and {len(verification.faults) - MOST_SHOWN} more faults (tsis records verify shows all)")
         for note in verification_notes(verification):
             ui.label(note).classes("muted identity")
-        kit.button(tr("Close"), place.clear, look="flat dense")
+        kit.button("Close", place.clear, look="flat dense")

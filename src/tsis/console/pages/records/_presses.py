@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 from nicegui import ui
 
 from tsis.console.pages import components as kit
-from tsis.console.pages.components import tr
 from tsis.console.pages.records._context import AT_ONCE, TargetView, flags_of, follow_job, read_target
 from tsis.console.pages.records._edit import open_press
 from tsis.records import ESTIMATES, ROLE_NAMES
@@ -64,18 +63,18 @@ class Presses:
     def _draw(self, view: TargetView) -> None:
         with self._sheet.element:
             with ui.element("div").classes("row"):
-                kit.panel_title(tr("Presses"), level=3)
+                kit.panel_title("Presses", level=3)
                 kit.muted(_range(view))
                 ui.element("div").classes("spring")
                 self._compare = kit.button(
-                    tr("Compare two"), lambda: self._page.compare(view), icon="compare", look="outline dense"
+                    "Compare two", lambda: self._page.compare(view), icon="compare", look="outline dense"
                 )
                 if view.total > AT_ONCE:
                     for text, icon, by in (("Earlier", "chevron_left", -AT_ONCE), ("Later", "chevron_right", AT_ONCE)):
-                        turn = kit.button(tr(text), partial(self._turn, by), icon=icon, look="outline dense")
+                        turn = kit.button(text, partial(self._turn, by), icon=icon, look="outline dense")
                         turn.set_enabled(0 <= view.offset + by < view.total)
             if not view.presses:
-                kit.muted(tr("Nothing recorded yet: snapshots on the page Examine become presses."))
+                kit.muted("Nothing recorded yet: snapshots on the page Examine become presses.")
             with ui.element("div").classes("presses"):
                 for press in view.presses:
                     self._press(press, view)
@@ -101,13 +100,13 @@ class Presses:
                 picture.on("error", lambda: _leave_out(frame), args=[])
             with ui.element("figcaption"):
                 with ui.element("div").classes("press-line"):
-                    ui.label(tr(ROLE_NAMES[press.role])).classes("press-role")
+                    ui.label(ROLE_NAMES[press.role]).classes("press-role")
                     ui.label(kit.force_text(press.force_n))
                 kit.muted(kit.time_label(press.taken))
                 for flag in flags:
                     ui.label(flag).classes("press-flag")
                 choose = ui.checkbox(
-                    tr("choose"), value=press.id in self.chosen, on_change=lambda event: self._choose(press, event)
+                    "choose", value=press.id in self.chosen, on_change=lambda event: self._choose(press, event)
                 )
                 choose.props("dense").props["aria-label"] = f"Choose the press {text}"
 
@@ -118,7 +117,7 @@ class Presses:
     def _show_count(self) -> None:
         if self._compare is not None:
             self._compare.set_enabled(len(self.chosen) == TWO)
-            self._compare.text = tr("Compare two ({count} chosen)", count=len(self.chosen))
+            self._compare.text = f"Compare two ({len(self.chosen)} chosen)"
 
 
 def _range(view: TargetView) -> str:
@@ -131,7 +130,7 @@ def _leave_out(frame: ui.element) -> None:
     """Show a message in place of a missing picture."""
     frame.clear()
     with frame:
-        ui.label(tr(NO_PICTURE)).classes("press-damaged")
+        ui.label(NO_PICTURE).classes("press-damaged")
 
 
 async def compare(page: TargetContext, view: TargetView, *, same_light: bool = False) -> None:
@@ -140,7 +139,7 @@ async def compare(page: TargetContext, view: TargetView, *, same_light: bool = F
     position.set_visibility(True)
     position.clear()
     with position:
-        ui.label(tr("Loading …")).classes("muted").props('role="status"')
+        ui.label("Loading …").classes("muted").props('role="status"')
     result = await page.viewer.attempt(_compared, page.instrument.store, view.target, chosen, same_light=same_light)
     position.clear()
     if result is None:
@@ -150,7 +149,7 @@ async def compare(page: TargetContext, view: TargetView, *, same_light: bool = F
     with position:
         with kit.title_row(content.title, level=3):
             ui.switch(
-                tr("match brightness"),
+                "match brightness",
                 value=same_light,
                 on_change=lambda event: compare(page, view, same_light=event.value),
             ).props("dense")
@@ -182,18 +181,18 @@ FRAME_EVERY_S = 0.2  # of a sequence that is played; the browser fetches each fr
 
 def play_sequence(place: ui.element, number: int, name: str, frames: int) -> None:
     """Play a recorded sequence of a target in a dialog: by itself, or frame by frame with the slider."""
-    with kit.open_dialog(place, tr("{name} of target {number}", name=name, number=number), style="dialog-card wide"):
+    with kit.open_dialog(place, f"{name} of target {number}", style="dialog-card wide"):
         picture = ui.element("img").classes("press-picture")
         with ui.element("div").classes("row"):
-            playing = ui.switch(tr("Play"), value=True)
+            playing = ui.switch("Play", value=True)
             slider = ui.slider(min=0, max=frames - 1, value=0).props("label").classes("sequence-slider")
-            slider.props["aria-label"] = tr("Frame")
+            slider.props["aria-label"] = "Frame"
             text = kit.muted()
 
         def show() -> None:
             at = int(slider.value)
             picture.props["src"] = f"/files/sequence/{number}/{name}/{at}.png"
-            picture.props["alt"] = text.text = tr("Frame {at} of {frames}", at=at + 1, frames=frames)
+            picture.props["alt"] = text.text = f"Frame {at + 1} of {frames}"
 
         def advance() -> None:
             if playing.value:
@@ -210,13 +209,13 @@ SHOWN_PRESSES, LARGEST_OFFSET = 6, 10**9  # of a comparison; the last page of pr
 def ask_to_compare(page: TargetContext, view: TargetView) -> None:
     """Ask for another target, and open both beside each other."""
     number = view.target.number
-    with kit.open_dialog(page.dialogs, tr("Compare target {number}", number=number)) as dialog:
+    with kit.open_dialog(page.dialogs, f"Compare target {number}") as dialog:
         other = kit.unit_field("Number of the other target", keys="numeric").props("autofocus")
 
         def go() -> None:
             text = (other.value or "").strip()
             if not text.isdecimal():
-                other.error = tr("Enter the number of the other target.")
+                other.error = "Enter the number of the other target."
                 return
             dialog.close()
             ui.navigate.to(f"/records/compare/{number}-{int(text[:20])}")
@@ -227,7 +226,7 @@ def ask_to_compare(page: TargetContext, view: TargetView) -> None:
 
 async def compare_targets(instrument: Instrument, viewer: kit.Viewer, pair: str) -> None:
     """Build the page of two targets beside each other: their estimates, true values and newest presses."""
-    ui.link(tr("All targets"), "/records").classes("link")
+    ui.link("All targets", "/records").classes("link")
     place = ui.element("div").classes("grid")
     for number in pair.split("-", 1):
         view = await viewer.attempt(read_target, instrument.store, number, LARGEST_OFFSET)
@@ -236,8 +235,8 @@ async def compare_targets(instrument: Instrument, viewer: kit.Viewer, pair: str)
         with place, ui.element("section").classes("panel stack") as part:
             part.props["aria-label"] = f"Target {view.target.number}"
             name = f": {view.target.name}" if view.target.name else ""
-            kit.panel_title(tr("Target {number}{name}", number=view.target.number, name=name)).classes("target-title")
-            ui.link(tr("Open"), f"/records/{view.target.number}").classes("link")
+            kit.panel_title(f"Target {view.target.number}{name}").classes("target-title")
+            ui.link("Open", f"/records/{view.target.number}").classes("link")
             truth = {parameter_label(key): value for key, value in view.target.truth.items()}
             facts = {f"true {label}": measure(value, unit) for (label, unit), value in truth.items()}
             kit.FactList().show({"presses": f"{view.total}", **facts}.items())
@@ -257,23 +256,23 @@ NONE_YET = "Nothing was estimated yet. Estimate needs presses that were taken un
 
 def estimates(view: TargetView) -> None:
     """Show the estimates in force, and what of the target is damaged."""
-    kit.panel_title(tr("Current estimates"), level=3)
+    kit.panel_title("Current estimates", level=3)
     result = newest_first(view.record)
     if result:
         kit.cards(target_cards(view.record))
     else:
-        kit.muted(tr(NONE_YET))
+        kit.muted(NONE_YET)
     with kit.message_list():
         for stored in result:
             for message in (*estimate_messages_of(stored), origin(stored)):
-                of_kind = tr("Of the {kind}: {message}", kind=tr(stored.kind), message=message)
+                of_kind = f"Of the {stored.kind}: {message}"
                 kit.list_message(of_kind if len(result) > 1 else message)
             if stored.estimate.flags:
-                kit.list_message(tr("Flags: {flags}", flags=", ".join(stored.estimate.flags)), "doubtful")
+                kit.list_message(f"Flags: {', '.join(stored.estimate.flags)}", "doubtful")
         for message in view.record.damaged:
-            kit.list_message(tr("Left out: {message}", message=message), "flag")
+            kit.list_message(f"Left out: {message}", "flag")
     if view.private:
-        kit.muted(tr(IDENTITY_NOTE))
+        kit.muted(IDENTITY_NOTE)
 
 
 def history(view: TargetView) -> None:
@@ -282,8 +281,8 @@ def history(view: TargetView) -> None:
     for item in result:
         kit.table(item)
     if not result:
-        kit.panel_title(tr("History"), level=3)
-        kit.muted(tr("No estimate yet."))
+        kit.panel_title("History", level=3)
+        kit.muted("No estimate yet.")
 
 
 NEWEST = "the newest press of each role and force"
@@ -291,17 +290,17 @@ NEWEST = "the newest press of each role and force"
 
 def estimate_button(page: TargetContext, view: TargetView) -> None:
     """A button that asks what to estimate from, and does it."""
-    kit.button(tr("Estimate"), lambda: _ask(page, view), icon="calculate", look="outline dense")
+    kit.button("Estimate", lambda: _ask(page, view), icon="calculate", look="outline dense")
 
 
 def _ask(page: TargetContext, view: TargetView) -> None:
     chosen, number, last = tuple(page.presses.chosen), view.target.number, view.record.estimate
     ways = {"newest": NEWEST, **({"chosen": f"the {count_of(len(chosen), 'press')} chosen below"} if chosen else {})}
-    with kit.open_dialog(page.dialogs, tr("Estimate target {number}", number=number)) as dialog:
+    with kit.open_dialog(page.dialogs, f"Estimate target {number}") as dialog:
         kind = kit.select_field(list(ESTIMATES), value=ESTIMATES[0] if last is None else last.kind, label="What")
         kind.props("outlined dense")
         way = ui.radio(ways, value="chosen" if chosen else "newest").props("dense")
-        kit.muted(tr("All presses must be of one probe under one calibration."))
+        kit.muted("All presses must be of one probe under one calibration.")
 
         async def begin() -> None:
             dialog.close()
@@ -313,7 +312,7 @@ def _ask(page: TargetContext, view: TargetView) -> None:
 
 
 def _show(_: StoredEstimate) -> None:
-    ui.label(tr("The estimate is stored and current.")).classes("good").props('role="status"')
+    ui.label("The estimate is stored and current.").classes("good").props('role="status"')
 
 
 EXPLAINED = (
@@ -324,17 +323,15 @@ EXPLAINED = (
 
 def recompute_button(page: TargetContext, view: TargetView) -> None:
     """A button that asks whether to store what comes out, and computes."""
-    button = kit.button(
-        tr("Recompute"), lambda: _ask_to_recompute(page, view), icon="restart_alt", look="outline dense"
-    )
+    button = kit.button("Recompute", lambda: _ask_to_recompute(page, view), icon="restart_alt", look="outline dense")
     button.set_enabled(bool(view.record.estimates))
 
 
 def _ask_to_recompute(page: TargetContext, view: TargetView) -> None:
     target = view.target
-    with kit.open_dialog(page.dialogs, tr("Recompute target {number}", number=target.number)) as dialog:
-        ui.label(tr(EXPLAINED))
-        dry = ui.switch(tr("dry run: show changes, store nothing"), value=False)
+    with kit.open_dialog(page.dialogs, f"Recompute target {target.number}") as dialog:
+        ui.label(EXPLAINED)
+        dry = ui.switch("dry run: show changes, store nothing", value=False)
 
         async def begin() -> None:
             dialog.close()
@@ -347,12 +344,10 @@ def _ask_to_recompute(page: TargetContext, view: TargetView) -> None:
 def _show_recomputation(page: TargetContext, recomputations: tuple[Recomputation, ...]) -> None:
     with ui.element("div").classes("outcome").props('role="status"'):
         for item in recomputations:
-            ui.label(tr("{kind}: {message}", kind=item.before.kind.capitalize(), message=item.message)).classes(
-                "good" if item.same else "doubtful"
-            )
+            ui.label(f"{item.before.kind.capitalize()}: {item.message}").classes("good" if item.same else "doubtful")
             for note in recomputation_notes(item):
                 kit.muted(note)
             if not item.same:
                 kit.table(shift_table(item))
                 ui.label(recomputation_message(item))
-        kit.button(tr("Close"), page.below.clear, look="flat dense")
+        kit.button("Close", page.below.clear, look="flat dense")

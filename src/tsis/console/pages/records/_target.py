@@ -9,7 +9,6 @@ from nicegui import run, ui
 
 from tsis.console.files import sequence_folders
 from tsis.console.pages import components as kit
-from tsis.console.pages.components import tr
 from tsis.console.pages.records._context import TargetView, export_button, follow_store, read_target
 from tsis.console.pages.records._edit import about_target, state_banner
 from tsis.console.pages.records._presses import (
@@ -35,16 +34,16 @@ def target_buttons(page: TargetContext, view: TargetView) -> None:
     """Show the name of the target, the way back, and the buttons."""
     target = view.target
     name = f": {target.name}" if target.name else ""
-    ui.link(tr("All targets"), "/records").classes("link")
+    ui.link("All targets", "/records").classes("link")
     title = "Subject, target {number}{name}" if view.private else "Target {number}{name}"
-    kit.panel_title(tr(title, number=target.number, name=name)).classes("target-title")
+    kit.panel_title(title.format(number=target.number, name=name)).classes("target-title")
     ui.element("div").classes("spring")
     estimate_button(page, view)
     recompute_button(page, view)
-    kit.button(tr("Compare"), lambda: ask_to_compare(page, view), icon="compare_arrows", look="outline dense")
+    kit.button("Compare", lambda: ask_to_compare(page, view), icon="compare_arrows", look="outline dense")
     export_button(page, view)
-    ui.link(tr("Report"), f"/files/report/{target.number}.html", new_tab=True).classes("link button")
-    ui.link(tr("PDF"), f"/files/report/{target.number}.pdf").classes("link button").props("download")
+    ui.link("Report", f"/files/report/{target.number}.html", new_tab=True).classes("link button")
+    ui.link("PDF", f"/files/report/{target.number}.pdf").classes("link button").props("download")
 
 
 def show_target(instrument: Instrument, viewer: kit.Viewer, number: str) -> None:
@@ -54,25 +53,25 @@ def show_target(instrument: Instrument, viewer: kit.Viewer, number: str) -> None
 
 def sequences(workspace: Path, number: int, dialogs: ui.element) -> None:
     """The recorded sequences of a target: played here, or downloaded as a zip file of frames, index and report."""
-    kit.panel_title(tr("Sequences"))
+    kit.panel_title("Sequences")
     found = sequence_folders(workspace, number)
     if not found:
-        kit.muted(tr("No sequence yet: record one on the page Examine."))
+        kit.muted("No sequence yet: record one on the page Examine.")
         return
-    with kit.rows_under((tr("Sequence"), tr("Frames"), ""), label=f"Sequences of target {number}"):
+    with kit.rows_under(("Sequence", "Frames", ""), label=f"Sequences of target {number}"):
         for name, frames in found.items():
             with ui.element("tr"):
                 kit.cell(name)
                 kit.cell(f"{frames:,}")
                 with ui.element("td"), ui.element("div").classes("row"):
                     play = kit.button(
-                        tr("Play"),
+                        "Play",
                         partial(play_sequence, dialogs, number, name, frames),
                         look="outline dense",
                         label=f"Play {name}",
                     )
                     play.set_visibility(frames > 0)
-                    link = ui.link(tr("Download"), f"/files/sequence/{number}/{name}.zip").classes("link")
+                    link = ui.link("Download", f"/files/sequence/{number}/{name}.zip").classes("link")
                     link.props["aria-label"] = f"Download {name}"
 
 
@@ -140,9 +139,9 @@ class TargetPage:
         self._head.changes_to(None)
         self._head.element.clear()
         with self._head.element:
-            kit.panel_title(tr("Target"))
+            kit.panel_title("Target")
             ui.label(message).classes("flag").props('role="alert"')
-            ui.link(tr("All targets"), "/records").classes("link")
+            ui.link("All targets", "/records").classes("link")
 
     async def compare(self, view: TargetView) -> None:
         """Show the two chosen presses beside each other."""

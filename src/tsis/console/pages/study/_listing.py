@@ -12,7 +12,6 @@ from nicegui import ui
 from tsis.__about__ import LARGEST_SEED
 from tsis.catalog import list_probes
 from tsis.console.pages import components as kit
-from tsis.console.pages.components import tr
 from tsis.console.pages.study._context import name_in, who_field
 from tsis.console.studies import StudyRepository
 from tsis.errors import InputError
@@ -40,8 +39,8 @@ class CodeTable:
         self._view: StudyView | None = None
         self._result: StudyResult | None = None
         self._sheet, self._size, self._total = 1, SHEETS[0], 0
-        kit.panel_title(tr("Targets"))
-        with ui.element("div").classes("study-codes").props(f'tabindex=0 role=region aria-label="{tr("Targets")}"'):
+        kit.panel_title("Targets")
+        with ui.element("div").classes("study-codes").props('tabindex=0 role=region aria-label="Targets"'):
             self._table = ui.table(rows=[], columns=[], row_key="number", pagination=self._pages())
         self._table.on("request", self._requested)
         kit.sheets_of_targets(self._table, SHEETS, self._pages)
@@ -208,7 +207,7 @@ def study_listing(instrument: Instrument, viewer: kit.Viewer) -> None:
     """Build the page."""
     repository = StudyRepository(instrument.terms.workspace)
     with ui.element("div").classes("split"):
-        with kit.panel(tr("Studies")):
+        with kit.panel("Studies"):
             studies = ui.element("div").classes("scroll")
         with ui.element("section").classes("panel stack"):
             _NewStudy(repository, viewer)
@@ -231,7 +230,7 @@ def study_listing(instrument: Instrument, viewer: kit.Viewer) -> None:
 
 def _show(summaries: tuple[StudySummary, ...]) -> None:
     if not summaries:
-        kit.muted(tr(NONE_YET))
+        kit.muted(NONE_YET)
         return
     with kit.rows_under(HEADINGS, label="Studies"):
         for item in summaries:
@@ -246,9 +245,7 @@ def _show(summaries: tuple[StudySummary, ...]) -> None:
                     ui.link(item.name, f"/study/{item.name}").classes("link")
                 kit.cell(str(item.targets))
                 kit.cell(str(item.readings))
-                kit.cell(tr("unblinded {when}", when=item.unblinded) if item.unblinded else tr("blinded")).classes(
-                    "wordy"
-                )
+                kit.cell(f"unblinded {item.unblinded}" if item.unblinded else "blinded").classes("wordy")
 
 
 class _NewStudy:
@@ -257,7 +254,7 @@ class _NewStudy:
     def __init__(self, repository: StudyRepository, viewer: kit.Viewer) -> None:
         self._repository, self._viewer = repository, viewer
         start = StudyDraft()
-        kit.panel_title(tr("New study"))
+        kit.panel_title("New study")
         with ui.element("div").classes("study-fields"):
             name = kit.unit_field("Name", keys="text").props("maxlength=200")
             self._who = who_field(viewer, "Made by")
@@ -293,12 +290,12 @@ class _NewStudy:
         for field in (present, blank, forces, repeats):
             field.on_value_change(self._count)
         threshold.props["hint"] = "probability, 0 to 1"
-        self._reference = ui.checkbox(tr("Reference presses on tissue nearby"), value=start.with_reference)
+        self._reference = ui.checkbox("Reference presses on tissue nearby", value=start.with_reference)
         self._reference.on_value_change(self._count)
-        kit.muted(tr(MEANT))
+        kit.muted(MEANT)
         self._size = kit.muted()
         with ui.element("div").classes("row"):
-            self._button = kit.button(tr("Create the study"), self._make, icon="add", look="unelevated")
+            self._button = kit.button("Create the study", self._make, icon="add", look="unelevated")
             self._bar = ui.linear_progress(0.0, show_value=False, size="6px").props(
                 'aria-label="Progress of the study"'
             )
@@ -330,8 +327,8 @@ class _NewStudy:
         if size.readings <= LARGE:
             await self._made(draft)
             return
-        with kit.open_dialog(self._dialogs, tr("A large study")) as dialog:
-            ui.label(tr("{size} The targets are fixed once the study is created.", size=size.text()))
+        with kit.open_dialog(self._dialogs, "A large study") as dialog:
+            ui.label(f"{size.text()} The targets are fixed once the study is created.")
 
             async def confirmed() -> None:
                 dialog.close()

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from nicegui import ui
 
 from tsis.console.pages import components as kit
-from tsis.console.pages.components import tr
 from tsis.console.pages.study._context import name_in, study_result, who_field
 from tsis.console.studies import begin_publishing, begin_reading, job_of, unread
 from tsis.files import one_line
@@ -39,25 +38,25 @@ class Outcome:
         self._panel.set_visibility(True)
         self._panel.clear()
         with self._panel:
-            ui.label(tr("Comparing the readings with the truth ...")).classes("muted").props('role="status"')
+            ui.label("Comparing the readings with the truth ...").classes("muted").props('role="status"')
         result = await self._page.viewer.attempt(study_result, view.study)
         self._panel.clear()
         with self._panel:
             self._head(view)
             if result is None:
-                ui.label(tr("The results cannot be read; Verify shows the cause.")).classes("flag")
+                ui.label("The results cannot be read; Verify shows the cause.").classes("flag")
             else:
                 self._body(result)
         return result
 
     def _head(self, view: StudyView) -> None:
-        with kit.title_row(tr("Results of the study")):
+        with kit.title_row("Results of the study"):
             if view.reported:
                 position = f"/files/study/{self._page.name}/report"
-                ui.link(tr("Report"), f"{position}.html", new_tab=True).classes("link button")
-                ui.link(tr("PDF"), f"{position}.pdf").classes("link button").props("download")
+                ui.link("Report", f"{position}.html", new_tab=True).classes("link button")
+                ui.link("PDF", f"{position}.pdf").classes("link button").props("download")
             else:
-                kit.muted(tr("No report yet: Analyse again creates it."))
+                kit.muted("No report yet: Analyse again creates it.")
 
     def _body(self, result: StudyResult) -> None:
         kit.cards(result.page.cards)
@@ -65,7 +64,7 @@ class Outcome:
             if result.curves:
                 kit.figure(result.page.pictures[0], result.curves)
             with ui.element("div"):
-                kit.panel_title(tr("Notes"), level=3)
+                kit.panel_title("Notes", level=3)
                 with ui.element("div").classes("wordy"):
                     kit.message_list(result.page.notes)
 
@@ -87,12 +86,12 @@ class Unblinding:
         self._dialog: ui.dialog | None = None
         self._who: ui.input | None = None
         self._container = ui.element("div")
-        self._button = kit.button(tr("Unblind and analyse"), self._clicked, icon="visibility", look="outline dense")
+        self._button = kit.button("Unblind and analyse", self._clicked, icon="visibility", look="outline dense")
 
     async def show(self, view: StudyView) -> None:
         """Say what a click would do; an open dialog is asked anew, since it told of the study before."""
         self._blind = view.study.unblinded is None
-        self._button.text = tr("Unblind and analyse" if self._blind else "Analyse again")
+        self._button.text = "Unblind and analyse" if self._blind else "Analyse again"
         if self._dialog is not None and not self._dialog.is_deleted and self._dialog.value:
             who = "" if self._who is None else self._who.value or ""
             self._dialog.delete()
@@ -112,31 +111,20 @@ class Unblinding:
     def _confirm(self, study: Study, verification: StudyVerification) -> None:
         page, left = self._page, unread(study)
         blind = study.unblinded is None
-        title = tr("Unblind study {name}" if blind else "Analyse study {name}", name=study.plan.name)
+        title = ("Unblind study {name}" if blind else "Analyse study {name}").format(name=study.plan.name)
         with kit.open_dialog(self._container, title, style="dialog-card study-dialog") as dialog:
             self._dialog = dialog
             if blind:
-                ui.label(
-                    tr(
-                        "{meant} The study has {readings}.",
-                        meant=MEANT,
-                        readings=count_of(len(study.readings), "reading"),
-                    )
-                )
+                ui.label(f"{MEANT} The study has {count_of(len(study.readings), 'reading')}.")
             if verification.faults:
-                ui.label(tr(FAULTY)).classes("flag")
+                ui.label(FAULTY).classes("flag")
                 kit.message_list(str(fault) for fault in verification.faults[:MOST_SHOWN])
-            although = ui.checkbox(tr("even if incomplete")).props("dense")
+            although = ui.checkbox("even if incomplete").props("dense")
             although.set_visibility(blind and bool(left))
             if blind:
                 for device, lacking in left:
                     ui.label(
-                        tr(
-                            "{device} has not read {lacking} of {targets}.",
-                            device=device,
-                            lacking=lacking,
-                            targets=count_of(len(study.plan.codes), "target"),
-                        )
+                        f"{device} has not read {lacking} of {count_of(len(study.plan.codes), 'target')}."
                     ).classes("flag")
             self._who = who = who_field(page.viewer, "Done by")
 
@@ -178,26 +166,21 @@ def verify_button(page: StudyContext, place: ui.element) -> None:
 
     def show(verification: StudyVerification, head: str) -> None:
         with ui.element("section").classes("outcome").props('role="status"'):
-            kit.panel_title(tr("Verification"), level=3)
+            kit.panel_title("Verification", level=3)
             ui.label(verdict(verification)).classes("good" if verification.sound else "flag")
             with kit.message_list():
                 for fault in verification.faults[:MOST_FAULTS_SHOWN]:
                     kit.list_message(str(fault), "doubtful")
             if len(verification.faults) > MOST_FAULTS_SHOWN:
-                ui.label(
-                    tr(
-                        "and {count} more (tsis study verify shows all)",
-                        count=len(verification.faults) - MOST_FAULTS_SHOWN,
-                    )
-                )
-            ui.label(tr("Head of the log: {head}", head=verification.head)).classes("muted identity")
+                ui.label(f"and {len(verification.faults) - MOST_FAULTS_SHOWN} more (tsis study verify shows all)")
+            ui.label(f"Head of the log: {verification.head}").classes("muted identity")
             with ui.element("div").classes("row"):
                 saved = kit.unit_field("Log head saved elsewhere", head, keys="text").classes("study-head")
-                kit.button(tr("Compare"), lambda: begin(saved.value or ""), look="outline dense")
-                kit.button(tr("Close"), place.clear, look="flat dense")
-            kit.muted(tr(VERIFICATION_MEANING))
+                kit.button("Compare", lambda: begin(saved.value or ""), look="outline dense")
+                kit.button("Close", place.clear, look="flat dense")
+            kit.muted(VERIFICATION_MEANING)
 
-    button = kit.button(tr("Verify"), lambda: begin(), icon="verified_user", look="outline dense")
+    button = kit.button("Verify", lambda: begin(), icon="verified_user", look="outline dense")
 
 
 def verdict(verification: StudyVerification) -> str:
@@ -213,16 +196,16 @@ NONE_YET = "No readings yet. Run the virtual probe, or import the readings of an
 def show_devices(page: StudyContext, view: StudyView) -> None:
     """Place the devices with their operators."""
     if not view.devices:
-        kit.muted(tr(NONE_YET))
+        kit.muted(NONE_YET)
     for device in view.study.devices:
         stored = [item for item in view.devices if item.device == device]
         with ui.element("div").classes("study-device"):
             with ui.element("div").classes("row"):
                 ui.label(device).classes("strong wordy")
-                kit.muted(tr("threshold {threshold}", threshold=f"{stored[0].threshold:g}"))
+                kit.muted(f"threshold {stored[0].threshold:g}")
                 ui.element("div").classes("spring")
                 kit.button(
-                    tr("Export readings"),
+                    "Export readings",
                     lambda _, device=device: _export(page, device),
                     icon="download",
                     look="outline dense",
@@ -230,15 +213,7 @@ def show_devices(page: StudyContext, view: StudyView) -> None:
                 )
             for item in stored:
                 undecided = f", {item.undecided} undecided" if item.undecided else ""
-                ui.label(
-                    tr(
-                        "{operator}: {read} of {expected} read{undecided}",
-                        operator=item.operator,
-                        read=item.read,
-                        expected=item.expected,
-                        undecided=undecided,
-                    )
-                ).classes("wordy")
+                ui.label(f"{item.operator}: {item.read} of {item.expected} read{undecided}").classes("wordy")
                 bar = ui.linear_progress(min(1.0, item.read / item.expected), show_value=False, size="6px")
                 bar.props["aria-label"] = f"Read with {device} by {item.operator}"
 
@@ -258,7 +233,7 @@ class JobProgress:
         with ui.element("div").classes("stack tight") as self._container:
             with ui.element("div").classes("row"):
                 self._message = ui.label().classes("wordy").props('role="status"')
-                self._end = kit.button(tr("Cancel"), self._ended, look="outline dense")
+                self._end = kit.button("Cancel", self._ended, look="outline dense")
             self._bar = kit.ProgressBar("Progress of the study")
         self._container.set_visibility(False)
 
@@ -268,7 +243,7 @@ class JobProgress:
         self._container.set_visibility(state is not None)
         if state is None:
             return False
-        self._message.text = state.sentence or tr("Waiting for other jobs.")
+        self._message.text = state.sentence or "Waiting for other jobs."
         self._end.set_visibility(state.running)
         self._bar.show(state)
         return state.running
@@ -291,11 +266,11 @@ class Running:
     def __init__(self, page: StudyContext) -> None:
         self._page = page
         self._named = False
-        kit.panel_title(tr("Virtual probe"))
-        kit.muted(tr(READING_MEANS))
+        kit.panel_title("Virtual probe")
+        kit.muted(READING_MEANS)
         with ui.element("div").classes("row"):
             self._who = who_field(page.viewer, "Operator")
-            self._begin = kit.button(tr("Run on the virtual probe"), self._run, icon="play_arrow", look="unelevated")
+            self._begin = kit.button("Run on the virtual probe", self._run, icon="play_arrow", look="unelevated")
 
     def show(self, view: StudyView) -> None:
         """Suggest the operator who has still to read, in a browser that knows no name."""
@@ -328,32 +303,32 @@ CUT = "The upload is incomplete: try again."
 def import_button(page: StudyContext) -> ui.button:
     """A button that asks for device, threshold and file, and enters its readings."""
     viewer = page.viewer
-    with kit.titled_dialog(tr("Import readings"), style="dialog-card study-dialog") as dialog:
-        kit.muted(tr(EXPLAINED, columns=", ".join(READING_COLUMNS)))
+    with kit.titled_dialog("Import readings", style="dialog-card study-dialog") as dialog:
+        kit.muted(EXPLAINED.format(columns=", ".join(READING_COLUMNS)))
         device = kit.unit_field("Device", keys="text")
         threshold = kit.unit_field("Threshold")
         threshold.props("stack-label").props["placeholder"] = "the study's, or that of the first import"
         who = who_field(viewer, "Entered by")
         upload = kit.one_file(viewer, "CSV file of readings", accept=".csv,text/csv", refused=TOO_LARGE)
-        kit.button(tr("Close"), dialog.close, look="flat dense")
+        kit.button("Close", dialog.close, look="flat dense")
 
     async def uploaded(event: UploadEventArguments) -> None:
         upload.reset()
         try:
             content = await event.file.read()
         except OSError:
-            viewer.complain(tr(CUT))
+            viewer.complain(CUT)
             return
         named = one_line(PurePosixPath(event.file.name.replace("\\", "/")).name or "readings.csv")
         fields = {"device": device, "threshold": threshold, "actor": who}
         texts = (device.value or "").strip(), threshold.value or "", name_in(viewer, who)
         entered = await kit.submit(viewer, fields, _enter, page, content, named, *texts)
         if entered is not None:
-            viewer.notify(tr("{entered} readings entered.", entered=entered))
+            viewer.notify(f"{entered} readings entered.")
             dialog.close()
 
     upload.on_upload(uploaded)
-    return kit.button(tr("Import readings"), dialog.open, icon="upload_file", look="outline dense")
+    return kit.button("Import readings", dialog.open, icon="upload_file", look="outline dense")
 
 
 def _enter(page: StudyContext, content: bytes, file: str, device: str, threshold: str, actor: str) -> int:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 from nicegui import run, ui
 
 from tsis.console.pages import components as kit
-from tsis.console.pages.components import tr
 from tsis.console.pages.study._context import StudyView, view_study
 from tsis.console.pages.study._listing import CodeTable
 from tsis.console.pages.study._outcome import (
@@ -44,8 +43,8 @@ class StudyPage:
         with ui.element("div").classes("stack"):
             with ui.element("section").classes("panel stack"):
                 with ui.element("div").classes("row"):
-                    ui.link(tr("All studies"), "/study").classes("link")
-                    self._title = kit.panel_title(tr("Study")).classes("target-title")
+                    ui.link("All studies", "/study").classes("link")
+                    self._title = kit.panel_title("Study").classes("target-title")
                     ui.element("div").classes("spring")
                     self._commands = ui.element("div").classes("row")
                 self._job = JobProgress(self)
@@ -58,9 +57,9 @@ class StudyPage:
                 with ui.element("div").classes("stack"):
                     with ui.element("section").classes("panel stack") as self._run:
                         self._running = Running(self)
-                    with kit.panel(tr("Devices")):
+                    with kit.panel("Devices"):
                         self._devices = ui.element("div").classes("stack tight")
-                    with kit.panel(tr("Plan")):
+                    with kit.panel("Plan"):
                         self._plan = kit.FactList()
         with self._commands:
             self._import = import_button(self)
@@ -92,7 +91,7 @@ class StudyPage:
 
     async def _show(self, view: StudyView) -> None:
         study, blind = view.study, view.study.unblinded is None
-        self._title.text = tr("Study {name}", name=study.plan.name)
+        self._title.text = f"Study {study.plan.name}"
         self._run.set_visibility(blind)
         self._import.set_visibility(blind)
         self._running.show(view)
