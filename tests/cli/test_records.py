@@ -246,7 +246,7 @@ OTHER_CODES = {
         (["export", "1", "--format", "pdf", "--out", "notes.txt", *STORE], "must be a new name; there is such a file"),
         (["export", "1", "--format", "pdf,csv", "--out", "no-store", *STORE], "must be a new name"),
         (["export", "1", "--format", "csv", "--out", "notes.txt/below", *STORE], "notes.txt"),
-        (["export", "1", "--format", "html", "--identified", *STORE], "--identified belongs to fhir and dicom"),
+        (["export", "1", "--format", "html", "--identified", *STORE], "--identified belongs to dicom"),
         (["export", "77", "--format", "html", *STORE], "got 77"),
         (["export", "1", *STORE], "--format"),
         (["send", "1", "--to", "archive", *STORE], "must be AETITLE@host:port"),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import zipfile
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
@@ -21,6 +20,7 @@ from tsis.records.store import open_store
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from pathlib import Path
 
     from playwright.sync_api import Browser, Page
 
@@ -159,13 +159,14 @@ def test_a_target_is_exported_and_comes_back_into_a_store(
         still(page)
         picture(page, "records-export")
         page.get_by_role("combobox", name="Form").click()
-        page.get_by_role("option", name=re.compile("^FHIR")).click()
+        page.get_by_role("option", name=re.compile("^DICOM")).click()
         page.get_by_text("Masked: label, names and times").wait_for()
         page.get_by_role("switch", name="include label, names and true times").click()
         with page.expect_download() as loaded:
             page.get_by_role("dialog").get_by_role("button", name="Export").click()
-        assert loaded.value.suggested_filename == "target-3.fhir.json"
-        assert "size-10" in Path(loaded.value.path()).read_text()
+        assert loaded.value.suggested_filename == "target-3-dicom.zip"
+        with zipfile.ZipFile(loaded.value.path()) as images:
+            assert any(b"size-10" in images.read(name) for name in images.namelist())
         page.get_by_role("dialog").wait_for(state="hidden")
         page.get_by_role("button", name="Export").click()
         with page.expect_download() as packed:

@@ -14,7 +14,7 @@ from tsis.errors import RecordsError
 from tsis.model import TactileImage
 from tsis.records._deidentify import hidden_identity, pseudonym, public_identity
 from tsis.records.dicom import dicom_files
-from tsis.records.export import csv_files, fhir_observations
+from tsis.records.export import csv_files
 from tsis.records.export.arrays import write_hdf5, write_zarr
 from tsis.records.export.bundle import read_bundle, write_bundle
 from tsis.records.store import _tables as tables
@@ -48,7 +48,6 @@ def test_it_lasts_in_its_store(place: Place) -> None:
         again = store.record(store.target(1))
         assert pseudonym(again) == pseudonym(first)
         assert dicom_files(again) == dicom_files(first)
-        assert fhir_observations(again) == fhir_observations(first)
         other = store.record(store.add_target())
     assert pseudonym(other) != pseudonym(first)
 
@@ -77,7 +76,6 @@ def test_no_export_holds_the_secret(tmp_path: Path) -> None:
     contents = [path.read_bytes() for path in (tmp_path / "out").rglob("*") if path.is_file()]
     contents += csv_files(record).values()
     for identified in (False, True):
-        contents.append(fhir_observations(record, identified=identified))
         contents += [file.content for file in dicom_files(record, identified=identified)]
     assert len(contents) > 12
     for content in contents:

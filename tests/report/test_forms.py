@@ -11,7 +11,6 @@ from tests.records.sample import sample_record
 from tests.report.rough_pictures import rough_pictures
 
 from tsis.errors import FileInputError
-from tsis.records.export import fhir_observations
 from tsis.report import ENDINGS, MASKED, PAGE_FORMS, html, require_absent, write_form
 from tsis.report.target import target_page
 
@@ -19,15 +18,11 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
-def test_a_page_and_a_resource_are_those_of_their_writers(tmp_path: Path) -> None:
+def test_a_page_is_that_of_its_writer(tmp_path: Path) -> None:
     record = sample_record()
     with rough_pictures():
         assert write_form("html", record, tmp_path / "a.html", identified=False) == ""
         assert (tmp_path / "a.html").read_bytes() == html(target_page(record))
-    for identified in (False, True):
-        path = tmp_path / f"{identified}.fhir.json"
-        write_form("fhir", record, path, identified=identified)
-        assert path.read_bytes() == fhir_observations(record, identified=identified)
 
 
 def test_a_bundle_is_known_by_the_sum_of_its_manifest(tmp_path: Path) -> None:

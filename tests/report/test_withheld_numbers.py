@@ -38,7 +38,7 @@ from tsis.plots import posterior, tissue_section
 from tsis.records import Recomputation, deidentified
 from tsis.records._recompute import _shifts
 from tsis.records.dicom import dicom_files
-from tsis.records.export import csv_files, fhir_observations
+from tsis.records.export import csv_files
 from tsis.records.export.arrays import write_hdf5, write_zarr
 from tsis.report import (
     hardness_report,
@@ -244,7 +244,6 @@ OUTPUTS: dict[str, Callable[[Estimate, Path], str]] = {
     "pdf of a target": target_pdf,
     "csv": lambda estimate, _: csv_files(stored(estimate))["estimates.csv"].decode(),
     "csv, de-identified": lambda estimate, _: csv_files(deidentified(stored(estimate)))["estimates.csv"].decode(),
-    "fhir": lambda estimate, _: fhir_observations(stored(estimate)).decode(),
     "dicom": lambda estimate, _: dicom(estimate),
     "hdf5": attributes_hdf5,
     "zarr": attributes_zarr,

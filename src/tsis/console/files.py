@@ -241,7 +241,6 @@ MEDIA_TYPES = {
     ".html": "text/html; charset=utf-8",
     ".pdf": "application/pdf",
     ".h5": "application/x-hdf5",
-    ".json": "application/fhir+json",
     ".zip": "application/zip",
 }
 
@@ -251,7 +250,7 @@ def write_export(
 ) -> Path:
     """Write a form of `tsis.report.ENDINGS` of a target into its own new folder; a folder becomes a zip file.
 
-    With ``identified`` fhir and dicom include label, names and true times; other forms mask nothing. Without
+    With ``identified`` dicom includes label, names and true times; other forms mask nothing. Without
     ``reports`` html and pdf are built in this process.
 
     Raises

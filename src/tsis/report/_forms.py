@@ -21,7 +21,6 @@ ENDINGS = {  # of default names
     "csv": "-csv",
     "hdf5": ".h5",
     "zarr": ".zarr",
-    "fhir": ".fhir.json",
     "dicom": "-dicom",
     "bundle": ".zip",
 }
@@ -31,12 +30,11 @@ FORM_LABELS = {
     "csv": "CSV: tables, and frames as PNG",
     "hdf5": "HDF5: everything as arrays",
     "zarr": "Zarr: everything as arrays",
-    "fhir": "FHIR R4: observations as JSON",
     "dicom": "DICOM: series, report and document",
     "bundle": "Bundle: everything, for another store",
 }
 PAGE_FORMS = ("html", "pdf")  # forms that report damage; the others refuse it
-MASKED = ("fhir", "dicom")  # forms that omit labels and times by default
+MASKED = ("dicom",)  # forms that omit labels and times by default
 
 
 def export_endings() -> Mapping[str, str]:
@@ -61,10 +59,6 @@ def write_form(form: str, record: TargetRecord, path: Path, *, identified: bool)
     if form in PAGE_FORMS:
         require_absent(path)  # before the page is drawn
         _write_file(path, page_bytes(form, record))
-    elif form == "fhir":
-        from tsis.records.export import fhir_observations
-
-        _write_file(path, fhir_observations(record, identified=identified))
     elif form == "dicom":
         from tsis.records.dicom import write_dicom
 

@@ -12,7 +12,6 @@ from tests.records.sample import WHEN, sample_record
 from tsis.errors import RecordsError
 from tsis.records._deidentify import public_identity
 from tsis.records.dicom import dicom_files
-from tsis.records.export import fhir_observations
 
 DATES = ("20261122", "2026-11-22", "0930", "20261122093", "00003")
 
@@ -67,8 +66,6 @@ def test_the_pseudonym_is_that_of_the_target_and_of_nothing_else() -> None:
         replace(named(), secret="a5" * 32),
     ):
         assert dicom_files(other)[0].dataset().PatientID != first.PatientID
-    assert first.PatientID in fhir_observations(named()).decode()
-    assert first.PatientID not in fhir_observations(named(), identified=True).decode()
 
 
 def test_an_identified_export_tells_label_and_time() -> None:

@@ -1,4 +1,4 @@
-"""``tsis records export``: a target as a report, tables, arrays, FHIR, DICOM or a bundle."""
+"""``tsis records export``: a target as a report, tables, arrays, DICOM or a bundle."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 Identified = Annotated[
-    bool, typer.Option("--identified", help="Include label, names and true times in fhir and dicom; masked otherwise.")
+    bool, typer.Option("--identified", help="Include label, names and true times in dicom; masked otherwise.")
 ]
 
 
@@ -33,9 +33,7 @@ def export(
     *,
     forms: Annotated[
         list[str],
-        typer.Option(
-            "--format", help="Form: html, pdf, csv, hdf5, zarr, fhir, dicom, bundle, or of a plug-in; repeatable."
-        ),
+        typer.Option("--format", help="Form: html, pdf, csv, hdf5, zarr, dicom, bundle, or of a plug-in; repeatable."),
     ],
     out: Annotated[
         Path | None,
@@ -52,7 +50,7 @@ def export(
     """Export a target; no file is overwritten.
 
     Several forms appear together or not at all. html and pdf are reports; csv, hdf5, zarr and bundle contain all,
-    notes and names too; fhir and dicom mask names and times.
+    notes and names too; dicom masks names and times.
     """
     requested = list(dict.fromkeys(part for form in forms for part in form.split(",")))
     endings = tsis.report.export_endings()

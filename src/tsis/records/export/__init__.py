@@ -1,7 +1,6 @@
-"""A target in open forms: tables, HDF5, Zarr, FHIR, and a bundle that another store takes in."""
+"""A target in open forms: tables, HDF5, Zarr, and a bundle that another store takes in."""
 
 from tsis.records.export._csv import csv_files, write_csv
-from tsis.records.export._fhir import fhir_observations
 from tsis.records.export._whole import export_file, export_folder
 
-__all__ = ["csv_files", "export_file", "export_folder", "fhir_observations", "write_csv"]
+__all__ = ["csv_files", "export_file", "export_folder", "write_csv"]
