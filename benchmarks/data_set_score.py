@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.detection import brier_score, roc
 from tsis.errors import FileInputError
 from tsis.inclusion import PARAMETERS
+from tsis.study.probabilities import brier_score
+from tsis.study.roc import Roc
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -118,6 +119,6 @@ def _presence(truths: Mapping[str, Row], answers: Mapping[str, Row]) -> tuple[st
     known = present[given]
     if not known.any() or known.all():
         return (str(len(cases)), str(int(given.sum())), "", "", "", "", "")
-    area = roc(chance[given], known).auc
+    area = Roc.of(chance[given], known).auc
     brier = brier_score(chance[given], known).score
     return (str(len(cases)), str(int(given.sum())), f"AUC {area:.3f}", f"Brier {brier:.3f}", "", "", "")

@@ -10,7 +10,7 @@ from benchmarks.detection_judgement import DEPTHS_MM, DIAMETERS_MM
 from benchmarks.detection_tables import pairs
 
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.detection import reliability_curve
+from tsis.study.probabilities import reliability_curve
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

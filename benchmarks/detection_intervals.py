@@ -18,8 +18,8 @@ from benchmarks.tables import show
 from scipy.special import ndtri
 
 from tsis.cli import progress_bar
-from tsis.detection import roc
 from tsis.errors import InputError
+from tsis.study.roc import Roc
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -39,7 +39,7 @@ def study(
     shift = math.sqrt(2) * float(ndtri(area))
     held, lengths = dict.fromkeys(METHODS, 0), dict.fromkeys(METHODS, 0.0)
     for _ in range(studies):
-        curve = roc(rng.normal(size=2 * size) + shift * present, present)
+        curve = Roc.of(rng.normal(size=2 * size) + shift * present, present)
         for method in METHODS:
             try:
                 expected = None if method == "default" else method

@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tsis.detection import Proportion, at_specificity, roc
-from tsis.detection.search import detection_range_of_trials
+from tsis.study.proportions import Proportion
+from tsis.study.roc import Roc, at_specificity
+from tsis.study.search import detection_range_of_trials
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
-    from tsis.detection import Roc
 
 DIAMETERS_MM = (2.0, 3.5, 5.0, 7.0, 9.0, 12.0, 15.0)  # ends of the map's cells
 DEPTHS_MM = (4.0, 6.0, 8.0, 10.0, 12.0)
@@ -84,7 +84,7 @@ class Searched:
     def curve(self, among: NDArray[np.bool_] | None = None, score: NDArray[np.float64] | None = None) -> Roc:
         """Curve of a score, by default the evidence, over some of the targets."""
         kept = np.ones(len(self.present), dtype=bool) if among is None else among
-        return roc((self.evidence if score is None else score)[kept], self.present[kept])
+        return Roc.of((self.evidence if score is None else score)[kept], self.present[kept])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -120,7 +120,7 @@ def detection_limit(searched: Searched, wanted: float, score: NDArray[np.float64
     decided = np.empty(len(said), dtype=bool)
     for part in (0, 1):
         choosing = searched.present | (half == part)
-        point = at_specificity(roc(said[choosing], searched.present[choosing]), wanted)
+        point = at_specificity(Roc.of(said[choosing], searched.present[choosing]), wanted)
         decided[half != part] = point.decide(said[half != part])
     blanks = ~searched.present
     return DetectionLimit(

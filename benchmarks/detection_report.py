@@ -22,11 +22,11 @@ from benchmarks.detection_tables import Printed, area, area_cells, pairs, share
 from benchmarks.goals import Goal, missed_goals
 
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.detection import brier_interval, brier_score, recalibration, reliability_curve
-from tsis.detection.classify import ClassifierSettings, ClassSplit, TargetEvidence, cross_validate
 from tsis.errors import InputError
 from tsis.inclusion import NEARLY_CERTAIN, UNTRUSTED_FLAGS
 from tsis.model import ABSENCE_FLAG, Inclusion
+from tsis.study.classifier import ClassifierSettings, ClassSplit, TargetEvidence, cross_validate
+from tsis.study.probabilities import brier_interval, brier_score, recalibration, reliability_curve
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -33,10 +33,10 @@ from benchmarks.uneven_tissue import lump_changes
 
 import tsis
 from tsis.cli import progress_bar
-from tsis.detection.classify import target_evidence
 from tsis.errors import TsisError
 from tsis.files import cache_folder, content_key
 from tsis.inclusion import estimate
+from tsis.study.classifier import target_evidence
 
 if TYPE_CHECKING:
     from collections.abc import Callable

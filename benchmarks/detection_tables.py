@@ -10,7 +10,8 @@ from benchmarks.tables import show
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from tsis.detection import Proportion, Roc
+    from tsis.study.proportions import Proportion
+    from tsis.study.roc import Roc
 
 
 class Printed:

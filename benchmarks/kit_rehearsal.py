@@ -37,23 +37,10 @@ from tsis.files import table_bytes, write_durably
 from tsis.model import Inclusion, Phantom
 from tsis.report.paper import pdf
 from tsis.report.study import score_page
-from tsis.study import (
-    KIT,
-    MODULUS_COLUMNS,
-    Study,
-    StudyInstrument,
-    TargetTruth,
-    export_readings,
-    import_readings,
-    kit_files,
-    new_study,
-    open_study,
-    press_study,
-    read_seal,
-    read_truth_table,
-    unblind,
-)
-from tsis.study.analysis import ValidationScore, bench_moduli, score_validation
+from tsis.study.folder import Study, new_study, open_study, read_seal, unblind
+from tsis.study.kit import KIT, MODULUS_COLUMNS, ValidationScore, bench_moduli, kit_files, score_validation
+from tsis.study.plan import TargetTruth
+from tsis.study.readings import StudyInstrument, export_readings, import_readings, press_study, read_truth_table
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

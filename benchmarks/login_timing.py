@@ -19,7 +19,7 @@ import numpy as np
 from benchmarks.tables import show
 
 from tsis.console.auth import Logins
-from tsis.detection import roc
+from tsis.study.roc import Roc
 
 LARGEST_DIFFERENCE = 0.02
 
@@ -43,7 +43,7 @@ def main() -> int:
             seconds.append(time.process_time() - began)
     times = np.array(seconds)
     medians = 1e3 * np.array([np.median(times[known]), np.median(times[~known])])
-    curve = roc(times, known)
+    curve = Roc.of(times, known)
     low, high = curve.auc_interval()
     row = (f"{options.tries}", *(f"{each:.2f} ms" for each in medians), f"{curve.auc:.3f}", f"{low:.3f} to {high:.3f}")
     heads = ("tries of each", "known name", "unknown names", "known takes longer", "95 % interval")

@@ -23,13 +23,13 @@ from statsmodels.stats.anova import anova_lm
 
 import tsis
 from tsis.cli import progress_bar
-from tsis.study import new_study, open_study, press_by_operators, random_targets
-from tsis.study.analysis import OPERATORS, analyse_precision
+from tsis.study.card import OPERATORS, analyse_precision, press_by_operators
+from tsis.study.folder import new_study, open_study, random_targets
 from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:
-    from tsis.study import Study
-    from tsis.study.analysis import Precision
+    from tsis.study.card import Precision
+    from tsis.study.folder import Study
 
 NAMES = ("A", "B")
 HEADS = (

@@ -28,7 +28,7 @@ FIRST = {  # code or command that uses the extra
     "camera-genicam": "import harvesters.core, genicam.gentl; import tsis.instrument.drivers.genicam",
     "camera-pylon": "from tsis.instrument import find_cameras; assert 'pylon' not in find_cameras(['pylon']).missing",
     "camera-vimba": "import vmbpy; from tsis.instrument import find_cameras; find_cameras(['vimba'])",
-    "classify": "import tsis.detection.classify; import sklearn.svm",
+    "classify": "import tsis.study.classifier; import sklearn.svm",
     "cluster": ["sweep", "run", "plan.toml", "--out", "data"],
     "console": "import tsis.console.pages, tsis.console.api, tsis.records, tsis.report.paper",
     "dicom": "import tsis.records.dicom; import highdicom, pynetdicom, dicomweb_client.api",

@@ -29,7 +29,6 @@ PACKAGES = (
     "calibration",
     "hardness",
     "inclusion",
-    "detection",
     "virtual",
     "sweep",
     "records",

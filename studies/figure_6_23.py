@@ -21,7 +21,7 @@ from studies.printed_6_4 import PRINTED, PRINTED_AREA
 from studies.section_6_4 import PLACES, TRUTH, Result, run
 from studies.shown import Shown
 
-from tsis.detection import newcombe_interval, roc
+from tsis.study.roc import Roc, newcombe_interval
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -61,7 +61,7 @@ def draw(results: Sequence[Result], figure: Figure) -> None:
     """Curves of all studies of each way together, and the printed point with its intervals."""
     ax, areas = figure.subplots(1, 2)
     for result in results:
-        curve = roc(result.scores.ravel(), np.tile(TRUTH, len(result.scores)))
+        curve = Roc.of(result.scores.ravel(), np.tile(TRUTH, len(result.scores)))
         colour = COLOURS[result.protocol.name]
         ax.step(curve.false_positive_rate, curve.true_positive_rate, where="post", color=colour,
                 label=f"{WAYS[result.protocol.name]}, {len(result.scores)} studies")  # fmt: skip

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from studies.shown import Shown
 
-from tsis.detection import Counts, newcombe_interval
+from tsis.study.proportions import Counts
+from tsis.study.roc import newcombe_interval
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

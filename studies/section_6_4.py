@@ -29,9 +29,10 @@ from studies.section_6_4_bench import BLANK, PreparedProbe, solved
 
 import tsis
 from tsis.cli import progress_bar
-from tsis.detection import Counts, Proportion, roc
 from tsis.errors import TsisError
 from tsis.inclusion import estimate
+from tsis.study.proportions import Counts, Proportion
+from tsis.study.roc import Roc
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -73,7 +74,7 @@ class Result:
     @property
     def areas(self) -> NDArray[np.float64]:
         """Area under each study's curve, shape (repetitions,)."""
-        return np.array([roc(row, TRUTH).auc for row in self.scores])
+        return np.array([Roc.of(row, TRUTH).auc for row in self.scores])
 
     @property
     def found(self) -> list[Proportion]:

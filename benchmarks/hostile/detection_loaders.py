@@ -12,7 +12,7 @@ import numpy as np
 from benchmarks.hostile.json_changed import changed_document, text_of
 from benchmarks.hostile.loader import Loader
 
-from tsis.detection.classify import (
+from tsis.study.classifier import (
     ClassifierSettings,
     ClassSplit,
     TrainingSet,
@@ -21,7 +21,7 @@ from tsis.detection.classify import (
     train_classifier,
     write_classifier,
 )
-from tsis.detection.search import read_detection_range
+from tsis.study.search import read_detection_range
 
 if TYPE_CHECKING:
     from collections.abc import Hashable

@@ -11,20 +11,14 @@ from benchmarks.hostile.loader import Loader
 
 from tsis.errors import RecordsError
 from tsis.files import read_chain
-from tsis.study import (
-    LOG_FILE,
-    import_readings,
-    new_study,
-    open_study,
-    printed_targets,
-    read_seal,
-    verify_study,
-)
+from tsis.study.folder import new_study, open_study, printed_targets, read_seal, verify_study
+from tsis.study.log import LOG_FILE
+from tsis.study.readings import import_readings
 
 if TYPE_CHECKING:
     from collections.abc import Hashable
 
-    from tsis.study import Study
+    from tsis.study.folder import Study
 
 HEADINGS = b"code,score,operator,repeat,diameter_mm,depth_mm,young_kpa\n"
 

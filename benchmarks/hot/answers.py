@@ -17,10 +17,10 @@ from benchmarks.store_speed import BEGUN, frame, kept_plainly, plain_database
 from benchmarks.turns import Contest, Side, timed
 from sklearn.metrics import roc_auc_score
 
-from tsis.detection import auc_covariance
 from tsis.inclusion.posterior import explore_inclusion
 from tsis.matching.trials import BenchmarkMethod, matching_error
 from tsis.records.store import open_store
+from tsis.study.roc import auc_covariance
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

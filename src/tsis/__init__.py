@@ -16,7 +16,6 @@ from tsis.__about__ import __version__
 
 if TYPE_CHECKING:
     from tsis import calibration as calibration
-    from tsis import detection as detection
     from tsis import hardness as hardness
     from tsis import imaging as imaging
     from tsis import inclusion as inclusion
@@ -70,7 +69,7 @@ if not TYPE_CHECKING:  # packages and classes load when they are first used
     __getattr__, __dir__, _ = lazy_loader.attach(
         __name__,
         submodules=[
-            *("calibration", "catalog", "console", "detection", "errors", "files", "hardness", "imaging", "inclusion"),
+            *("calibration", "catalog", "console", "errors", "files", "hardness", "imaging", "inclusion"),
             *("instrument", "matching", "mechanics", "model", "optics", "plots", "plugins", "records", "report"),
             *("study", "sweep", "virtual"),
         ],

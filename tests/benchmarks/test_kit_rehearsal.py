@@ -10,8 +10,8 @@ from benchmarks.kit_rehearsal import bench_table, held_cylinder_force, made_phan
 
 from tsis.inclusion import InclusionPrior
 from tsis.mechanics import bonded_factor
-from tsis.study import read_truth_table
-from tsis.study.analysis import bench_moduli
+from tsis.study.kit import bench_moduli
+from tsis.study.readings import read_truth_table
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -15,8 +15,8 @@ from benchmarks.peers.placement_matrix import area_and_variance
 from benchmarks.speed import PATHS, cells, document, measured
 from benchmarks.turns import Contest, Side, in_turns, timed
 
-from tsis.detection import auc_covariance
 from tsis.mechanics.surrogate import Box, TissueSurrogate
+from tsis.study.roc import auc_covariance
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

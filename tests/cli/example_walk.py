@@ -17,7 +17,7 @@ from tests.cli.test_program import parsers
 from tsis.cli._app import app
 from tsis.model import Inclusion
 from tsis.records.store import open_store
-from tsis.study import MODULUS_COLUMNS
+from tsis.study.kit import MODULUS_COLUMNS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

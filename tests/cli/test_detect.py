@@ -10,7 +10,11 @@ import numpy as np
 import pytest
 from tests.records.sample import WHEN, levels, sample_calibration
 
-from tsis.detection.classify import (
+from tsis.inclusion import InclusionPrior
+from tsis.model import Estimate, Inclusion, TactileImage
+from tsis.records import environment
+from tsis.records.store import open_store
+from tsis.study.classifier import (
     ClassifierSettings,
     ClassSplit,
     TrainingSet,
@@ -18,10 +22,6 @@ from tsis.detection.classify import (
     target_evidence,
     train_classifier,
 )
-from tsis.inclusion import InclusionPrior
-from tsis.model import Estimate, Inclusion, TactileImage
-from tsis.records import environment
-from tsis.records.store import open_store
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -13,7 +13,8 @@ from tests.cli.published import faults
 from tests.study.made import HEADINGS, table
 
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.study import DeviceReading, open_study
+from tsis.study.folder import open_study
+from tsis.study.plan import DeviceReading
 
 if TYPE_CHECKING:
     from tests.cli.conftest import RunTsis
@@ -135,8 +136,8 @@ def test_a_change_ends_verify_with_1(run_tsis: RunTsis) -> None:
 
 
 def test_ctrl_c_between_readings_keeps_what_was_read(run_tsis: RunTsis, monkeypatch: pytest.MonkeyPatch) -> None:
-    from tsis.study import _folder as folder_of_studies
-    from tsis.study import _pressing as pressing
+    from tsis.study import folder as folder_of_studies
+    from tsis.study import readings as pressing
 
     folder = made(run_tsis, "--present", "2", "--blank", "1")
     enter = folder_of_studies.enter_readings

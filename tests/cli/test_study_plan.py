@@ -10,8 +10,8 @@ import typer
 from typer.testing import CliRunner
 
 from tsis.cli.study._plan import plan
-from tsis.detection.search import ScanPlan, measured_detection_range
 from tsis.errors import InputError
+from tsis.study.search import ScanPlan, measured_detection_range
 
 if TYPE_CHECKING:
     from pathlib import Path

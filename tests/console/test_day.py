@@ -14,7 +14,7 @@ from tests.console.running import running_console
 from tests.console.services.test_own_images import disc
 
 from tsis.records.store import open_store
-from tsis.study import open_study, verify_study
+from tsis.study.folder import open_study, verify_study
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from scipy.stats import linregress, nct, ttest_rel
 from tests.detection.references import REFERENCES
 
-from tsis.detection import bland_altman
 from tsis.errors import InputError
+from tsis.study.agreement import bland_altman
 
 
 def _pair(seed: int, size: int, growth: float = 0.0) -> tuple[np.ndarray, np.ndarray]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import importlib
 import sys
 from typing import TYPE_CHECKING, Any
 
@@ -14,8 +15,9 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import PowerTransformer
 from sklearn.utils.estimator_checks import check_fit2d_1feature, parametrize_with_checks
 
-from tsis.detection.classify import ClassifierSettings, ClassSplit, TargetClassifier, TrainingSet, train_classifier
 from tsis.errors import MissingExtraError
+from tsis.study.classifier import ClassifierSettings, ClassSplit, TrainingSet, train_classifier
+from tsis.study.estimator import TargetClassifier
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -92,10 +94,7 @@ def test_a_class_with_too_few_samples_is_refused() -> None:
 
 
 def test_without_scikit_learn_one_sentence_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
-    import tsis.detection.classify as package
-
     monkeypatch.setitem(sys.modules, "sklearn", None)
-    monkeypatch.delitem(sys.modules, "tsis.detection.classify._adapter", raising=False)
-    monkeypatch.delattr(package, "TargetClassifier", raising=False)
+    monkeypatch.delitem(sys.modules, "tsis.study.estimator", raising=False)
     with pytest.raises(MissingExtraError, match=r'scikit-learn, which is not installed; .*"tsis\[classify\]"$'):
-        package.TargetClassifier  # noqa: B018
+        importlib.import_module("tsis.study.estimator")

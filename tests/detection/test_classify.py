@@ -18,8 +18,9 @@ from sklearn.preprocessing import StandardScaler
 from sklearn.svm import SVC
 
 import tsis
-from tsis.detection import wilson_interval
-from tsis.detection.classify import (
+from tsis.errors import FileInputError, InputError
+from tsis.model import Estimate, Inclusion
+from tsis.study.classifier import (
     Classifier,
     ClassifierSettings,
     ClassSplit,
@@ -31,8 +32,7 @@ from tsis.detection.classify import (
     train_classifier,
     write_classifier,
 )
-from tsis.errors import FileInputError, InputError
-from tsis.model import Estimate, Inclusion
+from tsis.study.proportions import wilson_interval
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -184,8 +184,7 @@ def test_a_file_gives_the_same_classifier_back(tmp_path: Path) -> None:
 
 def _rewritten(path: Path, **changed: Any) -> Path:
     """The file with other content and the hash that belongs to it."""
-    from tsis.detection.classify import classifier_sha256
-    from tsis.detection.classify._file import _serialised
+    from tsis.study.classifier import _serialised, classifier_sha256
 
     content = json.loads(path.read_bytes())
     content.pop("sha256")

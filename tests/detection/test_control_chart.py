@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.stats import norm, t
 
-from tsis.detection import control_chart, ewma_run_length, shewhart_run_length
 from tsis.errors import InputError
+from tsis.study.drift import control_chart, ewma_run_length, shewhart_run_length
 
 # Lucas and Saccucci, Technometrics 32 (1990), as in Montgomery's table: weight and width, then lengths by shift.
 SHIFTS = (0.0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0)

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sklearn.metrics import balanced_accuracy_score, class_likelihood_ratios, confusion_matrix, precision_score
 
-from tsis.detection import Counts
 from tsis.errors import InputError
+from tsis.study.proportions import Counts
 
 PRINTED = Counts(true_positives=6, false_negatives=2, true_negatives=7, false_positives=1)
 

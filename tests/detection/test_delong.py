@@ -10,9 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.detection.references import REFERENCES
 
-from tsis.detection import auc_covariance, bootstrap_compare_detectors, compare_detectors, roc
-from tsis.detection._bootstrap import drawn_areas
 from tsis.errors import InputError
+from tsis.study.roc import Roc, auc_covariance, bootstrap_compare_detectors, compare_detectors, drawn_areas
 
 SETS = sorted(REFERENCES["roc"])
 
@@ -29,7 +28,9 @@ def test_areas_and_covariances_are_those_of_proc(name: str) -> None:
     assert found.auc == pytest.approx(result["auc"], abs=1e-10)
     assert np.diag(found.covariance) == pytest.approx(result["variance"], abs=1e-10)
     assert found.covariance[0, 1] == found.covariance[1, 0] == pytest.approx(result["covariance"], abs=1e-10)
-    assert list(roc(scores[0], present).auc_interval(0.9, "delong")) == pytest.approx(result["interval_90"], abs=1e-10)
+    assert list(Roc.of(scores[0], present).auc_interval(0.9, "delong")) == pytest.approx(
+        result["interval_90"], abs=1e-10
+    )
 
 
 @pytest.mark.parametrize("name", SETS)
@@ -119,7 +120,7 @@ def test_draws_are_those_of_targets_picked_one_by_one() -> None:
     plain = np.empty((5_000, 2))
     for areas in plain:
         picked = np.concatenate([rng.integers(0, 5, 5), rng.integers(5, 12, 7)])
-        areas[:] = [roc(row[picked], present).auc for row in scores]
+        areas[:] = [Roc.of(row[picked], present).auc for row in scores]
     assert drawn.mean(axis=0) == pytest.approx(plain.mean(axis=0), abs=0.015)
     np.testing.assert_allclose(np.cov(drawn.T), np.cov(plain.T), atol=0.0025)
 

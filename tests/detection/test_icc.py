@@ -14,9 +14,8 @@ from statsmodels.formula.api import ols
 from statsmodels.stats.anova import anova_lm
 from tests.detection.references import REFERENCES
 
-from tsis.detection import intraclass_correlation
-from tsis.detection._icc import FORMS, MeanSquares
 from tsis.errors import InputError
+from tsis.study.agreement import FORMS, MeanSquares, intraclass_correlation
 
 TABLES = REFERENCES["icc"]
 OF_PSYCH = dict(zip(FORMS, ("ICC1", "ICC2", "ICC3", "ICC1k", "ICC2k", "ICC3k"), strict=True))

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import statsmodels.api as sm
 
-from tsis.detection import linearity, repeatability, reproducibility, study_size
 from tsis.errors import InputError
+from tsis.study.precision import linearity, repeatability, reproducibility, study_size
 
 
 def test_the_line_and_its_parabola_are_those_of_statsmodels() -> None:

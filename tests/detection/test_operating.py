@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from sklearn.metrics import balanced_accuracy_score
 from tests.detection.drawn_studies import Study, studies
 
-from tsis.detection import Counts, at_costs, at_sensitivity, at_specificity, held_out_counts, roc, youden_point
 from tsis.errors import InputError
+from tsis.study.proportions import Counts
+from tsis.study.roc import Roc, at_costs, at_sensitivity, at_specificity, held_out_counts, youden_point
 
 
 def _all_decisions(study: Study) -> list[Counts]:
@@ -26,7 +27,7 @@ def _all_decisions(study: Study) -> list[Counts]:
 
 @given(studies(), st.floats(0, 1), st.floats(0.01, 0.99), st.floats(0.1, 10))
 def test_points_are_the_best_of_all(study: Study, wanted: float, prevalence: float, missed: float) -> None:
-    curve, options = roc(*study), _all_decisions(study)
+    curve, options = Roc.of(*study), _all_decisions(study)
     best = max(one.youden.value for one in options)
     assert youden_point(curve).counts.youden.value == pytest.approx(best)
     point = at_sensitivity(curve, wanted)
@@ -46,23 +47,27 @@ def test_points_are_the_best_of_all(study: Study, wanted: float, prevalence: flo
 @given(studies(), st.floats(0, 1))
 def test_a_point_decides_as_it_counts(study: Study, wanted: float) -> None:
     scores, present = study
-    for point in (youden_point(roc(*study)), at_sensitivity(roc(*study), wanted), at_specificity(roc(*study), wanted)):
+    for point in (
+        youden_point(Roc.of(*study)),
+        at_sensitivity(Roc.of(*study), wanted),
+        at_specificity(Roc.of(*study), wanted),
+    ):
         assert Counts.of(point.decide(scores), present) == point.counts
 
 
 def test_neighbouring_numbers_are_parted() -> None:
     low = 1.0
     high = math.nextafter(low, 2)
-    point = youden_point(roc([low, high], [False, True]))
+    point = youden_point(Roc.of([low, high], [False, True]))
     assert point.decide([low, high]).tolist() == [False, True]
-    huge = youden_point(roc([1.6e308, 1.7e308], [False, True]))
+    huge = youden_point(Roc.of([1.6e308, 1.7e308], [False, True]))
     assert huge.threshold == pytest.approx(1.65e308)
 
 
 def test_costs_move_the_threshold_from_end_to_end() -> None:
     rng = np.random.default_rng(1)
     present = np.arange(100) < 40
-    curve = roc(rng.normal(size=100) + present, present)
+    curve = Roc.of(rng.normal(size=100) + present, present)
     assert at_costs(curve, prevalence=0.4, missed=1, false_alarm=0).counts.sensitivity.value == 1
     assert at_costs(curve, prevalence=0.4, missed=0, false_alarm=1).threshold == math.inf
     equal = at_costs(curve, prevalence=0.5, missed=1, false_alarm=1)
@@ -75,7 +80,7 @@ def test_a_chosen_point_flatters_itself_and_held_out_counts_do_not() -> None:
     chosen, held = [], []
     for _ in range(60):
         scores = rng.normal(size=30)  # which know nothing
-        chosen.append(youden_point(roc(scores, present)).counts.accuracy.value)
+        chosen.append(youden_point(Roc.of(scores, present)).counts.accuracy.value)
         held.append(held_out_counts(scores, present, youden_point, folds=5, rng=rng).accuracy.value)
     assert np.mean(chosen) > 0.57
     assert np.mean(held) == pytest.approx(0.5, abs=0.05)
@@ -117,4 +122,4 @@ def test_held_out_counts_are_those_of_a_plain_loop() -> None:
 )
 def test_bad_wishes_are_told(call: Any, said: str) -> None:
     with pytest.raises(InputError, match=said):
-        call(roc([1, 3, 2, 4], [False, False, True, True]))
+        call(Roc.of([1, 3, 2, 4], [False, False, True, True]))

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tsis.detection import PresenceProbability, presence
 from tsis.errors import InputError
 from tsis.model import Estimate
+from tsis.study.probabilities import PresenceProbability, presence
 
 SHARES = st.integers(1, 9999).map(lambda whole: Fraction(whole, 10000))
 

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from scipy.stats import binom, binomtest
 from statsmodels.stats.proportion import proportion_confint
 
-from tsis.detection import Proportion, exact_interval, wilson_interval
 from tsis.errors import InputError
+from tsis.study.proportions import Proportion, exact_interval, wilson_interval
 
 CASES = [(0, 1), (1, 1), (0, 8), (3, 8), (6, 8), (7, 8), (8, 8), (50, 1000), (999, 1000)]
 counted = st.integers(1, 2000).flatmap(lambda trials: st.tuples(st.integers(0, trials), st.just(trials)))

@@ -15,8 +15,8 @@ from scipy.special import expit, logit
 from sklearn.calibration import calibration_curve
 from sklearn.metrics import brier_score_loss
 
-from tsis.detection import brier_interval, brier_score, recalibration, reliability_curve
 from tsis.errors import InputError, MissingExtraError
+from tsis.study.probabilities import brier_interval, brier_score, recalibration, reliability_curve
 
 Study = tuple[np.ndarray, np.ndarray]
 told = st.lists(st.tuples(st.sampled_from(np.linspace(0, 1, 9).tolist()), st.booleans()), min_size=1, max_size=50)

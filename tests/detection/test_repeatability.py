@@ -14,8 +14,8 @@ from scipy.stats import f_oneway
 from statsmodels.formula.api import ols
 from statsmodels.stats.anova import anova_lm
 
-from tsis.detection import repeatability, reproducibility
 from tsis.errors import InputError
+from tsis.study.precision import repeatability, reproducibility
 
 
 def _study(seed: int, shape: tuple[int, int, int], sds: tuple[float, float, float, float]) -> np.ndarray:

@@ -14,14 +14,14 @@ from scipy.stats import mannwhitneyu
 from sklearn.metrics import confusion_matrix, roc_auc_score, roc_curve
 from tests.detection.drawn_studies import Study, studies
 
-from tsis.detection import newcombe_interval, roc
 from tsis.errors import InputError
+from tsis.study.roc import Roc, newcombe_interval
 
 
 @given(studies())
 def test_curves_and_areas_are_those_of_scikit_learn(study: Study) -> None:
     scores, present = study
-    curve = roc(scores, present)
+    curve = Roc.of(scores, present)
     false, true, thresholds = roc_curve(present, scores, drop_intermediate=False)
     np.testing.assert_allclose(curve.false_positive_rate, false, atol=1e-12)
     np.testing.assert_allclose(curve.true_positive_rate, true, atol=1e-12)
@@ -34,7 +34,7 @@ def test_curves_and_areas_are_those_of_scikit_learn(study: Study) -> None:
 @given(studies())
 def test_counts_at_each_threshold(study: Study) -> None:
     scores, present = study
-    curve = roc(scores, present)
+    curve = Roc.of(scores, present)
     for index, threshold in enumerate(curve.thresholds):
         counts = curve.counts(index)
         table = confusion_matrix(present, scores >= threshold, labels=[False, True])
@@ -46,15 +46,15 @@ def test_counts_at_each_threshold(study: Study) -> None:
 @given(studies())
 def test_rising_transforms_keep_the_curve_and_falling_ones_turn_it(study: Study) -> None:
     scores, present = study
-    curve = roc(scores, present)
+    curve = Roc.of(scores, present)
     for same in (np.exp(scores), 3 * scores + 1, scores**3):
-        assert roc(same, present).auc == curve.auc
-        assert roc(same, present).auc_interval() == curve.auc_interval()
-    turned = roc(-scores, present)
+        assert Roc.of(same, present).auc == curve.auc
+        assert Roc.of(same, present).auc_interval() == curve.auc_interval()
+    turned = Roc.of(-scores, present)
     assert turned.auc == pytest.approx(1 - curve.auc, abs=1e-12)
     low, high = curve.auc_interval()
     assert list(turned.auc_interval()) == pytest.approx([1 - high, 1 - low], abs=1e-9)
-    assert roc(scores, ~present).auc == pytest.approx(1 - curve.auc, abs=1e-12)
+    assert Roc.of(scores, ~present).auc == pytest.approx(1 - curve.auc, abs=1e-12)
 
 
 @given(st.integers(1, 200), st.integers(1, 200), st.floats(0, 1), st.floats(0.5, 0.999))
@@ -84,20 +84,20 @@ def test_the_printed_area() -> None:
     # The decisions themselves, as scores, give the area that the lines through the printed point enclose.
     present = np.arange(16) < 8
     found = np.isin(np.arange(16), [0, 1, 2, 3, 4, 5, 8])
-    assert roc(found, present).auc == 0.8125
+    assert Roc.of(found, present).auc == 0.8125
 
 
 def test_the_method_is_chosen_by_the_number_of_targets_and_said() -> None:
     rng = np.random.default_rng(1)
     present = np.arange(60) < 30
     scores = rng.normal(size=60) + present
-    assert roc(scores, present).auc_interval().method == "delong"
-    assert roc(scores[1:], present[1:]).auc_interval().method == "newcombe"
-    assert roc(present, present).auc_interval().method == "newcombe"  # an area of 1
+    assert Roc.of(scores, present).auc_interval().method == "delong"
+    assert Roc.of(scores[1:], present[1:]).auc_interval().method == "newcombe"
+    assert Roc.of(present, present).auc_interval().method == "newcombe"  # an area of 1
     near = scores + 3 * present
-    assert 0.95 < roc(near, present).auc < 1
-    assert roc(near, present).auc_interval().method == "newcombe"
-    assert roc(scores, present).auc_interval(method="bootstrap", rng=rng).method == "bootstrap"
+    assert 0.95 < Roc.of(near, present).auc < 1
+    assert Roc.of(near, present).auc_interval().method == "newcombe"
+    assert Roc.of(scores, present).auc_interval(method="bootstrap", rng=rng).method == "bootstrap"
 
 
 @pytest.mark.parametrize(("size", "area"), [(3, 0.9), (8, 0.75), (50, 0.98)])
@@ -110,7 +110,7 @@ def test_the_default_holds_where_delongs_does_not(size: int, area: float) -> Non
 def test_methods_agree_where_targets_are_many() -> None:
     rng = np.random.default_rng(2)
     present = np.arange(800) < 400
-    curve = roc(rng.normal(size=800) + present, present)
+    curve = Roc.of(rng.normal(size=800) + present, present)
     delong = list(curve.auc_interval(method="delong"))
     assert list(curve.auc_interval(method="newcombe")) == pytest.approx(delong, abs=0.01)
     assert list(curve.auc_interval(method="bootstrap", rng=rng)) == pytest.approx(delong, abs=0.01)
@@ -139,7 +139,7 @@ GOOD, TRUTH = [1.0, 2.0, 3.0, 4.0], [False, False, True, True]
 )
 def test_bad_studies_are_told(scores: object, present: object, said: str) -> None:
     with pytest.raises(InputError, match=said):
-        roc(scores, present)  # type: ignore[arg-type]
+        Roc.of(scores, present)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -159,13 +159,13 @@ def test_bad_studies_are_told(scores: object, present: object, said: str) -> Non
     ],
 )
 def test_intervals_that_do_not_exist_are_told(scores: list[float], options: dict[str, object], said: str) -> None:
-    curve = roc(scores, TRUTH)
+    curve = Roc.of(scores, TRUTH)
     with pytest.raises(InputError, match=said):
         curve.auc_interval(**options)  # type: ignore[arg-type]
 
 
 def test_one_target_of_each_kind() -> None:
-    curve = roc([1.0, 1.0], [True, False])
+    curve = Roc.of([1.0, 1.0], [True, False])
     assert curve.auc == 0.5
     low, high = curve.auc_interval()
     assert low < 0.2 < 0.8 < high
@@ -174,7 +174,7 @@ def test_one_target_of_each_kind() -> None:
 
 
 def test_curves_are_not_written_to() -> None:
-    curve = roc(GOOD, TRUTH)
+    curve = Roc.of(GOOD, TRUTH)
     with pytest.raises(ValueError, match="read-only"):
         curve.thresholds[0] = 3.0
     with pytest.raises(InputError, match="index must lie in"):

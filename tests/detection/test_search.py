@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from scipy.interpolate import RegularGridInterpolator
 from scipy.spatial import cKDTree
 
-from tsis.detection.search import (
+from tsis.errors import FileInputError, InputError
+from tsis.study.search import (
     DetectionRangeTable,
     ScanPlan,
     detection_range_of_trials,
@@ -23,7 +24,6 @@ from tsis.detection.search import (
     widest_plan,
     widest_spacing_mm,
 )
-from tsis.errors import FileInputError, InputError
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from scipy.stats import binom
 from statsmodels.stats.proportion import confint_proportions_2indep
 
-from tsis.detection import Proportion, ProportionDifference, ProportionRatio
 from tsis.errors import InputError
+from tsis.study.proportions import Proportion, ProportionDifference, ProportionRatio
 
 shares = st.integers(1, 60).flatmap(
     lambda trials: st.builds(Proportion, successes=st.integers(0, trials), trials=st.just(trials))

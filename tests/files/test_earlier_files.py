@@ -13,9 +13,9 @@ import numpy as np
 from tests.calibration.file.bench import bench
 
 from tsis.calibration.file import calibration_bytes, calibration_sha256, read_calibration
-from tsis.detection.classify import classifier_sha256, read_classifier
 from tsis.records.export.bundle import read_bundle, write_bundle
-from tsis.study import open_study, read_seal, verify_study
+from tsis.study.classifier import classifier_sha256, read_classifier
+from tsis.study.folder import open_study, read_seal, verify_study
 from tsis.sweep import manifest_sha256
 from tsis.sweep._data_set import read_manifest
 

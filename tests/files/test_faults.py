@@ -26,16 +26,10 @@ from tsis.model import TactileImage
 from tsis.records.export import write_csv
 from tsis.records.export.bundle import read_bundle, write_bundle
 from tsis.records.store import open_store, verify_store
-from tsis.study import (
-    CheckPlan,
-    DeviceReading,
-    begin_checks,
-    enter_readings,
-    import_readings,
-    open_study,
-    read_checks,
-    verify_study,
-)
+from tsis.study.drift import CheckPlan, begin_checks, read_checks
+from tsis.study.folder import enter_readings, open_study, verify_study
+from tsis.study.plan import DeviceReading
+from tsis.study.readings import import_readings
 from tsis.sweep import receipt_of, sweep_batches
 from tsis.sweep._data_set import begun, data_set_key, head, write_manifest
 from tsis.sweep._work import Failed, Finished, SweepJob, finish_batch
@@ -237,7 +231,7 @@ def test_a_clock_that_jumps_spoils_no_study(tmp_path: Path) -> None:
     now = datetime(2026, 5, 1, tzinfo=UTC)
     for code, days in zip(study.plan.codes, (0, 500, -3000, -1), strict=True):
         reading = DeviceReading(device="thumb", operator="Ada", code=code, repeat=1, score=0.5)
-        with mock.patch("tsis.study._log.datetime") as clock:
+        with mock.patch("tsis.study.log.datetime") as clock:
             clock.now.return_value = now + timedelta(days=days)
             study = enter_readings(study, [reading], actor="Ada")
     assert list(verify_study(study.folder).faults) == []

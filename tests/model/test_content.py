@@ -16,14 +16,14 @@ import tsis
 from tsis.calibration import MeasuredValue, UsableCalibration
 from tsis.calibration.file import ProbeCalibration, calibration_sha256
 from tsis.calibration.reference import CameraReference
-from tsis.detection.classify import TargetEvidence, TrainingSet
 from tsis.imaging import features
 from tsis.inclusion.network import train_network
 from tsis.inclusion.relative import RelativeReading
 from tsis.instrument import Frame
 from tsis.model import Calibration, Estimate, LightMap, PressField, Relaxation, TactileImage
 from tsis.records import StoredPress, Target
-from tsis.study import DeviceReading
+from tsis.study.classifier import TargetEvidence, TrainingSet
+from tsis.study.plan import DeviceReading
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from tsis.detection import Counts, bland_altman, reliability_curve, roc
 from tsis.plots import (
     agreement_limits,
     detected_by_size_and_depth,
@@ -13,12 +12,16 @@ from tsis.plots import (
     roc_curve,
     scores_by_truth,
 )
+from tsis.study.agreement import bland_altman
+from tsis.study.probabilities import reliability_curve
+from tsis.study.proportions import Counts
+from tsis.study.roc import Roc
 
 SCORES, TRUTH = [0.1, 0.4, 0.35, 0.8, 0.7], [False, False, True, True, True]
 
 
 def test_the_curve_encloses_its_area_and_the_point_is_that_of_the_counts() -> None:
-    curve = roc(SCORES, TRUTH)
+    curve = Roc.of(SCORES, TRUTH)
     counts = Counts.of(np.array(SCORES) >= 0.5, TRUTH)
     ax = roc_curve(curve, Figure().subplots(), counts=counts, label="a")
     line = next(each for each in ax.lines if each.get_drawstyle() == "steps-post")

@@ -5,8 +5,8 @@ import pytest
 from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
 
-from tsis.detection.search import ScanPlan
 from tsis.plots import draw_scan_plan
+from tsis.study.search import ScanPlan
 
 PLAN = ScanPlan(width_mm=60.0, height_mm=40.0, strips=3, presses_a_strip=4, radius_mm=12.0)
 

@@ -8,7 +8,6 @@ from collections import defaultdict
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
-from statistics import median
 from typing import TYPE_CHECKING
 
 import grimp
@@ -21,7 +20,6 @@ if TYPE_CHECKING:
 
 ROOT = Path(__file__).parents[2]
 SOURCE = Path(tsis.__file__).parent
-MOST_FILES, MOST_LINES, MEDIAN_LINES = 600, 400, 150
 TWICE = {"estimate"}  # of an inclusion, and of a hardness
 
 
@@ -137,13 +135,6 @@ def test_no_two_public_classes_share_a_name() -> None:
         for name in re.findall(r"^class ([A-Za-z]\w*)", path.read_text(encoding="utf-8"), re.MULTILINE):
             homes[name].append(module_of(path))
     assert {name: found for name, found in homes.items() if len(found) > 1} == {}
-
-
-def test_files_are_few_and_short() -> None:
-    lines = {module_of(path): path.read_text(encoding="utf-8").count("\n") for path in SOURCE.rglob("*.py")}
-    assert len(lines) <= MOST_FILES
-    assert {name: count for name, count in lines.items() if count > MOST_LINES} == {}
-    assert median(lines.values()) <= MEDIAN_LINES
 
 
 def test_parts_of_large_libraries_load_when_they_are_first_used() -> None:

@@ -56,7 +56,7 @@ def test_what_does_not_exist_is_found(tmp_path: Path, text: str, said: str) -> N
         "```console\n$ tsis demo --seed 3 > demo.txt\nwhat it prints --sed\n```\n",
         "```console\n$ tsis study plan --width-mm=60 --height-mm 40\n```\n",
         "```console\n$ python -m tsis --version\n$ grep --count tsis --sed\n```\n",
-        "```python\nfrom tsis.study import new_study\nfrom tsis import inclusion\n```\n",
+        "```python\nfrom tsis.study.folder import new_study\nfrom tsis import inclusion\n```\n",
     ],
 )
 def test_what_exists_is_let_pass(tmp_path: Path, text: str) -> None:

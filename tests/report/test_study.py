@@ -16,8 +16,9 @@ from tsis.errors import FileInputError
 from tsis.report import html
 from tsis.report.study import publish_study, study_page
 from tsis.report.study._page import study_files
-from tsis.study import import_table, open_study, unblind, verify_study
 from tsis.study.analysis import analyse
+from tsis.study.folder import open_study, unblind, verify_study
+from tsis.study.readings import import_table
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -65,7 +65,7 @@ READS_WITHHELD = {
     "records/_recompute.py",  # equality bit for bit, and shifts of trusted estimates
     "records/export/arrays.py",  # samples for programs, in a group that is called untrusted
     "virtual/examinations.py",  # whether an interval holds a known truth, and no number of it
-    "detection/classify/_classifier.py",  # evidence on presence, whose trust is its own
+    "study/classifier.py",  # evidence on presence, whose trust is its own
 }
 # Means, spreads and ends of intervals that stand nowhere else: each has its own digits.
 MIDDLE = {"diameter_mm": 8.3717, "depth_mm": 5.6139, "young_kpa": 77.293}

@@ -16,8 +16,8 @@ from studies.section_6_4 import PLACES, PRESENT, TRUTH, Result, drawn, lines, ru
 from studies.section_6_4_bench import BLANK, PreparedProbe, between, scaled
 
 import tsis
-from tsis.detection import newcombe_interval
 from tsis.mechanics import press
+from tsis.study.roc import newcombe_interval
 from tsis.virtual.probe import FINE_RESOLUTION, VirtualProbe
 
 

@@ -6,12 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.study import import_readings, new_study, printed_targets, read_seal
+from tsis.study.folder import new_study, printed_targets, read_seal
+from tsis.study.readings import import_readings
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tsis.study import Study
+    from tsis.study.folder import Study
 
 HEADINGS = "code,score,operator,repeat,diameter_mm,depth_mm,young_kpa"
 

@@ -1,4 +1,4 @@
-"""An analysis beside `tsis.detection` and scikit-learn called by hand on the table that a study exports."""
+"""An analysis beside statistics and scikit-learn called by hand on the table that a study exports."""
 
 from __future__ import annotations
 
@@ -11,18 +11,23 @@ import pytest
 from sklearn.metrics import brier_score_loss, confusion_matrix, roc_auc_score
 from tests.study.made import HEADINGS, made_study, read_study, table
 
-from tsis import detection
 from tsis.errors import RecordsError
-from tsis.study import DeviceReading, enter_readings, export_readings, import_table, open_study, read_seal, unblind
+from tsis.study.agreement import intraclass_correlation
 from tsis.study.analysis import analyse
+from tsis.study.folder import enter_readings, open_study, read_seal, unblind
+from tsis.study.plan import DeviceReading
+from tsis.study.precision import reproducibility
+from tsis.study.proportions import Counts
+from tsis.study.readings import export_readings, import_table
+from tsis.study.roc import Roc, at_sensitivity, at_specificity, held_out_counts, youden_point
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from numpy.typing import NDArray
 
-    from tsis.study import Study
     from tsis.study.analysis import StudyAnalysis
+    from tsis.study.folder import Study
 
 
 def by_hand(study: Study, device: str) -> tuple[list[dict[str, str]], NDArray[np.bool_]]:
@@ -41,7 +46,7 @@ def test_numbers_are_those_of_the_table_by_hand(tmp_path: Path) -> None:
     (one,) = analysed(study).devices
     rows, present = by_hand(study, "feeler")
     scores = np.array([float(row["score"]) for row in rows])
-    counts = detection.Counts.of(scores >= 0.5, present)
+    counts = Counts.of(scores >= 0.5, present)
     assert one.counts == counts
     assert confusion_matrix(present, scores >= 0.5).ravel().tolist() == [
         counts.true_negatives,
@@ -49,16 +54,16 @@ def test_numbers_are_those_of_the_table_by_hand(tmp_path: Path) -> None:
         counts.false_negatives,
         counts.true_positives,
     ]
-    curve = detection.roc(scores, present)
+    curve = Roc.of(scores, present)
     assert one.curve is not None
     assert one.curve.auc == curve.auc == pytest.approx(roc_auc_score(present, scores), abs=1e-12)
     assert one.auc_interval == curve.auc_interval()
     assert one.points == (
-        detection.youden_point(curve),
-        detection.at_sensitivity(curve, 0.9),
-        detection.at_specificity(curve, 0.9),
+        youden_point(curve),
+        at_sensitivity(curve, 0.9),
+        at_specificity(curve, 0.9),
     )
-    assert one.held_out == detection.held_out_counts(scores, present, detection.youden_point)
+    assert one.held_out == held_out_counts(scores, present, youden_point)
     assert one.reliability is not None
     assert one.reliability.brier.score == pytest.approx(brier_score_loss(present, scores), abs=1e-12)
     assert one.brier_interval is not None
@@ -95,10 +100,8 @@ def test_undecided_targets_are_left_out_and_taken_as_wrong(tmp_path: Path) -> No
     scores = dict.fromkeys(inside, "0.9") | dict.fromkeys(blank, "0.1") | {inside[0]: "", blank[0]: "", blank[1]: ""}
     rows = "\n".join(f"{code},{score},Cleo,1,,," for code, score in scores.items() if code != inside[1])
     (one,) = analysed(import_table(study, f"{HEADINGS}\n{rows}\n".encode(), "a.csv", device="feeler")).devices
-    assert one.counts == detection.Counts(true_positives=4, false_negatives=0, true_negatives=4, false_positives=0)
-    assert one.counts_if_wrong == detection.Counts(
-        true_positives=4, false_negatives=1, true_negatives=4, false_positives=2
-    )
+    assert one.counts == Counts(true_positives=4, false_negatives=0, true_negatives=4, false_positives=0)
+    assert one.counts_if_wrong == Counts(true_positives=4, false_negatives=1, true_negatives=4, false_positives=2)
     assert one.auc_if_wrong == pytest.approx(16 / 30)  # 4 of 5 above 4 of 6
     assert (len(one.results.undecided), len(one.results.unread), one.undecided_readings) == (3, 1, 3)
     assert one.few
@@ -124,10 +127,10 @@ def test_repeats_and_operators_are_compared(tmp_path: Path) -> None:
     found = {(each.quantity, each.between): each for each in one.agreements}
     within, between = found["score", "within an operator"], found["score", "between operators"]
     assert (within.targets, within.repeats, between.operators) == (16, 3, 2)
-    assert within.correlation.value == detection.intraclass_correlation(cube[0].T, "ICC(1,1)").value
+    assert within.correlation.value == intraclass_correlation(cube[0].T, "ICC(1,1)").value
     assert within.coefficient.value == pytest.approx(2.7718 * np.sqrt(cube[0].var(axis=0, ddof=1).mean()), rel=1e-4)
-    assert between.correlation.value == detection.intraclass_correlation(cube[:, 0].T, "ICC(2,1)").value
-    assert between.coefficient.value == pytest.approx(detection.reproducibility(cube.transpose(2, 0, 1)).coefficient)
+    assert between.correlation.value == intraclass_correlation(cube[:, 0].T, "ICC(2,1)").value
+    assert between.coefficient.value == pytest.approx(reproducibility(cube.transpose(2, 0, 1)).coefficient)
     assert found["diameter_mm", "within an operator"].targets == 8
     assert one.counts is not None
     assert one.counts.targets == 16  # the first reading of each alone
@@ -166,7 +169,7 @@ def test_rounded_scores_are_told_apart_by_their_ranks(tmp_path: Path) -> None:
     assert one.curve is not None
     assert one.curve.auc == pytest.approx(roc_auc_score(present, ranks), abs=1e-12)
     assert 0.5 < one.curve.auc < 1
-    assert one.held_out == detection.held_out_counts(ranks, present, detection.youden_point)
+    assert one.held_out == held_out_counts(ranks, present, youden_point)
     assert one.reliability is not None
     assert one.reliability.brier.score == pytest.approx(0.5), "which takes the score for a probability as before"
 

@@ -14,13 +14,14 @@ from tests.study.made import HEADINGS
 from typer.testing import CliRunner
 
 from tsis.cli.study import app
-from tsis.study import import_readings, new_study, read_seal, reference_targets, rehearse_reference_run, unblind
-from tsis.study.analysis import performance_card
+from tsis.study.card import performance_card, reference_targets, rehearse_reference_run
+from tsis.study.folder import new_study, read_seal, unblind
+from tsis.study.readings import import_readings
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tsis.study import Study
+    from tsis.study.folder import Study
 
 NOW = datetime(2026, 5, 4, tzinfo=UTC)
 

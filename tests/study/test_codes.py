@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from tsis.errors import InputError
-from tsis.study import printed_targets, random_targets
-from tsis.study._plan import coded
+from tsis.study.folder import printed_targets, random_targets
+from tsis.study.plan import coded
 
 TARGETS = [True] * 8 + [False] * 8
 

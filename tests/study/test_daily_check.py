@@ -17,7 +17,7 @@ from tsis.cli.study import app
 from tsis.errors import InputError, RecordsError, TsisError
 from tsis.files import encode_picture
 from tsis.model import LightMap, TactileImage
-from tsis.study import (
+from tsis.study.drift import (
     CHARTED,
     CheckLog,
     CheckPlan,
@@ -29,7 +29,7 @@ from tsis.study import (
     read_checks,
     rehearsed_checks,
 )
-from tsis.study._log import LOG_FILE
+from tsis.study.log import LOG_FILE
 from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:

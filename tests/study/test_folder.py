@@ -12,17 +12,9 @@ import pytest
 from tests.study.made import made_study, read_study
 
 from tsis.errors import InputError, RecordsError
-from tsis.study import (
-    DeviceReading,
-    enter_readings,
-    new_study,
-    open_study,
-    printed_targets,
-    random_targets,
-    read_seal,
-    unblind,
-)
-from tsis.study._log import SealedTruth, parse_seal
+from tsis.study.folder import enter_readings, new_study, open_study, printed_targets, random_targets, read_seal, unblind
+from tsis.study.log import SealedTruth, parse_seal
+from tsis.study.plan import DeviceReading
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -15,18 +15,10 @@ from typer.testing import CliRunner
 from tsis.cli.study import app
 from tsis.errors import FileInputError, InputError, RecordsError
 from tsis.report.study import score_document, score_page
-from tsis.study import (
-    MODULUS_COLUMNS,
-    DeviceReading,
-    Study,
-    enter_readings,
-    kit_files,
-    new_study,
-    read_seal,
-    read_truth_table,
-    unblind,
-)
-from tsis.study.analysis import bench_moduli, score_validation
+from tsis.study.folder import Study, enter_readings, new_study, read_seal, unblind
+from tsis.study.kit import MODULUS_COLUMNS, bench_moduli, kit_files, score_validation
+from tsis.study.plan import DeviceReading
+from tsis.study.readings import read_truth_table
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -9,8 +9,9 @@ from tests.study.made import made_study
 
 from tsis.errors import RecordsError
 from tsis.files import Disk, LogDraft
-from tsis.study import LOG_FILE, DeviceReading, enter_readings, open_study, verify_study
-from tsis.study._log import append_log, read_log
+from tsis.study.folder import enter_readings, open_study, verify_study
+from tsis.study.log import LOG_FILE, append_log, read_log
+from tsis.study.plan import DeviceReading
 
 if TYPE_CHECKING:
     from pathlib import Path

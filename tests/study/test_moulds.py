@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tsis.errors import InputError
-from tsis.study import cup, sphere_mould, stl_bytes, volume_mm3
+from tsis.study.kit import cup, sphere_mould, stl_bytes, volume_mm3
 
 
 def read_back(content: bytes) -> np.ndarray:

@@ -21,13 +21,14 @@ from tsis.cli.study import app
 from tsis.errors import RecordsError
 from tsis.report import html
 from tsis.report.study import precision_page
-from tsis.study import import_readings, open_study, read_seal, unblind
-from tsis.study.analysis import OPERATORS, PROBES, Precision, analyse_precision
+from tsis.study.card import OPERATORS, PROBES, Precision, analyse_precision
+from tsis.study.folder import open_study, read_seal, unblind
+from tsis.study.readings import import_readings
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tsis.study import Study
+    from tsis.study.folder import Study
 
 LEFT_OUT = 2  # targets without a modulus in one reading
 

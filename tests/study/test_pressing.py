@@ -11,13 +11,14 @@ from tests.study.made import made_study
 
 from tsis.errors import InputError, RecordsError
 from tsis.records.store import open_store
-from tsis.study import _pressing as pressing
-from tsis.study import enter_readings, open_study, press_study, unblind, verify_study
+from tsis.study import readings as pressing
+from tsis.study.folder import enter_readings, open_study, unblind, verify_study
+from tsis.study.readings import press_study
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tsis.study import Study
+    from tsis.study.folder import Study
 
 
 def said(study: Study) -> list[tuple[str, float | None, str]]:
@@ -34,7 +35,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Study:
 
 
 def test_inclusions_score_above_blanks(whole: Study) -> None:
-    from tsis.study import read_seal
+    from tsis.study.folder import read_seal
 
     truths = read_seal(whole)[0].truths
     assert [each.code for each in whole.readings] == list(whole.plan.codes)
@@ -92,7 +93,8 @@ def test_a_run_that_was_ended_goes_on_with_the_same_presses(whole: Study, tmp_pa
 
 KILLED = """
 import os, sys
-from tsis.study import open_study, press_study
+from tsis.study.folder import open_study
+from tsis.study.readings import press_study
 press_study(open_study(sys.argv[1]), operator="Ada", progress=lambda done, _: done == 2 and os._exit(9), strain="small")
 """
 

@@ -10,12 +10,13 @@ from hypothesis import strategies as st
 from tests.study.made import HEADINGS, made_study, read_study, table
 
 from tsis.errors import InputError, RecordsError
-from tsis.study import export_readings, import_readings, import_table, open_study, read_truth_table
+from tsis.study.folder import open_study
+from tsis.study.readings import export_readings, import_readings, import_table, read_truth_table
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tsis.study import Study
+    from tsis.study.folder import Study
 
 
 @pytest.fixture(scope="module")
@@ -175,7 +176,7 @@ def test_a_target_that_is_none_is_one_sentence_with_its_line(tmp_path: Path, row
 
 
 def test_an_import_after_the_unblinding_is_refused(tmp_path: Path) -> None:
-    from tsis.study import unblind
+    from tsis.study.folder import unblind
 
     study = unblind(read_study(tmp_path), by="Ada")
     with pytest.raises(RecordsError, match="unblinded"):

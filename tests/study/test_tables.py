@@ -12,17 +12,10 @@ import pytest
 from tests.study.made import HEADINGS, made_study, read_study, table
 
 from tsis.errors import FileInputError, MissingExtraError
-from tsis.study import (
-    DeviceReading,
-    enter_readings,
-    export_readings,
-    import_readings,
-    open_study,
-    read_seal,
-    readings_table,
-    unblind,
-)
 from tsis.study.analysis import analyse, results_table
+from tsis.study.folder import enter_readings, open_study, read_seal, unblind
+from tsis.study.plan import DeviceReading
+from tsis.study.readings import export_readings, import_readings, readings_table
 
 if TYPE_CHECKING:
     from pathlib import Path

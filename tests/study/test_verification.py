@@ -11,7 +11,7 @@ from tests.study.made import made_study, read_study
 from tsis.errors import InputError, RecordsError
 from tsis.files import canonical, digest
 from tsis.report.study import publish_study
-from tsis.study import open_study, unblind, verify_study
+from tsis.study.folder import open_study, unblind, verify_study
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -141,7 +141,7 @@ def test_a_head_that_is_none(published: Path, head: str) -> None:
 
 def test_lines_that_fit_and_that_no_study_writes_are_found(tmp_path: Path) -> None:
     from tsis.files import LogDraft
-    from tsis.study._log import append_log
+    from tsis.study.log import append_log
 
     study = unblind(read_study(tmp_path, present=5, blank=5), by="Ada")
     known = study.readings[0].json_values()
@@ -161,7 +161,7 @@ def test_lines_that_fit_and_that_no_study_writes_are_found(tmp_path: Path) -> No
 
 def test_a_reading_twice_or_of_nothing_is_found(tmp_path: Path) -> None:
     from tsis.files import LogDraft
-    from tsis.study._log import append_log
+    from tsis.study.log import append_log
 
     study = read_study(tmp_path, present=5, blank=5)
     plain = study.readings[0].json_values()

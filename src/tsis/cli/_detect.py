@@ -20,10 +20,10 @@ from tsis.errors import InputError, UntrustedError, import_extra
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from tsis.detection.classify import Classifier, ClassifierSettings, ClassSplit, TargetEvidence, Validation
     from tsis.model import Inclusion
     from tsis.records import TargetRecord
     from tsis.records.store import Store
+    from tsis.study.classifier import Classifier, ClassifierSettings, ClassSplit, TargetEvidence, Validation
 
 
 app = typer.Typer(
@@ -57,8 +57,8 @@ def train(
     """Train a classifier on the targets of a store of phantoms whose truth is known."""
     tsis.report.require_absent(file)
     import_extra("sklearn", feature="tsis detect", extra="classify")
-    split = tsis.detection.classify.ClassSplit(young_kpa=young_kpa, diameter_mm=diameter_mm, depth_mm=depth_mm)
-    settings = tsis.detection.classify.ClassifierSettings(penalty=penalty, folds=folds, seed=seed)
+    split = tsis.study.classifier.ClassSplit(young_kpa=young_kpa, diameter_mm=diameter_mm, depth_mm=depth_mm)
+    settings = tsis.study.classifier.ClassifierSettings(penalty=penalty, folds=folds, seed=seed)
     empty = set(_numbers("--none", none))
     readings, truth, left_out = [], list[tsis.model.Inclusion | None](), []
     with opened(store, PHANTOM, database) as records:
@@ -84,11 +84,11 @@ def train(
                 truth.append(tsis.model.Inclusion(**true) if true else None)
     if not readings:
         raise InputError("a training needs targets with an estimate and a known truth; the store has none")
-    classifier = tsis.detection.classify.train_classifier(
-        tsis.detection.classify.TrainingSet.of(readings, truth, split), split, settings
+    classifier = tsis.study.classifier.train_classifier(
+        tsis.study.classifier.TrainingSet.of(readings, truth, split), split, settings
     )
     validation = _validated(readings, truth, split, settings, validate)
-    tsis.detection.classify.write_classifier(classifier, file)
+    tsis.study.classifier.write_classifier(classifier, file)
     document = tsis.report.envelope(
         "detect train",
         file=str(file),
@@ -118,7 +118,7 @@ def apply(
 ) -> None:
     """Print the probability of each class for targets of a store, by their current estimates."""
     import_extra("sklearn", feature="tsis detect", extra="classify")
-    classifier = tsis.detection.classify.read_classifier(file)
+    classifier = tsis.study.classifier.read_classifier(file)
     with opened(store, kind, database) as records:
         results = [(number, classifier.classify(_evidence_of(records, number))) for number in numbers]
     table = Table("target", *classifier.split.names, "likeliest", title="Probabilities of the classes")
@@ -154,7 +154,7 @@ def _evidence(record: TargetRecord) -> TargetEvidence:
     if not results:
         raise InputError("it has no estimate of an inclusion")
     try:
-        return tsis.detection.classify.target_evidence(results[0])
+        return tsis.study.classifier.target_evidence(results[0])
     except InputError as error:
         raise InputError(str(error).rstrip(".")) from error
 
@@ -189,7 +189,7 @@ def _validated(
     if not parts:
         return None
     with progress_bar("cross-validating") as progress:
-        return tsis.detection.classify.cross_validate(readings, truth, split, settings, folds=parts, progress=progress)
+        return tsis.study.classifier.cross_validate(readings, truth, split, settings, folds=parts, progress=progress)
 
 
 def _counts(classifier: Classifier) -> dict[str, int]:

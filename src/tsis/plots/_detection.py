@@ -12,8 +12,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import ArrayLike
 
-    from tsis.detection import BlandAltman, ControlChart, Counts, ReliabilityCurve, Roc
-    from tsis.detection.search import ScanPlan
+    from tsis.study.agreement import BlandAltman
+    from tsis.study.drift import ControlChart
+    from tsis.study.probabilities import ReliabilityCurve
+    from tsis.study.proportions import Counts
+    from tsis.study.roc import Roc
+    from tsis.study.search import ScanPlan
 
 
 BLUE, WARM, GREY = "#0072b2", "#d55e00", "0.45"

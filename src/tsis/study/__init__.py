@@ -1,105 +1,43 @@
-"""Blinded studies: targets under codes, readings in a tamper-evident log, then the truth and the analysis.
+"""Studies of how well inclusions are found: blinded, from the list of targets to the statistics of the report.
 
-`new_study` writes a folder with the plan, the sealed truth and the log. Readings come from the virtual probe
-(`press_study`) or from other devices (`import_readings`). `unblind` happens once; no reading is accepted after it.
-`analyse` compares the readings with the truth, and `verify_study` checks every file and the log.
+`tsis.study.folder.new_study` writes a folder with the plan, the sealed truth and the log. Readings come from the
+virtual probe or from other devices (`tsis.study.readings`). `tsis.study.folder.unblind` happens once; no reading is
+accepted after it. `tsis.study.analysis.analyse` compares the readings with the truth, and
+`tsis.study.folder.verify_study` checks every file and the log.
+
+The statistics have intervals that stay right for few targets: rates (`tsis.study.proportions`), curves
+(`tsis.study.roc`), probabilities beside what came true (`tsis.study.probabilities`), agreement of raters and methods
+(`tsis.study.agreement`), repeatability and linearity (`tsis.study.precision`). `tsis.study.card` and `tsis.study.drift`
+watch a probe, `tsis.study.kit` is for a first physical validation, `tsis.study.classifier` names the kind of an
+inclusion, and `tsis.study.search` says where to press to search an area, and what a plan cannot miss.
 """
 
-from tsis.study._daily_check import (
-    CHARTED,
-    CheckLog,
-    CheckPlan,
-    DailyCheck,
-    add_checks,
-    begin_checks,
-    daily_check,
-    read_checks,
-)
-from tsis.study._drift_chart import DriftChart, drift_charts, rehearsed_checks
-from tsis.study._folder import ANALYSED, PLAN, Study, enter_readings, open_study, read_seal
-from tsis.study._kit import (
-    KIT,
-    MODULUS_COLUMNS,
-    KitPhantom,
-    cup,
-    kit_files,
-    kit_moulds,
-    sphere_mould,
-    stl_bytes,
-    volume_mm3,
-)
-from tsis.study._log import LOG_FILE
-from tsis.study._making import MOST_TARGETS, new_study, printed_targets, random_targets
-from tsis.study._plan import ANALYSED_READING, TARGETS
-from tsis.study._pressing import RunResult, StudyInstrument, press_study
-from tsis.study._reference_run import REFERENCES, press_by_operators, reference_targets, rehearse_reference_run
-from tsis.study._tables import (
-    READING_COLUMNS,
-    UNCERTAINTY_COLUMNS,
-    export_readings,
-    import_readings,
-    import_table,
-    read_truth_table,
-    readings_table,
-)
-from tsis.study._values import QUANTITIES, DeviceReading, TargetTruth, require_short_name
-from tsis.study._verification import StudyVerification, enter_analysis, is_file_name, unblind, verify_study
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "ANALYSED",
-    "ANALYSED_READING",
-    "CHARTED",
-    "KIT",
-    "LOG_FILE",
-    "MODULUS_COLUMNS",
-    "MOST_TARGETS",
-    "PLAN",
-    "QUANTITIES",
-    "READING_COLUMNS",
-    "REFERENCES",
-    "TARGETS",
-    "UNCERTAINTY_COLUMNS",
-    "CheckLog",
-    "CheckPlan",
-    "DailyCheck",
-    "DeviceReading",
-    "DriftChart",
-    "KitPhantom",
-    "RunResult",
-    "Study",
-    "StudyInstrument",
-    "StudyVerification",
-    "TargetTruth",
-    "add_checks",
-    "begin_checks",
-    "cup",
-    "daily_check",
-    "drift_charts",
-    "enter_analysis",
-    "enter_readings",
-    "export_readings",
-    "import_readings",
-    "import_table",
-    "is_file_name",
-    "kit_files",
-    "kit_moulds",
-    "new_study",
-    "open_study",
-    "press_by_operators",
-    "press_study",
-    "printed_targets",
-    "random_targets",
-    "read_checks",
-    "read_seal",
-    "read_truth_table",
-    "readings_table",
-    "reference_targets",
-    "rehearse_reference_run",
-    "rehearsed_checks",
-    "require_short_name",
-    "sphere_mould",
-    "stl_bytes",
-    "unblind",
-    "verify_study",
-    "volume_mm3",
-]
+import lazy_loader
+
+if TYPE_CHECKING:
+    from tsis.study import agreement as agreement
+    from tsis.study import analysis as analysis
+    from tsis.study import card as card
+    from tsis.study import classifier as classifier
+    from tsis.study import drift as drift
+    from tsis.study import estimator as estimator
+    from tsis.study import folder as folder
+    from tsis.study import kit as kit
+    from tsis.study import log as log
+    from tsis.study import plan as plan
+    from tsis.study import precision as precision
+    from tsis.study import probabilities as probabilities
+    from tsis.study import proportions as proportions
+    from tsis.study import readings as readings
+    from tsis.study import roc as roc
+    from tsis.study import search as search
+else:  # modules load when they are first used
+    __getattr__, __dir__, _ = lazy_loader.attach(
+        __name__,
+        submodules=[
+            *("agreement", "analysis", "card", "classifier", "drift", "estimator", "folder", "kit", "log", "plan"),
+            *("precision", "probabilities", "proportions", "readings", "roc", "search"),
+        ],
+    )

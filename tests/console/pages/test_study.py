@@ -10,13 +10,13 @@ from tests.console.pages.simulated import at_console
 from tests.study.made import HEADINGS, made_study, table
 from tests.waiting import HANGS_S
 
-from tsis.study import open_study
+from tsis.study.folder import open_study
 
 if TYPE_CHECKING:
     from tests.console.pages.simulated import Operator
 
     from tsis.console.services import Instrument
-    from tsis.study import Study
+    from tsis.study.folder import Study
 
 TRUTH = ("detection-", "blank-", "printed")
 

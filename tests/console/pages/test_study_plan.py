@@ -10,7 +10,8 @@ from tests.console.pages.simulated import at_console
 from tests.study.made import made_study, table
 
 from tsis.errors import InputError
-from tsis.study import import_table, new_study, open_study, printed_targets
+from tsis.study.folder import new_study, open_study, printed_targets
+from tsis.study.readings import import_table
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from tests.console.pages.simulated import Operator
 
     from tsis.console.services import Instrument
-    from tsis.study import Study
+    from tsis.study.folder import Study
 
 
 @pytest.fixture

@@ -13,7 +13,8 @@ from tsis.console.services import Jobs
 from tsis.console.studies import StudyRepository, begin_publishing, begin_reading, job_of, report_bytes
 from tsis.console.studies._work import reading_title
 from tsis.errors import ControlError, InputError, RecordsError
-from tsis.study import Study, import_table, printed_targets
+from tsis.study.folder import Study, printed_targets
+from tsis.study.readings import import_table
 
 if TYPE_CHECKING:
     from pathlib import Path

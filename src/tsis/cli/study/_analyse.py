@@ -18,8 +18,8 @@ from tsis.cli.study._new import StudyFolder
 from tsis.errors import InputError
 
 if TYPE_CHECKING:
-    from tsis.study import Study
     from tsis.study.analysis import DeviceAnalysis
+    from tsis.study.folder import Study
 
 
 def analyse(
@@ -43,7 +43,7 @@ def analyse(
     After that no reading is accepted. An unblinded study is analysed again.
     """
     from tsis.report.study import PAGE, few_notes, publish_study, record_notes, study_document, undecided_notes
-    from tsis.study import open_study
+    from tsis.study.folder import open_study
 
     study = open_study(folder)
     if study.unblinded is None:
@@ -88,7 +88,7 @@ def _require_whole(study: Study, *, incomplete: bool) -> None:
 def _confirm(study: Study, *, as_json: bool) -> None:
     if as_json or not sys.stdin.isatty():
         raise InputError("--yes must be given to unblind a study without a terminal")
-    from tsis.study import verify_study
+    from tsis.study.folder import verify_study
 
     for fault in verify_study(study.folder).faults:
         typer.echo(f"Not as it was written: {fault}", err=True)

@@ -42,8 +42,8 @@ def card(
     """
     from tsis.report.paper import pdf
     from tsis.report.study import PAPER, card_document, card_page
-    from tsis.study import open_study, rehearse_reference_run
-    from tsis.study.analysis import performance_card
+    from tsis.study.card import performance_card, rehearse_reference_run
+    from tsis.study.folder import open_study
 
     known = None if calibration is None else tsis.calibration.read_usable_calibration(calibration)
     if folder.exists():
@@ -105,7 +105,15 @@ def check(
     """
     from tsis.report.paper import pdf
     from tsis.report.study import PAPER, drift_document, drift_notes, drift_page, drift_tables
-    from tsis.study import CheckPlan, add_checks, begin_checks, daily_check, drift_charts, read_checks, rehearsed_checks
+    from tsis.study.drift import (
+        CheckPlan,
+        add_checks,
+        begin_checks,
+        daily_check,
+        drift_charts,
+        read_checks,
+        rehearsed_checks,
+    )
 
     if (press is None) != (untouched is None) or (press is not None) == (rehearse > 0):
         raise InputError("a check needs --press and --untouched, the frames of the day, or --rehearse with a number")

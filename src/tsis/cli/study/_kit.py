@@ -26,7 +26,7 @@ def kit(
     """
     from tsis.report.paper import pdf
     from tsis.report.study import kit_document, kit_page
-    from tsis.study import kit_files
+    from tsis.study.kit import kit_files
 
     files = {**kit_files(), KIT_PAPER: pdf(kit_page())}
     document = kit_document(files)
@@ -55,8 +55,8 @@ def score(
     """
     from tsis.report.paper import pdf
     from tsis.report.study import PAPER, score_document, score_page
-    from tsis.study import open_study
-    from tsis.study.analysis import bench_moduli, score_validation
+    from tsis.study.folder import open_study
+    from tsis.study.kit import bench_moduli, score_validation
 
     opened = open_study(study)
     moduli = bench_moduli(folder / MODULI, poisson=poisson)

@@ -17,7 +17,7 @@ from tsis.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from tsis.study import TargetTruth
+    from tsis.study.plan import TargetTruth
 
 
 StudyFolder = Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of the study.")]
@@ -83,7 +83,7 @@ def new(
     The seal, sealed.json, is no lock. It prevents reading the truth by accident, and its hash in the plan
     shows every later change.
     """
-    from tsis.study import new_study
+    from tsis.study.folder import new_study
 
     if truth is not None and any(given is not None for given in (present, blank, like)):
         raise InputError("--truth gives all targets; leave out --present, --blank and --like")
@@ -126,7 +126,9 @@ def _targets(
 ) -> tuple[TargetTruth, ...] | Callable[[int], tuple[TargetTruth, ...]]:
     import numpy as np
 
-    from tsis.study import TARGETS, printed_targets, random_targets, read_truth_table
+    from tsis.study.folder import printed_targets, random_targets
+    from tsis.study.plan import TARGETS
+    from tsis.study.readings import read_truth_table
 
     if truth is not None:
         return read_truth_table(truth)

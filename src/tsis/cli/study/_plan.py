@@ -18,7 +18,7 @@ from tsis.errors import InputError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from tsis.detection.search import DetectionRangeTable, ScanPlan
+    from tsis.study.search import DetectionRangeTable, ScanPlan
 
 
 def plan(
@@ -50,7 +50,7 @@ def plan(
     as_json: AsJson = False,
 ) -> None:
     """Plan presses over a rectangle, in strips as in palpation, and the smallest inclusion that they do not miss."""
-    from tsis.detection.search import (
+    from tsis.study.search import (
         measured_detection_range,
         read_detection_range,
         scan_plan,

@@ -32,8 +32,8 @@ def repeatability(
     """
     from tsis.report.paper import pdf
     from tsis.report.study import PAPER, precision_document, precision_notes, precision_page, precision_tables
-    from tsis.study import open_study
-    from tsis.study.analysis import analyse_precision
+    from tsis.study.card import analyse_precision
+    from tsis.study.folder import open_study
 
     analysis = analyse_precision(open_study(folder))
     page = precision_page(analysis)
@@ -64,7 +64,7 @@ def size(
     as_json: AsJson = False,
 ) -> None:
     """Phantoms, operators and repeats that a study of repeatability needs for a wanted width of its intervals."""
-    from tsis.detection import study_size
+    from tsis.study.precision import study_size
 
     sizes = [
         study_size(

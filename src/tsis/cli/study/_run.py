@@ -39,7 +39,8 @@ def run(
     The score is the probability of an inclusion. Stop it at any time with Ctrl-C and start it again: finished readings
     stay. Another operator reads every target anew.
     """
-    from tsis.study import open_study, press_study
+    from tsis.study.folder import open_study
+    from tsis.study.readings import press_study
 
     study = open_study(folder)
     with ExitStack() as until:
@@ -99,7 +100,8 @@ def import_(
 
     All of them or none. An empty score is an undecided reading; the last three may be empty.
     """
-    from tsis.study import import_readings, open_study
+    from tsis.study.folder import open_study
+    from tsis.study.readings import import_readings
 
     study = open_study(folder)
     after = import_readings(study, readings, device=device, threshold=threshold)
@@ -125,7 +127,8 @@ def export(
 ) -> None:
     """Write the readings of a device as a table, without the truth."""
     from tsis.records.export import export_file
-    from tsis.study import export_readings, open_study
+    from tsis.study.folder import open_study
+    from tsis.study.readings import export_readings
 
     content = export_readings(open_study(folder), device)
     with export_file(readings) as draft:

@@ -16,7 +16,7 @@ from tsis.cli._progress import FAILED
 from tsis.cli.study._new import StudyFolder
 
 if TYPE_CHECKING:
-    from tsis.study import Study
+    from tsis.study.folder import Study
 
 
 def show(
@@ -31,7 +31,7 @@ def show(
     as_json: AsJson = False,
 ) -> None:
     """Show the progress of a study and the next code to read, never the target of a code."""
-    from tsis.study import open_study
+    from tsis.study.folder import open_study
 
     study = open_study(folder)
     plan, by = study.plan, study.unblinded
@@ -104,8 +104,8 @@ def verify(
     Only --head detects a truncated or rewritten log.
     """
     from tsis.report.study import study_verification_document
-    from tsis.study import open_study
-    from tsis.study import verify_study as verification
+    from tsis.study.folder import open_study
+    from tsis.study.folder import verify_study as verification
 
     result = verification(folder, head=head)
     if as_json:

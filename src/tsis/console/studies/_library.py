@@ -11,14 +11,16 @@ from tsis.console._statuses import AbsentError
 from tsis.errors import InputError, RecordsError, TsisError
 from tsis.files import one_line, read_bytes
 from tsis.report.study import PAGE, PAPER
-from tsis.study import ANALYSED, LOG_FILE, PLAN, is_file_name, new_study, open_study
+from tsis.study.folder import ANALYSED, PLAN, is_file_name, new_study, open_study
+from tsis.study.log import LOG_FILE
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
     from typing import Any
 
-    from tsis.study import Study, TargetTruth
+    from tsis.study.folder import Study
+    from tsis.study.plan import TargetTruth
 
 
 FORMS = {"html": PAGE, "pdf": PAPER}
@@ -101,13 +103,13 @@ class StudyRepository:
         return self._folder / name
 
     def study(self, name: str) -> Study:
-        """The study of that name as it is now; errors as `place` and `tsis.study.open_study`."""
+        """The study of that name as it is now; errors as `place` and `tsis.study.folder.open_study`."""
         return open_study(self.path(name))
 
     def make(
         self, name: str, targets: Sequence[TargetTruth] | Callable[[int], Sequence[TargetTruth]], **terms: Any
     ) -> Study:
-        """Make a study; ``terms`` and errors as of `tsis.study.new_study`."""
+        """Make a study; ``terms`` and errors as of `tsis.study.folder.new_study`."""
         if not NAME.fullmatch(name):
             raise InputError(f"name must be 1 to 60 letters, digits, dashes and underscores; got {name!r:.80}")
         if (self._folder / name).exists():

@@ -8,14 +8,16 @@ from typing import TYPE_CHECKING
 
 from tsis.errors import ControlError, InputError, RecordsError
 from tsis.report.study import publish_study
-from tsis.study import open_study, press_study, require_short_name
+from tsis.study.folder import open_study
+from tsis.study.plan import require_short_name
+from tsis.study.readings import press_study
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from tsis.console.services import Job, Jobs, JobState
     from tsis.console.studies._library import StudyRepository
-    from tsis.study import Study
+    from tsis.study.folder import Study
 
 
 PREPARING = "Preparing the probe; this is done once."

@@ -14,7 +14,7 @@ from tsis.report._document import envelope
 from tsis.report._page import Card, Page, Picture, Table
 from tsis.report.study._document import NAMES, counted, ends, labelled, limit_intervals
 from tsis.report.study._precision import coefficient_interval, means_over_true
-from tsis.study import QUANTITIES
+from tsis.study.plan import QUANTITIES
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from tsis.study.analysis import PerformanceCard, Precision
+    from tsis.study.card import PerformanceCard, Precision
 
 
 RESULTS = {True: "passed", False: "FAILED", None: "not checked"}

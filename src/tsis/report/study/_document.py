@@ -5,28 +5,18 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from tsis.detection import Interval, Proportion
 from tsis.errors import InputError
 from tsis.report._document import envelope
 from tsis.study.analysis import FEW
+from tsis.study.proportions import Interval, Proportion
 
 if TYPE_CHECKING:
-    from tsis.detection import (
-        BlandAltman,
-        Counts,
-        OperatingPoint,
-        Recalibration,
-        ReliabilityCurve,
-        Roc,
-    )
-    from tsis.study import StudyVerification
-    from tsis.study.analysis import (
-        Agreement,
-        DeviceAnalysis,
-        DeviceComparison,
-        SizeErrors,
-        StudyAnalysis,
-    )
+    from tsis.study.agreement import BlandAltman
+    from tsis.study.analysis import Agreement, DeviceAnalysis, DeviceComparison, SizeErrors, StudyAnalysis
+    from tsis.study.folder import StudyVerification
+    from tsis.study.probabilities import Recalibration, ReliabilityCurve
+    from tsis.study.proportions import Counts
+    from tsis.study.roc import OperatingPoint, Roc
 
 
 NAMES = {
@@ -80,7 +70,7 @@ def fraction_text(proportion: Proportion | None) -> str:
 
     Examples
     --------
-    >>> from tsis.detection import Proportion
+    >>> from tsis.study.proportions import Proportion
     >>> fraction_text(Proportion(successes=6, trials=8))
     '75 % (6 of 8)'
     """

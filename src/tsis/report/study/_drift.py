@@ -7,17 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tsis.detection import ewma_run_length, shewhart_run_length
 from tsis.plots import drift_chart
 from tsis.report._document import envelope
 from tsis.report._page import Card, Page, Picture, Table, on_axes
 from tsis.report.study._document import counted
-from tsis.study import CHARTED
+from tsis.study.drift import CHARTED, ewma_run_length, shewhart_run_length
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tsis.study import CheckLog, DriftChart
+    from tsis.study.drift import CheckLog, DriftChart
 
 
 def drift_page(log: CheckLog, charts: Sequence[DriftChart]) -> Page:

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 from tsis.report._document import envelope
 from tsis.report._page import Card, Page, Table
 from tsis.report.study._document import NAMES, ends, labelled
-from tsis.study import KIT, MODULUS_COLUMNS, kit_moulds
+from tsis.study.kit import KIT, MODULUS_COLUMNS, kit_moulds
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from tsis.study.analysis import ValidationScore
+    from tsis.study.kit import ValidationScore
 
 POINTS, CODES, SPECIMENS = 10, 10, 3
 SIZED = tuple(name for size in ("d / mm", "h / mm", "E / kPa") for name in (size, "low, high"))

@@ -35,8 +35,9 @@ from tsis.report.study._document import (
     undecided_notes,
 )
 from tsis.report.study._tables import comparison_table, device_tables, targets_table
-from tsis.study import ANALYSED, ANALYSED_READING, QUANTITIES, enter_analysis, unblind
 from tsis.study.analysis import analyse
+from tsis.study.folder import ANALYSED, enter_analysis, unblind
+from tsis.study.plan import ANALYSED_READING, QUANTITIES
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -44,8 +45,8 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from tsis.study import Study
     from tsis.study.analysis import DeviceAnalysis, DeviceComparison, SizeErrors, StudyAnalysis
+    from tsis.study.folder import Study
 
 
 SQUARE = (4.6, 4.2)

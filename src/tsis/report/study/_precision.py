@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from tsis.detection import REPEATABILITY_SD
 from tsis.errors import InputError
 from tsis.plots import agreement_limits, read_over_true
 from tsis.report._document import envelope
@@ -21,8 +20,9 @@ from tsis.report.study._document import (
     method_of,
 )
 from tsis.report.study._tables import NUMBERS, limit_rows
-from tsis.study import read_seal
-from tsis.study.analysis import OPERATORS
+from tsis.study.card import OPERATORS
+from tsis.study.folder import read_seal
+from tsis.study.precision import REPEATABILITY_SD
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -30,9 +30,10 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from tsis.detection import Interval, Linearity
-    from tsis.study import Study
-    from tsis.study.analysis import Precision, PrecisionAnalysis
+    from tsis.study.card import Precision, PrecisionAnalysis
+    from tsis.study.folder import Study
+    from tsis.study.precision import Linearity
+    from tsis.study.proportions import Interval
 
 
 PER_CENT = 100.0

@@ -18,12 +18,12 @@ from tsis.report.study._document import (
     score_text,
     small,
 )
-from tsis.study import QUANTITIES
+from tsis.study.plan import QUANTITIES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from tsis.detection import BlandAltman, Counts, Interval, Proportion
+    from tsis.study.agreement import BlandAltman
     from tsis.study.analysis import (
         AgreementValue,
         DeviceAnalysis,
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
         StudyAnalysis,
         TargetResult,
     )
+    from tsis.study.proportions import Counts, Interval, Proportion
 
 
 NUMBERS = ("", "value", "95 % interval", "method")

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from tsis.console.services import Jobs
     from tsis.console.studies import StudyRepository
     from tsis.report import Page, Table
-    from tsis.study import Study
+    from tsis.study.folder import Study
 
 
 MOST_RESULTS = 4

@@ -16,7 +16,8 @@ from tsis.console.pages.study._context import name_in, who_field
 from tsis.console.studies import StudyRepository
 from tsis.errors import InputError
 from tsis.model import require_number
-from tsis.study import MOST_TARGETS, TARGETS, printed_targets, random_targets
+from tsis.study.folder import MOST_TARGETS, printed_targets, random_targets
+from tsis.study.plan import TARGETS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from tsis.console.pages.study._context import StudyResult, StudyView
     from tsis.console.services import Instrument
     from tsis.console.studies import StudySummary
-    from tsis.study import TargetTruth
+    from tsis.study.plan import TargetTruth
 
 
 SHEETS = (20, 50, 200)

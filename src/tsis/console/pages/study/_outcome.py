@@ -14,13 +14,14 @@ from tsis.console.pages.study._context import name_in, study_result, who_field
 from tsis.console.studies import begin_publishing, begin_reading, job_of, unread
 from tsis.files import one_line
 from tsis.report.target import count_of
-from tsis.study import READING_COLUMNS, export_readings, import_table, verify_study
+from tsis.study.folder import verify_study
+from tsis.study.readings import READING_COLUMNS, export_readings, import_table
 
 if TYPE_CHECKING:
     from nicegui.events import UploadEventArguments
 
     from tsis.console.pages.study._context import StudyContext, StudyResult, StudyView
-    from tsis.study import Study, StudyVerification
+    from tsis.study.folder import Study, StudyVerification
 
 
 class Outcome:

@@ -28,8 +28,7 @@ from tsis.files import (
     printable_path,
     read_chain_file,
 )
-from tsis.study._plan import require_study_format, study_file_errors
-from tsis.study._values import TargetTruth, parse_target_truth
+from tsis.study.plan import TargetTruth, parse_target_truth, require_study_format, study_file_errors
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence

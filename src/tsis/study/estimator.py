@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from tsis.detection.classify._classifier import ClassifierSettings, calibrated_machine
 from tsis.errors import import_extra
+from tsis.study.classifier import ClassifierSettings, calibrated_machine
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -21,7 +21,7 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 
 
 class TargetClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
-    """`tsis.detection.classify.train_classifier` as an estimator of scikit-learn, for any features and classes.
+    """`tsis.study.classifier.train_classifier` as an estimator of scikit-learn, for any features and classes.
 
     Trained on the features and labels of a `TrainingSet`, its probabilities are those of the `Classifier`. It serves
     pipelines, searches of settings and cross-validation of scikit-learn; it needs the extra ``classify``.

@@ -1,0 +1,492 @@
+"""Probabilities beside what came true, and the probability of an inclusion from an estimate.
+
+The Brier score, its decomposition by Murphy, the reliability curve, and logistic recalibration after Cox. An estimate
+compares inclusions of its prior with tissue without inclusion. Its probability is valid at the prevalence of the prior;
+the likelihood ratio does not depend on it, and converts the probability to another prevalence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import scipy
+
+from tsis.errors import InputError, import_extra
+from tsis.inclusion import presence_caveats
+from tsis.model import LARGEST_EVIDENCE, Estimate, require_integer, require_number, require_type
+from tsis.study.proportions import LEVEL, Interval, Proportion, both_classes, checked_level, choice, scored
+from tsis.study.roc import DRAWS, batches, checked_draws, percentiles
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import ArrayLike, NDArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BrierScore:
+    """Mean square of probability less truth, 0 at best, and its decomposition.
+
+    ``score = reliability - resolution + uncertainty + within``.
+
+    Attributes
+    ----------
+    score
+        In [0, 1].
+    reliability
+        Mean square of a group's probability less its frequency of inclusions; 0 is best.
+    resolution
+        Mean square of a group's frequency less that of all; larger is better.
+    uncertainty
+        Score of the frequency of all as the constant probability.
+    within
+        Contribution of different probabilities within a group; 0 where groups have equal probabilities.
+    """
+
+    score: float
+    reliability: float
+    resolution: float
+    uncertainty: float
+    within: float
+
+
+def brier_score(probabilities: ArrayLike, present: ArrayLike, *, groups: ArrayLike | None = None) -> BrierScore:
+    """Brier score of probabilities, in Murphy's parts.
+
+    Raises `InputError` when a probability lies outside [0, 1], the truth is not boolean, or the lengths differ.
+
+    Parameters
+    ----------
+    probabilities
+        That each target contains an inclusion, shape (targets,), in [0, 1].
+    present
+        Whether it does, booleans of shape (targets,).
+    groups
+        Whole numbers of shape (targets,), equal within a group; None groups equal probabilities, which is of little use
+        where few are equal.
+
+    Examples
+    --------
+    >>> parts = brier_score([0.8, 0.8, 0.8, 0.2, 0.2], [True, True, False, False, False])
+    >>> round(parts.score, 3), round(parts.reliability, 3), round(parts.resolution, 3), round(parts.uncertainty, 3)
+    (0.16, 0.027, 0.107, 0.24)
+    """
+    values, truth = probabilities_and_truth(probabilities, present)
+    together = values if groups is None else np.asarray(groups)
+    if together.shape != values.shape:
+        raise InputError(f"groups must have one number a target, {len(values)} in all; got shape {together.shape}")
+    position = np.unique(together, return_inverse=True)[1]
+    sizes = np.bincount(position)
+    message, observed = (np.bincount(position, weights=item) / sizes for item in (values, truth.astype(float)))
+    fraction = float(truth.mean())
+    # Stephenson, Coelho and Jolliffe, Weather Forecast. 23 (2008) 752: variance and covariance inside the groups.
+    difference = values - message[position]
+    return BrierScore(
+        score=float(np.mean((values - truth) ** 2)),
+        reliability=float(np.average((message - observed) ** 2, weights=sizes)),
+        resolution=float(np.average((observed - fraction) ** 2, weights=sizes)),
+        uncertainty=fraction * (1 - fraction),
+        within=float(np.mean(difference**2) - 2 * np.mean(difference * (truth - observed[position]))),
+    )
+
+
+def brier_interval(
+    probabilities: ArrayLike,
+    present: ArrayLike,
+    *,
+    rng: np.random.Generator,
+    level: float = LEVEL,
+    draws: int = DRAWS,
+    progress: Callable[[int, int], None] | None = None,
+) -> Interval:
+    """Bootstrap percentile interval of the Brier score; too narrow for few targets.
+
+    Raises `InputError` when the input is invalid, or all squared errors are equal.
+
+    Parameters
+    ----------
+    probabilities, present
+        As for `brier_score`.
+    rng, level, draws, progress
+        As for `bootstrap_auc`.
+
+    Examples
+    --------
+    >>> truth = [True, True, False, False, True]
+    >>> low, high = brier_interval([0.9, 0.6, 0.3, 0.1, 0.4], truth, rng=np.random.default_rng(0))
+    >>> low < 0.126 < high
+    True
+    """
+    values, truth = probabilities_and_truth(probabilities, present)
+    checked_level(level)
+    draws = checked_draws(rng, draws)
+    squares = (values - truth) ** 2
+    if np.ptp(squares) == 0:
+        raise InputError(
+            f"probabilities must miss the truth by unequal amounts for an interval; got {len(squares)} equal squares "
+            f"of {squares[0]:g}: add targets"
+        )
+    drawn = np.empty(draws)
+    for start, stop in batches(draws, len(squares), progress):
+        picked = rng.multinomial(len(squares), np.full(len(squares), 1 / len(squares)), stop - start)
+        drawn[start:stop] = picked @ squares / len(squares)
+    return percentiles(drawn, level)
+
+
+def probabilities_and_truth(probabilities: ArrayLike, present: ArrayLike) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+    """Check probabilities and truth, one of each per target.
+
+    Raises `InputError` when a probability lies outside [0, 1], the truth is not boolean, or the lengths differ.
+    """
+    values, truth = scored(probabilities, present, name="probabilities")
+    outside = (values < 0) | (values > 1)
+    if outside.any():
+        raise InputError(
+            f"probabilities must lie in [0, 1]; got {values[outside][0]:g} among {np.count_nonzero(outside)} outside: "
+            "scores of another kind belong into Roc.of"
+        )
+    return values, truth
+
+
+BINS = 10
+MOST_BINS = 10_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReliabilityBin:
+    """Targets of similar probability.
+
+    Attributes
+    ----------
+    low, high
+        Ends of the bin; a probability at an inner end belongs below it.
+    probability
+        Mean of the stated probabilities.
+    observed
+        Proportion of the targets with an inclusion; ``observed.interval()`` is Wilson's.
+    """
+
+    low: float
+    high: float
+    probability: float
+    observed: Proportion
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReliabilityCurve:
+    """Stated probability and observed frequency in each bin that is not empty.
+
+    Attributes
+    ----------
+    bins
+        By rising probability.
+    brier
+        Brier score with Murphy's parts over these bins.
+    """
+
+    bins: tuple[ReliabilityBin, ...]
+    brier: BrierScore
+
+    @property
+    def expected_calibration_error(self) -> float:
+        """Expected calibration error over all targets; few targets per bin raise it even for correct probabilities."""
+        weights = [item.observed.trials for item in self.bins]
+        return float(np.average([abs(item.probability - item.observed.value) for item in self.bins], weights=weights))
+
+
+def reliability_curve(
+    probabilities: ArrayLike, present: ArrayLike, *, bins: int = BINS, widths: str = "equal-count"
+) -> ReliabilityCurve:
+    """Compare grouped probabilities with observed frequencies.
+
+    Raises `InputError` when a probability lies outside [0, 1], the truth is not boolean, the lengths differ, or a
+    choice is unknown.
+
+    Parameters
+    ----------
+    probabilities
+        That each target holds an inclusion, shape (targets,), in [0, 1].
+    present
+        Whether it does, booleans of shape (targets,).
+    bins
+        Number of bins, 1 or more; equal probabilities are in one bin.
+    widths
+        ``"equal-count"``, ends at quantiles of the probabilities, or ``"equal-width"``.
+
+    Examples
+    --------
+    >>> curve = reliability_curve([0.1, 0.2, 0.3, 0.7, 0.8, 0.9], [False, False, True, True, True, True], bins=2)
+    >>> [(round(one.probability, 2), one.observed.value) for one in curve.bins]
+    [(0.2, 0.3333333333333333), (0.8, 1.0)]
+    >>> round(curve.expected_calibration_error, 3)
+    0.167
+    """
+    values, truth = probabilities_and_truth(probabilities, present)
+    fractions = np.linspace(0.0, 1.0, require_integer("bins", bins, 1, MOST_BINS) + 1)
+    widths = choice("widths", widths, ("equal-count", "equal-width"))
+    ends = fractions if widths == "equal-width" else np.quantile(values, fractions)
+    position = np.searchsorted(ends[1:-1], values)
+    results = []
+    for index in np.unique(position):
+        inside = position == index
+        observed = Proportion(successes=int(truth[inside].sum()), trials=int(inside.sum()))
+        low, high = float(ends[index]), float(ends[index + 1])
+        results.append(ReliabilityBin(low=low, high=high, probability=float(values[inside].mean()), observed=observed))
+    return ReliabilityCurve(bins=tuple(results), brier=brier_score(values, truth, groups=position))
+
+
+STEPS = 100
+TOLERANCE = 1e-10  # of the gradient of the mean likelihood
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FittedValue:
+    """A maximum-likelihood estimate.
+
+    Attributes
+    ----------
+    value
+        The estimate.
+    standard_error
+        From the curvature of the likelihood there.
+    """
+
+    value: float
+    standard_error: float
+
+    def interval(self, level: float = LEVEL) -> Interval:
+        """Wald's interval; it assumes a normal distribution, and is approximate below some 30 targets of each kind.
+
+        ``level`` is the confidence, in (0, 1); else `InputError` is raised.
+        """
+        half = float(scipy.special.ndtri(0.5 + checked_level(level) / 2)) * self.standard_error
+        return Interval(low=self.value - half, high=self.value + half, level=level, method="wald")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recalibration:
+    """``logit(true fraction) = intercept + slope * logit(probability)``.
+
+    Attributes
+    ----------
+    slope
+        1 for calibrated probabilities; below 1 they are overconfident, above 1 underconfident.
+    intercept
+        With that slope; 0 for calibrated probabilities.
+    in_the_large
+        Intercept with the slope fixed at 1: positive where inclusions are more frequent than the probabilities.
+    """
+
+    slope: FittedValue
+    intercept: FittedValue
+    in_the_large: FittedValue
+
+
+def recalibration(probabilities: ArrayLike, present: ArrayLike) -> Recalibration:
+    """Fit slope and intercept of the logits by maximum likelihood.
+
+    Raises `InputError` when the input is invalid, a class is missing, or the probabilities separate both kinds, so that
+    the slope is infinite.
+
+    Parameters
+    ----------
+    probabilities
+        That each target contains an inclusion, shape (targets,), strictly between 0 and 1, not all equal.
+    present
+        Whether it does, booleans of shape (targets,), both kinds.
+
+    Examples
+    --------
+    >>> fitted = recalibration([0.01, 0.1, 0.9, 0.99, 0.9, 0.1], [False, True, True, True, False, False])
+    >>> fitted.slope.value < 1  # too bold
+    True
+    """
+    values, truth = probabilities_and_truth(probabilities, present)
+    both_classes(truth, needed_by="a recalibration")
+    certain = (values == 0) | (values == 1)
+    if certain.any():
+        raise InputError(
+            f"probabilities must lie strictly between 0 and 1 for their logits; got {np.count_nonzero(certain)} that "
+            "do not: a probability from n samples can be counted as (k + 1/2) / (n + 1)"
+        )
+    logits = scipy.special.logit(values)
+    _require_overlap(logits, truth)
+    scale = float(np.abs(logits).max())
+    joint, errors = _line(logits / scale, truth)
+    return Recalibration(
+        slope=FittedValue(value=joint[1] / scale, standard_error=errors[1] / scale),
+        intercept=FittedValue(value=joint[0], standard_error=errors[0]),
+        in_the_large=_shift(logits, truth),
+    )
+
+
+def _require_overlap(logits: NDArray[Any], truth: NDArray[np.bool_]) -> None:
+    """Albert and Anderson (1984): the maximum exists where no cut separates both kinds, touching or not."""
+    if np.ptp(logits) == 0:
+        raise InputError("probabilities must not all be equal for a slope; got one value alone: add targets")
+    within, without = logits[truth], logits[~truth]
+    if within.min() >= without.max() or without.min() >= within.max():
+        raise InputError(
+            "probabilities of targets with and without an inclusion must overlap for a slope; got two parts that one "
+            "cut separates: add targets"
+        )
+
+
+def _line(logits: NDArray[Any], truth: NDArray[np.bool_]) -> tuple[list[float], list[float]]:
+    """Intercept and slope of the largest likelihood, with standard errors from its curvature."""
+    linear_model = import_extra("sklearn.linear_model", feature="a recalibration", extra="classify")
+    model = linear_model.LogisticRegression(C=np.inf, solver="newton-cholesky", tol=TOLERANCE, max_iter=STEPS)
+    model.fit(logits[:, None], truth)
+    at = np.array([model.intercept_[0], model.coef_[0, 0]])
+    design = np.stack([np.ones_like(logits), logits], axis=1)
+    chance = scipy.special.expit(design @ at)
+    curvature = (design * (chance * (1 - chance))[:, None]).T @ design
+    return at.tolist(), np.sqrt(np.diag(np.linalg.inv(curvature))).tolist()
+
+
+def _shift(logits: NDArray[Any], truth: NDArray[np.bool_]) -> FittedValue:
+    """Shift of the logits that makes the expected number of inclusions equal to the observed one."""
+    observed = int(truth.sum())
+    low, high = (
+        scipy.special.logit(observed / len(truth)) - logits.max(),
+        scipy.special.logit(observed / len(truth)) - logits.min(),
+    )
+
+    def excess(shift: float) -> float:
+        return float(scipy.special.expit(logits + shift).sum() - observed)
+
+    shift = float(scipy.optimize.brentq(excess, low - 1, high + 1, xtol=1e-13))
+    chance = scipy.special.expit(logits + shift)
+    return FittedValue(value=shift, standard_error=float(1 / np.sqrt((chance * (1 - chance)).sum())))
+
+
+PREVALENCE = (1e-9, 1 - 1e-9)  # range
+NEAREST_TO_ONE = 2.0**-53  # distance from 1 below which a probability rounds to 1
+NEAREST_TO_NONE = 5e-324
+LARGEST_EXPONENT = 709.0  # whose exponential does not overflow
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PresenceProbability:
+    """Probability of an inclusion, with its prior and caveats.
+
+    Raises `InputError` when a number is no probability.
+
+    Parameters
+    ----------
+    probability
+        Of an inclusion, in [0, 1], at the prevalence ``prior``.
+    prior
+        Prior probability of an inclusion, in [1e-9, 1 - 1e-9].
+    caveats
+        Flags of the estimate that its model is not valid: the probability then compares two poor models.
+    evidence
+        Natural logarithm of the likelihood ratio before the probability was rounded; None if not saved.
+
+    Examples
+    --------
+    >>> found = PresenceProbability(probability=0.9, prior=0.5)
+    >>> round(found.likelihood_ratio, 9)
+    9.0
+    >>> round(found.at_prevalence(0.01).probability, 4)  # 9 : 99
+    0.0833
+    """
+
+    probability: float
+    prior: float
+    caveats: tuple[str, ...] = ()
+    evidence: float | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "probability", require_number("probability", self.probability, 0, 1))
+        prior = require_number("prior", self.prior, *PREVALENCE, hint="a fraction of targets")
+        object.__setattr__(self, "prior", prior)
+        require_type("caveats", self.caveats, tuple)
+        if self.evidence is not None:
+            require_number("evidence", self.evidence, -LARGEST_EVIDENCE, LARGEST_EVIDENCE)
+
+    @property
+    def is_bound(self) -> bool:
+        """Whether the probability was rounded to 0 or 1, so that the likelihood ratio is only a bound."""
+        return self.evidence is None and self.probability in (0.0, 1.0)
+
+    @property
+    def log_odds(self) -> float:
+        """Logit of the probability; of a rounded probability that of the nearest number."""
+        if self.evidence is not None:
+            return self.evidence + float(scipy.special.logit(self.prior))
+        return float(scipy.special.logit(np.clip(self.probability, NEAREST_TO_NONE, 1 - NEAREST_TO_ONE)))
+
+    @property
+    def log_likelihood_ratio(self) -> float:
+        """Natural logarithm of the likelihood ratio of an inclusion over tissue without inclusion."""
+        return self.log_odds - float(scipy.special.logit(self.prior))
+
+    @property
+    def likelihood_ratio(self) -> float:
+        """Factor of the frames on the odds of an inclusion, at most e**709; a bound where `is_bound`."""
+        return float(np.exp(np.minimum(self.log_likelihood_ratio, LARGEST_EXPONENT)))
+
+    def at_prevalence(self, prevalence: float) -> PresenceProbability:
+        """The probability for the same frames at another prevalence of targets with an inclusion.
+
+        The prevalence lies in [1e-9, 1 - 1e-9]; else `InputError` is raised. The ranges of size, depth and modulus
+        remain those of the estimate's prior.
+        """
+        require_number("prevalence", prevalence, *PREVALENCE, hint="a fraction of targets")
+        transformed = float(scipy.special.expit(self.log_likelihood_ratio + float(scipy.special.logit(prevalence))))
+        # Where the ratio is only a bound, 0 and 1 stay.
+        return replace(self, probability=self.probability if self.is_bound else transformed, prior=prevalence)
+
+
+def presence(estimate: Estimate, *, prior: float | None = None) -> PresenceProbability:
+    """Probability of an inclusion from an estimate.
+
+    Raises `InputError` when the estimate has no such probability, or its prior is unknown.
+
+    Parameters
+    ----------
+    estimate
+        A result of `tsis.inclusion.estimate`.
+    prior
+        Prior probability of an inclusion of the estimate; by default that of its provenance.
+
+    Examples
+    --------
+    >>> from tsis.model import Estimate
+    >>> made = Estimate(
+    ...     samples={"depth_mm": [5.0, 6.0]}, prior_sd={"depth_mm": 2.3}, presence=0.8,
+    ...     provenance={"prior": {"presence": 0.5}},
+    ... )
+    >>> round(presence(made).at_prevalence(0.2).probability, 9)
+    0.5
+    """
+    require_type("estimate", estimate, Estimate)
+    if estimate.presence is None:
+        raise InputError(
+            "estimate must hold the probability of an inclusion, presence; got None: take one that "
+            "tsis.inclusion.estimate made"
+        )
+    stated = _stated_prior(estimate.provenance)
+    if prior is None and stated is None:
+        raise InputError(
+            "prior must be given where the estimate's provenance names none; got None: give the probability of an "
+            "inclusion that it was made with"
+        )
+    if prior is not None and stated is not None and prior != stated:
+        raise InputError(f"prior must be that of the estimate, {stated:g}; got {prior!r:.60}: leave it out")
+    return PresenceProbability(
+        probability=estimate.presence,
+        prior=stated if prior is None else prior,  # type: ignore[arg-type]
+        caveats=tuple(flag for flag in estimate.flags if flag in presence_caveats(estimate.flags)),
+        evidence=estimate.log_bayes_factor,
+    )
+
+
+def _stated_prior(provenance: Mapping[str, Any]) -> float | None:
+    reported = provenance.get("prior")
+    value = reported.get("presence") if isinstance(reported, Mapping) else None
+    return value if isinstance(value, float) else None
