@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-import math
-import numpy as np
-import scipy
 from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy
+
 from tsis.__about__ import LARGEST_SEED
 from tsis.catalog import load_phantom, load_probe
 from tsis.errors import CalibrationError, InputError, RecordsError
@@ -16,16 +18,16 @@ from tsis.study.analysis import DeviceResults, device_results
 from tsis.study.folder import new_study, read_seal, unblind, verify_study
 from tsis.study.plan import QUANTITIES, TargetTruth, require_short_name
 from tsis.study.precision import linearity, repeatability, reproducibility
-from tsis.study.proportions import Counts, Proportion
 from tsis.study.readings import StudyInstrument, press_study
 from tsis.virtual.probe import VirtualProbe
-from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import os
     from collections.abc import Callable, Iterator, Mapping, Sequence
     from datetime import datetime
+
     from numpy.typing import NDArray
+
     from tsis.calibration import UsableCalibration
     from tsis.study.agreement import BlandAltman
     from tsis.study.folder import Study
