@@ -9,7 +9,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from tsis.cli.study._plan import plan
+from tsis.cli.study import plan
 from tsis.errors import InputError
 from tsis.study.search import ScanPlan, measured_detection_range
 

@@ -114,7 +114,7 @@ COMMANDS = {
         f"{RESEARCH_USE_ONLY}",
     ),
     "detect": CommandEntry(
-        "tsis.cli._detect",
+        "tsis.cli.detect",
         "app",
         f"Classify targets of a store by measured properties: none, and two kinds of inclusions. {RESEARCH_USE_ONLY}",
     ),
