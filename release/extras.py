@@ -31,7 +31,7 @@ FIRST = {  # code or command that uses the extra
     "classify": "import tsis.study.classifier; import sklearn.svm",
     "cluster": ["sweep", "run", "plan.toml", "--out", "data"],
     "console": "import tsis.console.pages, tsis.console.api, tsis.records, tsis.report.paper",
-    "dicom": "import tsis.records.dicom; import highdicom, pynetdicom, dicomweb_client.api",
+    "dicom": "import tsis.records.dicom; import highdicom, pydicom",
     "exchange": "import tsis.records.export.arrays; import h5py, zarr",
     "fem3d": "import tsis.mechanics.solid; import ngsolve, netgen.occ",
     "postgres": "import tsis.records.store; import psycopg; assert psycopg.pq.__impl__ == 'binary'",

@@ -115,7 +115,6 @@ WALK = (
 )
 NOT_HERE = {
     "calibrate": "needs a camera and a force gauge; its default command is `calibrate guide`, which is walked",
-    "records send": "needs a DICOM archive; tests/system/test_dicom_archive.py sends to one",
 }
 
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from tests.cli.conftest import RunTsis
 
 STORE = ("--store", "records")
-COMMANDS = ("list", "show", "verify", "import", "recompute", "edit", "export", "send")
+COMMANDS = ("list", "show", "verify", "import", "recompute", "edit", "export")
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -249,8 +249,6 @@ OTHER_CODES = {
         (["export", "1", "--format", "html", "--identified", *STORE], "--identified belongs to dicom"),
         (["export", "77", "--format", "html", *STORE], "got 77"),
         (["export", "1", *STORE], "--format"),
-        (["send", "1", "--to", "archive", *STORE], "must be AETITLE@host:port"),
-        (["send", "1", "--to", "http://192.0.2.1/dicom-web", *STORE], "https"),
         (["import", "absent", *STORE], "absent"),
         (["import", "a" * 5000, *STORE], "must name a file or folder; got: File name too long"),
         (["import", "no-store", *STORE], "must be a folder that tsis wrote"),

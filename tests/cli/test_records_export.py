@@ -1,4 +1,4 @@
-"""``tsis records export|send``: where a target goes, whole or not at all."""
+"""``tsis records export``: where a target goes, whole or not at all."""
 
 from __future__ import annotations
 
@@ -43,26 +43,3 @@ def test_a_single_form_gets_a_name_of_its_own(run_tsis: RunTsis, tmp_path: Path)
         assert result["files"] == {form: str(tmp_path / name)}
         assert (tmp_path / name).exists()
         assert run_tsis("records", "export", "2", "--format", form, *STORE).code == 2
-
-
-@pytest.mark.usefixtures("records")
-def test_sending_goes_where_it_was_told(run_tsis: RunTsis, monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("highdicom")
-    asked: list[dict[str, Any]] = []
-
-    def archive(files: Any, **options: Any) -> tuple[str, ...]:
-        asked.append(options)
-        return tuple(file.sop_instance_uid for file in files)
-
-    monkeypatch.setattr("tsis.records.dicom.c_store", archive)
-    monkeypatch.setattr("tsis.records.dicom.stow_rs", archive)
-    monkeypatch.setenv("TSIS_DICOMWEB_TOKEN", "abc")
-    for to in ("ORTHANC@127.0.0.1:4242", "ORTHANC@[::1]:4242", "https://archive.example/dicom-web"):
-        finished = run_tsis("records", "send", "1", "--to", to, *STORE, "--json")
-        assert finished.code == 0, finished.err
-        assert len(json.loads(finished.out)["stored"]) == 2  # the frames, and the report on them
-    assert [(each.get("host"), each.get("port"), each.get("called_ae")) for each in asked[:2]] == [
-        ("127.0.0.1", 4242, "ORTHANC"),
-        ("::1", 4242, "ORTHANC"),
-    ]
-    assert (asked[2]["url"], asked[2]["token"]) == ("https://archive.example/dicom-web", "abc")

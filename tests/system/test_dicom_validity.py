@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import subprocess
 from dataclasses import replace
@@ -40,8 +39,7 @@ KNOWN = (
 
 
 def program(name: str, package: str) -> str:
-    """The installed program; those of pynetdicom's wheel bear the same names as dcmtk's."""
-    found = shutil.which(name, path=os.pathsep.join(["/usr/bin", "/usr/sbin", "/usr/local/bin", "/opt/homebrew/bin"]))
+    found = shutil.which(name)
     if found is None:
         pytest.skip(f"{name} is absent; apt install {package}")
     return found

@@ -95,7 +95,7 @@ def test_frames_of_other_size_depth_or_scale_are_instances_of_their_own() -> Non
 
 
 def test_long_series_are_cut_into_instances(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tsis.records.dicom._capture.MOST_BYTES", 30)
+    monkeypatch.setattr("tsis.records.dicom._MOST_BYTES", 30)
     frames = [noise(3, 4, seed=seed) for seed in range(5)]
     found = images(framed(frames))
     assert [int(each.get("NumberOfFrames", 1)) for each in found] == [2, 2, 1]

@@ -1,4 +1,4 @@
-"""``tsis records``: list, show, verify, back up, restore, import, recompute, edit, export and send targets.
+"""``tsis records``: list, show, verify, back up, restore, import, recompute, edit and export targets.
 
 The store's own libraries are imported when a command runs, so that the program starts quickly.
 """
@@ -10,7 +10,7 @@ import typer
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.cli.records._backup import backup, restore
 from tsis.cli.records._edit import edit
-from tsis.cli.records._export import export, send
+from tsis.cli.records._export import export
 from tsis.cli.records._import import import_
 from tsis.cli.records._recompute import recompute, verify
 from tsis.cli.records._show import list_targets, show
@@ -30,4 +30,3 @@ app.command("import", epilog="Example: tsis records import first-press")(import_
 app.command("recompute", epilog="Example: tsis records recompute --all --dry-run")(recompute)
 app.command("edit", epilog="Example: tsis records edit 1 --name 'soft, 8 mm' --note 'second row, left'")(edit)
 app.command("export", epilog="Example: tsis records export 1 --format pdf --format csv --out target-1")(export)
-app.command("send", epilog="Example: tsis records send 1 --to ORTHANC@127.0.0.1:4242")(send)
