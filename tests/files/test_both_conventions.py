@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-import tsis.files._atomic as atomic
+import tsis.files.atomic as atomic
 from tsis.errors import InputError
 from tsis.files import exclusive_lock, require_file_stem
 from tsis.records.export.bundle import _layout as bundle

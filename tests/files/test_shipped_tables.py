@@ -53,7 +53,7 @@ def test_the_users_cache_comes_first(empty_cache: Path) -> None:
 @pytest.mark.slow
 def test_the_package_computes_what_it_ships(tmp_path: Path, empty_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shipped = {name: read_cached_arrays(*name.split("/")) for name in SHIPPED}
-    monkeypatch.setattr("tsis.files._cache.shipped_tables", lambda: tmp_path / "none")
+    monkeypatch.setattr("tsis.files.cache.shipped_tables", lambda: tmp_path / "none")
     tables.compute_tables()
     assert {f"{path.parent.name}/{path.name}" for path in empty_cache.glob("*/*")} == SHIPPED
     for name, arrays in shipped.items():

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from tsis.errors import FileInputError
-from tsis.files._image_checks import jpeg_fault
+from tsis.files.images import jpeg_fault
 from tsis.instrument import read_image
 
 if TYPE_CHECKING:

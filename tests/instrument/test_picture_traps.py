@@ -16,7 +16,7 @@ from PIL.PngImagePlugin import PngInfo
 
 from tsis.errors import FileInputError, InputError
 from tsis.files import LARGEST_PIXELS, image_fault, rows_missing, size_fault, without_metadata
-from tsis.files._image_checks import (
+from tsis.files.images import (
     FREE_PIXELS,
     PIXELS_A_BYTE,
     jpeg_fault,

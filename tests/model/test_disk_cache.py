@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tsis.files import cache_folder, content_key, write_cached
-from tsis.files._cache import read_cached
+from tsis.files.cache import read_cached
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -73,7 +73,7 @@ def test_an_interruption_leaves_no_half_file(cache: Path, monkeypatch: pytest.Mo
     def interrupt(_: int) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("tsis.files._atomic._sync", interrupt)
+    monkeypatch.setattr("tsis.files.atomic._sync", interrupt)
     with pytest.raises(KeyboardInterrupt):
         write_cached("kind", "key", b"payload")
     assert list((cache / "kind").iterdir()) == []

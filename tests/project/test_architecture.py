@@ -1,4 +1,4 @@
-"""The structure of the code: interfaces of packages, cycles, public names, sizes. docs/architecture.md draws it."""
+"""The structure of the code: interfaces of packages, cycles, public names. docs/architecture.md draws it."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def test_nothing_imports_private_parts_of_another_package(folder: str) -> None:
 
 def test_no_import_cycle_even_of_types() -> None:
     graph = grimp.build_graph("tsis", exclude_type_checking_imports=False, cache_dir=None)
-    assert len(graph.modules) > 400
+    assert len(graph.modules) > 100
     needs = {module: graph.find_modules_directly_imported_by(module) for module in graph.modules}
     try:
         TopologicalSorter(needs).prepare()

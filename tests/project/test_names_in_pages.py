@@ -14,7 +14,6 @@ from tsis.__about__ import RESEARCH_USE_ONLY
 
 ROOT = Path(__file__).parents[2]
 PAGES = ("README.md", "CONTRIBUTING.md", "docs/architecture.md", "docs/glossary.md")
-MOST_WORDS = 600
 DOTTED = re.compile(r"(?<![\w/.-])tsis(?:\.\w+)+")
 CODE = re.compile(r"`([^`\n]+)`")
 LINK = re.compile(r"\[`([^`\n]+)`\]\(([^)\s]+)\)")
@@ -94,9 +93,8 @@ def test_the_drawing_shows_the_layers_that_are_enforced() -> None:
     assert drawn == contracts[0]["layers"]
 
 
-def test_the_readme_is_short_and_says_what_it_must() -> None:
+def test_the_readme_says_what_it_must() -> None:
     text = text_of("README.md")
-    assert len(text.split()) <= MOST_WORDS
     assert RESEARCH_USE_ONLY in text
     assert "never been tried on a physical probe" in text
 

@@ -86,7 +86,7 @@ def test_readings_are_entered_without_reading_the_log_again(tmp_path: Path, monk
     code, other = study.plan.codes[:2]
     reading = DeviceReading(device="thumb", operator="Ada", code=code, repeat=1, score=1.0)
     study = enter_readings(study, [reading], actor="Ada")
-    monkeypatch.setattr("tsis.files._hash_chain.read_bytes", None)
+    monkeypatch.setattr("tsis.files.hash_chain.read_bytes", None)
     after = enter_readings(study, [replace(reading, code=other)], actor="Ada")
     monkeypatch.undo()
     assert after == open_study(study.folder)

@@ -1,7 +1,7 @@
 """Files: atomic writes, bounded decoding of images and archives, canonical JSON, SHA-256, safe names."""
 
-from tsis.files._archive import npy_layout, read_arrays
-from tsis.files._atomic import (
+from tsis.files.archive import npy_layout, read_arrays
+from tsis.files.atomic import (
     DISK,
     PRIVATE_FILE,
     PRIVATE_FOLDER,
@@ -15,7 +15,7 @@ from tsis.files._atomic import (
     remove_unfinished,
     write_durably,
 )
-from tsis.files._cache import (
+from tsis.files.cache import (
     cache_folder,
     cached_arrays,
     cached_sha256,
@@ -26,9 +26,17 @@ from tsis.files._cache import (
     write_cached,
     write_cached_arrays,
 )
-from tsis.files._codec import free_to_json, from_json_value, to_json_value
-from tsis.files._csv import FORMULA_STARTS, LARGEST_CSV_BYTES, CsvRow, parse_csv_rows, read_csv_rows, table_bytes
-from tsis.files._hash_chain import (
+from tsis.files.canonical_json import (
+    SHA256,
+    canonical,
+    content_sha256,
+    digest,
+    digest_or_none,
+    json_bytes,
+    parse_canonical,
+)
+from tsis.files.frame_names import require_file_stem, snapshot_stems, target_folder
+from tsis.files.hash_chain import (
     EMPTY_CHAIN,
     FIRST_HASH,
     LogChain,
@@ -41,12 +49,25 @@ from tsis.files._hash_chain import (
     read_chain,
     read_chain_file,
 )
-from tsis.files._image_checks import LARGEST_PIXELS, image_fault, png_fault, rows_missing, size_fault, without_metadata
-from tsis.files._json import SHA256, canonical, content_sha256, digest, digest_or_none, json_bytes, parse_canonical
-from tsis.files._names import require_file_stem, snapshot_stems, target_folder
-from tsis.files._packed import require_bounded_arrays, without_packed_arrays
-from tsis.files._pictures import QUICK_PNG, decode_grey_png, encode_picture
-from tsis.files._reading import (
+from tsis.files.images import (
+    LARGEST_PIXELS,
+    QUICK_PNG,
+    decode_grey_png,
+    encode_picture,
+    image_fault,
+    png_fault,
+    rows_missing,
+    size_fault,
+    without_metadata,
+)
+from tsis.files.json_values import (
+    free_to_json,
+    from_json_value,
+    require_bounded_arrays,
+    to_json_value,
+    without_packed_arrays,
+)
+from tsis.files.reading import (
     as_path,
     file_error,
     file_size,
@@ -63,7 +84,8 @@ from tsis.files._reading import (
     text_lines,
     written_by,
 )
-from tsis.files._result_schemas import RESULT_SCHEMAS, require_known_schema
+from tsis.files.result_schemas import RESULT_SCHEMAS, require_known_schema
+from tsis.files.tables import FORMULA_STARTS, LARGEST_CSV_BYTES, CsvRow, parse_csv_rows, read_csv_rows, table_bytes
 
 __all__ = [
     "DISK",

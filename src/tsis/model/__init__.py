@@ -1,8 +1,7 @@
 """Immutable values with validation, shared by all packages: probes, phantoms, presses, images, estimates."""
 
-from tsis.model._bounded_value import BoundedValue
-from tsis.model._budget import QuantityBudget, UncertaintyComponent
-from tsis.model._calibration import (
+from tsis.model.budget import QuantityBudget, UncertaintyComponent
+from tsis.model.calibration import (
     BEND_TERMS,
     FLUX_TERMS,
     GROWTH_TERMS,
@@ -13,10 +12,11 @@ from tsis.model._calibration import (
     LightMap,
     LightTerms,
 )
-from tsis.model._content import ContentValue
-from tsis.model._estimate import (
+from tsis.model.content import ContentValue
+from tsis.model.estimate import (
     ABSENCE_FLAG,
     IMPROBABLE,
+    INTERVAL_LEVEL,
     LARGEST_EVIDENCE,
     NO_UNIT,
     NOT_IDENTIFIED,
@@ -24,41 +24,40 @@ from tsis.model._estimate import (
     NOT_TRUSTED,
     UNITS,
     Estimate,
+    PosteriorSamples,
     label_of,
     probability_bound,
     probability_text,
     unit_of,
 )
-from tsis.model._exchange import summary_html
-from tsis.model._gel_sensor import (
+from tsis.model.exchange import summary_html
+from tsis.model.gel_sensor import (
     CAMERA_2011_MM_PER_PIXEL,
     CAMERA_2011_PX,
     GEL_LIGHTS,
     GEL_SHAPES,
+    BoundedValue,
     GelSensor,
     gel_sensor_of_probe,
 )
-from tsis.model._image import (
+from tsis.model.image import (
     LARGEST_PIXEL_MM,
     SMALLEST_PIXEL_MM,
     TactileImage,
-    require_image_numbers,
-    require_pixel_scale,
-)
-from tsis.model._image_series import (
     as_images,
     grey_sha256,
     image_from_xarray,
     image_stack,
     require_frames_of_probe,
+    require_image_numbers,
     require_image_series,
+    require_pixel_scale,
     require_same_probe,
 )
-from tsis.model._phantom import INCLUSION_RANGES, Inclusion, Phantom, Relaxation, SoftSphere
-from tsis.model._posterior import INTERVAL_LEVEL, PosteriorSamples
-from tsis.model._press import MN_PER_N, PressField, PressMap, interpolation_matrix, require_ascending
-from tsis.model._probe import FOUR_LEDS, Glass, Layer, Led, Probe
-from tsis.model._require import (
+from tsis.model.phantom import INCLUSION_RANGES, Inclusion, Phantom, Relaxation, SoftSphere
+from tsis.model.press import MN_PER_N, PressField, PressMap, interpolation_matrix, require_ascending
+from tsis.model.probe import FOUR_LEDS, Glass, Layer, Led, Probe
+from tsis.model.require import (
     freeze_arrays,
     freeze_mappings,
     require_array,

@@ -31,7 +31,7 @@ from tsis.calibration.file import (
     write_calibration,
 )
 from tsis.errors import CalibrationError, FileInputError, InputError, TsisError
-from tsis.files._packed import _unpacked, require_bounded_arrays
+from tsis.files.json_values import _unpacked, require_bounded_arrays
 
 if TYPE_CHECKING:
     from pathlib import Path

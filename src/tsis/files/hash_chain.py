@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from tsis.errors import RecordsError
-from tsis.files._atomic import DISK, Disk, append_durably
-from tsis.files._json import canonical, digest, digest_or_none
-from tsis.files._reading import file_error, read_bytes
+from tsis.files.atomic import DISK, Disk, append_durably
+from tsis.files.canonical_json import canonical, digest, digest_or_none
+from tsis.files.reading import file_error, read_bytes
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from tsis.errors import InputError
-from tsis.model._content import ContentValue
-from tsis.model._exchange import summary_html
-from tsis.model._press import interpolation_matrix, require_on_grid
-from tsis.model._require import require_array, require_number, require_type
+from tsis.model.content import ContentValue
+from tsis.model.exchange import summary_html
+from tsis.model.press import interpolation_matrix, require_on_grid
+from tsis.model.require import require_array, require_number, require_type
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

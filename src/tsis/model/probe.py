@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from tsis.errors import InputError
-from tsis.model._exchange import summary_html
-from tsis.model._require import require_number, require_type
+from tsis.model.exchange import summary_html
+from tsis.model.require import require_number, require_type
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

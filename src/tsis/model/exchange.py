@@ -11,7 +11,7 @@ import numpy as np
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.errors import import_extra
-from tsis.files import encode_picture
+from tsis.files.images import encode_picture
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import scipy
 
 from tsis.errors import InputError
-from tsis.model._require import require_number, require_one_of, require_type
+from tsis.model.require import require_number, require_one_of, require_type
 
 EVALUATIONS = ("A", "B")
 COVERAGE = 0.95  # probability of an expanded uncertainty

@@ -8,7 +8,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from tsis.errors import FileInputError
-from tsis.files._reading import one_line, printable_path, read_bytes
+from tsis.files.reading import one_line, printable_path, read_bytes
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

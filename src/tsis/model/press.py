@@ -9,8 +9,8 @@ import numpy as np
 import scipy
 
 from tsis.errors import InputError
-from tsis.model._content import ContentValue
-from tsis.model._require import require_array
+from tsis.model.content import ContentValue
+from tsis.model.require import require_array
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.errors import InputError
-from tsis.model._require import require_array, require_number, require_pair, require_type
+from tsis.model.require import require_array, require_number, require_pair, require_type
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -21,7 +21,7 @@ class ContentValue:
     Examples
     --------
     >>> import copy
-    >>> from tsis.model import TactileImage
+    >>> from tsis import TactileImage
     >>> image = TactileImage(grey=[[1.0, 2.0]], settings={"gain": 2.0})
     >>> again = copy.deepcopy(image)
     >>> again == image, again is image, again.grey.flags.writeable

@@ -20,10 +20,10 @@ import numpy as np
 import platformdirs
 
 from tsis.errors import FileInputError
-from tsis.files._archive import read_arrays
-from tsis.files._atomic import write_durably
-from tsis.files._codec import free_to_json
-from tsis.files._json import content_sha256
+from tsis.files.archive import read_arrays
+from tsis.files.atomic import write_durably
+from tsis.files.canonical_json import content_sha256
+from tsis.files.json_values import free_to_json
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -110,4 +110,5 @@ def remove_cached(kind: str, key: str) -> None:
 
 
 def cached_sha256(key: str, payload: bytes) -> bytes:
+    """The digest with which a cached file begins."""
     return hashlib.sha256(key.encode() + payload).digest()

@@ -8,8 +8,8 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from tsis.errors import InputError
-from tsis.files import as_path, parse_toml, read_parsed
-from tsis.model import require_one_of, require_pair, require_type
+from tsis.files.reading import as_path, parse_toml, read_parsed
+from tsis.model.require import require_one_of, require_pair, require_type
 
 if TYPE_CHECKING:
     import os
