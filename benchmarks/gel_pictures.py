@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from scipy.ndimage import gaussian_filter
 
-import tsis.plots
+import tsis.present.figures
 from tsis.catalog import load_sensor
 from tsis.imaging import contacts
 from tsis.imaging.depth import DepthMapper, calibrate_depth
@@ -164,7 +164,7 @@ def draw_frames(shown: list[Shown], title: str) -> Figure:
     """Frames with found outlines and true ones."""
     figure = Figure(figsize=(15, 6.5), layout="constrained")
     for ax, one in zip(figure.subplots(2, 5).ravel(), shown, strict=True):
-        tsis.plots.gel_contact(one.frame, one.contact, ax)
+        tsis.present.figures.gel_contact(one.frame, one.contact, ax)
         if one.circle is not None:
             ax.add_patch(Circle(one.circle[:2], one.circle[2], fill=False, color="white", linestyle=":"))
     figure.suptitle(f"{title}. Research use only")
@@ -178,7 +178,7 @@ def draw_depths(rows: list[Any]) -> Figure:
         for ax, values, label in zip(
             axes, (truth, mapped, mapped - truth), ("truth", "map", "map less truth"), strict=True
         ):
-            tsis.plots.gel_depth(values, ax, mm_per_pixel=scale, label=f"{label} / mm")
+            tsis.present.figures.gel_depth(values, ax, mm_per_pixel=scale, label=f"{label} / mm")
             ax.set_title(title, fontsize=9)
     figure.suptitle("Depth. Research use only")
     return figure

@@ -35,8 +35,8 @@ import tsis
 from tsis.cli import progress_bar
 from tsis.files import table_bytes, write_durably
 from tsis.model import Inclusion, Phantom
-from tsis.report.paper import pdf
-from tsis.report.study import score_page
+from tsis.present.kit import score_page
+from tsis.present.pdf import pdf_bytes
 from tsis.study.folder import Study, new_study, open_study, read_seal, unblind
 from tsis.study.kit import KIT, MODULUS_COLUMNS, ValidationScore, bench_moduli, kit_files, score_validation
 from tsis.study.plan import TargetTruth
@@ -224,7 +224,7 @@ def rehearse(
         diameter_sd_mm=CALLIPER_SD_MM,
         depth_sd_mm=DEPTH_KNOWN_SD_MM,
     )
-    write_durably(folder / "score.pdf", pdf(score_page(score)))
+    write_durably(folder / "score.pdf", pdf_bytes(score_page(score)))
     return made, score
 
 

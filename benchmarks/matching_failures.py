@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 from tsis.matching import match_points
 from tsis.matching.trials import matching_error
-from tsis.plots import point_sets
+from tsis.present.figures import point_sets
 
 SEED = 60001
 # family, degradation, number, and the error then

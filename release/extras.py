@@ -30,13 +30,13 @@ FIRST = {  # code or command that uses the extra
     "camera-vimba": "import vmbpy; from tsis.instrument import find_cameras; find_cameras(['vimba'])",
     "classify": "import tsis.study.classifier; import sklearn.svm",
     "cluster": ["sweep", "run", "plan.toml", "--out", "data"],
-    "console": "import tsis.console.pages, tsis.console.api, tsis.records, tsis.report.paper",
+    "console": "import tsis.console.pages, tsis.console.api, tsis.records, tsis.present.pdf",
     "dicom": "import tsis.records.dicom; import highdicom, pydicom",
     "exchange": "import tsis.records.export.arrays; import h5py, zarr",
     "fem3d": "import tsis.mechanics.solid; import ngsolve, netgen.occ",
     "postgres": "import tsis.records.store; import psycopg; assert psycopg.pq.__impl__ == 'binary'",
     "records": ["demo", "--save", "--store", "store", "--out", "saved-press"],
-    "report": "from tsis.report.paper import pdf",
+    "report": "from tsis.present.pdf import pdf",
 }
 
 

@@ -136,7 +136,7 @@ def draw(result: Result, path: Path) -> None:
     """Expected errors against each other."""
     from matplotlib.figure import Figure
 
-    from tsis.plots import design_errors
+    from tsis.present.figures import design_errors
 
     figure = Figure(figsize=(11.0, 4.0), layout="constrained")
     left, right = figure.subplots(1, 2)

@@ -22,7 +22,7 @@ from studies.shown import Shown
 import tsis
 from tsis.imaging import Sensor, features, height_surface, signal
 from tsis.optics.irradiance import irradiance
-from tsis.plots import relief, tactile_image
+from tsis.present.figures import relief, tactile_image
 from tsis.virtual.probe import VirtualProbe, nominal_calibration
 
 if TYPE_CHECKING:

@@ -20,7 +20,7 @@ import numpy as np
 from studies.shown import Shown
 
 from tsis.optics.propagation import Dent, Propagation, propagate, thin_guide
-from tsis.plots import guide_index, guide_light, light_out_of_the_top
+from tsis.present.figures import guide_index, guide_light, light_out_of_the_top
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -23,7 +23,7 @@ import numpy as np
 from studies.shown import Shown
 
 from tsis.matching.trials import LEVEL_LABELS, PUBLIC_FILE, BenchmarkMethod, distorted_set, run_trials, summarise
-from tsis.plots import curves_over_levels
+from tsis.present.figures import curves_over_levels
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -17,7 +17,7 @@ from studies.section_6_3 import METHODS, ROUTES, Result, run
 from studies.shown import Shown
 
 from tsis.inclusion.network import LinearMapping, fit_mapping
-from tsis.plots import trial_errors
+from tsis.present.figures import trial_errors
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

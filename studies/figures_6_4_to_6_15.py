@@ -16,7 +16,7 @@ from studies.shown import Shown
 
 from tsis.imaging import features
 from tsis.inclusion.relative import ratios
-from tsis.plots import repeated_readings
+from tsis.present.figures import repeated_readings
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

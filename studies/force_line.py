@@ -47,7 +47,7 @@ from tsis.mechanics import HertzContact
 from tsis.mechanics.finite_strain import SphereResolution
 from tsis.mechanics.small_strain import indent
 from tsis.model import MN_PER_N, PressField, SoftSphere
-from tsis.plots import contact_rows, grey_sums
+from tsis.present.figures import contact_rows, grey_sums
 from tsis.virtual.direct_contact import direct_contact_calibration
 
 if TYPE_CHECKING:

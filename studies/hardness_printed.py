@@ -185,7 +185,7 @@ def solved(sphere: SoftSphere) -> SolvedSphere:
 
 def draw_matching(result: Result, figure: Figure) -> None:
     """Figure 5.22: control points before and after matching."""
-    from tsis.plots import point_sets
+    from tsis.present.figures import point_sets
 
     example = result.example
     for place, (source, title) in enumerate(((example.before, "before"), (example.registration.moved, "after")), 1):
@@ -200,7 +200,7 @@ def draw_matching(result: Result, figure: Figure) -> None:
 
 def draw_moduli(result: Result, figure: Figure) -> None:
     """Figure 5.23: readings of both ways, one a rig."""
-    from tsis.plots import modulus_readings
+    from tsis.present.figures import modulus_readings
 
     columns = {
         "as printed": {name: result.printed[name]["second"] for name in SPHERES},

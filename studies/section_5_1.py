@@ -225,7 +225,7 @@ def draw(result: Result, path: Path) -> None:
     """The sums of the three models against the force, and their cross-sections."""
     from matplotlib.figure import Figure
 
-    from tsis.plots import grey_sums
+    from tsis.present.figures import grey_sums
 
     figure = Figure(figsize=(9.0, 7.0), layout="constrained")
     axes = figure.subplots(2, 2).ravel()

@@ -23,7 +23,7 @@ import tsis
 from tsis.calibration.force import TIPS_MM, Loading, fit_force_line, loading_forces, read_loading_frame
 from tsis.calibration.reference import CameraReference, make_reference
 from tsis.calibration.specification import edge_width, specification_sheet
-from tsis.plots import hysteresis_loops
+from tsis.present.figures import hysteresis_loops
 from tsis.virtual.loading_machine import FLAT_LEVELS, VirtualLoadingMachine
 
 if TYPE_CHECKING:

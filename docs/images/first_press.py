@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 import tsis
 from tsis.imaging import features, subtract_background
 from tsis.inclusion import InclusionPrior, estimate
-from tsis.plots import marginal, tactile_image
+from tsis.present.figures import marginal, tactile_image
 from tsis.virtual.probe import VirtualProbe
 
 

@@ -9,7 +9,7 @@ import tsis
 from tsis.catalog import load_sphere
 from tsis.hardness import build_contact_table, estimate
 from tsis.imaging import features
-from tsis.plots import contact_growth, tactile_image
+from tsis.present.figures import contact_growth, tactile_image
 from tsis.virtual.direct_contact import DirectContactRig
 
 RADIUS_MM, POISSON, FORCE_N = 3.0, 0.475, 0.7

@@ -14,7 +14,7 @@ from studies.section_5_1_bench import PROBE, bench, pressed
 from tsis.imaging import Sensor, expose, render
 from tsis.model import TactileImage
 from tsis.optics.irradiance import irradiance
-from tsis.plots import tactile_image
+from tsis.present.figures import tactile_image
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from tsis.matching import register
 from tsis.matching.trials import Distortion, distort, matching_error, strokes
-from tsis.plots import point_sets
+from tsis.present.figures import point_sets
 
 
 def main() -> None:

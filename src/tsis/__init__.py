@@ -23,10 +23,9 @@ if TYPE_CHECKING:
     from tsis import matching as matching
     from tsis import mechanics as mechanics
     from tsis import optics as optics
-    from tsis import plots as plots
     from tsis import plugins as plugins
+    from tsis import present as present
     from tsis import records as records
-    from tsis import report as report
     from tsis import study as study
     from tsis import sweep as sweep
     from tsis import virtual as virtual
@@ -70,7 +69,7 @@ if not TYPE_CHECKING:  # packages and classes load when they are first used
         __name__,
         submodules=[
             *("calibration", "catalog", "console", "errors", "files", "hardness", "imaging", "inclusion"),
-            *("instrument", "matching", "mechanics", "model", "optics", "plots", "plugins", "records", "report"),
+            *("instrument", "matching", "mechanics", "model", "optics", "plugins", "present", "records"),
             *("study", "sweep", "virtual"),
         ],
         submod_attrs={

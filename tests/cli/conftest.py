@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Protocol
 
 import pytest
 from tests.cli.published import faults
+from tests.present.rough_pictures import rough_pictures
 from tests.records.pressed_object import stored_object
 from tests.records.sample import WHEN, levels
-from tests.report.rough_pictures import rough_pictures
 
 from tsis.cli import main
 from tsis.console._worker import WorkerProcess

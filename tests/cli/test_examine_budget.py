@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from rich.console import Console
 from tests.cli.kept_demo import FORCES, FRAMES, KNOWN, told
-from tests.report.pdf_readers import sheet_count, sheets
+from tests.present.pdf_readers import sheet_count, sheets
 
 import tsis
-from tsis.cli._output import rich_tables
 from tsis.model import Estimate
-from tsis.report import Table
+from tsis.present.page import Table
+from tsis.present.terminal import rich_tables
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -17,7 +17,7 @@ from tsis.cli import main
 from tsis.matching import UNMATCHED, read_points, register
 from tsis.matching.trials import read_trial_rows
 from tsis.matching.trials._trials import generated_trials
-from tsis.report import draw_poses, draw_registration
+from tsis.present.matching import draw_poses, draw_registration
 
 if TYPE_CHECKING:
     from pathlib import Path

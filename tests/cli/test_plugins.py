@@ -111,8 +111,8 @@ def test_a_matching_method_is_judged_as_those_of_tsis() -> None:
 @pytest.mark.usefixtures("example")
 def test_an_exporter_writes_a_form(tmp_path: Path) -> None:
     record, path = sample_record(), tmp_path / "target.forces"
-    assert tsis.report.export_endings()["forces"] == ".forces"
-    tsis.report.write_form("forces", record, path, identified=False)
+    assert tsis.present.records.export_endings()["forces"] == ".forces"
+    tsis.present.records.write_form("forces", record, path, identified=False)
     assert path.read_text().splitlines()[1:] == [str(press.force_n) for press in record.presses]
 
 
@@ -136,7 +136,7 @@ def test_a_broken_plug_in_is_named_and_the_rest_goes_on(
     assert "the plug-in dead of broken 1.0 must be importable from broken_one" in missing["dead"]
     assert "the plug-in half of broken 1.0 must be an object with find_cameras_here()" in missing["half"]
     with pytest.raises(PluginError, match=r"exporter failing of broken 1.0 failed: no luck"):
-        tsis.report.write_form("failing", sample_record(), tmp_path / "new", identified=False)
+        tsis.present.records.write_form("failing", sample_record(), tmp_path / "new", identified=False)
     assert list(tmp_path.glob("new*")) == []
     with pytest.raises(PluginError, match=r"plug-in number of broken 1.0 must be a function"):
         load_plugin("exporters", "number")

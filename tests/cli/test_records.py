@@ -19,8 +19,8 @@ import tsis.hardness
 from tsis.calibration.file import calibration_sha256
 from tsis.files import Disk
 from tsis.model import Estimate, TactileImage
+from tsis.present.records import ENDINGS
 from tsis.records.store import Store, open_store, verify_store
-from tsis.report import ENDINGS
 
 if TYPE_CHECKING:
     from pathlib import Path

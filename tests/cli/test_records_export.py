@@ -20,16 +20,14 @@ def test_several_forms_appear_together_or_not_at_all(
     run_tsis: RunTsis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from tsis.errors import MissingExtraError
-    from tsis.report import _forms as forms
-
-    whole = forms.write_form
+    from tsis.present.records import write_form as whole
 
     def without_an_extra(form: str, *arguments: Any, **options: Any) -> Any:
         if form == "hdf5":
             raise MissingExtraError("HDF5 export needs h5py, which is not installed")
         return whole(form, *arguments, **options)
 
-    monkeypatch.setattr("tsis.report.write_form", without_an_extra)
+    monkeypatch.setattr("tsis.present.records.write_form", without_an_extra)
     finished = run_tsis("records", "export", "1", "--format", "html,hdf5", "--out", "given", *STORE)
     assert finished.code == 2
     assert "needs h5py" in finished.err

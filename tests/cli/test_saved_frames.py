@@ -309,7 +309,7 @@ def test_a_damaged_sidecar_is_one_sentence(tmp_path: Path, change: dict[str, Any
 def test_an_untrusted_estimate_shows_no_number_in_its_plot() -> None:
     draws = np.full(100, 4.321) + np.linspace(0, 0.01, 100)
     estimate = Estimate(samples={"diameter_mm": draws}, prior_sd={"diameter_mm": 4.0}, trusted=False, flags=("misfit",))
-    figure = tsis.plots.posterior(estimate)
+    figure = tsis.present.figures.posterior(estimate)
     (ax,) = figure.axes
     assert [text.get_text() for text in ax.texts] == ["not to be trusted\nmisfit"]
     assert ax.get_xticklabels() == []

@@ -16,7 +16,7 @@ import tsis
 from tsis.cli._output import print_json
 from tsis.errors import FileInputError
 from tsis.files import RESULT_SCHEMAS
-from tsis.report import envelope
+from tsis.present.document import envelope
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -15,7 +15,7 @@ from tests.console.contrast import texts
 from tests.console.operator import tab
 
 from tsis.catalog import load_probe, parse_probe
-from tsis.report import DesignQuestion, analyse_designs, compared_designs
+from tsis.present.design import DesignQuestion, analyse_designs, compared_designs
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -9,7 +9,7 @@ from tests.console.browser import needs_browser, picture
 from tests.console.first_report import FORCES, ROLES, first_report
 from tests.console.operator import tab
 from tests.console.running import running_console
-from tests.report.pdf_readers import poppler
+from tests.present.pdf_readers import poppler
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.records.store import open_store

@@ -17,17 +17,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 from tests.console.files_client import FilesOf
+from tests.present.pdf_readers import sheets
+from tests.present.rough_pictures import rough_pictures
 from tests.records.sample import levels, sample_record
-from tests.report.pdf_readers import sheets
-from tests.report.rough_pictures import rough_pictures
 
 from tsis.console import files as exporting
 from tsis.console.files import thumbnail_png
 from tsis.errors import MissingExtraError
+from tsis.present.html import html_bytes
+from tsis.present.records import ENDINGS, PAGE_FORMS
+from tsis.present.target import target_page
 from tsis.records.export.bundle import read_bundle
 from tsis.records.store import open_store
-from tsis.report import ENDINGS, PAGE_FORMS, html
-from tsis.report.target import target_page
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -110,7 +111,7 @@ def test_a_browser_asks_each_time_and_gets_a_frame_once(client: FilesOf, store: 
 def test_the_report_is_the_one_that_the_library_writes(client: FilesOf, store: Store, exports: Path) -> None:
     with rough_pictures():
         answer = client.get(f"/files/report/{NUMBER}.html")
-        library = html(target_page(store.record(store.target(NUMBER))))
+        library = html_bytes(target_page(store.record(store.target(NUMBER))))
     assert answer.headers["content-type"] == "text/html; charset=utf-8"
     assert answer.headers["content-disposition"] == 'inline; filename="target-3.html"'
     assert answer.content == library

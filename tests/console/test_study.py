@@ -16,7 +16,7 @@ from tests.console.filled_store import still
 from tests.console.operator import TABLET, tab
 from tests.waiting import HANGS_S
 
-from tsis.report.study import study_page
+from tsis.present.study import study_page
 from tsis.study.analysis import analyse
 from tsis.study.folder import new_study, open_study, printed_targets, verify_study
 from tsis.study.readings import UNCERTAINTY_COLUMNS, import_table

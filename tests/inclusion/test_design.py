@@ -44,7 +44,7 @@ from tsis.mechanics import press
 from tsis.mechanics.small_strain import STRAIN_LIMIT, nominal_strain
 from tsis.mechanics.surrogate import FULL_CONTACT_DEGREES
 from tsis.model import LightMap
-from tsis.plots import design_errors
+from tsis.present.figures import design_errors
 from tsis.virtual.probe import nominal_calibration
 
 if TYPE_CHECKING:

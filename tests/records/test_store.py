@@ -20,13 +20,13 @@ from tests.records.sample import WHEN, levels, sample_calibration, sample_estima
 from tsis.calibration.file import calibration_sha256
 from tsis.errors import InputError, RecordsError
 from tsis.model import TactileImage
+from tsis.present.html import html_bytes
+from tsis.present.target import target_page
 from tsis.records import environment
 from tsis.records.store import DELETED, UNDO_DAYS, _reader, open_store, verify_store
 from tsis.records.store import _engines as engines
 from tsis.records.store import _tables as tables
 from tsis.records.store._reader import target_summaries
-from tsis.report import html
-from tsis.report.target import target_page
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -344,7 +344,7 @@ def test_a_damaged_file_hides_nothing_else_of_a_target(tmp_path: Path, ending: s
             result = [note for note in page.notes if note.startswith("Left out: ")]
             assert len(result) == 1
             assert (tmp_path.name in result[0]) is (kind == "phantom")
-            assert html(page)
+            assert html_bytes(page)
 
 
 def test_a_list_counts_anew_only_what_another_program_changed(place: Place, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,7 +3,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import pytest
-from tests.report.rough_pictures import rough_pictures
+from tests.present.rough_pictures import rough_pictures
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

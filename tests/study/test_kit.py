@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from tsis.cli.study import app
 from tsis.errors import FileInputError, InputError, RecordsError
-from tsis.report.study import score_document, score_page
+from tsis.present.kit import score_document, score_page
 from tsis.study.folder import Study, enter_readings, new_study, read_seal, unblind
 from tsis.study.kit import MODULUS_COLUMNS, bench_moduli, kit_files, score_validation
 from tsis.study.plan import DeviceReading

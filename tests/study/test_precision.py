@@ -19,8 +19,8 @@ from typer.testing import CliRunner
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.cli.study import app
 from tsis.errors import RecordsError
-from tsis.report import html
-from tsis.report.study import precision_page
+from tsis.present.html import html_bytes
+from tsis.present.precision import precision_page
 from tsis.study.card import OPERATORS, PROBES, Precision, analyse_precision
 from tsis.study.folder import open_study, read_seal, unblind
 from tsis.study.readings import import_readings
@@ -125,7 +125,7 @@ def test_a_blind_study_and_one_without_repeats_are_refused(tmp_path: Path) -> No
 
 
 def test_the_page_is_whole(study: Study) -> None:
-    page = html(precision_page(analyse_precision(study))).decode()
+    page = html_bytes(precision_page(analyse_precision(study))).decode()
     assert page.count(RESEARCH_USE_ONLY) == 2
     assert not re.search(r"\b(nan|inf)\b", re.sub(r'src="data:[^"]*"', "", page), re.IGNORECASE)
     for part in ("within-subject CV", "reproducibility coefficient", "Cleo less Dan, lower limit", "slope of the line"):

@@ -10,7 +10,7 @@ from tests.study.made import made_study, read_study
 
 from tsis.errors import InputError, RecordsError
 from tsis.files import canonical, digest
-from tsis.report.study import publish_study
+from tsis.present.study import publish_study
 from tsis.study.folder import open_study, unblind, verify_study
 
 if TYPE_CHECKING:

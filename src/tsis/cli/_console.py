@@ -20,10 +20,11 @@ import tsis
 from tsis.__about__ import LARGEST_SEED
 from tsis.cli._groups import ended_by
 from tsis.cli._options import AsJson, DepthMm, DiameterMm, ForceN, PhantomName, ProbeName, YoungKpa
-from tsis.cli._output import people, print_json, print_notice
+from tsis.cli._output import print_json
 from tsis.cli._progress import waiting
 from tsis.cli._store import PHANTOM, StoreDatabase, StoreFolder, StoreKind
 from tsis.errors import CameraError, InputError
+from tsis.present.terminal import people, print_notice
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -105,7 +106,7 @@ def console(
         def ready(address: str) -> None:
             preparing.close()
             if as_json:
-                print_json(tsis.report.envelope("console", address=address))
+                print_json(tsis.present.document.envelope("console", address=address))
             else:
                 reported = people()
                 reported.print(f"Open {address}", markup=False, soft_wrap=True)
@@ -163,7 +164,9 @@ def list_logins(*, as_json: AsJson = False) -> None:
     given = {name: logins.created(name) for name in logins.names()}
     if as_json:
         print_json(
-            tsis.report.envelope("logins", logins=[{"name": name, "given": when} for name, when in given.items()])
+            tsis.present.document.envelope(
+                "logins", logins=[{"name": name, "given": when} for name, when in given.items()]
+            )
         )
         return
     reported = people()

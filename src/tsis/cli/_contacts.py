@@ -14,10 +14,11 @@ import tsis
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.cli._groups import DefaultCommand
 from tsis.cli._options import AsJson
-from tsis.cli._output import leave, print_json, print_tables
+from tsis.cli._output import leave, print_json
 from tsis.cli._progress import progress_bar
 from tsis.cli._sensor import SensorOption
 from tsis.errors import FileInputError, InputError
+from tsis.present.terminal import print_tables
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -61,7 +62,7 @@ def contacts(
     """
     for path in (csv, page, figure):
         if path is not None:
-            tsis.report.require_absent(path)
+            tsis.files.require_absent(path)
     chosen = chosen_sensor(sensor)
     paths = gel_frame_paths(frames)
     levels = [read_gel_frame(path) for path in paths]
@@ -77,8 +78,8 @@ def contacts(
     provenance = {"notice": RESEARCH_USE_ONLY, "tsis": __version__, "sensor": chosen.name, "frames": len(paths)}
     written: list[str] = []
     outputs: tuple[tuple[Path | None, Callable[[], bytes]], ...] = (
-        (csv, lambda: tsis.report.contacts_csv(gel_contacts, [_sidecar_force(path) for path in paths])),
-        (page, lambda: tsis.report.gel_contacts_report(levels, gel_contacts, provenance=provenance)),
+        (csv, lambda: tsis.present.gel_sensor.contacts_csv(gel_contacts, [_sidecar_force(path) for path in paths])),
+        (page, lambda: tsis.present.gel_sensor.gel_contacts_report(levels, gel_contacts, provenance=provenance)),
         (figure, lambda: _picture(levels, gel_contacts)),
     )
     for path, content in outputs:
@@ -87,15 +88,18 @@ def contacts(
             written.append(str(path))
     if as_json:
         print_json(
-            tsis.report.envelope(
-                "contacts", sensor=chosen.name, contacts=tsis.report.contact_documents(gel_contacts), files=written
+            tsis.present.document.envelope(
+                "contacts",
+                sensor=chosen.name,
+                contacts=tsis.present.gel_sensor.contact_documents(gel_contacts),
+                files=written,
             )
         )
     else:
-        table = Table(*tsis.report.CONTACT_HEADINGS, title="Contacts")
-        for row in tsis.report.gel_contact_rows(gel_contacts):
+        table = Table(*tsis.present.gel_sensor.CONTACT_HEADINGS, title="Contacts")
+        for row in tsis.present.gel_sensor.gel_contact_rows(gel_contacts):
             table.add_row(*row)
-        notes = (*tsis.report.contact_notes(gel_contacts), *missing_frames_note(frames))
+        notes = (*tsis.present.gel_sensor.contact_notes(gel_contacts), *missing_frames_note(frames))
         print_tables([table], notes, where=", ".join(written))
     leave(trusted=any(contact.good for contact in gel_contacts))
 
@@ -172,8 +176,8 @@ def read_gel_reference(sensor: GelSensor, reference: Path | None) -> NDArray[Any
 def _picture(levels: Sequence[NDArray[Any]], gel_contacts: Sequence[Any]) -> bytes:
     from matplotlib.figure import Figure
 
-    drawn = Figure(figsize=tsis.report.overlay_inches(len(gel_contacts)), layout="constrained")
-    tsis.report.draw_contacts(drawn, levels, gel_contacts)
+    drawn = Figure(figsize=tsis.present.gel_sensor.overlay_inches(len(gel_contacts)), layout="constrained")
+    tsis.present.gel_sensor.draw_contacts(drawn, levels, gel_contacts)
     buffer = io.BytesIO()
     drawn.savefig(buffer, format="png", dpi=130)
     return buffer.getvalue()
@@ -203,7 +207,7 @@ def calibrate(
     as_json: AsJson = False,
 ) -> None:
     """Calibrate depth from presses of a ball of known diameter; each is left out in turn to measure the error."""
-    tsis.report.require_absent(out)
+    tsis.files.require_absent(out)
     chosen = chosen_sensor(sensor)
     untouched = required_reference(chosen, reference)
     levels = [read_gel_frame(path) for path in gel_frame_paths(frames)]
@@ -213,7 +217,7 @@ def calibrate(
         )
     tsis.files.write_durably(out, tsis.imaging.depth.depth_calibration_json(result))
     if as_json:
-        document = tsis.report.envelope(
+        document = tsis.present.document.envelope(
             "depth calibrate", sensor=chosen.name, method=result.method, presses=result.presses, sd_mm=result.sd_mm,
             other_sd_mm=result.other_sd_mm, errors_mm=list(result.errors_mm), file=str(out),
         )  # fmt: skip
@@ -258,9 +262,9 @@ def depth_map(
             files |= {f"{path.stem}{ending}": content(result) for ending, content in FORMS.items()}
             rows.append({"frame": path.name, "deepest_mm": float(result.depth_mm.max()), "sd_mm": _sd(result)})
             advance(number + 1, len(paths))
-    folder = tsis.report.write_folder(tsis.report.free_folder(out), files)
+    folder = tsis.files.write_folder(tsis.files.free_folder(out), files)
     if as_json:
-        print_json(tsis.report.envelope("depth map", sensor=chosen.name, maps=rows, folder=str(folder)))
+        print_json(tsis.present.document.envelope("depth map", sensor=chosen.name, maps=rows, folder=str(folder)))
         return
     table = Table("frame", "deepest / mm", "sd there / mm", title="Depth maps")
     for row in rows:
@@ -300,7 +304,9 @@ def _png(result: DepthMap) -> bytes:
     from matplotlib.figure import Figure
 
     figure, buffer = Figure(figsize=(6, 4), layout="constrained"), io.BytesIO()
-    tsis.plots.gel_depth(result.depth_mm, figure.subplots(), mm_per_pixel=result.mm_per_pixel, label="depth / mm")
+    tsis.present.figures.gel_depth(
+        result.depth_mm, figure.subplots(), mm_per_pixel=result.mm_per_pixel, label="depth / mm"
+    )
     figure.savefig(buffer, format="png", dpi=120)
     return buffer.getvalue()
 

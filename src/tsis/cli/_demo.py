@@ -125,7 +125,7 @@ def demo(
     provenance = {"simulated": {"seed": seed, "phantom": asdict(target), "command": "tsis demo"}}
     pressed = f"{chosen.name}, {_pressed(force_n)}"
     protocol = {"probe": chosen.name, "prior": prior_name(assumed), "forces_n": force_n, "strain": strain}
-    page = tsis.report.inclusion_report(
+    page = tsis.present.inclusion.inclusion_report(
         result,
         title=f"Virtual press on {target.name}",
         subtitle=f"{pressed}, each with a reference press on tissue without inclusion; simulated frames",
@@ -152,11 +152,13 @@ def demo(
     )
     outcome = CommandOutcome(
         trusted=result.trusted,
-        document=tsis.report.envelope("demo", **provenance, estimate=tsis.report.estimate_document(result, truth)),
+        document=tsis.present.document.envelope(
+            "demo", **provenance, estimate=tsis.present.document.estimate_document(result, truth)
+        ),
         page=page,
         tables=(estimate_table(result, title=f"{target.name}; {pressed}", truth=truth),),
         notes=(
-            *tsis.report.estimate_messages(result),
+            *tsis.present.document.estimate_messages(result),
             *_outside_the_prior(truth or {}, assumed),
             *((stored_note(),) if is_default_protocol(protocol) else ()),
         ),

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 from rich.table import Table
 
 import tsis
-from tsis.cli._output import print_json, print_tables
+from tsis.cli._output import print_json
 from tsis.cli._progress import progress_bar
+from tsis.present.terminal import print_tables
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -45,7 +46,9 @@ def repeat_demo(
     }
     protocol["command"] = _command(count, protocol)
     if as_json:
-        print_json(tsis.report.envelope("demo", "seeds", protocol=protocol, counts=counts, examinations=cases))
+        print_json(
+            tsis.present.document.envelope("demo", "seeds", protocol=protocol, counts=counts, examinations=cases)
+        )
         return
     title = f"{count} examinations; {probe.name}, prior {protocol['prior']}"
     print_tables([_table(counts, title)], coverage_notes(counts))

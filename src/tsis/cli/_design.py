@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from tsis.inclusion.design import Design
-    from tsis.report import DesignAnalysis
+    from tsis.present.design import DesignAnalysis
 
 
 class Compared(StrEnum):
@@ -81,12 +81,12 @@ def design(
     """
     if evaluations is not None and not search:
         raise InputError("--evaluations needs --optimise, the search that it limits")
-    question = tsis.report.DesignQuestion(
+    question = tsis.present.design.DesignQuestion(
         probe=chosen_probe(probe),
         forces_n=tuple(force_n or ()),
         with_reference=not no_reference,
         frames_per_press=frames,
-        compared=tuple(aspect.value for aspect in compared) if compared else tsis.report.QUICK_DEGREES,
+        compared=tuple(aspect.value for aspect in compared) if compared else tsis.present.design.QUICK_DEGREES,
         criterion=criterion.value,
         traced=traced_light,
         prior=chosen_prior(prior),
@@ -97,17 +97,17 @@ def design(
         else evaluations,
     )
     with progress_bar("solving presses (cached for next time)") as progress:
-        result = tsis.report.compared_designs(question, progress=progress)
+        result = tsis.present.design.compared_designs(question, progress=progress)
     best = None
     if search:
         with progress_bar("searching layers and forces") as progress:
-            best = tsis.report.searched_design(question, progress=progress)
-    response = tsis.report.analyse_designs(question, result, best)
+            best = tsis.present.design.searched_design(question, progress=progress)
+    response = tsis.present.design.analyse_designs(question, result, best)
     show_result(
         CommandResult(
-            document=tsis.report.design_document(response),
+            document=tsis.present.design.design_document(response),
             tables=(_table(response),),
-            notes=tsis.report.design_notes(response),
+            notes=tsis.present.design.design_notes(response),
             figures={"errors": partial(_draw, response.designs)},
         ),
         out,
@@ -118,17 +118,17 @@ def design(
 def _table(analysis: DesignAnalysis) -> Table:
     table = Table(
         title=analysis.question.planned.described,
-        caption=tsis.report.design_caption(analysis.designs),
+        caption=tsis.present.design.design_caption(analysis.designs),
         caption_justify="left",
         box=SIMPLE_HEAD,
         show_edge=False,
         padding=(0, 1, 0, 0),
     )
-    table.add_column(tsis.report.HEADINGS[0], min_width=14)
-    for heading in tsis.report.HEADINGS[1:-1]:
+    table.add_column(tsis.present.design.HEADINGS[0], min_width=14)
+    for heading in tsis.present.design.HEADINGS[1:-1]:
         table.add_column(heading, justify="right")
-    table.add_column(tsis.report.HEADINGS[-1], min_width=10)
-    for row in tsis.report.design_rows(analysis.designs):
+    table.add_column(tsis.present.design.HEADINGS[-1], min_width=10)
+    for row in tsis.present.design.design_rows(analysis.designs):
         table.add_row(*row)
     return table
 
@@ -137,6 +137,6 @@ def _draw(designs: Sequence[Design]) -> Figure:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(11.0, 4.0), layout="constrained")
-    tsis.report.draw_errors(designs, figure)
+    tsis.present.design.draw_errors(designs, figure)
     figure.supxlabel("Research use only. Crosses break a limit.", fontsize=8)
     return figure

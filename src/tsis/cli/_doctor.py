@@ -19,9 +19,10 @@ from rich.table import Table
 import tsis
 from tsis.__about__ import __version__
 from tsis.cli._options import AsJson
-from tsis.cli._output import people, print_json, print_notice
+from tsis.cli._output import print_json
 from tsis.cli._progress import FAILED, waiting
 from tsis.errors import PluginError, RecordsError
+from tsis.present.terminal import people, print_notice
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -64,7 +65,7 @@ def doctor(
         with waiting("searching for cameras"):
             findings += _cameras()
     if as_json:
-        print_json(tsis.report.envelope("doctor", findings=[asdict(finding) for finding in findings]))
+        print_json(tsis.present.document.envelope("doctor", findings=[asdict(finding) for finding in findings]))
     else:
         _print(findings)
     if any(finding.state == PROBLEM for finding in findings):

@@ -28,13 +28,7 @@ from tsis.cli._options import (
     require_no_file,
     target_forces,
 )
-from tsis.cli._output import (
-    CommandOutcome,
-    estimate_table,
-    publish,
-    rich_tables,
-    surrogate_progress,
-)
+from tsis.cli._output import CommandOutcome, estimate_table, publish, surrogate_progress
 from tsis.cli._saving import (
     KindOption,
     SaveOption,
@@ -45,13 +39,14 @@ from tsis.cli._saving import (
     savable_result,
 )
 from tsis.errors import InputError
+from tsis.present.terminal import rich_tables
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from tsis.inclusion import InclusionPrior, UncertaintyBudget
     from tsis.model import Calibration, Estimate, Probe, QuantityBudget, TactileImage
-    from tsis.report import PressComparison
+    from tsis.present.images import PressComparison
 
 
 PDF = "report.pdf"
@@ -297,13 +292,13 @@ def _compared(
     shape: bool,
 ) -> PressComparison:
     references, against = (on_reference, "plain tissue") if untouched is None else ([untouched], "untouched probe")
-    return tsis.report.compare_presses(
+    return tsis.present.images.compare_presses(
         frames, references, against=against, calibration=calibration, relative=relative, shape=shape
     )
 
 
 def _compared_tables(comparison: PressComparison | None) -> list[Table]:
-    return [] if comparison is None else rich_tables(tsis.report.comparison_tables(comparison))
+    return [] if comparison is None else rich_tables(tsis.present.images.comparison_tables(comparison))
 
 
 def _contacts(
@@ -316,35 +311,38 @@ def _contacts(
     comparison: PressComparison | None = None,
 ) -> CommandOutcome:
     findings = [
-        tsis.report.analyse_image(
+        tsis.present.images.analyse_image(
             frame,
             tsis.imaging.match_light(untouched, frame) if match and untouched is not None else untouched,
             invert=invert,
         )
         for frame in frames
     ]
-    document = tsis.report.envelope(
+    document = tsis.present.document.envelope(
         "examine",
         "contacts",
         images=[
-            {"name": finding.image.name, "features": tsis.report.features_document(finding.features, finding.contact)}
+            {
+                "name": finding.image.name,
+                "features": tsis.present.document.features_document(finding.features, finding.contact),
+            }
             for finding in findings
         ],
-        **({} if comparison is None else tsis.report.comparison_document(comparison)),
+        **({} if comparison is None else tsis.present.images.comparison_document(comparison)),
         refused=[{"estimate": name, "reason": reason} for name, reason in REFUSED],
         provenance=provenance,
     )
     tables = []
     for finding in findings:
         table = Table("quantity", "value", title=escape(finding.image.name))
-        for row in tsis.report.finding_rows(finding):
+        for row in tsis.present.images.finding_rows(finding):
             table.add_row(*row)
         tables.append(table)
     tables += _compared_tables(comparison)
-    notes = [note for finding in findings for note in tsis.report.finding_notes(finding)]
-    notes += [] if comparison is None else tsis.report.comparison_notes(comparison)
+    notes = [note for finding in findings for note in tsis.present.images.finding_notes(finding)]
+    notes += [] if comparison is None else tsis.present.images.comparison_notes(comparison)
     notes += [f"Not estimated: {name}: {reason}." for name, reason in REFUSED]
-    page = tsis.report.contact_report(findings, refused=REFUSED, provenance=provenance, comparison=comparison)
+    page = tsis.present.images.contact_report(findings, refused=REFUSED, provenance=provenance, comparison=comparison)
     return CommandOutcome(document=document, page=page, tables=tuple(tables), notes=tuple(notes))
 
 
@@ -363,7 +361,7 @@ def _inclusion(
 ) -> CommandOutcome:
     names = ", ".join(f"{frame.name} ({frame.force_n:g} N)" for frame in frames)
     report = partial(
-        tsis.report.inclusion_report,
+        tsis.present.inclusion.inclusion_report,
         result,
         title=f"Inclusion under {probe.name}",
         subtitle=names,
@@ -376,25 +374,25 @@ def _inclusion(
         budget=budget,
         forces=forces,
     )
-    compared = {} if comparison is None else tsis.report.comparison_document(comparison)
-    listed = {} if budget is None else {"budget": tsis.report.budget_document(budget, forces)}
-    document = tsis.report.envelope(
-        "examine", estimate=tsis.report.estimate_document(result), **listed, **compared, provenance=provenance
+    compared = {} if comparison is None else tsis.present.images.comparison_document(comparison)
+    listed = {} if budget is None else {"budget": tsis.present.document.budget_document(budget, forces)}
+    document = tsis.present.document.envelope(
+        "examine", estimate=tsis.present.document.estimate_document(result), **listed, **compared, provenance=provenance
     )
     table = estimate_table(result, title=names)
     return CommandOutcome(
         trusted=result.trusted,
         document=document,
         page=report(),
-        files={PDF: report(form=tsis.report.paper.pdf)} if pdf else {},
+        files={PDF: report(form=tsis.present.pdf.pdf_bytes)} if pdf else {},
         tables=(
             table,
-            *rich_tables(() if budget is None else tsis.report.budget_tables(budget, forces)),
+            *rich_tables(() if budget is None else tsis.present.inclusion.budget_tables(budget, forces)),
             *_compared_tables(comparison),
         ),
         notes=(
-            *tsis.report.estimate_messages(result),
-            *(() if budget is None else tsis.report.budget_notes(budget)),
-            *(() if comparison is None else tsis.report.comparison_notes(comparison)),
+            *tsis.present.document.estimate_messages(result),
+            *(() if budget is None else tsis.present.inclusion.budget_notes(budget)),
+            *(() if comparison is None else tsis.present.images.comparison_notes(comparison)),
         ),
     )

@@ -79,7 +79,7 @@ def force(
         shear = None if markers is None else _shear(markers, reference, loaded)
     low, high = result.interval_n()
     problems = (*result.problems, *(() if shear is None else shear.problems))
-    document: dict[str, Any] = tsis.report.envelope(
+    document: dict[str, Any] = tsis.present.document.envelope(
         "force",
         sensor=loaded.name,
         depth=None if depth is None else str(depth),
@@ -206,5 +206,5 @@ def _figure(depth: NDArray[np.float64], result: GelForce, sensor: GelSensor) -> 
         figure.subplots(1, 2), (depth, result.pressure_kpa), ("depth / mm", "pressure / kPa"), strict=True
     ):
         image = tsis.TactileImage(grey=values, mm_per_pixel=scale, name=label)
-        tsis.plots.tactile_image(image, ax, label=label)
+        tsis.present.figures.tactile_image(image, ax, label=label)
     return figure

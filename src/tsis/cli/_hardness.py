@@ -259,7 +259,7 @@ def _outcome(
         result = tsis.hardness.estimate(frames, probe=probe, calibration=calibration, progress=progress, **options)
     title = f"Hardness by direct contact with {probe.name}"
     shown = Table("quantity", "value", title=escape(title))
-    rows = tsis.report.hardness_rows(result)
+    rows = tsis.present.hardness.hardness_rows(result)
     for row in rows if truth_kpa is None else (*rows, ("true modulus", f"{truth_kpa:g} kPa")):
         shown.add_row(*(escape(cell) for cell in row))
     provenance = {"notice": RESEARCH_USE_ONLY, "tsis": __version__, "simulated": simulated, "calibration": cites}
@@ -268,13 +268,13 @@ def _outcome(
     readings = None if withheld else asdict(tsis.hardness.shore(result.mean["young_kpa"]))
     outcome = CommandOutcome(
         trusted=result.trusted,
-        document=tsis.report.envelope(
+        document=tsis.present.document.envelope(
             "hardness",
-            estimate=tsis.report.estimate_document(result, truth),
+            estimate=tsis.present.document.estimate_document(result, truth),
             shore_converted=readings,
             provenance=provenance,
         ),
-        page=tsis.report.hardness_report(
+        page=tsis.present.hardness.hardness_report(
             result,
             title=title,
             images=frames,
@@ -283,7 +283,7 @@ def _outcome(
             truth_kpa=truth_kpa,
         ),
         tables=(shown,),
-        notes=tuple(tsis.report.hardness_notes(result)),
+        notes=tuple(tsis.present.hardness.hardness_notes(result)),
         files=files or {},
     )
     return outcome, result

@@ -11,9 +11,10 @@ from rich.markup import escape
 from rich.table import Table
 
 import tsis
-from tsis.cli._output import leave, print_json, print_tables
+from tsis.cli._output import leave, print_json
 from tsis.cli._progress import waiting
 from tsis.errors import InputError
+from tsis.present.terminal import print_tables
 
 if TYPE_CHECKING:
     from tsis.hardness import HardnessPrior
@@ -88,16 +89,16 @@ def hardness_from_contacts(path: Path, given: ContactOptions, *, prior: Hardness
     if as_json:
         withheld = result.withheld_reason("young_kpa")
         print_json(
-            tsis.report.envelope(
+            tsis.present.document.envelope(
                 "hardness contacts",
-                estimate=tsis.report.estimate_document(result, None),
+                estimate=tsis.present.document.estimate_document(result, None),
                 shore_converted=None if withheld else asdict(tsis.hardness.shore(result.mean["young_kpa"])),
                 provenance=dict(result.provenance),
             )
         )
     else:
         shown = Table("quantity", "value", title=escape(f"Hardness by contacts of {given.sensor}"))
-        for row in tsis.report.hardness_rows(result):
+        for row in tsis.present.hardness.hardness_rows(result):
             shown.add_row(*(escape(cell) for cell in row))
-        print_tables((shown,), tsis.report.hardness_notes(result))
+        print_tables((shown,), tsis.present.hardness.hardness_notes(result))
     leave(trusted=result.trusted)

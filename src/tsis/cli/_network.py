@@ -65,7 +65,7 @@ def train(
     """Simulate presses on inclusions of the prior, and train networks on three outputs of each press."""
     import numpy as np
 
-    tsis.report.require_absent(file)
+    tsis.files.require_absent(file)
     chosen = chosen_probe(probe)
     assumed = chosen_prior(prior)
     with progress_bar("simulating presses, then training networks") as progress:
@@ -82,7 +82,7 @@ def train(
             progress=progress,
         )
     tsis.inclusion.network.write_networks(trained, file)
-    document = tsis.report.envelope(
+    document = tsis.present.document.envelope(
         "network train", file=str(file), seed=seed, samples=samples, method=method, **_about(trained)
     )
     table = Table("quantity", "value", title="Trained networks")
@@ -151,7 +151,7 @@ def apply(
         mean, sd = result[:, number].mean(axis=0), result[:, number].std(axis=0)
         table.add_row(path.name, *(f"{item:.3g} ± {other:.2g}" for item, other in zip(mean, sd, strict=True)))
         presses.append({"press": path.name, "outputs": outputs[number].tolist(), **_parameters(mean, sd)})
-    document = tsis.report.envelope(
+    document = tsis.present.document.envelope(
         "network apply", presses=presses, outside=list(outside), networks=_about(trained), calibration=usable.citation()
     )
     show_result(CommandResult(document=document, tables=(table,), notes=notes), out, as_json=as_json)

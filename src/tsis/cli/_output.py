@@ -10,18 +10,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
-from rich.box import SIMPLE_HEAD
-from rich.cells import cell_len
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
 import tsis
-from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.cli._progress import WITHHELD, progress_bar
+from tsis.present.terminal import print_tables
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Mapping
     from contextlib import AbstractContextManager
     from typing import Any
 
@@ -29,19 +26,13 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.model import Estimate
-    from tsis.report import Table as PageTable
 
 
 RESULT = "result.json"
 
 
-def people() -> Console:
-    """Standard output for people."""
-    return Console(highlight=False)
-
-
 def print_json(document: Mapping[str, Any]) -> None:
-    """Write a result, which `tsis.report.envelope` made, to standard output, and nothing else there."""
+    """Write a result, which `tsis.present.document.envelope` made, to standard output, and nothing else there."""
     sys.stdout.write(result_bytes(document).decode())
     sys.stdout.flush()
 
@@ -49,7 +40,7 @@ def print_json(document: Mapping[str, Any]) -> None:
 def print_watched(counts: Mapping[str, int]) -> None:
     """Write the result of a watched camera: its frames, and how many of them had each flag."""
     flagged = {name: counts[name] for name in sorted(counts) if name != "frames"}
-    print_json(tsis.report.envelope("acquire", "watch", frames=counts.get("frames", 0), flagged=flagged))
+    print_json(tsis.present.document.envelope("acquire", "watch", frames=counts.get("frames", 0), flagged=flagged))
 
 
 def result_bytes(document: Mapping[str, Any]) -> bytes:
@@ -60,11 +51,6 @@ def result_bytes(document: Mapping[str, Any]) -> bytes:
 def plain_json_bytes(values: Mapping[str, Any]) -> bytes:
     """Content of a JSON file that is no result, such as a sidecar."""
     return tsis.files.json_bytes(values)
-
-
-def print_notice(console: Console) -> None:
-    """The sentence that every output carries."""
-    console.print(RESEARCH_USE_ONLY, style="bold")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -94,7 +80,7 @@ def publish(outcome: CommandOutcome, out: Path, *, as_json: bool) -> None:
 def write_outcome(outcome: CommandOutcome, out: Path) -> Path:
     """Write the folder ``out`` (or the next free name), whole or not at all; which one it is."""
     files = {**outcome.files, RESULT: result_bytes(outcome.document), "index.html": outcome.page}
-    return tsis.report.write_folder(tsis.report.free_folder(out), files)
+    return tsis.files.write_folder(tsis.files.free_folder(out), files)
 
 
 def print_outcome(outcome: CommandOutcome, folder: Path, *, as_json: bool) -> None:
@@ -103,18 +89,6 @@ def print_outcome(outcome: CommandOutcome, folder: Path, *, as_json: bool) -> No
         print_json({**outcome.document, "folder": str(folder)})
         return
     print_tables(outcome.tables, outcome.notes, where=f"Page: {folder / 'index.html'}")
-
-
-def print_tables(tables: Iterable[Table], notes: Iterable[str], *, where: str = "") -> None:
-    """Print tables, notes and where the files are, if any, for people."""
-    console = people()
-    for table in tables:
-        console.print(table)
-    for note in notes:
-        console.print(f"- {note}", markup=False)
-    if where:
-        console.print(where, soft_wrap=True, markup=False)
-    print_notice(console)
 
 
 Out = Annotated[
@@ -141,10 +115,10 @@ def show_result(result: CommandResult, out: Path | None, *, as_json: bool, trust
     document = {**result.document, "notes": list(result.notes)}
     folder = None
     if out is not None:
-        requested = tsis.report.free_folder(out)  # refused before anything is drawn
+        requested = tsis.files.free_folder(out)  # refused before anything is drawn
         files = {f"{name}.png": _png(draw()) for name, draw in result.figures.items()}
         files |= {f"{name}.npy": npy_bytes(values) for name, values in result.arrays.items()}
-        folder = tsis.report.write_folder(requested, {**files, RESULT: result_bytes(document)})
+        folder = tsis.files.write_folder(requested, {**files, RESULT: result_bytes(document)})
     if as_json:
         print_json(document if folder is None else {**document, "folder": str(folder)})
     else:
@@ -183,7 +157,7 @@ def estimate_table(result: Estimate, *, title: str, truth: Mapping[str, float] |
 
 def _numbers(result: Estimate, name: str) -> tuple[str, ...]:
     """Cells of one parameter; of an estimate that is not to be trusted only what was believed before."""
-    prior_sd = tsis.report.sd_text(result.prior_sd[name])
+    prior_sd = tsis.present.document.sd_text(result.prior_sd[name])
     if not result.trusted:
         return result.withheld_reason(name), "", "", prior_sd, ""
     low, high = result.interval(tsis.model.INTERVAL_LEVEL)[name]
@@ -191,20 +165,7 @@ def _numbers(result: Estimate, name: str) -> tuple[str, ...]:
     return (
         result.withheld_reason(name) or f"{result.mean[name]:.3g}",
         f"{low:.3g} to {high:.3g}",
-        tsis.report.sd_text(result.sd[name]) if result.identified(name) else "",
+        tsis.present.document.sd_text(result.sd[name]) if result.identified(name) else "",
         prior_sd,
-        "" if bound is None else tsis.report.sd_text(bound),
+        "" if bound is None else tsis.present.document.sd_text(bound),
     )
-
-
-def rich_tables(items: Sequence[PageTable]) -> list[Table]:
-    """Tables of a page for people on a terminal; where that is narrow, lines break between words and never in one."""
-    shown = []
-    for item in items:
-        table = Table(*item.headings, title=escape(item.title), box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-        for column, *cells in zip(table.columns, item.headings, *item.rows, strict=True):
-            column.min_width = max((cell_len(word) for cell in cells for word in cell.split()), default=0)
-        for row in item.rows:
-            table.add_row(*(escape(cell) for cell in row))
-        shown.append(table)
-    return shown

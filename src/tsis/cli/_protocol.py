@@ -70,7 +70,7 @@ def protocol(
         forces = tsis.inclusion.protocol_forces(
             used, tissue_young_kpa=young_kpa, thickness_mm=thickness_mm, careful=is_careful(protocol_name)
         )
-    document = tsis.report.envelope(
+    document = tsis.present.document.envelope(
         "protocol",
         probe=used.name,
         thickness_mm=thickness_mm,

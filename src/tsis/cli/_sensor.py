@@ -13,9 +13,10 @@ from rich.table import Table
 import tsis
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.cli._options import AsJson, scale_of
-from tsis.cli._output import print_json, print_tables
+from tsis.cli._output import print_json
 from tsis.cli._sensor_outputs import frames, sensor_document, sensor_notes, sensor_table
 from tsis.errors import InputError
+from tsis.present.terminal import print_tables
 
 SensorOption = Annotated[
     str,
@@ -74,10 +75,10 @@ def new(
     changed = {key for key in changes if key in start.sources}
     changes["sources"] = {key: "given by the user" if key in changed else text for key, text in start.sources.items()}
     sensor = replace(start, **changes)
-    tsis.report.require_absent(out)
+    tsis.files.require_absent(out)
     tsis.files.write_durably(out, tsis.catalog.sensor_toml(sensor).encode())
     if as_json:
-        print_json(tsis.report.envelope("sensor new", sensor=sensor_document(sensor), file=str(out)))
+        print_json(tsis.present.document.envelope("sensor new", sensor=sensor_document(sensor), file=str(out)))
         return
     print_tables([sensor_table(sensor)], sensor_notes(sensor), where=f"File: {out}")
 
@@ -103,7 +104,7 @@ def check(
         loaded.require_frame(columns, rows)
     if as_json:
         print_json(
-            tsis.report.envelope(
+            tsis.present.document.envelope(
                 "sensor check", sensor=sensor_document(loaded), frames=len(frames or []), notes=sensor_notes(loaded)
             )
         )
@@ -124,7 +125,7 @@ def show(
     names = tsis.catalog.list_sensors() if loaded is None else (loaded.name,)
     if as_json:
         shown = {} if loaded is None else {"sensor": sensor_document(loaded)}
-        print_json(tsis.report.envelope("sensor show", names=list(names), **shown))
+        print_json(tsis.present.document.envelope("sensor show", names=list(names), **shown))
         return
     if loaded is None:
         print_tables([], names)

@@ -12,7 +12,8 @@ from rich.table import Table
 
 import tsis
 from tsis.cli._options import AsJson
-from tsis.cli._output import RESULT, print_json, print_tables, result_bytes
+from tsis.cli._output import RESULT, print_json, result_bytes
+from tsis.present.terminal import print_tables
 
 if TYPE_CHECKING:
     from tsis.model import GelSensor
@@ -37,8 +38,10 @@ def frames(
     for number, press in enumerate(made, start=1):
         files[f"press-{number}.png"] = tsis.files.encode_picture(press.frame)
         truth.append({"frame": f"press-{number}.png", "centre_px": list(press.centre_px), "radius_px": press.radius_px})
-    document = tsis.report.envelope("sensor frames", sensor=loaded.name, ball_mm=ball_mm, seed=seed, truth=truth)
-    folder = tsis.report.write_folder(tsis.report.free_folder(out), {**files, RESULT: result_bytes(document)})
+    document = tsis.present.document.envelope(
+        "sensor frames", sensor=loaded.name, ball_mm=ball_mm, seed=seed, truth=truth
+    )
+    folder = tsis.files.write_folder(tsis.files.free_folder(out), {**files, RESULT: result_bytes(document)})
     if as_json:
         print_json({**document, "folder": str(folder)})
         return

@@ -13,9 +13,10 @@ from rich.table import Table
 
 import tsis
 from tsis.cli._options import AsJson, DepthMm, DiameterMm, ForceN, PhantomName, ProbeOption, YoungKpa, chosen_probe
-from tsis.cli._output import people, print_json, print_notice
+from tsis.cli._output import print_json
 from tsis.cli._progress import waiting
 from tsis.cli._simulate_gel import GelOrder, write_gel_frames
+from tsis.present.terminal import people, print_notice
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -90,7 +91,7 @@ def simulate(
     change = field.face_displacement_mm - reference.face_displacement_mm
     if as_json:
         print_json(
-            tsis.report.envelope(
+            tsis.present.document.envelope(
                 "simulate",
                 probe=asdict(chosen),
                 phantom=asdict(pressed),
@@ -120,7 +121,7 @@ def _catalog(*, as_json: bool) -> None:
     if as_json:
         probes = {name: asdict(tsis.catalog.load_probe(name)) for name in tsis.catalog.list_probes()}
         phantoms = {name: asdict(tsis.catalog.load_phantom(name)) for name in tsis.catalog.list_phantoms()}
-        print_json(tsis.report.envelope("simulate", "list", probes=probes, phantoms=phantoms))
+        print_json(tsis.present.document.envelope("simulate", "list", probes=probes, phantoms=phantoms))
         return
     console = people()
     console.print("Probes:", ", ".join(tsis.catalog.list_probes()))

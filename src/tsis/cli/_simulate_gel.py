@@ -9,8 +9,9 @@ import numpy as np
 from rich.table import Table
 
 import tsis
-from tsis.cli._output import RESULT, npy_bytes, plain_json_bytes, print_json, print_tables, result_bytes
+from tsis.cli._output import RESULT, npy_bytes, plain_json_bytes, print_json, result_bytes
 from tsis.cli._progress import waiting
+from tsis.present.terminal import print_tables
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -50,7 +51,7 @@ CALIBRATION_BALL_MM = 6.0
 def write_gel_frames(name: str, order: GelOrder, out: Path, *, as_json: bool) -> None:
     """Press balls on a virtual exemplar of a sensor, write the folder, and print what is in it."""
     order.check()
-    folder = tsis.report.free_folder(out)
+    folder = tsis.files.free_folder(out)
     rng = np.random.default_rng(order.seed)
     with waiting("pressing a gel at finite strain"):
         virtual = tsis.virtual.gel_sensor.VirtualGelSensor(tsis.catalog.load_sensor(name), rng=rng)
@@ -75,13 +76,13 @@ def write_gel_frames(name: str, order: GelOrder, out: Path, *, as_json: bool) ->
             "force": {"force_n": gauge[stem], "force_sd_n": GAUGE_SD * gauge[stem]},
         }  # fmt: skip
         files[f"{stem}.json"] = plain_json_bytes(sidecar)
-    document = tsis.report.envelope(
+    document = tsis.present.document.envelope(
         "simulate gel", sensor=name, seed=order.seed, ball_mm=order.ball_mm,
         calibration_ball_mm=CALIBRATION_BALL_MM, thickness_by_caliper_mm=round(thickness, 3),
         frames=[{"frame": f"{stem}.png", "force_n": force} for stem, force in gauge.items()],
     )  # fmt: skip
-    written = tsis.report.write_folder(folder, {**files, RESULT: result_bytes(document)})
-    tsis.report.write_folder(written / "truth", _truth(virtual, made, ball.young_kpa))
+    written = tsis.files.write_folder(folder, {**files, RESULT: result_bytes(document)})
+    tsis.files.write_folder(written / "truth", _truth(virtual, made, ball.young_kpa))
     if as_json:
         print_json({**document, "folder": str(written)})
         return

@@ -14,8 +14,9 @@ from rich.table import Table
 
 import tsis
 from tsis.cli._options import AsJson
-from tsis.cli._output import people, print_json, print_notice
+from tsis.cli._output import print_json
 from tsis.cli._progress import progress_bar, stop_interrupted
+from tsis.present.terminal import people, print_notice
 
 if TYPE_CHECKING:
     from tsis.sweep import Plan
@@ -71,7 +72,7 @@ def run(
         again = " ".join(["tsis", *map(shlex.quote, sys.argv[1:])])
         stop_interrupted(f"; finished files stay. Resume with: {again}")
     if as_json:
-        print_json(tsis.report.envelope("sweep run", **asdict(done)))
+        print_json(tsis.present.document.envelope("sweep run", **asdict(done)))
         return
     console = people()
     console.print(
@@ -97,7 +98,7 @@ def verify_folder(*, folder: DataFolder, as_json: AsJson = False) -> None:
     results = {key: manifest[key] for key in ("data_set", "plan_sha256", "presses", "refused")}
     if as_json:
         print_json(
-            tsis.report.envelope(
+            tsis.present.document.envelope(
                 "sweep verify", folder=str(folder.resolve()), shards=len(manifest["shards"]), **results
             )
         )
@@ -119,7 +120,7 @@ def _say_how_much(plan: Plan, workers: int | None, *, as_json: bool) -> None:
     seconds = None if workers is None else per_press * plan.presses / workers
     if as_json:
         print_json(
-            tsis.report.envelope(
+            tsis.present.document.envelope(
                 "sweep run",
                 "plan",
                 dry_run=True,

@@ -81,7 +81,7 @@ def track(
         _read(path, scale, usable) for path in (reference_presses or []) + ([] if reference is None else [reference])
     ]
     with progress_bar("following the light") as advance:
-        result = tsis.report.track_press(
+        result = tsis.present.tracking.track_press(
             images,
             others,
             against="untouched probe" if reference is not None else "plain tissue",
@@ -101,14 +101,16 @@ def track(
         "calibration": None if usable is None else usable.citation(),
     }
     table = Table("quantity", "value", title="Results of the sequence")
-    for row in tsis.report.track_rows(result):
+    for row in tsis.present.tracking.track_rows(result):
         table.add_row(*row)
     subtitle = f"{len(images)} frames, {images[0].name} to {images[-1].name}"
     outcome = CommandOutcome(
-        document=tsis.report.envelope("track", **tsis.report.track_document(result), provenance=provenance),
-        page=tsis.report.track_report(result, subtitle=subtitle, provenance=provenance),
+        document=tsis.present.document.envelope(
+            "track", **tsis.present.tracking.track_document(result), provenance=provenance
+        ),
+        page=tsis.present.tracking.track_report(result, subtitle=subtitle, provenance=provenance),
         tables=(table,),
-        notes=tsis.report.track_notes(result),
+        notes=tsis.present.tracking.track_notes(result),
     )
     publish(outcome, out, as_json=as_json)
 

@@ -55,7 +55,7 @@ def train(
     as_json: AsJson = False,
 ) -> None:
     """Train a classifier on the targets of a store of phantoms whose truth is known."""
-    tsis.report.require_absent(file)
+    tsis.files.require_absent(file)
     import_extra("sklearn", feature="tsis detect", extra="classify")
     split = tsis.study.classifier.ClassSplit(young_kpa=young_kpa, diameter_mm=diameter_mm, depth_mm=depth_mm)
     settings = tsis.study.classifier.ClassifierSettings(penalty=penalty, folds=folds, seed=seed)
@@ -89,7 +89,7 @@ def train(
     )
     validation = _validated(readings, truth, split, settings, validate)
     tsis.study.classifier.write_classifier(classifier, file)
-    document = tsis.report.envelope(
+    document = tsis.present.document.envelope(
         "detect train",
         file=str(file),
         classes=list(split.names),
@@ -125,7 +125,7 @@ def apply(
     for number, item in results:
         cells = (f"{value:.3f}" for value in item.probabilities.values())
         table.add_row(str(number), *cells, escape(item.likeliest))
-    document = tsis.report.envelope(
+    document = tsis.present.document.envelope(
         "detect apply",
         classes=list(classifier.split.names),
         targets=[

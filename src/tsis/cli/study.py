@@ -25,22 +25,11 @@ import tsis
 from tsis.__about__ import LARGEST_SEED, RESEARCH_USE_ONLY
 from tsis.cli._groups import ended_by
 from tsis.cli._options import AsJson, PhantomName, ProbeName, read_frames, scale_of
-from tsis.cli._output import (
-    CommandOutcome,
-    CommandResult,
-    Out,
-    people,
-    print_json,
-    print_notice,
-    print_tables,
-    publish,
-    result_bytes,
-    rich_tables,
-    show_result,
-)
+from tsis.cli._output import CommandOutcome, CommandResult, Out, print_json, publish, result_bytes, show_result
 from tsis.cli._progress import FAILED, progress_bar, stop_interrupted
 from tsis.cli._store import DATABASE, PHANTOM, opened
 from tsis.errors import InputError
+from tsis.present.terminal import people, print_notice, print_tables, rich_tables
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -146,7 +135,7 @@ def new(
     plan = study.plan
     if as_json:
         print_json(
-            tsis.report.envelope(
+            tsis.present.document.envelope(
                 "study new",
                 folder=str(folder.resolve()),
                 name=plan.name,
@@ -209,7 +198,7 @@ def show(
     left = () if by is not None else study.missing(device or plan.device, operator)
     if as_json:
         print_json(
-            tsis.report.envelope(
+            tsis.present.document.envelope(
                 "study show",
                 folder=str(folder.resolve()),
                 name=plan.name,
@@ -304,7 +293,7 @@ def run(
         )
     if as_json:
         print_json(
-            tsis.report.envelope(
+            tsis.present.document.envelope(
                 "study run",
                 folder=str(folder.resolve()),
                 device=study.plan.device,
@@ -348,7 +337,7 @@ def import_(
     entered = len(after.readings) - len(study.readings)
     if as_json:
         entries = {"folder": str(folder.resolve()), "device": device, "threshold": after.threshold_of(device)}
-        print_json(tsis.report.envelope("study import", **entries, entered=entered, head=after.chain.head))
+        print_json(tsis.present.document.envelope("study import", **entries, entered=entered, head=after.chain.head))
         return
     console = people()
     console.print(
@@ -375,7 +364,7 @@ def export(
     with export_file(readings) as draft:
         draft.write_bytes(content)
     if as_json:
-        print_json(tsis.report.envelope("study export", file=str(readings.resolve())))
+        print_json(tsis.present.document.envelope("study export", file=str(readings.resolve())))
         return
     console = people()
     console.print(f"Readings: {readings.resolve()}", markup=False, soft_wrap=True)
@@ -403,7 +392,7 @@ def analyse(
 
     After that no reading is accepted. An unblinded study is analysed again.
     """
-    from tsis.report.study import PAGE, few_notes, publish_study, record_notes, study_document, undecided_notes
+    from tsis.present.study import PAGE, few_notes, publish_study, record_notes, study_document, undecided_notes
     from tsis.study.folder import open_study
 
     study = open_study(folder)
@@ -463,7 +452,7 @@ def _confirm(study: Study, *, as_json: bool) -> None:
 
 
 def _rates_table(device: DeviceAnalysis) -> Table:
-    from tsis.report.study import ends, fraction_text, interval_text, method_of
+    from tsis.present.study import ends, fraction_text, interval_text, method_of
 
     table = Table("", "value", "95 % interval", "method", box=SIMPLE_HEAD, show_edge=False, title_justify="left")
     table.title = escape(device.results.device)
@@ -492,13 +481,15 @@ def verify(
 
     Only --head detects a truncated or rewritten log.
     """
-    from tsis.report.study import study_verification_document
+    from tsis.present.study import study_verification_document
     from tsis.study.folder import open_study, verify_study
 
     result = verify_study(folder, head=head)
     if as_json:
         print_json(
-            tsis.report.envelope("study verify", folder=str(folder.resolve()), **study_verification_document(result))
+            tsis.present.document.envelope(
+                "study verify", folder=str(folder.resolve()), **study_verification_document(result)
+            )
         )
     else:
         console = people()
@@ -531,8 +522,9 @@ def repeatability(
 
     Writes index.html, report.pdf and result.json. ISO 5725 and QIBA name the quantities.
     """
-    from tsis.report.paper import pdf
-    from tsis.report.study import PAPER, precision_document, precision_notes, precision_page, precision_tables
+    from tsis.present.pdf import pdf_bytes
+    from tsis.present.precision import precision_document, precision_notes, precision_page, precision_tables
+    from tsis.present.study import PAPER
     from tsis.study.card import analyse_precision
     from tsis.study.folder import open_study
 
@@ -540,10 +532,10 @@ def repeatability(
     page = precision_page(analysis)
     outcome = CommandOutcome(
         document=precision_document(analysis),
-        page=tsis.report.html(page),
+        page=tsis.present.html.html_bytes(page),
         tables=tuple(rich_tables(precision_tables(analysis))),
         notes=precision_notes(analysis),
-        files={PAPER: pdf(page)},
+        files={PAPER: pdf_bytes(page)},
     )
     publish(outcome, out, as_json=as_json)
 
@@ -595,7 +587,7 @@ def size(
         )
     show_result(
         CommandResult(
-            document=tsis.report.envelope(
+            document=tsis.present.document.envelope(
                 "study size",
                 width=width,
                 operator_sd=operator_sd,
@@ -647,8 +639,9 @@ def card(
     guided run makes it with a virtual probe: seven reference phantoms and two blanks. The exit code is 3 when a check
     fails.
     """
-    from tsis.report.paper import pdf
-    from tsis.report.study import PAPER, card_document, card_page
+    from tsis.present.pdf import pdf_bytes
+    from tsis.present.precision import card_document, card_page
+    from tsis.present.study import PAPER
     from tsis.study.card import performance_card, rehearse_reference_run
     from tsis.study.folder import open_study
 
@@ -675,10 +668,10 @@ def card(
     page = card_page(result, now=now)
     outcome = CommandOutcome(
         document=card_document(result, now=now),
-        page=tsis.report.html(page),
+        page=tsis.present.html.html_bytes(page),
         tables=tuple(rich_tables(page.tables)),
         notes=page.notes,
-        files={PAPER: pdf(page)},
+        files={PAPER: pdf_bytes(page)},
         trusted=result.passed,
     )
     publish(outcome, out, as_json=as_json)
@@ -711,8 +704,9 @@ def check(
     The exit code is 3 when a rule warns at the last check. Probe, phantom, force, baseline and tolerance are those of
     the first check.
     """
-    from tsis.report.paper import pdf
-    from tsis.report.study import PAPER, drift_document, drift_notes, drift_page, drift_tables
+    from tsis.present.daily_checks import drift_document, drift_notes, drift_page, drift_tables
+    from tsis.present.pdf import pdf_bytes
+    from tsis.present.study import PAPER
     from tsis.study.drift import (
         CheckPlan,
         add_checks,
@@ -756,10 +750,10 @@ def check(
     page = drift_page(log, charts)
     outcome = CommandOutcome(
         document=drift_document(log, charts),
-        page=tsis.report.html(page),
+        page=tsis.present.html.html_bytes(page),
         tables=tuple(rich_tables(drift_tables(charts))),
         notes=drift_notes(log, charts),
-        files={PAPER: pdf(page)},
+        files={PAPER: pdf_bytes(page)},
         trusted=not any(item.warns for item in charts),
     )
     publish(outcome, out, as_json=as_json)
@@ -776,13 +770,13 @@ def kit(
     Moulds are STL files in mm. kit.pdf has recipe, phantoms, protocol and sheets; phantoms.csv the phantoms of the
     recipe, to be replaced by measured sizes; modulus.csv takes the bench tests; kit.json the hashes of all.
     """
-    from tsis.report.paper import pdf
-    from tsis.report.study import kit_document, kit_page
+    from tsis.present.kit import kit_document, kit_page
+    from tsis.present.pdf import pdf_bytes
     from tsis.study.kit import kit_files
 
-    files = {**kit_files(), KIT_PAPER: pdf(kit_page())}
+    files = {**kit_files(), KIT_PAPER: pdf_bytes(kit_page())}
     document = kit_document(files)
-    written = tsis.report.write_folder(folder, {**files, KIT_FILE: result_bytes(document)})
+    written = tsis.files.write_folder(folder, {**files, KIT_FILE: result_bytes(document)})
     if as_json:
         print_json({**document, "folder": str(written)})
         return
@@ -806,8 +800,9 @@ def score(
 
     The bench tests in modulus.csv replace the moduli that were sealed. Writes index.html, report.pdf and result.json.
     """
-    from tsis.report.paper import pdf
-    from tsis.report.study import PAPER, score_document, score_page
+    from tsis.present.kit import score_document, score_page
+    from tsis.present.pdf import pdf_bytes
+    from tsis.present.study import PAPER
     from tsis.study.folder import open_study
     from tsis.study.kit import bench_moduli, score_validation
 
@@ -817,10 +812,10 @@ def score(
     page = score_page(result)
     outcome = CommandOutcome(
         document=score_document(result),
-        page=tsis.report.html(page),
+        page=tsis.present.html.html_bytes(page),
         tables=tuple(rich_tables(page.tables)),
         notes=page.notes,
-        files={PAPER: pdf(page)},
+        files={PAPER: pdf_bytes(page)},
     )
     publish(outcome, out, as_json=as_json)
 
@@ -909,7 +904,7 @@ def _range_mm(table: DetectionRangeTable, diameter_mm: float, depth_mm: float) -
 def _plan_document(
     plan: ScanPlan, seconds: float, smallest: dict[float, float | None], table: DetectionRangeTable | None
 ) -> dict[str, object]:
-    return tsis.report.envelope(
+    return tsis.present.document.envelope(
         "study plan",
         strips=plan.strips,
         presses_a_strip=plan.presses_a_strip,
@@ -966,7 +961,7 @@ def _plan_notes(table: DetectionRangeTable | None, *, measured: bool) -> tuple[s
 def _draw_plan(plan: ScanPlan, detection_range_mm: float | None) -> Figure:
     from matplotlib.figure import Figure
 
-    from tsis.plots import draw_scan_plan
+    from tsis.present.figures import draw_scan_plan
 
     figure = Figure(figsize=(7.0, 6.0), layout="constrained")
     ax = draw_scan_plan(plan, figure.subplots(), extent_mm=detection_range_mm)

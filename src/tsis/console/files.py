@@ -22,8 +22,8 @@ from tsis.errors import FileInputError, InputError, TsisError
 from tsis.files import encode_picture, target_folder
 from tsis.imaging import COLOUR_MAPS, block_means, colour_map
 from tsis.model import TactileImage, require_integer, require_one_of
+from tsis.present.records import ENDINGS, MASKED, PAGE_FORMS, StoreAddress, report_of_stored_target, write_form
 from tsis.records.export import export_file
-from tsis.report import ENDINGS, MASKED, PAGE_FORMS, StoreAddress, report_of_stored_target, write_form
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection
@@ -248,7 +248,7 @@ MEDIA_TYPES = {
 def write_export(
     store: Store, target: Target, form: str, *, identified: bool = False, reports: Reports | None = None
 ) -> Path:
-    """Write a form of `tsis.report.ENDINGS` of a target into its own new folder; a folder becomes a zip file.
+    """Write a form of `tsis.present.records.ENDINGS` of a target into its own new folder; a folder becomes a zip file.
 
     With ``identified`` dicom includes label, names and true times; other forms mask nothing. Without
     ``reports`` html and pdf are built in this process.
@@ -305,7 +305,7 @@ class Reports:
         self._worker = WorkerProcess()
 
     def content(self, target: Target, form: str) -> bytes:
-        """The report in a form of `tsis.report.PAGE_FORMS`; errors as `tsis.report._forms` and `WorkerProcess.call`."""
+        """The report in a form of `tsis.present.records.PAGE_FORMS`; errors as `report_of_stored_target`."""
         return self._worker.call(report_of_stored_target, self._folder, target.number, form)
 
     def write(self, target: Target, form: str, path: Path) -> None:

@@ -84,6 +84,7 @@ from tsis.files.reading import (
     text_lines,
     written_by,
 )
+from tsis.files.result_folder import free_folder, require_absent, require_room, write_folder
 from tsis.files.result_schemas import RESULT_SCHEMAS, require_known_schema
 from tsis.files.tables import FORMULA_STARTS, LARGEST_CSV_BYTES, CsvRow, parse_csv_rows, read_csv_rows, table_bytes
 
@@ -123,6 +124,7 @@ __all__ = [
     "exclusive_lock",
     "file_error",
     "file_size",
+    "free_folder",
     "free_to_json",
     "from_json_value",
     "image_fault",
@@ -152,9 +154,11 @@ __all__ = [
     "read_parsed",
     "remove_cached",
     "remove_unfinished",
+    "require_absent",
     "require_bounded_arrays",
     "require_file_stem",
     "require_known_schema",
+    "require_room",
     "rows_missing",
     "shipped_tables",
     "size_fault",
@@ -168,5 +172,6 @@ __all__ = [
     "write_cached",
     "write_cached_arrays",
     "write_durably",
+    "write_folder",
     "written_by",
 ]

@@ -15,7 +15,7 @@ from tests.calibration.session.conftest import BEGAN
 from tsis.calibration.file import calibration_bytes, calibration_sha256
 from tsis.calibration.session import SessionFolder, SessionResult, calibrate
 from tsis.errors import CalibrationError, ImageMismatchError, InputError, TsisError
-from tsis.report import calibration_notes
+from tsis.present.calibration import calibration_notes
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -14,15 +14,14 @@ import cv2
 import numpy as np
 import pytest
 from tests.console.files_client import FilesOf
+from tests.present.rough_pictures import rough_pictures
 from tests.records.sample import sample_record
-from tests.report.rough_pictures import rough_pictures
 
 from tsis.console.files import Reports, write_export
 from tsis.errors import InputError, RecordsError
 from tsis.files import encode_picture
+from tsis.present.records import PAGE_FORMS, StoreAddress, page_bytes, report_of_stored_target
 from tsis.records.store import open_store
-from tsis.report import PAGE_FORMS, StoreAddress, report_of_stored_target
-from tsis.report._forms import page_bytes
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -36,9 +35,7 @@ def test_a_report_is_made_elsewhere_and_is_the_same(tmp_path: Path, monkeypatch:
         store.import_target(sample_record())
         target = store.target(NUMBER)
         here = {form: page_bytes(form, store.record(target)) for form in PAGE_FORMS}
-        monkeypatch.setattr(
-            "tsis.report.target._page.target_page", lambda *_: pytest.fail("it is made in this process")
-        )
+        monkeypatch.setattr("tsis.present.target.target_page", lambda *_: pytest.fail("it is made in this process"))
         for form, content in here.items():
             file = write_export(store, target, form, reports=reports)
             assert file.read_bytes() == content

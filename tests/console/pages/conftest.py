@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import pytest
 from tests.console.services.instruments import ANN, lit_instrument
 from tests.console.services.lit_camera import World
-from tests.report.rough_pictures import rough_pictures
+from tests.present.rough_pictures import rough_pictures
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -21,7 +21,7 @@ from tsis.cli._contacts import MOST_GEL_FRAMES, MOST_WEIGHTS, GelReference, chos
 from tsis.cli._force_gauge import GaugeBaud, GaugeLatency, GaugePort, GaugeSends, GaugeUnit, gauge_log
 from tsis.cli._groups import ended_by
 from tsis.cli._options import AsJson, ForceN, PhantomName, ProbeName
-from tsis.cli._output import print_json, print_notice, print_watched
+from tsis.cli._output import print_json, print_watched
 from tsis.cli._progress import waiting
 from tsis.cli._saving import KindOption, StoreOption, chosen_destination
 from tsis.cli.acquire._listing import list_cameras, show_camera
@@ -29,6 +29,7 @@ from tsis.cli.acquire._sequence import take_sequence
 from tsis.cli.acquire._snapshots import ROLES, SnapshotDestination, take_snapshot
 from tsis.cli.acquire._watching import watch_presses
 from tsis.errors import InputError, TsisError, import_extra
+from tsis.present.terminal import print_notice
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -351,7 +352,7 @@ def _gel_line(
 
 def record_gel(live: GelCamera, out: Path, *, frames: int | None, seconds: float | None, as_json: bool) -> None:
     """Record at most 2000 frames in colour, as PNG files with an index of times, for ``tsis contacts FOLDER``."""
-    sensor, folder = chosen_sensor(live.sensor), tsis.report.free_folder(out)
+    sensor, folder = chosen_sensor(live.sensor), tsis.files.free_folder(out)
     files: dict[str, bytes] = {}
     rows = [",".join(tsis.instrument.recording.RECORDING_COLUMNS)]
     begun = time.monotonic()
@@ -367,9 +368,11 @@ def record_gel(live: GelCamera, out: Path, *, frames: int | None, seconds: float
     if not files:
         raise InputError(f"--camera must deliver frames; {live.camera} gave none")
     index = {tsis.instrument.recording.RECORDING_INDEX: ("\n".join(rows) + "\n").encode()}
-    written = tsis.report.write_folder(folder, files | index)
+    written = tsis.files.write_folder(folder, files | index)
     if as_json:
-        print_json(tsis.report.envelope("acquire", "gel", sensor=sensor.name, frames=len(files), folder=str(written)))
+        print_json(
+            tsis.present.document.envelope("acquire", "gel", sensor=sensor.name, frames=len(files), folder=str(written))
+        )
         return
     console = Console(highlight=False)
     console.print(f"{len(files)} frames in colour\nFolder: {written}", markup=False, soft_wrap=True)

@@ -9,8 +9,9 @@ from rich.markup import escape
 from rich.table import Column, Table
 
 import tsis
-from tsis.cli._output import people, print_json, print_notice
+from tsis.cli._output import print_json
 from tsis.cli._progress import waiting
+from tsis.present.terminal import people, print_notice
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -27,7 +28,7 @@ def list_cameras(*, as_json: bool) -> None:
         findings = tsis.instrument.find_cameras()
     if as_json:
         print_json(
-            tsis.report.envelope(
+            tsis.present.document.envelope(
                 "acquire", "list", found=[asdict(item) for item in findings.cameras], missing=dict(findings.missing)
             )
         )
@@ -55,7 +56,7 @@ def show_camera(connect_camera: Callable[[], Camera], *, as_json: bool) -> None:
         camera.stop()
     if as_json:
         print_json(
-            tsis.report.envelope(
+            tsis.present.document.envelope(
                 "acquire",
                 "describe",
                 camera=name,

@@ -11,9 +11,10 @@ import typer
 import tsis
 from tsis.cli._force_gauge import force_then
 from tsis.cli._groups import ended_by
-from tsis.cli._output import people, print_json, print_notice
+from tsis.cli._output import print_json
 from tsis.cli._progress import FAILED, progress_bar
 from tsis.errors import CameraError, FileInputError, GaugeError
+from tsis.present.terminal import people, print_notice
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -37,7 +38,7 @@ def take_sequence(
     as_json: bool,
 ) -> None:
     """Record into a new folder until the given frames or seconds, the end of the source, or Ctrl-C."""
-    folder = tsis.report.free_folder(requested)
+    folder = tsis.files.free_folder(requested)
     try:
         folder.mkdir(parents=True)
     except OSError as error:
@@ -116,7 +117,7 @@ def _print(
 ) -> None:
     if as_json:
         document = {"folder": str(folder.resolve()), "camera": acquisition.name, "recording": asdict(report)}
-        print_json(tsis.report.envelope("acquire", "record", **document, **about))
+        print_json(tsis.present.document.envelope("acquire", "record", **document, **about))
         return
     console = people()
     console.print(

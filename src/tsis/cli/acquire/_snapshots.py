@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import tsis
 from tsis.cli._force_gauge import force_then
-from tsis.cli._output import people, print_json, print_notice
+from tsis.cli._output import print_json
 from tsis.cli._saving import stop_not_saved
 from tsis.errors import CameraError, TsisError
+from tsis.present.terminal import people, print_notice
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -118,7 +119,11 @@ def _print(
 ) -> None:
     files = {name: str(path.resolve()) for name, path in asdict(saved).items()}
     if as_json:
-        print_json(tsis.report.envelope("acquire", "snapshot", files=files, sequence=received.frame.sequence, **about))
+        print_json(
+            tsis.present.document.envelope(
+                "acquire", "snapshot", files=files, sequence=received.frame.sequence, **about
+            )
+        )
         return
     console = people()
     for name, file in files.items():

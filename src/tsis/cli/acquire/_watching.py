@@ -14,7 +14,8 @@ from rich.markup import escape
 
 import tsis
 from tsis.cli._groups import ended_by
-from tsis.cli._output import print_notice, print_watched
+from tsis.cli._output import print_watched
+from tsis.present.terminal import print_notice
 
 if TYPE_CHECKING:
     from collections.abc import Callable

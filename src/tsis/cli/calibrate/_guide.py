@@ -20,11 +20,12 @@ import tsis
 from tsis.__about__ import LARGEST_SEED, VALID_DAYS
 from tsis.cli._force_gauge import GaugeBaud, GaugeLatency, GaugePort, GaugeSends, GaugeUnit, gauge_log
 from tsis.cli._options import AsJson
-from tsis.cli._output import people, print_json, print_notice, publish
+from tsis.cli._output import print_json, publish
 from tsis.cli._progress import progress_bar, stop_interrupted
 from tsis.cli.acquire import VIRTUAL, live_connector, requested_settings
 from tsis.cli.calibrate._make import OUT, Days, Out, make_outcome
 from tsis.errors import CalibrationError, InputError
+from tsis.present.terminal import people, print_notice
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -328,10 +329,10 @@ def light(
     assert dents is not None  # of every session with pads
     line = stored.force_line
     ratio = None if line is None else line.soft_ratio
-    rows = tsis.report.light_rows(dents)
+    rows = tsis.present.calibration.light_rows(dents)
     if as_json:
         print_json(
-            tsis.report.envelope(
+            tsis.present.document.envelope(
                 "calibrate light",
                 gain_ratio=dents.gain_ratio,
                 gain_sd=dents.gain_sd,

@@ -13,9 +13,10 @@ from rich.table import Table
 import tsis
 from tsis.__about__ import CALIBRATION_FILE, VALID_DAYS
 from tsis.cli._options import AsJson
-from tsis.cli._output import CommandOutcome, people, print_json, print_notice, publish
+from tsis.cli._output import CommandOutcome, print_json, publish
 from tsis.cli._progress import progress_bar
 from tsis.errors import CalibrationError
+from tsis.present.terminal import people, print_notice
 
 if TYPE_CHECKING:
     from tsis.calibration.session import SessionFolder
@@ -25,7 +26,7 @@ def make_outcome(session: SessionFolder, *, days: float) -> CommandOutcome:
     """Compute the calibration of a session."""
     with progress_bar("reading the frames") as advance:
         stored, findings = tsis.calibration.session.calibrate(session, days=days, progress=advance)
-    rows = tsis.report.calibration_rows(stored, findings)
+    rows = tsis.present.calibration.calibration_rows(stored, findings)
     table = Table("quantity", "value", "95 % interval", title=escape(f"Calibration {stored.name} of {stored.probe}"))
     for row in rows:
         table.add_row(*(escape(cell) for cell in row))
@@ -35,10 +36,10 @@ def make_outcome(session: SessionFolder, *, days: float) -> CommandOutcome:
         "sha256": tsis.calibration.file.calibration_sha256(stored),
     }
     return CommandOutcome(
-        document=tsis.report.calibration_document(stored, findings, provenance=provenance),
-        page=tsis.report.calibration_report(stored, findings, provenance=provenance),
+        document=tsis.present.calibration.calibration_document(stored, findings, provenance=provenance),
+        page=tsis.present.calibration.calibration_report(stored, findings, provenance=provenance),
         tables=(table,),
-        notes=tsis.report.calibration_notes(stored, findings),
+        notes=tsis.present.calibration.calibration_notes(stored, findings),
         files={CALIBRATION_FILE: tsis.calibration.file.calibration_bytes(stored)},
     )
 
@@ -74,15 +75,15 @@ def show(
         refusal = ""
     except CalibrationError as error:
         refusal = str(error)
-    rows, sheet = tsis.report.content_rows(stored), tsis.report.specification_rows(stored)
+    rows, sheet = tsis.present.calibration.content_rows(stored), tsis.present.calibration.specification_rows(stored)
     if as_json:
         print_json(
-            tsis.report.envelope(
+            tsis.present.document.envelope(
                 "calibrate show",
                 sha256=tsis.calibration.file.calibration_sha256(stored),
                 usable=not refusal,
                 refusal=refusal,
-                values=tsis.report.measured_values(stored),
+                values=tsis.present.calibration.measured_values(stored),
                 specification=[dict(zip(SHEET, row, strict=True)) for row in sheet],
             )
         )
@@ -97,7 +98,7 @@ def show(
         for line in sheet:
             printed.add_row(*(escape(cell) for cell in line))
         console.print(printed)
-        for note in tsis.report.specification_notes(stored):
+        for note in tsis.present.calibration.specification_notes(stored):
             console.print(f"- {note}", markup=False)
     console.print(refusal or "It may be used today.", markup=False)
     print_notice(console)
@@ -115,7 +116,7 @@ def seal(
     handwritten_calibration = tsis.calibration.file.read_handwritten_calibration(values, days)
     cited = tsis.calibration.file.write_calibration(handwritten_calibration, out)
     if as_json:
-        print_json(tsis.report.envelope("calibrate seal", file=str(out.resolve()), sha256=cited))
+        print_json(tsis.present.document.envelope("calibrate seal", file=str(out.resolve()), sha256=cited))
         return
     console = people()
     console.print(f"Calibration: {out.resolve()}", markup=False, soft_wrap=True)

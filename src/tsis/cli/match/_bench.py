@@ -16,9 +16,10 @@ from rich.table import Table
 
 import tsis
 from tsis.cli._options import AsJson
-from tsis.cli._output import RESULT, people, print_json, print_notice, result_bytes
+from tsis.cli._output import RESULT, print_json, result_bytes
 from tsis.cli._progress import progress_bar, stop_interrupted
 from tsis.errors import FileInputError, InputError
+from tsis.present.terminal import people, print_notice
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -94,7 +95,7 @@ def _figure(kind: str, groups: Sequence[str], levels: Sequence[TrialSummary]) ->
     for column, group in enumerate(groups):
         own = [level for level in levels if level.group == group]
         for row, quantity in enumerate(QUANTITIES):
-            tsis.plots.curves_over_levels(
+            tsis.present.figures.curves_over_levels(
                 own,
                 axes[row, column],
                 quantity=quantity,
@@ -282,7 +283,7 @@ def _publish(rows: list[TrialRow], out: Path | None, notes: list[str], *, as_jso
     refused = sum(bool(row.refused) for row in rows)
     if refused:
         notes.append(f"{refused} of {len(rows)} results were refused or broke off and count as no movement.")
-    document = tsis.report.envelope(
+    document = tsis.present.document.envelope(
         "match bench",
         failure={"distorted": tsis.matching.trials.FAILURE_RMS, HOTEL: HOTEL_FAILURE_PX},
         pooled=[asdict(item) for item in pooled],

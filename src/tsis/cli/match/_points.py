@@ -13,9 +13,10 @@ from rich.table import Table
 
 import tsis
 from tsis.cli._options import AsJson
-from tsis.cli._output import leave, people, print_json, print_notice
+from tsis.cli._output import leave, print_json
 from tsis.cli._progress import waiting
 from tsis.errors import FileInputError, InputError
+from tsis.present.terminal import people, print_notice
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -74,7 +75,9 @@ def points(
     if html is not None:
         title = f"{tsis.files.printable_name(source)} to {tsis.files.printable_name(target)}"
         provenance = {"method": method, "seed": seed, "source": title.split(" to ")[0], "points": len(first)}
-        _write(html, tsis.report.registration_report(first, second, result, title=title, provenance=provenance))
+        _write(
+            html, tsis.present.matching.registration_report(first, second, result, title=title, provenance=provenance)
+        )
     _result(source, target, first, second, result, method, seed, files, as_json=as_json)
 
 
@@ -98,7 +101,7 @@ def _result(
         _rms_distance(item[paired], second[matches[paired]]) for item in (first, np.asarray(registration.moved))
     )
     if as_json:
-        document = tsis.report.envelope(
+        document = tsis.present.document.envelope(
             "match",
             method=method,
             seed=seed,
@@ -154,10 +157,10 @@ def _picture(first: NDArray[np.float64], second: NDArray[np.float64], registrati
     figure = Figure(figsize=(12.0, 10.0 if registration.alternatives else 6.0), layout="constrained")
     if registration.alternatives:
         parts = figure.subfigures(2, 1, height_ratios=(1.4, 1.0), squeeze=False)
-        tsis.report.draw_registration(parts[0, 0], first, second, registration)
-        tsis.report.draw_poses(parts[1, 0], second, registration.alternatives)
+        tsis.present.matching.draw_registration(parts[0, 0], first, second, registration)
+        tsis.present.matching.draw_poses(parts[1, 0], second, registration.alternatives)
     else:
-        tsis.report.draw_registration(figure, first, second, registration)
+        tsis.present.matching.draw_registration(figure, first, second, registration)
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=120)
     return buffer.getvalue()

@@ -36,7 +36,7 @@ def angles(
         for led, layer in faced
     ]
     notes = (*_limits(result), *_lamps(result, faced))
-    document = tsis.report.envelope("optics angles", probe=asdict(chosen), layers=asdict(result), leds=lamps)
+    document = tsis.present.document.envelope("optics angles", probe=asdict(chosen), layers=asdict(result), leds=lamps)
     show_result(CommandResult(document=document, tables=(_table(chosen, result),), notes=notes), out, as_json=as_json)
 
 

@@ -70,7 +70,7 @@ def modes(
             polarization=polarization.value,
         )
     blind = result.above(indices[0])
-    document = tsis.report.envelope(
+    document = tsis.present.document.envelope(
         "optics modes",
         index=indices,
         thickness_um=thicknesses,
@@ -159,7 +159,7 @@ def _figure(guided: GuidedModes) -> Figure:
     levels = np.linspace(guided.n_eff[0], guided.n_eff[-1], MOST_CURVES)
     nearest = np.abs(guided.n_eff - levels[:, np.newaxis]).argmin(axis=1)
     shown: list[int] = np.unique(nearest).tolist()
-    ax = tsis.plots.mode_profiles(guided, figure.subplots(), shown=shown)
+    ax = tsis.present.figures.mode_profiles(guided, figure.subplots(), shown=shown)
     layers = guided.layers
     ax.set_title(
         f"{len(shown)} of {len(guided)} {layers.polarization} modes at {layers.wavelength_um:g} µm; "
@@ -231,7 +231,7 @@ def propagate_command(
 
 def _document(preset: str, guide: ThinGuide, results: list[Propagation]) -> dict[str, Any]:
     first = results[0]
-    return tsis.report.envelope(
+    return tsis.present.document.envelope(
         "optics propagate",
         preset=preset,
         index=guide.index,
@@ -301,8 +301,8 @@ def _side_view(result: Propagation) -> Figure:
 
     figure = Figure(figsize=(9.0, 5.0), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True)
-    tsis.plots.guide_index(result, above).set(title=f"dent {result.dent.depth_um:g} µm deep", xlabel="")
-    tsis.plots.guide_light(result, below)
+    tsis.present.figures.guide_index(result, above).set(title=f"dent {result.dent.depth_um:g} µm deep", xlabel="")
+    tsis.present.figures.guide_light(result, below)
     return figure
 
 
@@ -310,5 +310,5 @@ def _series(results: list[Propagation]) -> Figure:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(8.0, 4.0), layout="constrained")
-    tsis.plots.light_out_of_the_top(results, figure.subplots())
+    tsis.present.figures.light_out_of_the_top(results, figure.subplots())
     return figure

@@ -164,7 +164,7 @@ def _reflected(probe: Probe) -> tuple[str, ...]:
 
 
 def _document(probe: Probe, pressed: PressField | None, traced: TracedLight, seed: int) -> dict[str, object]:
-    return tsis.report.envelope(
+    return tsis.present.document.envelope(
         "optics trace",
         probe=asdict(probe),
         seed=seed,
@@ -197,7 +197,7 @@ def _picture(probe: Probe, pressed: PressField | None, seed: int) -> Figure:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(8.0, 4.6), layout="constrained")
-    tsis.plots.ray_picture(
+    tsis.present.figures.ray_picture(
         probe,
         tsis.optics.rays.trace_paths(probe, pressed, rays=PICTURED_RAYS, seed=seed),
         figure.subplots(),
@@ -210,5 +210,5 @@ def _map(traced: TracedLight, what: str) -> Figure:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(6.4, 4.8), layout="constrained")
-    tsis.plots.light_on_face(traced, figure.subplots(), what=what)
+    tsis.present.figures.light_on_face(traced, figure.subplots(), what=what)
     return figure

@@ -9,9 +9,10 @@ import typer
 
 import tsis
 from tsis.cli._options import AsJson
-from tsis.cli._output import people, print_json, print_notice
+from tsis.cli._output import print_json
 from tsis.cli._progress import progress_bar
 from tsis.cli._store import PHANTOM, StoreFolder, StoreKind, opened
+from tsis.present.terminal import people, print_notice
 
 if TYPE_CHECKING:
     from tsis.records.store import Store, StoreVerification
@@ -28,8 +29,8 @@ def backup(
     with opened(store, kind, None) as records:
         result, position = _copied(records, folder), str(folder.resolve())
     if as_json:
-        document = tsis.report.store_verification_document(result)
-        print_json(tsis.report.envelope("records backup", store=position, **document))
+        document = tsis.present.records.store_verification_document(result)
+        print_json(tsis.present.document.envelope("records backup", store=position, **document))
     else:
         _show(result, position)
 
@@ -48,8 +49,8 @@ def restore(
         requested = default_folder(kind) if store is None else store
         result, position = _copied(records, requested), str(requested.resolve())
     if as_json:
-        document = tsis.report.store_verification_document(result)
-        print_json(tsis.report.envelope("records restore", store=position, **document))
+        document = tsis.present.records.store_verification_document(result)
+        print_json(tsis.present.document.envelope("records restore", store=position, **document))
     else:
         _show(result, position)
 
@@ -63,6 +64,6 @@ def _copied(records: Store, folder: Path) -> StoreVerification:
 
 def _show(result: StoreVerification, position: str) -> None:
     console = people()
-    console.print(tsis.report.verdict(result))
+    console.print(tsis.present.records.verdict(result))
     console.print(f"The store is in {position}", markup=False, soft_wrap=True)
     print_notice(console)

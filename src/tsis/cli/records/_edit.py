@@ -9,9 +9,10 @@ import typer
 
 import tsis
 from tsis.cli._options import AsJson
-from tsis.cli._output import people, print_json, print_notice
+from tsis.cli._output import print_json
 from tsis.cli._store import PHANTOM, StoreDatabase, StoreFolder, StoreKind, TargetNumber, opened
 from tsis.errors import InputError
+from tsis.present.terminal import people, print_notice
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -81,7 +82,7 @@ def edit(
     what = f"target {number}" if press is None else f"press {edited.id[:8]} of target {number}"
     if as_json:
         print_json(
-            tsis.report.envelope(
+            tsis.present.document.envelope(
                 "records edit", target=number, press=None if press is None else edited.id, **_now(edited)
             )
         )

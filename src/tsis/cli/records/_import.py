@@ -12,9 +12,10 @@ import typer
 
 import tsis
 from tsis.cli._options import AsJson, scale_of
-from tsis.cli._output import people, print_json, print_notice
+from tsis.cli._output import print_json
 from tsis.cli._progress import progress_bar, stop_interrupted, waiting
 from tsis.cli._store import PHANTOM, StoreDatabase, StoreFolder, StoreKind, is_there, opened, target_number
+from tsis.present.terminal import people, print_notice
 
 if TYPE_CHECKING:
     from tsis.calibration.file import ProbeCalibration
@@ -87,7 +88,9 @@ def import_(
         position = str(records.folder.resolve())
     if as_json:
         print_json(
-            tsis.report.envelope("records import", store=position, imported=[_document(item) for item in entered])
+            tsis.present.document.envelope(
+                "records import", store=position, imported=[_document(item) for item in entered]
+            )
         )
         return
     console = people()
@@ -126,7 +129,7 @@ class _Calibrations:
 
 
 def _line(entered: ImportedBatch) -> str:
-    text = tsis.report.entered_text(
+    text = tsis.present.records.entered_text(
         entered.target, new=entered.new, added=entered.added, present=entered.present, estimates=entered.estimates
     )
     return f"{entered.batch.kind} in {entered.batch.source}: {text}"

@@ -10,10 +10,11 @@ from rich.table import Table
 
 import tsis
 from tsis.cli._options import AsJson
-from tsis.cli._output import people, print_json, print_notice
+from tsis.cli._output import print_json
 from tsis.cli._progress import FAILED, progress_bar
 from tsis.cli._store import PHANTOM, StoreDatabase, StoreFolder, StoreKind, opened
 from tsis.errors import InputError, TsisError
+from tsis.present.terminal import people, print_notice
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -43,9 +44,11 @@ def recompute(
         requested = _requested(records) if number is None else [records.target(number)]
         result, failed = _recomputed(records, requested, dry_run=dry_run, single=not every)
     if as_json:
-        documents = [tsis.report.recomputation_document(target, item) for target, item in result]
+        documents = [tsis.present.records.recomputation_document(target, item) for target, item in result]
         failures = [{"target": number, "reason": reason} for number, reason in failed]
-        print_json(tsis.report.envelope("records recompute", dry_run=dry_run, estimates=documents, failed=failures))
+        print_json(
+            tsis.present.document.envelope("records recompute", dry_run=dry_run, estimates=documents, failed=failures)
+        )
     else:
         console = people()
         for target, item in result:
@@ -91,16 +94,16 @@ def _show(console: Console, target: Target, recomputation: Recomputation) -> Non
     console.print(
         f"Target {target.number}, {recomputation.before.kind}: {recomputation.message}", markup=False, soft_wrap=True
     )
-    for note in tsis.report.recomputation_notes(recomputation):
+    for note in tsis.present.records.recomputation_notes(recomputation):
         console.print(f"- {note}", markup=False, soft_wrap=True)
     if recomputation.same:
         return
-    shifts = tsis.report.shift_table(recomputation)
+    shifts = tsis.present.records.shift_table(recomputation)
     table = Table(*shifts.headings)
     for row in shifts.rows:
         table.add_row(*(escape(cell) for cell in row))
     console.print(table)
-    console.print(tsis.report.recomputation_message(recomputation), markup=False)
+    console.print(tsis.present.records.recomputation_message(recomputation), markup=False)
 
 
 def verify(
@@ -116,13 +119,15 @@ def verify(
     with opened(store, kind, database) as records, progress_bar("reading every file") as advance:
         result = verification(records, progress=advance)
     if as_json:
-        print_json(tsis.report.envelope("records verify", **tsis.report.store_verification_document(result)))
+        print_json(
+            tsis.present.document.envelope("records verify", **tsis.present.records.store_verification_document(result))
+        )
     else:
         console = people()
         for fault in result.faults:
             console.print(f"- {fault}", markup=False, soft_wrap=True)
-        console.print(tsis.report.verdict(result))
-        for note in tsis.report.verification_notes(result):
+        console.print(tsis.present.records.verdict(result))
+        for note in tsis.present.records.verification_notes(result):
             console.print(note, markup=False, soft_wrap=True)
         print_notice(console)
     if not result.sound:

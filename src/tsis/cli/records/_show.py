@@ -10,8 +10,9 @@ from rich.table import Table
 
 import tsis
 from tsis.cli._options import AsJson
-from tsis.cli._output import estimate_table, people, print_json, print_notice
+from tsis.cli._output import estimate_table, print_json
 from tsis.cli._store import PHANTOM, StoreDatabase, StoreFolder, StoreKind, TargetNumber, opened
+from tsis.present.terminal import people, print_notice
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -33,7 +34,7 @@ def list_targets(
         result, position = records.targets(), str(records.folder.resolve())
     if as_json:
         print_json(
-            tsis.report.envelope(
+            tsis.present.document.envelope(
                 "records list", store=position, kind=kind, targets=[_document(item) for item in result]
             )
         )
@@ -94,7 +95,7 @@ def show(
         result = stored.estimate
         truth = target.truth if set(result.names) <= set(target.truth) else None
         console.print(estimate_table(result, title=f"Current estimate: {stored.kind}, {stored.probe}", truth=truth))
-        for estimate_message in tsis.report.estimate_messages(result):
+        for estimate_message in tsis.present.document.estimate_messages(result):
             console.print(f"- {estimate_message}", markup=False)
         console.print(f"Flags: {', '.join(result.flags) or 'none'}", markup=False)
     for estimate_message in record.damaged:
@@ -139,7 +140,7 @@ def _target_document(record: TargetRecord, total: int) -> dict[str, Any]:
     created = [
         _estimate(stored, truth if set(stored.estimate.names) <= set(truth) else None) for stored in record.estimates
     ]
-    return tsis.report.envelope(
+    return tsis.present.document.envelope(
         "records show",
         target=tsis.files.to_json_value(record.target),
         presses=[tsis.files.to_json_value(press) for press in record.presses],
@@ -160,4 +161,8 @@ def _estimate(stored: StoredEstimate, truth: Mapping[str, float] | None) -> dict
 
     reference = estimate_to_json(stored)
     created = reference.pop("estimate")
-    return {**reference, **tsis.report.estimate_document(stored.estimate, truth), "provenance": created["provenance"]}
+    return {
+        **reference,
+        **tsis.present.document.estimate_document(stored.estimate, truth),
+        "provenance": created["provenance"],
+    }

@@ -15,8 +15,8 @@ from tsis.console.files import Reports
 from tsis.console.services import Instrument
 from tsis.instrument import CameraListing
 from tsis.instrument.recording import RecordingReport
+from tsis.present.document import estimate_document
 from tsis.records import Recomputation, StoredEstimate, estimate_to_json
-from tsis.report import estimate_document
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

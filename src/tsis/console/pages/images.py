@@ -23,9 +23,10 @@ from tsis.console.services import (
 )
 from tsis.errors import InputError
 from tsis.model import require_number, require_pixel_scale
+from tsis.present.images import finding_notes, finding_rows
+from tsis.present.page import Table
 from tsis.records import ROLE_NAMES
 from tsis.records.importing import ImportOptions
-from tsis.report import Table, finding_notes, finding_rows
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -12,7 +12,6 @@ from nicegui import ui
 from nicegui.element import Element
 from nicegui.translations import translations
 
-from tsis import report
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.console.auth import LOGOUT
 from tsis.console.live import FIRST_MAP, packed_colours
@@ -21,6 +20,7 @@ from tsis.console.pages import components as kit
 from tsis.console.pages.examine import SHORTCUTS
 from tsis.console.pages.jobs import JobList
 from tsis.errors import ControlError, TsisError
+from tsis.present.page import Picture, address
 from tsis.virtual.camera import load_exposure
 
 if TYPE_CHECKING:
@@ -129,8 +129,8 @@ class Navigation:
 
     def _mark(self) -> None:
         here = kit.address_of(self._path)
-        for address, link in self._links.items():
-            if address == here:
+        for place, link in self._links.items():
+            if place == here:
                 link.classes(add="here").props('aria-current="page"')
                 ui.run_javascript(IN_REACH % link.id)
             else:
@@ -318,7 +318,7 @@ class Shell:
                 load_exposure()
             if not ended.wait(SHOWN_S):
                 load_pages()
-                report.address(report.Picture(title="", draw=_blank, size=(1.0, 1.0), alt=""))  # loads what draws
+                address(Picture(title="", draw=_blank, size=(1.0, 1.0), alt=""))  # loads what draws
 
         threading.Thread(target=load, name="loading", daemon=True).start()
         try:

@@ -13,15 +13,15 @@ from tsis.files import encode_picture, file_error, printable_name, write_durably
 from tsis.instrument import connect
 from tsis.instrument.drivers import IMAGE_ENDINGS, VIDEO_ENDINGS
 from tsis.model import require_one_of
+from tsis.present.images import analyse_image
 from tsis.records.importing import ImportOptions, find_import_batches, import_batches
-from tsis.report import analyse_image
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
+    from tsis.present.images import ImageFinding
     from tsis.records.store import Store
-    from tsis.report import ImageFinding
 
 
 SIDECAR = ".json"

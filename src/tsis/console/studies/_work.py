@@ -7,7 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from tsis.errors import ControlError, InputError, RecordsError
-from tsis.report.study import publish_study
+from tsis.present.study import publish_study
 from tsis.study.folder import open_study
 from tsis.study.plan import require_short_name
 from tsis.study.readings import press_study

@@ -18,7 +18,7 @@ from tsis.console.pages.components import drawings
 from tsis.console.services.calibrating._sessions import folder_name
 from tsis.errors import CalibrationError, ControlError, InputError
 from tsis.model import Calibration
-from tsis.report import calibration_page
+from tsis.present.calibration import calibration_page
 from tsis.virtual.calibration_bench import VirtualBench, bench_name
 from tsis.virtual.probe import VirtualProbe
 

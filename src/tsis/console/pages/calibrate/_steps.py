@@ -14,7 +14,8 @@ from tsis.console.files import GREY, thumbnail_png
 from tsis.console.pages import components as kit
 from tsis.console.services import DONE, ENDED, FAILED
 from tsis.files import to_json_value
-from tsis.report import Table, calibration_page, content_rows
+from tsis.present.calibration import calibration_page, content_rows
+from tsis.present.page import Table
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Sequence
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from tsis.calibration.session import CalibrationStep
     from tsis.console.services import Instrument, InstrumentState, JobState
     from tsis.console.services.calibrating import CalibrationResult, CalibrationSession, StepState
-    from tsis.report import Page
+    from tsis.present.page import Page
 
 
 SIZE_PX = 560  # of its longer side

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from tsis.report import address
+from tsis.present.page import address
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from nicegui.element import Element
     from nicegui.elements.label import Label
 
-    from tsis.report import Card, Page, Picture, Table
+    from tsis.present.page import Card, Page, Picture, Table
 
 
 def set_class(element: Element, name: str, present: bool) -> None:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
 
 from nicegui import run
 
+from tsis.present.target import time_text
 from tsis.records import ROLE_NAMES
-from tsis.report.target import time_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -13,7 +13,7 @@ from tsis.console.pages import components as kit
 from tsis.errors import InputError
 from tsis.inclusion.design import MOST_EVALUATIONS, MOST_FRAMES_PER_PRESS
 from tsis.model import Layer, Led, Probe
-from tsis.report import QUICK_DEGREES, DesignQuestion
+from tsis.present.design import QUICK_DEGREES, DesignQuestion
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping

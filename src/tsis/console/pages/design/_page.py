@@ -16,16 +16,9 @@ from tsis.console.pages.design._forms import ProbeForm, QuestionForm
 from tsis.console.services import DONE, JobCancelled
 from tsis.errors import InputError
 from tsis.files import json_bytes
-from tsis.plots import probe_section
-from tsis.report import (
-    Picture,
-    address,
-    analyse_designs,
-    compared_designs,
-    design_document,
-    design_page,
-    searched_design,
-)
+from tsis.present.design import analyse_designs, compared_designs, design_document, design_page, searched_design
+from tsis.present.figures import probe_section
+from tsis.present.page import Picture, address
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -34,7 +27,8 @@ if TYPE_CHECKING:
 
     from tsis.console.services import Instrument, Job
     from tsis.model import Probe
-    from tsis.report import DesignAnalysis, DesignQuestion, Page
+    from tsis.present.design import DesignAnalysis, DesignQuestion
+    from tsis.present.page import Page
 
 
 EMPTY = "data:image/svg+xml,%3Csvg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 24 12'/%3E"

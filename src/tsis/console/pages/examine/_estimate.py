@@ -11,19 +11,21 @@ from nicegui import run, ui
 from tsis.console.pages import components as kit
 from tsis.console.services import FAILED, LIGHT_N, CameraChoice, tissue_title
 from tsis.errors import TsisError
+from tsis.present.hardness import estimate_cards, estimate_messages_of
+from tsis.present.inclusion import estimate_pictures
+from tsis.present.page import address
+from tsis.present.target import time_text
 from tsis.records import ESTIMATES, ROLE_NAMES
 from tsis.records.importing import target_by_number
-from tsis.report import address, estimate_cards, estimate_messages_of, estimate_pictures
-from tsis.report.target import time_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from tsis.console.services import Instrument, InstrumentState, JobState, TissueReading
     from tsis.model import Estimate
+    from tsis.present.page import Picture
     from tsis.records import StoredEstimate, StoredPress, Target
     from tsis.records.store import Store
-    from tsis.report import Picture
 
 
 SHOWN = 8  # presses, the newest

@@ -12,14 +12,14 @@ from tsis.catalog import load_probe
 from tsis.console.pages import components as kit
 from tsis.console.services import newest_presses
 from tsis.hardness import build_contact_table
+from tsis.present.hardness import hardness_page
 from tsis.records.importing import target_by_number
-from tsis.report import hardness_page
 
 if TYPE_CHECKING:
     from tsis.console.services import InstrumentState
+    from tsis.present.page import Page
     from tsis.records import StoredEstimate, StoredPress, TargetRecord
     from tsis.records.store import Store
-    from tsis.report import Page
 
 
 HARDNESS, TARGET, BALL = "hardness", "target", "ball"

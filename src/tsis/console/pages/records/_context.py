@@ -14,8 +14,8 @@ from tsis.console.files import target_of
 from tsis.console.pages import components as kit
 from tsis.console.services import DONE
 from tsis.errors import TsisError
-from tsis.report import FORM_LABELS, MASKED
-from tsis.report.target import without_identity
+from tsis.present.records import FORM_LABELS, MASKED
+from tsis.present.target import without_identity
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable

@@ -13,9 +13,9 @@ from tsis.calibration.guard import GUARD_FLAGS
 from tsis.console.pages import components as kit
 from tsis.console.pages.records._context import fault_of, flags_of
 from tsis.errors import StaleRecordError
+from tsis.present.target import SHORT, measure, parameter_label
 from tsis.records import DAMAGED, ROLE_NAMES, parse_force, parse_truth
 from tsis.records.store import ARCHIVED, DELETED, EDITABLE, UNDO_DAYS
-from tsis.report.target import SHORT, measure, parameter_label
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -15,10 +15,10 @@ from nicegui import ui
 from tsis.console.pages import components as kit
 from tsis.console.pages.records._context import follow_job, follow_store
 from tsis.errors import FileInputError, InputError
+from tsis.present.records import import_message, verdict, verification_notes
+from tsis.present.target import time_text
 from tsis.records.export.bundle import read_bundle
 from tsis.records.store import ARCHIVED, DELETED, back_up_store, verify_store
-from tsis.report import import_message, verdict, verification_notes
-from tsis.report.target import time_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

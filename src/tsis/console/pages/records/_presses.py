@@ -11,9 +11,10 @@ from nicegui import ui
 from tsis.console.pages import components as kit
 from tsis.console.pages.records._context import AT_ONCE, TargetView, flags_of, follow_job, read_target
 from tsis.console.pages.records._edit import open_press
-from tsis.records import ESTIMATES, ROLE_NAMES
-from tsis.report import comparison, estimate_messages_of, recomputation_message, recomputation_notes, shift_table
-from tsis.report.target import (
+from tsis.present.hardness import estimate_messages_of
+from tsis.present.images import comparison
+from tsis.present.records import recomputation_message, recomputation_notes, shift_table
+from tsis.present.target import (
     IDENTITY_NOTE,
     count_of,
     history_tables,
@@ -23,6 +24,7 @@ from tsis.report.target import (
     parameter_label,
     target_cards,
 )
+from tsis.records import ESTIMATES, ROLE_NAMES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -31,9 +33,9 @@ if TYPE_CHECKING:
 
     from tsis.console.pages.records._context import TargetContext
     from tsis.console.services import Instrument
+    from tsis.present.page import Page
     from tsis.records import Recomputation, StoredEstimate, StoredPress, Target
     from tsis.records.store import Store
-    from tsis.report import Page
 
 
 SMALL_PX = 240

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Protocol
 
 from tsis.console.pages import components as kit
 from tsis.console.studies import has_report
-from tsis.report import address
-from tsis.report.study import study_page, targets_table
+from tsis.present.page import address
+from tsis.present.study import study_page, targets_table
 from tsis.study.analysis import analyse
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from tsis.console.services import Jobs
     from tsis.console.studies import StudyRepository
-    from tsis.report import Page, Table
+    from tsis.present.page import Page, Table
     from tsis.study.folder import Study
 
 

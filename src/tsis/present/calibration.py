@@ -1,0 +1,250 @@
+"""Report of a probe's calibration: scale, reference, force line, response to pressure, specification sheet."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tsis.calibration.file import calibration_sha256
+from tsis.files import to_json_value
+from tsis.model import BEND_TERMS, GROWTH_TERMS
+from tsis.present.document import envelope
+from tsis.present.figures import dot_board, force_residuals, force_sums, hysteresis_loops
+from tsis.present.html import html_bytes
+from tsis.present.page import Card, Page, Picture, Table, on_axes
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from matplotlib.figure import Figure
+
+    from tsis.calibration import MeasuredValue
+    from tsis.calibration.dents import DentLight
+    from tsis.calibration.file import ProbeCalibration
+    from tsis.calibration.session import SessionResult
+
+
+PER_CENT = 100.0
+Row = tuple[str, str, str]
+
+
+def calibration_document(
+    calibration: ProbeCalibration, findings: SessionResult, *, provenance: Mapping[str, Any]
+) -> dict[str, Any]:
+    """A calibration as a JSON document."""
+    saturation = findings.response.saturation
+    return envelope(
+        "calibrate",
+        name=calibration.name,
+        sha256=calibration_sha256(calibration),
+        values=measured_values(calibration),
+        saturation_kpa={"value": saturation.value_kpa, "identified": saturation.identified},
+        made=None if calibration.made is None else calibration.made.isoformat(),
+        expires=None if calibration.expires is None else calibration.expires.isoformat(),
+        provenance=dict(provenance),
+    )
+
+
+def measured_values(calibration: ProbeCalibration) -> dict[str, dict[str, Any]]:
+    """Numbers with their uncertainty as JSON values."""
+    return {
+        name: {"value": value.value, "sd": value.sd, "interval_95": list(value.interval()), "unit": value.unit}
+        for name, value in _measured(calibration).items()
+    }
+
+
+def calibration_rows(calibration: ProbeCalibration, findings: SessionResult) -> tuple[Row, ...]:
+    """Quantity, value and 95 % interval of all measurements."""
+    saturation = findings.response.saturation
+    low, high = saturation.interval()
+    upper = f"{high:.4g} kPa" if saturation.identified else "open above"
+    rows = (*content_rows(calibration), ("saturation", f"{saturation.value_kpa:.4g} kPa", f"{low:.4g} to {upper}"))
+    fractions = {
+        "largest departure of the mean of tips from the line": findings.line.linearity,
+        "hysteresis": findings.line.hysteresis,
+        "largest tip against the one before, at 0.8 N": findings.line.tip_difference,
+    }
+    shown = (*rows, *(_fraction_row(name, value) for name, value in fractions.items() if value is not None))
+    return shown if findings.dents is None else (*shown, *light_rows(findings.dents))
+
+
+def light_rows(dents: DentLight) -> tuple[Row, ...]:
+    """Quantity, value and standard uncertainty of the light on dents."""
+    light = dents.response.light
+    assert light is not None  # of every fit
+    middle = len(light.x_mm) // 2
+    growth_sd, flux_sd = (float(np.linalg.norm(light.factor[row])) for row in (0, GROWTH_TERMS + BEND_TERMS))
+    return (
+        ("gain on tissue over that of the tips", f"{dents.gain_ratio:.4g}", f"sd {dents.gain_sd:.1%}"),
+        (
+            "growth of the light, middle of the face",
+            f"{light.growth_per_mm[middle, middle]:.3g} per mm",
+            f"mean sd {growth_sd:.2g}",
+        ),
+        ("flux of the light, rim of the pads", f"{light.flux_x[middle, -1]:.3g}", f"mean sd {flux_sd:.2g}"),
+        ("light of the strongest press on a pad", "", f"sd {dents.product_sd:.1%}"),
+        ("dents up to", f"{dents.displacement_mm:.2f} mm", f"{dents.presses} presses on pads"),
+        ("misfit of the pads", f"{dents.misfit:.2f}", "1 or less expected"),
+    )
+
+
+def content_rows(calibration: ProbeCalibration, *, cited: str = "") -> tuple[Row, ...]:
+    """Quantity, value and interval from the file itself; ``cited`` is its identity where only a part is shown."""
+    rows = [
+        ("probe", calibration.probe or "not named", ""),
+        ("camera", calibration.camera or "not named", ""),
+        *((f"setting {name}", f"{value:g}", "") for name, value in calibration.settings.items()),
+        ("made", "simulated" if calibration.made is None else f"{calibration.made:%Y-%m-%d %H:%M}", ""),
+        ("good until", _expiry(calibration), ""),
+        ("identity", (cited or calibration_sha256(calibration))[:12], ""),
+    ]
+    rows += [_row(name, value) for name, value in _measured(calibration).items()]
+    if (line := calibration.force_line) is not None:
+        rows.append(("range of force", f"{line.least_n:.2f} to {line.most_n:.2f} N", ""))
+    if (response := calibration.response) is not None:
+        rows.append(("gain", f"{response.gain_grey_per_kpa:.4g} grey/kPa", f"sd {response.gain_sd:.1%}"))
+    if (tissue := calibration.tissue) is not None:
+        rows.append(("gain on tissue, fitted with the light", f"{tissue.gain_grey_per_kpa:.4g} grey/kPa", ""))
+    return tuple(rows)
+
+
+def specification_rows(calibration: ProbeCalibration) -> tuple[tuple[str, str, str, str], ...]:
+    """The sheet: quantity, measured, fingertip, printed in the dissertation."""
+    rows = () if calibration.specification is None else calibration.specification.rows
+    measured = ("not measured" if row.measured is None else _shown(row.measured, row.unit) for row in rows)
+    return tuple((row.quantity, text, row.fingertip, row.printed) for row, text in zip(rows, measured, strict=True))
+
+
+def specification_notes(calibration: ProbeCalibration) -> tuple[str, ...]:
+    """Notes for the comparison of the columns of the sheet."""
+    rows = () if calibration.specification is None else calibration.specification.rows
+    return tuple(f"{row.quantity[0].upper()}{row.quantity[1:]}: {row.note}." for row in rows if row.note)
+
+
+def calibration_notes(calibration: ProbeCalibration, findings: SessionResult) -> tuple[str, ...]:
+    """Notes on the limits of the numbers."""
+    scale, line = calibration.scale, calibration.force_line
+    notes = []
+    if findings.dots.distorted:
+        notes.append(
+            f"The lens distorts: elsewhere in the frame the scale differs by up to {findings.dots.largest_change:.1%}."
+        )
+    if scale is not None:
+        notes.append(f"Scale from {scale.count} dots, which the fit leaves {scale.residual_px:.2f} px off.")
+    if line is not None and line.assumed_tip_share > 0:
+        notes.append("One tip only: how much tips differ was assumed, as printed in the source (2.45 %).")
+    if not findings.response.saturation.identified:
+        notes.append("No press came near saturation: it has a lower end only. Press harder with the smallest tip.")
+    if findings.line.saturated:
+        notes.append("Pixels clipped in the heaviest presses, which end the range of force.")
+    if calibration.reference is not None and calibration.reference.flat_frames == 0:
+        notes.append("No flat field was taken: light counts as even.")
+    if calibration.reference is not None and calibration.reference.patch_px is None:
+        notes.append("No reference patch: the lamps' drift is not corrected but counted as 1 % of every force.")
+    if calibration.tissue is None:
+        notes.append(
+            "The light on dents was not measured: estimates of inclusions are wide (tsis calibrate --pad-kpa 5)."
+        )
+    return tuple(notes)
+
+
+def calibration_report(
+    calibration: ProbeCalibration, findings: SessionResult, *, provenance: Mapping[str, Any]
+) -> bytes:
+    """The report of a calibration as HTML."""
+    return html_bytes(calibration_page(calibration, findings, provenance=provenance))
+
+
+def calibration_page(calibration: ProbeCalibration, findings: SessionResult, *, provenance: Mapping[str, Any]) -> Page:
+    """The report of a calibration: numbers, notes, figures of the residuals, tables."""
+    line, scale = calibration.force_line, calibration.scale
+    assert line is not None  # a session measures both
+    assert scale is not None
+
+    def residuals(figure: Figure) -> None:
+        left, right = figure.subplots(1, 2)
+        force_residuals(findings.loadings, line, left)
+        hysteresis_loops(findings.loadings, right)
+
+    x, y = scale.mm_per_pixel
+    force = line.slope_grey_per_n
+    cards = (
+        Card(title="Scale", value=f"{x:.5f} x {y:.5f} mm", detail=f"a pixel, from {scale.count} dots"),
+        Card(title="Force", value=f"{force.value:.4g} grey/N", detail=f"sd {force.sd / force.value:.2%}"),
+        Card(title="Good until", value=_expiry(calibration)),
+    )
+    pictures = (
+        Picture(
+            title="Sum of grey levels over the force",
+            draw=on_axes(force_sums, findings.loadings, line),
+            size=(6.4, 4.2),
+            alt="Sums of grey levels rise in a straight line with the force; rings loading, crosses unloading",
+        ),
+        Picture(
+            title="Residuals of the line, and hysteresis",
+            draw=residuals,
+            size=(9.6, 4.0),
+            alt="Departures from the line in per cent of the range, and loading less unloading, by tip",
+            wide=True,
+        ),
+        Picture(
+            title="The dot board",
+            draw=on_axes(dot_board, findings.dots, image=findings.board, scale=scale),
+            size=(6.4, 4.4),
+            alt="Frame of the board with the detected dots, their lattice, and the magnified residuals",
+        ),
+    )
+    return Page(
+        title=f"Calibration {calibration.name}",
+        subtitle=f"probe {calibration.probe}, camera {calibration.camera}",
+        cards=cards,
+        notes=(*calibration_notes(calibration, findings), *specification_notes(calibration)),
+        pictures=pictures,
+        tables=(
+            Table(
+                title="Measured",
+                headings=("quantity", "value", "95 % interval"),
+                rows=calibration_rows(calibration, findings),
+            ),
+            Table(
+                title="Specification sheet (table 4.1)",
+                headings=("quantity", "measured", "fingertip", "printed in the source"),
+                rows=specification_rows(calibration),
+            ),
+        ),
+        provenance={**provenance, "line": to_json_value(findings.line)},
+    )
+
+
+def _expiry(calibration: ProbeCalibration) -> str:
+    return "does not age" if calibration.expires is None else f"{calibration.expires:%Y-%m-%d}"
+
+
+def _measured(calibration: ProbeCalibration) -> dict[str, MeasuredValue]:
+    values: dict[str, MeasuredValue] = {}
+    if (scale := calibration.scale) is not None:
+        values |= {"scale x": scale.mm_per_pixel_x, "scale y": scale.mm_per_pixel_y}
+    if (noise := calibration.reference) is not None:
+        values |= {"read noise": noise.read_noise_grey, "shot noise": noise.shot_noise_grey}
+        values["stray light"] = noise.stray_grey
+    if (line := calibration.force_line) is not None:
+        values |= {"force line, intercept": line.intercept_grey, "force line, slope": line.slope_grey_per_n}
+    return values
+
+
+def _row(name: str, value: MeasuredValue) -> Row:
+    low, high = value.interval()
+    return name, f"{value.value:.5g} {value.unit}".strip(), f"{low:.5g} to {high:.5g}"
+
+
+def _fraction_row(name: str, value: MeasuredValue) -> Row:
+    low, high = value.interval()
+    return name, f"{PER_CENT * value.value:.2f} %", f"{PER_CENT * low:.2f} to {PER_CENT * high:.2f} %"
+
+
+def _shown(value: MeasuredValue, unit: str) -> str:
+    low, high = value.interval()
+    if not unit:
+        return f"{PER_CENT * value.value:.2f} % ({PER_CENT * low:.2f} to {PER_CENT * high:.2f})"
+    return f"{value.value:.3g} {unit} ({low:.3g} to {high:.3g})"

@@ -1,0 +1,132 @@
+"""Reports of gel sensors: contacts as a page, a document and a table."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tsis.files import table_bytes
+from tsis.imaging import REASONS
+from tsis.present.figures import gel_contact
+from tsis.present.html import html_bytes
+from tsis.present.page import Card, Page, Picture, Table
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from matplotlib.figure import FigureBase
+    from numpy.typing import NDArray
+
+    from tsis.imaging import GelContact
+
+
+ACROSS = 4  # overlays side by side
+MOST_OVERLAYS = 24
+COLUMNS = (
+    "name", "good", "quality", "reasons", "x_px", "y_px", "radius_px", "radius_sd_px", "x_mm", "y_mm", "radius_mm",
+    "radius_sd_mm", "area_mm2", "area_sd_mm2", "long_axis_px", "short_axis_px", "angle_deg", "force_n", "force_sd_n",
+    "scale_sd",
+)  # fmt: skip
+
+
+def contact_documents(contacts: Sequence[GelContact]) -> list[dict[str, Any]]:
+    """Each contact as a part of a JSON result; NaN becomes null."""
+    return [{key: _plain(value) for key, value in asdict(contact).items()} for contact in contacts]
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return [_plain(item) for item in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+NO_FORCE: tuple[float | None, float | None] = (None, None)
+
+
+def contacts_csv(
+    contacts: Sequence[GelContact], forces: Sequence[tuple[float | None, float | None]] | None = None
+) -> bytes:
+    """The contacts as CSV, one row a frame, with the units in the names; ``forces`` are newtons with their sd."""
+    rows = []
+    for contact, force in zip(contacts, forces or [NO_FORCE] * len(contacts), strict=True):
+        in_mm = contact.centre_mm or ("", "")
+        rows.append([
+            contact.name, contact.good, f"{contact.quality:.4f}", "; ".join(contact.reasons), *contact.centre_px,
+            contact.radius_px, contact.radius_sd_px, *in_mm, contact.radius_mm, contact.radius_sd_mm,
+            contact.area_mm2, contact.area_sd_mm2, *contact.semi_axes_px, contact.angle_deg, *force, contact.scale_sd,
+        ])  # fmt: skip
+    return table_bytes([COLUMNS, *(["" if value is None else value for value in row] for row in rows)])
+
+
+def gel_contact_rows(contacts: Sequence[GelContact]) -> list[tuple[str, ...]]:
+    """Cells for people: frame, centre, radius, quality and reasons."""
+    return [
+        (
+            contact.name,
+            "-" if not np.isfinite(contact.radius_px) else "{:.1f}, {:.1f}".format(*contact.centre_px),
+            _with_sd(contact.radius_px, contact.radius_sd_px),
+            _with_sd(contact.radius_mm, contact.radius_sd_mm),
+            f"{contact.quality:.2f}",
+            "good" if contact.good else ", ".join(contact.reasons),
+        )
+        for contact in contacts
+    ]
+
+
+CONTACT_HEADINGS = ("frame", "centre / px", "radius / px", "radius / mm", "quality", "verdict")
+
+
+def _with_sd(value: float | None, sd: float | None) -> str:
+    return "-" if value is None or sd is None or not np.isfinite(value) else f"{value:.3g} ± {sd:.2g}"
+
+
+def contact_notes(contacts: Sequence[GelContact]) -> tuple[str, ...]:
+    """One sentence for each reason that occurs, with its cure."""
+    present = {reason for contact in contacts for reason in contact.reasons}
+    return tuple(f"{name}: {text}." for name, text in REASONS.items() if name in present)
+
+
+def draw_contacts(figure: FigureBase, frames: Sequence[NDArray[Any]], contacts: Sequence[GelContact]) -> None:
+    """Draw frames with their contacts into a figure, at most 24."""
+    count = min(len(contacts), MOST_OVERLAYS)
+    across = min(count, ACROSS)
+    axes = figure.subplots(-(-count // across), across, squeeze=False).ravel()
+    for ax in axes:
+        ax.set_axis_off()
+    for frame, contact, ax in zip(frames[:count], contacts[:count], axes, strict=False):
+        gel_contact(frame, contact, ax)
+
+
+def overlay_inches(count: int) -> tuple[float, float]:
+    """Size of the figure of `draw_contacts`."""
+    shown = min(count, MOST_OVERLAYS)
+    return 2.8 * min(shown, ACROSS), 2.6 * -(-shown // ACROSS)
+
+
+def gel_contacts_report(
+    frames: Sequence[NDArray[Any]], contacts: Sequence[GelContact], *, provenance: Mapping[str, Any]
+) -> bytes:
+    """The contacts as HTML: how many are good, overlays, table, and what to do about the others."""
+    good = sum(contact.good for contact in contacts)
+    return html_bytes(
+        Page(
+            title="Contacts",
+            subtitle=f"{len(contacts)} frames",
+            cards=(Card(title="Good contacts", value=f"{good} of {len(contacts)}", doubtful=good == 0),),
+            notes=contact_notes(contacts),
+            pictures=(
+                Picture(
+                    title="Frames with their contacts",
+                    draw=lambda figure: draw_contacts(figure, frames, contacts),
+                    size=overlay_inches(len(contacts)),
+                    alt="Frames of the gel sensor, each with the outline of its contact",
+                    caption="A full line is a good contact, a broken one is refused for the reasons above it.",
+                    wide=True,
+                ),
+            ),
+            tables=(Table(title="Contacts", headings=CONTACT_HEADINGS, rows=tuple(gel_contact_rows(contacts))),),
+            provenance=provenance,
+        )
+    )

@@ -1,0 +1,548 @@
+"""Frames without an estimate: pictures, features of the contact, relative readings, comparison of two."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tsis.errors import TsisError
+from tsis.imaging import (
+    features,
+    find_contact,
+    height_surface,
+    match_light,
+    radial_profile,
+    signal,
+    subtract_background,
+)
+from tsis.inclusion.relative import (
+    RelativeReading,
+    change_of_light,
+    matching_references,
+    relative_depth,
+    relative_hardness,
+    relative_size,
+)
+from tsis.inclusion.shape import ObjectShape, object_shape
+from tsis.present.figures import relief, ring_profile, tactile_image
+from tsis.present.html import html_bytes
+from tsis.present.page import Card, Page, Picture, Table, on_axes
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from matplotlib.figure import Figure
+    from numpy.typing import NDArray
+
+    from tsis.imaging import Contact, Features
+    from tsis.model import Calibration, TactileImage
+
+
+MARKERS = "os^v"
+FRAMES_PER_ROW, SHEET_WIDTH = 4, 9.5  # frames in a row of a sheet, and its inches
+
+
+def force_of(frame: TactileImage) -> float:
+    """The force in newtons, 0 where unknown."""
+    return frame.force_n or 0.0
+
+
+def frame_picture(image: TactileImage) -> Picture:
+    """The image of a frame."""
+    force = "force not measured" if image.force_n is None else f"{image.force_n:g} N"
+    return Picture(
+        title="Tactile image",
+        draw=on_axes(tactile_image, image),
+        size=(6.0, 4.0),
+        alt=f"Tactile image of {image.name}, bright where the pressure is high",
+        caption=f"{image.name}, {force}. Bright is high pressure; the rim is the edge of the face.",
+    )
+
+
+def change_picture(
+    signal: TactileImage,
+    result: Features | None = None,
+    *,
+    title: str = "What the inclusion adds",
+    alt: str = "Target minus reference press, with the outline and the centroid of the bright patch",
+    caption: str = "Target minus reference press on plain tissue; outline and centroid in white.",
+) -> Picture:
+    """The difference of two frames, with the outline of the bright patch; ``result`` has its features."""
+    draw = on_axes(tactile_image, signal, features=result or features(signal), low=0.0)
+    return Picture(title=title, draw=draw, size=(6.0, 4.0), alt=alt, caption=caption)
+
+
+def surface_picture(signal: TactileImage) -> Picture:
+    """A signal of known scale as a surface."""
+
+    def lifted(figure: Figure) -> None:
+        relief(height_surface(signal, max_points=96), figure.add_subplot(projection="3d"))
+
+    return Picture(
+        title="Surface",
+        draw=lifted,
+        size=(6.0, 4.2),
+        vector=False,
+        alt="The same signal as a surface in three dimensions",
+        caption="The same as a surface; heights are grey levels, not millimetres.",
+    )
+
+
+def profile_picture(
+    groups: Mapping[str, Sequence[TactileImage]],
+    edges_mm: NDArray[np.float64],
+    *,
+    title: str = "The profiles that the estimate rests on",
+) -> Picture:
+    """Ring means of frames of known scale, by group, with a line for each press; ``edges_mm`` bound the rings."""
+    shown = [
+        (what, frame, marker)
+        for (what, frames), marker in zip(groups.items(), MARKERS, strict=False)
+        for frame in sorted(frames, key=force_of, reverse=True)
+    ]
+
+    def profiles(figure: Figure) -> None:
+        ax = figure.subplots()
+        for what, frame, marker in shown:
+            profile = radial_profile(frame, edges_mm=edges_mm)
+            ring_profile(profile, ax, label=f"{what}, {force_of(frame):g} N", marker=marker)
+        ax.legend(frameon=False)
+
+    return Picture(
+        title=title,
+        draw=profiles,
+        size=(5.5, 3.6),
+        alt="Mean grey level in rings around the probe's axis, one line a press",
+        caption="Mean grey level in rings around the probe's axis, one line a press.",
+    )
+
+
+def sheet_picture(frames: Sequence[tuple[str, TactileImage]]) -> Picture:
+    """Thumbnails of (role, frame), at least one, in one colour map."""
+    rows, span = -(-len(frames) // FRAMES_PER_ROW), min(FRAMES_PER_ROW, len(frames))
+    tall = max(_aspect(frame) * frame.grey.shape[0] / frame.grey.shape[1] for _, frame in frames)
+    height = min(max(SHEET_WIDTH / span * tall, 0.5), 4.0) + 0.25
+
+    def sheet(figure: Figure) -> None:
+        high = max(float(frame.grey.max()) for _, frame in frames)
+        axes = figure.subplots(rows, span, squeeze=False).ravel()
+        for ax in axes:
+            ax.set_axis_off()
+        for (role, frame), ax in zip(frames, axes, strict=False):
+            ax.imshow(frame.grey, cmap="viridis", vmin=0.0, vmax=high, aspect=_aspect(frame))
+            force = "" if frame.force_n is None else f", {frame.force_n:g} N"
+            ax.set_title(f"{role}{force}", fontsize=8)
+
+    return Picture(
+        title="Every frame",
+        draw=sheet,
+        size=(SHEET_WIDTH, rows * height),
+        vector=False,
+        wide=True,
+        alt=f"{len(frames)} frames side by side in the order in which they were taken",
+        caption="In one colour map, from black to the brightest level of all.",
+    )
+
+
+def _aspect(frame: TactileImage) -> float:
+    """Height over width of a pixel."""
+    return 1.0 if frame.mm_per_pixel is None else frame.mm_per_pixel[1] / frame.mm_per_pixel[0]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PressComparison:
+    """Relative readings of presses, for comparisons with each other only.
+
+    Attributes
+    ----------
+    against
+        Kind of the references: ``"untouched probe"`` or ``"plain tissue"``.
+    relative
+        Relative readings by name: of a press, or of two presses of different force.
+    shapes
+        Shape of the lit area of each press, by the name of the frame.
+    changes
+        Change of light of each press, by the name of the frame.
+    missing
+        A message for each reading that the frames do not allow.
+    """
+
+    against: str
+    relative: tuple[tuple[str, RelativeReading], ...]
+    shapes: tuple[tuple[str, ObjectShape], ...]
+    changes: tuple[tuple[str, TactileImage], ...]
+    missing: tuple[str, ...] = ()
+
+
+def compare_presses(
+    images: Sequence[TactileImage],
+    references: Sequence[TactileImage],
+    *,
+    against: str,
+    calibration: Calibration | None = None,
+    relative: bool = True,
+    shape: bool = True,
+) -> PressComparison:
+    """Relative readings and shapes of presses, each against references of the same force.
+
+    The frames have a scale. ``against`` is the kind of the references: ``"untouched probe"`` or ``"plain tissue"``.
+    Relative hardness requires a calibration, whose gain converts grey levels to pressure. ``relative`` and ``shape``
+    select what is read.
+
+    Raises
+    ------
+    InputError, ImageMismatchError
+        As `tsis.inclusion.relative.relative_size`; when an image has no reference of the same force.
+    """
+    fitting = [matching_references(image, references, against=against) for image in images]
+    given: dict[str, Any] = {"against": against, "calibration": calibration}
+    readings, shapes, changes = [], [], []
+    for image, own in zip(images, fitting, strict=True):
+        if relative:
+            readings += [(image.name, read(image, own, **given)) for read in (relative_size, relative_depth)]
+        if shape:
+            shapes.append((image.name, object_shape(image, own, **given)))
+        changes.append((image.name, change_of_light(image, own, **given).image))
+    rising = sorted(zip(images, fitting, strict=True), key=lambda pair: pair[0].force_n or 0.0)
+    pairs = [(item, other) for item, other in pairwise(rising) if (item[0].force_n or 0.0) < (other[0].force_n or 0.0)]
+    missing = _missing(pairs, calibration) if relative else ()
+    if relative and not missing and calibration is not None:
+        for (first, item), (second, other) in pairs:
+            reading = relative_hardness(first, second, reference=item, second_reference=other, **given)
+            readings.append((f"{first.name}, {second.name}", reading))
+    return PressComparison(
+        against=against, relative=tuple(readings), shapes=tuple(shapes), changes=tuple(changes), missing=missing
+    )
+
+
+def _missing(pairs: Sequence[Any], calibration: Calibration | None) -> tuple[str, ...]:
+    if calibration is None:
+        return ("Relative hardness is not read: it needs a calibration, whose gain turns grey levels into pressure.",)
+    if not pairs:
+        return ("Relative hardness is not read: it needs two presses on one target with different known forces.",)
+    return ()
+
+
+def comparison_document(press_comparison: PressComparison) -> dict[str, Any]:
+    """The readings as JSON values, under ``relative`` and ``shape``."""
+    document: dict[str, Any] = {}
+    if press_comparison.relative:
+        document["relative"] = {
+            "against": press_comparison.against,
+            "readings": [{"presses": name, **_fields_by_name(reading)} for name, reading in press_comparison.relative],
+            "missing": list(press_comparison.missing),
+        }
+    if press_comparison.shapes:
+        own = press_comparison.shapes
+        shapes = [{"press": name, **_fields_by_name(shape), "notes": list(shape.notes)} for name, shape in own]
+        document["shape"] = {"against": press_comparison.against, "presses": shapes}
+    return document
+
+
+def _fields_by_name(value: Any) -> dict[str, Any]:
+    return {field.name: getattr(value, field.name) for field in fields(value)}
+
+
+def comparison_tables(press_comparison: PressComparison) -> tuple[Table, ...]:
+    """A table of the relative readings, and one of the shapes."""
+    tables = []
+    if press_comparison.relative:
+        rows = tuple((name, reading.quantity, _reading(reading)) for name, reading in press_comparison.relative)
+        title = f"Relative readings against {press_comparison.against}"
+        tables.append(Table(title=title, headings=("press", "quantity", "value"), rows=rows))
+    for name, shape in press_comparison.shapes:
+        tables.append(Table(title=f"Shape in {name}", headings=("quantity", "value"), rows=_shape_rows(shape)))
+    return tuple(tables)
+
+
+def _reading(reading: RelativeReading) -> str:
+    return "no value" if reading.value is None else f"{reading.value:.4g} {reading.unit}"
+
+
+def _shape_rows(shape: ObjectShape) -> tuple[tuple[str, str], ...]:
+    if shape.area_mm2 is None or shape.centre_mm is None or shape.semi_axes_mm is None:
+        return (("shape", "nothing stands out of the noise"),)
+    long, short = shape.semi_axes_mm
+    return (
+        ("area", f"{shape.area_mm2:.4g} mm²"),
+        ("centre from the axis", f"({shape.centre_mm[0]:.2f}, {shape.centre_mm[1]:.2f}) mm"),
+        ("semi-axes", f"{long:.3g} and {short:.3g} mm"),
+        ("direction of the long axis", f"{shape.angle_deg:.3g} degrees"),
+        ("eccentricity", f"{shape.eccentricity:.3g}"),
+        ("circularity", f"{shape.circularity:.3g}"),
+        ("threshold", f"{shape.levels.threshold_grey:.3g} grey levels"),
+    )
+
+
+def comparison_notes(press_comparison: PressComparison) -> tuple[str, ...]:
+    """Assumptions, notes on presses, and missing readings."""
+    values: list[tuple[str, RelativeReading | ObjectShape]] = [*press_comparison.relative, *press_comparison.shapes]
+    messages = [f"Assumed: {assumption}" for _, value in values for assumption in value.assumptions]
+    messages += [f"{name}: {note}" for name, value in values for note in value.notes]
+    return tuple(dict.fromkeys([*messages, *press_comparison.missing]))
+
+
+def comparison_pictures(press_comparison: PressComparison) -> tuple[Picture, ...]:
+    """The change of light of each press with a shape, with its outline."""
+    changes = dict(press_comparison.changes)
+    return tuple(_outline(name, changes[name], shape) for name, shape in press_comparison.shapes)
+
+
+def _outline(name: str, change: TactileImage, shape: ObjectShape) -> Picture:
+    def draw(figure: Figure) -> None:
+        ax = tactile_image(change, figure.subplots(), low=0.0)
+        if len(shape.contour_mm):
+            outline = shape.contour_mm + np.multiply(change.axis(), change.scale())
+            ax.plot(*outline.T, color="white", linewidth=1.0)
+
+    return Picture(
+        title=f"Shape in {name}",
+        draw=draw,
+        size=(6.0, 4.2),
+        alt=f"Change of light in {name} with the outline by the two-means threshold",
+        caption=f"Change of light against the {shape.against}; outline by the two-means threshold in white.",
+    )
+
+
+ROW = ("quantity", "value")
+ODD_FRACTION = 1e-3  # of the pixels
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ImageFinding:
+    """Analysis of an image: its change of grey level, its features, and the round contact or None."""
+
+    image: TactileImage
+    change: TactileImage
+    features: Features
+    contact: Contact | None
+
+
+def analyse_image(image: TactileImage, reference: TactileImage | None, *, invert: bool) -> ImageFinding:
+    """Analyse an image without a calibration."""
+    result = features(image, reference, invert=invert)
+    change = signal(image, reference, invert=invert)
+    contact = find_contact(change, patch=result.patch) if result.contact else None
+    return ImageFinding(image=image, change=change, features=result, contact=contact)
+
+
+def contact_report(
+    findings: Sequence[ImageFinding],
+    *,
+    refused: Sequence[tuple[str, str]],
+    provenance: Mapping[str, Any],
+    comparison: PressComparison | None = None,
+) -> bytes:
+    """Contact features as HTML: images with outline, surface, profile, numbers, and refused estimates.
+
+    ``refused`` has the estimates that these files do not allow, each with the reason; ``provenance`` versions, files
+    and options; ``comparison`` relative readings and shapes of the same images.
+    """
+    return html_bytes(
+        Page(
+            title="Contact found in tactile images",
+            subtitle=", ".join(finding.image.name for finding in findings),
+            cards=_cards(findings[0].features) if len(findings) == 1 else (),
+            notes=(
+                *(note for finding in findings for note in finding_notes(finding)),
+                *(() if comparison is None else comparison_notes(comparison)),
+            ),
+            pictures=(
+                *(picture for finding in findings for picture in _pictures(finding)),
+                *(() if comparison is None else comparison_pictures(comparison)),
+            ),
+            tables=(
+                *(() if comparison is None else comparison_tables(comparison)),
+                *(
+                    Table(
+                        title=f"Features of {item.image.name}", headings=("quantity", "value"), rows=finding_rows(item)
+                    )
+                    for item in findings
+                ),
+            ),
+            refused=tuple(refused),
+            provenance=provenance,
+        )
+    )
+
+
+def finding_rows(finding: ImageFinding) -> tuple[tuple[str, str], ...]:
+    """Names and values of the features, for people."""
+    result, circle = finding.features, finding.contact
+    if not result.contact:
+        return (("contact", "none found: nothing stands out of the noise"),)
+    diameter_mm = _also(_number(result.equivalent_diameter_mm, "mm"))
+    rows = [
+        ("centroid", _pair(result.centroid_px, "px") + _also(_pair(result.centroid_mm, "mm from the axis"))),
+        ("area", f"{result.area_px:.0f} px" + _also(_number(result.area_mm2, "mm²"))),
+        ("equivalent diameter", f"{result.equivalent_diameter_px:.1f} px{diameter_mm}"),
+        ("ellipse semi-axes", _pair(result.semi_axes_px, "px") + _also(_pair(result.semi_axes_mm, "mm"))),
+        ("direction of the long axis", _number(result.angle_deg, "degrees")),
+        ("eccentricity", _number(result.eccentricity, "")),
+        ("circularity", _number(result.circularity, "")),
+        ("peak", f"{result.peak:.1f} grey levels"),
+        ("sum of grey levels", f"{result.total:.0f}"),
+        ("saturated share", f"{100 * result.saturated_fraction:.1f} %"),
+        ("touches the border", "yes" if result.cropped else "no"),
+    ]
+    if circle is not None:
+        rows[1:1] = [
+            ("centre of the round contact", _pair(circle.centre_px, "px")),
+            ("radius of its steepest edge", f"{circle.radius_px:.1f} px" + _also(_number(circle.radius_mm, "mm"))),
+        ]
+    return tuple((name, value.strip()) for name, value in rows)
+
+
+def finding_notes(finding: ImageFinding) -> tuple[str, ...]:
+    """Notes on the limits of the image."""
+    image, result, notes = finding.image, finding.features, []
+    if not result.contact:
+        notes.append(
+            f"{image.name}: no contact stands out of the noise (is --invert right, and the reference untouched?)."
+        )
+    if result.cropped:
+        notes.append(f"{image.name}: the contact touches the picture's border, so area and diameter are too small.")
+    fall, rise = np.quantile(finding.change.grey, [ODD_FRACTION, 1 - ODD_FRACTION]) * (-1, 1)  # without outliers
+    if result.contact and fall > rise:
+        notes.append(
+            f"{image.name}: the light changes more the other way, by {fall:.0f} against {rise:.0f} grey levels: is "
+            "--invert right, which says that light falls where this probe is pressed?"
+        )
+    clipped = float(np.mean(image.grey >= image.full_scale))
+    if not result.contact and clipped > 0:
+        notes.append(
+            f"{image.name}: {100 * clipped:.1f} % of the picture is clipped by the camera (shorten the exposure)."
+        )
+    if result.saturated_fraction > 0:
+        notes.append(f"{image.name}: {100 * result.saturated_fraction:.1f} % of the contact is clipped by the camera.")
+    if image.mm_per_pixel is None:
+        notes.append(f"{image.name}: lengths are in pixels; give the scale to have them in millimetres.")
+    return tuple(notes)
+
+
+def _cards(features: Features) -> tuple[Card, ...]:
+    if not features.contact:
+        return (Card(title="Contact", value="none", detail="nothing stands out of the noise", doubtful=True),)
+    in_mm = features.equivalent_diameter_mm is not None
+    diameter = _number(features.equivalent_diameter_mm, "mm") if in_mm else f"{features.equivalent_diameter_px:.1f} px"
+    area = _number(features.area_mm2, "mm²") if in_mm else f"{features.area_px:.0f} px"
+    return (
+        Card(
+            title="Centroid",
+            value=_pair(features.centroid_px, "px"),
+            detail=_pair(features.centroid_mm, "mm from the axis"),
+        ),
+        Card(title="Equivalent diameter", value=diameter, detail="of the disc of the same area"),
+        Card(title="Area", value=area, detail="cropped by the picture" if features.cropped else "inside the outline"),
+    )
+
+
+def _pictures(finding: ImageFinding) -> tuple[Picture, ...]:
+    image, change, result = finding.image, finding.change, finding.features
+    pictures = [
+        change_picture(
+            change,
+            result,
+            title=f"Signal of {image.name}",
+            alt=f"Change of grey level in {image.name} with the contact's outline and centroid",
+            caption="Change of grey level, positive where the probe is pressed; outline and centroid in white.",
+        )
+    ]
+    if change.mm_per_pixel is not None and min(change.grey.shape) > 1:
+        pictures.append(surface_picture(change))
+    if result.profile is not None:
+        pictures.append(
+            Picture(
+                title="Profile",
+                draw=on_axes(ring_profile, result.profile),
+                size=(5.5, 3.6),
+                alt="Mean grey level in rings around the centroid",
+                caption="Mean change of grey level in rings around the centroid.",
+            )
+        )
+    return tuple(pictures)
+
+
+def _number(value: float | None, unit: str) -> str:
+    return "" if value is None else f"{value:.3g} {unit}"
+
+
+def _pair(values: tuple[float, float] | None, unit: str) -> str:
+    return "" if values is None else f"({values[0]:.2f}, {values[1]:.2f}) {unit}"
+
+
+def _also(text: str) -> str:
+    return f", {text}" if text else ""
+
+
+SIZE = (4.4, 3.0)
+DIVERGING = "RdBu_r"  # blue to red through white, distinct without red-green vision
+NO_VALUE = "none"
+
+
+def comparison(image: TactileImage, other: TactileImage, *, same_light: bool = False) -> Page:
+    """A page with two frames in one colour map, their difference or the reason why there is none, and their features.
+
+    ``same_light`` scales the second to the brightness of the first before the subtraction (`tsis.imaging.match_light`).
+    """
+    top = float(max(image.grey.max(), other.grey.max()))
+    pictures = [_frame(image, top), _frame(other, top)]
+    notes: list[str] = []
+    try:
+        change = subtract_background(image, match_light(other, image) if same_light else other)
+    except TsisError as error:
+        notes.append(f"These two cannot be subtracted: {error}.")
+    else:
+        pictures.append(_difference(change, image, other))
+        notes.append(_change_text(change, same_light=same_light))
+    return Page(
+        title=f"{image.name} compared with {other.name}",
+        subtitle="",
+        pictures=tuple(pictures),
+        notes=tuple(notes),
+        tables=(_features(image, other),),
+    )
+
+
+def _frame(image: TactileImage, top: float) -> Picture:
+    force = "force not measured" if image.force_n is None else f"{image.force_n:g} N"
+    return Picture(
+        title=image.name,
+        draw=on_axes(tactile_image, image, low=0.0, high=top),
+        size=SIZE,
+        alt=f"Frame of {image.name}, bright where the pressure is high",
+        caption=f"{force}. Both frames in one colour map.",
+        vector=False,
+    )
+
+
+def _difference(change: TactileImage, image: TactileImage, other: TactileImage) -> Picture:
+    most = float(np.abs(change.grey).max()) or 1.0
+    colours = {"label": "grey levels", "colours": DIVERGING, "ink": "black"}
+    return Picture(
+        title="Difference",
+        draw=on_axes(tactile_image, change, low=-most, high=most, **colours),
+        size=SIZE,
+        alt=f"{image.name} minus {other.name}: red where the first is brighter, blue where the second is",
+        caption="The first minus the second: red where the first is brighter, blue where the second is.",
+        vector=False,
+    )
+
+
+def _change_text(change: TactileImage, *, same_light: bool) -> str:
+    grey = change.grey
+    light = "; the second was brought to the brightness of the first" if same_light else ""
+    return (
+        f"Difference in grey levels: mean {grey.mean():.3g}, root mean square {np.sqrt(np.square(grey).mean()):.3g}, "
+        f"from {grey.min():.4g} to {grey.max():.4g}{light}."
+    )
+
+
+def _features(item: TactileImage, other: TactileImage) -> Table:
+    results = [dict(finding_rows(analyse_image(image, None, invert=False))) for image in (item, other)]
+    names = list(dict.fromkeys([*results[0], *results[1]]))
+    rows = tuple((name, *(item.get(name, NO_VALUE) for item in results)) for name in names)
+    return Table(title="Features", headings=("quantity", item.name, other.name), rows=rows)

@@ -1,0 +1,97 @@
+"""Report of a registration: both point sets, their correspondences, the warped grid, and the poses that data allow."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from tsis.matching import UNMATCHED
+from tsis.present.figures import alternative_pose, point_sets, warped_grid
+from tsis.present.html import html_bytes
+from tsis.present.page import Card, Page, Picture, Table
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    import numpy as np
+    from matplotlib.figure import FigureBase
+    from numpy.typing import NDArray
+
+    from tsis.matching import Alternative, Registration
+
+    Floats = NDArray[np.float64]
+
+
+MOST_POSES = 4  # drawn side by side
+SIDE_INCHES = 4.0
+
+
+def registration_report(
+    source: Floats, target: Floats, registration: Registration, *, title: str, provenance: Mapping[str, Any]
+) -> bytes:
+    """The report of a registration of points, shapes (n, d) and (m, d), as HTML; ``provenance`` names its origin."""
+    paired = registration.matches != UNMATCHED
+    poses = registration.alternatives
+    pictures = [
+        Picture(
+            title="Points and transform",
+            draw=lambda figure: draw_registration(figure, source, target, registration),
+            size=(2 * SIDE_INCHES, SIDE_INCHES),
+            alt="Both point sets before and after the transform, with correspondences and the warped grid",
+            wide=True,
+        )
+    ]
+    if poses:
+        pictures.append(
+            Picture(
+                title="Poses that the data allow",
+                draw=lambda figure: draw_poses(figure, target, poses),
+                size=(SIDE_INCHES * max(min(len(poses), MOST_POSES), 2), SIDE_INCHES),
+                alt="The source in each pose over the target, with its probability",
+                caption="Probabilities are among the poses that were compared; the confidence allows for missed ones.",
+                wide=True,
+            )
+        )
+    rows = tuple((f"{pose.rotation_deg:.1f}", f"{pose.probability:.4g}") for pose in poses)
+    return html_bytes(
+        Page(
+            title=title,
+            subtitle=f"method {registration.method}",
+            cards=(
+                Card(
+                    title="Confidence",
+                    value=f"{registration.confidence:.4f}",
+                    detail="reliable" if registration.reliable else "not reliable: no point was transformed",
+                    doubtful=not registration.reliable,
+                ),
+                Card(title="Matched points", value=f"{int(paired.sum())} of {len(source)}"),
+            ),
+            notes=registration.notes,
+            pictures=tuple(pictures),
+            tables=(Table(title="Poses", headings=("rotation / degrees", "probability"), rows=rows),),
+            provenance=provenance,
+        )
+    )
+
+
+def draw_registration(figure: FigureBase, source: Floats, target: Floats, registration: Registration) -> None:
+    """Draw both sets with their correspondences, and the transformed source with the warped grid, into a figure."""
+    before, after = figure.subplots(1, 2, **_axes(source))
+    matched, moved, label = "before, with the matches", f"after {registration.method}", "moved source"
+    if not registration.reliable and registration.outliers.all():
+        matched, moved = "no reliable match", f"not moved: confidence {registration.confidence:.3f}"
+        label = "source"
+    point_sets(source, target, before, matches=registration.matches).set_title(matched)
+    point_sets(registration.moved, target, after, source_label=label).set_title(moved)
+    if source.shape[1] == 2:
+        warped_grid(registration.transform, source, after)
+
+
+def draw_poses(figure: FigureBase, target: Floats, poses: tuple[Alternative, ...]) -> None:
+    """Draw the likeliest poses side by side into a figure."""
+    shown = poses[:MOST_POSES]
+    for pose, ax in zip(shown, figure.subplots(1, len(shown), squeeze=False, **_axes(target))[0], strict=True):
+        alternative_pose(pose, target, ax)
+
+
+def _axes(points: Floats) -> dict[str, Any]:
+    return {"subplot_kw": {"projection": "3d"}} if points.shape[1] == 3 else {}

@@ -1,0 +1,121 @@
+"""Content of a report: a page of main results, texts, figures and tables, whatever shows it."""
+
+from __future__ import annotations
+
+import base64
+import io
+import threading
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from matplotlib.figure import Figure
+
+
+DPI = 120
+PAPER_DPI = 220  # at the size on paper
+FIGURE_LOCK = threading.Lock()  # matplotlib's settings and glyph cache are global
+
+
+def address(picture: Picture) -> str:
+    """The picture as a data URL: SVG, or PNG where it is no line drawing."""
+    content = _drawn(picture, picture.size, kind="svg" if picture.vector else "png", dpi=DPI)
+    kind = "image/svg+xml" if picture.vector else "image/png"
+    return f"data:{kind};base64,{base64.b64encode(content).decode()}"
+
+
+def pixels(picture: Picture, *, size: tuple[float, float], dpi: float = PAPER_DPI) -> bytes:
+    """The picture as an opaque PNG file of ``size`` inches."""
+    from PIL import Image  # loaded with the first figure
+
+    buffer = io.BytesIO()
+    with Image.open(io.BytesIO(_drawn(picture, size, kind="png", dpi=dpi))) as drawn:
+        drawn.convert("RGB").save(buffer, format="PNG")
+    return buffer.getvalue()
+
+
+def _drawn(picture: Picture, size: tuple[float, float], *, kind: str, dpi: float) -> bytes:
+    import matplotlib as mpl  # loaded with the first figure
+    from matplotlib.figure import Figure
+
+    buffer = io.BytesIO()
+    with FIGURE_LOCK, mpl.rc_context({"svg.hashsalt": "tsis", "font.size": 9.0}):
+        figure = Figure(figsize=size, layout="constrained")
+        picture.draw(figure)
+        figure.savefig(buffer, format=kind, dpi=dpi, metadata={"Date": None} if kind == "svg" else None)
+    return buffer.getvalue()
+
+
+def on_axes(plot: Callable[..., object], *values: Any, **options: Any) -> Callable[[Figure], None]:
+    """The drawing of ``plot(*values, ax, **options)`` into a figure with one axes."""
+
+    def draw(figure: Figure) -> None:
+        plot(*values, figure.subplots(), **options)
+
+    return draw
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Card:
+    """A main result."""
+
+    title: str
+    value: str
+    detail: str = ""
+    doubtful: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Picture:
+    """A figure with a caption and an alternative text.
+
+    Attributes
+    ----------
+    title
+        The heading.
+    draw
+        Draws the figure into an empty one, reproducibly.
+    size
+        Width and height in inches for text of 9 points.
+    alt
+        Description of the content.
+    caption
+        Explanation below the figure.
+    wide
+        Whether it takes the whole width of the page.
+    vector
+        Whether it is a line drawing; a surface of many facets is smaller as pixels.
+    """
+
+    title: str
+    draw: Callable[[Figure], None]
+    size: tuple[float, float]
+    alt: str
+    caption: str = ""
+    wide: bool = False
+    vector: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Table:
+    """Rows of text under headings."""
+
+    title: str
+    headings: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Page:
+    """The content of a page, from top to bottom; ``refused`` has (estimate, reason)."""
+
+    title: str
+    subtitle: str
+    cards: tuple[Card, ...] = ()
+    notes: tuple[str, ...] = ()
+    pictures: tuple[Picture, ...] = ()
+    tables: tuple[Table, ...] = ()
+    refused: tuple[tuple[str, str], ...] = ()
+    provenance: Mapping[str, Any] = field(default_factory=dict)

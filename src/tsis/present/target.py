@@ -1,0 +1,546 @@
+"""The page of a target with all its stored data, without the identity of a subject."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from datetime import UTC
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tsis.__about__ import __version__
+from tsis.calibration.guard import GUARD_FLAGS
+from tsis.catalog import load_probe
+from tsis.errors import InputError, TsisError, UnknownNameError
+from tsis.imaging import subtract_background
+from tsis.inclusion import InclusionPrior, ring_edges
+from tsis.model import INTERVAL_LEVEL, NO_UNIT, label_of, unit_of
+from tsis.present.calibration import content_rows
+from tsis.present.document import sd_text
+from tsis.present.hardness import estimate_cards, estimate_messages_of, hardness_rows, modulus_picture
+from tsis.present.images import change_picture, force_of, frame_picture, profile_picture, sheet_picture, surface_picture
+from tsis.present.inclusion import TITLES, marginals_picture, trade_off_picture
+from tsis.present.page import Card, Page, Table
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from datetime import datetime
+
+    from tsis.model import Estimate, TactileImage
+    from tsis.present.page import Picture
+    from tsis.records import StoredEstimate, StoredPress, TargetRecord
+
+
+MOST_FRAMES, MOST_PROFILES = 12, 10  # in a figure
+ORDER = ("target", "ball", "plain", "untouched")  # priority of the roles for the large picture
+REFERENCES = ("plain", "untouched")
+GROUPS = {"target": "target", "ball": "known ball", "plain": "plain tissue"}
+CHANGES = {
+    "plain": ("What the inclusion adds", "the press on plain tissue whose force is nearest"),
+    "untouched": ("What the touch changed", "the frame of the untouched probe"),
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gallery:
+    """Pictures, and a message for each that could not be drawn."""
+
+    pictures: tuple[Picture, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def __add__(self, other: Gallery) -> Gallery:
+        """The concatenation of both."""
+        return Gallery(pictures=self.pictures + other.pictures, notes=self.notes + other.notes)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FrameWithRole:
+    """A readable frame, and the role of its press."""
+
+    role: str
+    image: TactileImage
+
+
+def target_gallery(record: TargetRecord) -> Gallery:
+    """All pictures of the frames and the active estimates."""
+    frames, unread = _frames(record)
+    gallery = unread + _posteriors(record) + _strongest(frames) + _profiles(record, frames)
+    if len(frames) > 1:
+        gallery += Gallery(pictures=(sheet_picture([(frame.role, frame.image) for frame in frames]),))
+    return gallery
+
+
+def _frames(record: TargetRecord) -> tuple[list[FrameWithRole], Gallery]:
+    """Frames in the order of their presses, of many only those of the estimates, and messages on unreadable ones."""
+    used = {press for stored in record.active_estimates for press in stored.presses}
+    numbered = list(enumerate(record.presses, 1))
+    chosen = sorted(numbered, key=lambda pair: (pair[1].id not in used, pair[0]))[:MOST_FRAMES]
+    frames, notes = [], []
+    for number, press in sorted(chosen, key=lambda pair: pair[0]):
+        try:
+            image = replace(record.image(press), name=press.name or f"press {number}")
+        except TsisError as error:
+            notes.append(f"The frame of press {number} cannot be shown: {error}.")
+        else:
+            frames.append(FrameWithRole(role=press.role, image=image))
+    if len(numbered) > len(chosen):
+        notes.append(f"The pictures show {len(chosen)} of {len(numbered)} presses.")
+    return frames, Gallery(notes=tuple(notes))
+
+
+def _posteriors(record: TargetRecord) -> Gallery:
+    return sum((_posterior(record, stored) for stored in newest_first(record)), Gallery())
+
+
+def _posterior(record: TargetRecord, stored: StoredEstimate) -> Gallery:
+    if not stored.estimate.trusted:
+        return Gallery()
+    estimate, truth = stored.estimate, record.target.truth
+    if stored.kind == "hardness":
+        return Gallery(pictures=(modulus_picture(estimate, truth.get("young_kpa")),))
+    joint = (trade_off_picture(estimate, truth),) if len(estimate.names) > 1 else ()
+    prior = _prior(stored)
+    if prior is None:
+        return Gallery(pictures=joint, notes=("The stored prior has no form in which the posteriors can be drawn.",))
+    return Gallery(pictures=(marginals_picture(estimate, prior, truth), *joint))
+
+
+def _prior(stored: StoredEstimate) -> InclusionPrior | None:
+    """The prior of the estimate, or None where the record has another kind of prior."""
+    reported = stored.estimate.provenance.get("prior") or stored.options.get("prior") or {}
+    if not isinstance(reported, Mapping) or not all(hasattr(InclusionPrior, name) for name in stored.estimate.names):
+        return None
+    fields: dict[str, Any] = {
+        str(name): tuple(value) if isinstance(value, list) else value for name, value in reported.items()
+    }
+    try:
+        return InclusionPrior(**fields)
+    except (InputError, TypeError):
+        return None
+
+
+def _strongest(frames: list[FrameWithRole]) -> Gallery:
+    """The press of the highest force of the first role in `ORDER`, and its change."""
+    if not frames:
+        return Gallery()
+    shown = max(frames, key=lambda frame: (-ORDER.index(frame.role), force_of(frame.image)))
+    pictures = Gallery(pictures=(frame_picture(shown.image),))
+    if shown.role not in ("target", "ball"):
+        return pictures
+    return pictures + _change(shown.image, [frame for frame in frames if frame.role in REFERENCES])
+
+
+def _change(target: TactileImage, references: list[FrameWithRole]) -> Gallery:
+    def distance(frame: FrameWithRole) -> tuple[int, float]:
+        return REFERENCES.index(frame.role), abs(force_of(frame.image) - force_of(target))
+
+    near = min(references, key=distance, default=None)
+    signal, pictures, notes = target, [], []
+    if near is not None:
+        title, what = CHANGES[near.role]
+        try:
+            signal = subtract_background(target, near.image)
+        except InputError as error:
+            notes.append(f"{target.name} cannot be compared with {near.image.name}: {error}.")
+        else:
+            message = f"{target.name} minus {near.image.name}, {what}; outline and centroid in white."
+            pictures.append(change_picture(signal, title=title, caption=message))
+    if signal.mm_per_pixel is not None and min(signal.grey.shape) > 1:
+        pictures.append(surface_picture(signal))
+    return Gallery(pictures=tuple(pictures), notes=tuple(notes))
+
+
+def _profiles(record: TargetRecord, frames: list[FrameWithRole]) -> Gallery:
+    """Ring means, where probe and scale are known."""
+    scaled = [frame for frame in frames if frame.role in GROUPS and frame.image.mm_per_pixel is not None]
+    if not scaled:
+        return Gallery()
+    name = _probe(record)
+    try:
+        edges = ring_edges(load_probe(name))
+    except UnknownNameError:
+        message = f"the catalog has no probe {name}" if name else "nobody wrote down which probe pressed"
+        return Gallery(notes=(f"Profiles in rings are left out: {message}.",))
+    scaled = sorted(scaled, key=lambda frame: -force_of(frame.image))[:MOST_PROFILES]
+    groups = {text: [frame.image for frame in scaled if frame.role == role] for role, text in GROUPS.items()}
+    rests = any(stored.kind == "inclusion" for stored in record.active_estimates)
+    title = "The profiles that the estimate rests on" if rests else "Profiles"
+    return Gallery(pictures=(profile_picture(groups, edges, title=title),))
+
+
+def _probe(record: TargetRecord) -> str:
+    if record.active_estimates:  # the first is of the inclusion where there is one, which uses profiles
+        return record.active_estimates[0].probe
+    return next((press.probe for press in record.presses if press.probe), "")
+
+
+IDENTITY_NOTE = (
+    "This is a subject: the page shows only the pseudonym. Notes, settings, file names, and probes and flags unknown "
+    "to tsis are hidden."
+)
+
+
+def without_identity(record: TargetRecord) -> TargetRecord:
+    """The record of a phantom, or the de-identified record of a subject with label, number and times."""
+    if record.target.kind != "subject":
+        return record
+    from tsis.records import deidentified  # slow to import
+
+    result = deidentified(record)
+    presses = {press.id: f"press {number}" for number, press in enumerate(result.presses, 1)}
+    estimates = {stored.id: f"estimate {number}" for number, stored in enumerate(result.estimates, 1)}
+    return replace(
+        result,
+        target=replace(result.target, id="not told", name=record.target.name),
+        presses=tuple(replace(press, id=presses[press.id]) for press in result.presses),
+        estimates=tuple(_renamed(stored, presses, estimates) for stored in result.estimates),
+    )
+
+
+def _renamed(stored: StoredEstimate, presses: dict[str, str], estimates: dict[str, str]) -> StoredEstimate:
+    return replace(
+        stored,
+        id=estimates[stored.id],
+        supersedes=estimates.get(stored.supersedes, "another") if stored.supersedes else None,
+        presses=tuple(presses.get(press, "another press") for press in stored.presses),
+    )
+
+
+MOST_NAMED = 12  # presses in a message
+SHORT = 12  # shown digits of a SHA-256 or an identity
+
+
+def time_text(when: datetime) -> str:
+    """Text of a time in UTC."""
+    return f"{when.astimezone(UTC):%Y-%m-%d %H:%M:%S}"
+
+
+def count_of(number: int, what: str) -> str:
+    """``"1 press"``, ``"2 presses"``."""
+    plural = f"{what}es" if what.endswith("s") else f"{what}s"
+    return f"{number} {what if number == 1 else plural}"
+
+
+def roles(presses: Sequence[StoredPress]) -> str:
+    """Number of presses of each role."""
+    from tsis.records import ROLE_NAMES  # slow to import
+
+    counts = Counter(press.role for press in presses)
+    return ", ".join(f"{counts[role]} {text}" for role, text in ROLE_NAMES.items() if counts[role])
+
+
+def newest_first(record: TargetRecord) -> tuple[StoredEstimate, ...]:
+    """The active estimates, the newest first."""
+    return tuple(sorted(record.active_estimates, key=lambda stored: stored.made, reverse=True))
+
+
+def heading(record: TargetRecord, stored: StoredEstimate, title: str) -> str:
+    """A title, with the kind of the estimate where there are several active ones."""
+    return f"{title} ({stored.kind})" if len(record.active_estimates) > 1 else title
+
+
+def target_notes(record: TargetRecord) -> tuple[str, ...]:
+    """All messages, those of the active estimates first."""
+    return (
+        *_estimate_notes(record),
+        *_flag_notes(record),
+        *_gap_notes(record),
+        *(f"Left out: {message}." for message in record.damaged),
+        *((f"Note: {record.target.note}",) if record.target.note else ()),
+        *((IDENTITY_NOTE,) if record.target.kind == "subject" else ()),
+    )
+
+
+def _estimate_notes(record: TargetRecord) -> tuple[str, ...]:
+    result = newest_first(record)
+    if not result:
+        return ("Nothing was estimated from these presses yet.",) if record.presses else ("Nothing was recorded yet.",)
+    messages = []
+    for stored in result:
+        reported = (*estimate_messages_of(stored), origin(stored), *_coverage(record, stored))
+        messages += [f"Of the {stored.kind}: {message}" if len(result) > 1 else message for message in reported]
+    return tuple(messages)
+
+
+def origin(stored: StoredEstimate) -> str:
+    """Inputs, time and code of an estimate."""
+    version = f"tsis {stored.environment['tsis']}" if "tsis" in stored.environment else "an unknown version of tsis"
+    again = f" It replaces {stored.supersedes[:SHORT]}." if stored.supersedes else ""
+    return (
+        f"Estimated {time_text(stored.made)} UTC by {version} from {count_of(len(stored.presses), 'press')} of probe "
+        f"{stored.probe or 'not named'} with calibration {stored.calibration[:SHORT]}.{again}"
+    )
+
+
+def _coverage(record: TargetRecord, stored: StoredEstimate) -> tuple[str, ...]:
+    given = {press.id for press in record.presses}
+    left, gone = len(given.difference(stored.presses)), len(set(stored.presses).difference(given))
+    message = [f"The estimate does not rest on {count_of(left, 'other press')} of this target."] if left else []
+    if gone:
+        message.append(f"The store no longer shows {count_of(gone, 'press')} that the estimate rests on.")
+    return tuple(message)
+
+
+def _flag_notes(record: TargetRecord) -> tuple[str, ...]:
+    """A message for each flag of the press guard, with its presses and its meaning."""
+    raised: dict[str, list[int]] = {}
+    for number, press in enumerate(record.presses, 1):
+        for flag in press.flags:
+            raised.setdefault(flag, []).append(number)
+    return tuple(
+        f"{_numbered(numbers)} flagged {flag}: "
+        f"{GUARD_FLAGS[flag].means if flag in GUARD_FLAGS else 'no flag of the press guard; somebody wrote it down'}."
+        for flag, numbers in raised.items()
+    )
+
+
+def _gap_notes(record: TargetRecord) -> tuple[str, ...]:
+    """Messages on missing measurements."""
+    numbered = list(enumerate(record.presses, 1))
+    pressed = [(number, press) for number, press in numbered if press.role != "untouched"]
+    gaps = {
+        "without a measured force": [number for number, press in pressed if press.force_n is None],
+        "without a scale, so that lengths are in pixels": [n for n, press in numbered if press.mm_per_pixel is None],
+        "without a calibration": [number for number, press in numbered if press.calibration is None],
+    }
+    return tuple(f"{_numbered(numbers)} {what}." for what, numbers in gaps.items() if numbers)
+
+
+def _numbered(numbers: Sequence[int]) -> str:
+    if len(numbers) == 1:
+        return f"Press {numbers[0]} is"
+    if len(numbers) > MOST_NAMED:
+        return f"{len(numbers)} presses, the first of them {numbers[0]}, are"
+    return f"Presses {', '.join(map(str, numbers[:-1]))} and {numbers[-1]} are"
+
+
+def target_tables(record: TargetRecord) -> tuple[Table, ...]:
+    """All tables with content."""
+    return (
+        *_result(record),
+        *_presses(record),
+        *(
+            Table(
+                title=f"Calibration {calibration.name} ({identity[:SHORT]})",
+                headings=("quantity", "value", "95 % interval"),
+                rows=content_rows(calibration, cited=identity),
+            )
+            for identity, calibration in sorted(record.calibrations.items())
+        ),
+        *history_tables(record),
+    )
+
+
+def parameter_label(name: str) -> tuple[str, str]:
+    """Name and unit of a parameter."""
+    if name in TITLES:
+        return TITLES[name]
+    return label_of(name), "" if unit_of(name) == NO_UNIT else unit_of(name)
+
+
+def measure(value: float, unit: str) -> str:
+    """A number with its unit."""
+    return f"{value:.4g} {unit}".strip()
+
+
+def _result(record: TargetRecord) -> tuple[Table, ...]:
+    truth = record.target.truth
+    if not record.estimates:
+        rows = tuple(_truth_rows(truth))
+        return (Table(title="What is true of the phantom", headings=("quantity", "truth"), rows=rows),) if rows else ()
+    return tuple(_active_estimate(record, stored) for stored in newest_first(record))
+
+
+def _truth_rows(truth: Mapping[str, float]) -> Iterator[tuple[str, str]]:
+    for name, value in truth.items():
+        label, unit = parameter_label(name)
+        yield label, measure(value, unit)
+
+
+def _active_estimate(record: TargetRecord, stored: StoredEstimate) -> Table:
+    title, truth = heading(record, stored, "Current estimate"), record.target.truth
+    if stored.kind == "hardness":
+        true = [(f"truth of {name}", value) for name, value in _truth_rows(truth)]
+        values = (*hardness_rows(stored.estimate), *true)
+        return Table(title=title, headings=("quantity", "value"), rows=values)
+    headings = ("quantity", "mean", "90 % interval", "sd", "prior sd", "least sd (Cramér-Rao)")
+    names = dict.fromkeys((*stored.estimate.names, *truth))
+    rows, last = tuple(_parameter_row(stored.estimate, name, truth) for name in names), ("truth",) if truth else ()
+    return Table(title=title, headings=headings + last, rows=rows)
+
+
+def _parameter_row(estimate: Estimate, name: str, truth: Mapping[str, float]) -> tuple[str, ...]:
+    text, unit = parameter_label(name)
+    given = () if not truth else (measure(truth[name], unit) if name in truth else "not known",)
+    if name not in estimate.names:
+        return (text, "not estimated", "", "", "", "", *given)
+    uncertainty = estimate.withheld_reason(name)
+    if not estimate.trusted:
+        return (text, uncertainty, "", "", "", "", *given)
+    low, high = estimate.interval(INTERVAL_LEVEL)[name]
+    bound = estimate.cramer_rao_sd.get(name, np.inf)
+    return (
+        text,
+        uncertainty or f"{estimate.mean[name]:.3g} {unit}",
+        f"{low:.3g} to {high:.3g} {unit}",
+        sd_text(estimate.sd[name]) if estimate.identified(name) else "",
+        sd_text(estimate.prior_sd[name]),
+        sd_text(bound) if np.isfinite(bound) else "none known",
+        *given,
+    )
+
+
+def _presses(record: TargetRecord) -> tuple[Table, ...]:
+    if not record.presses:
+        return ()
+    noted = any(press.name or press.note for press in record.presses)
+    headings = ("no.", "taken (UTC)", "role", "force", "mm per pixel", "flags", "frame, SHA-256")
+    rows = tuple(
+        _press_row(number, press) + ((": ".join(filter(None, (press.name, press.note))),) if noted else ())
+        for number, press in enumerate(record.presses, 1)
+    )
+    return (Table(title="Presses", headings=(*headings, "name and note") if noted else headings, rows=rows),)
+
+
+def _press_row(number: int, press: StoredPress) -> tuple[str, ...]:
+    return (
+        str(number),
+        time_text(press.taken),
+        press.role,
+        "not measured" if press.force_n is None else f"{press.force_n:.3g} N",
+        "not known" if press.mm_per_pixel is None else "{:.4g} × {:.4g}".format(*press.mm_per_pixel),
+        ", ".join(press.flags) or "none",
+        press.frame[:SHORT],
+    )
+
+
+def history_tables(record: TargetRecord) -> tuple[Table, ...]:
+    """All estimates; no table where there is none."""
+    if not record.estimates:
+        return ()
+    headings = ("made (UTC)", "estimate", "kind", "tsis", "mean and 90 % interval", "presses", "replaces")
+    rows = tuple(_history_row(stored) for stored in record.estimates)
+    return (Table(title="All estimates; the last of each kind is current", headings=headings, rows=rows),)
+
+
+def _history_row(stored: StoredEstimate) -> tuple[str, ...]:
+    estimate = stored.estimate
+    return (
+        time_text(stored.made),
+        stored.id[:SHORT],
+        stored.kind,
+        str(stored.environment.get("tsis", "not known")),
+        "; ".join(_value_text(estimate, name) for name in estimate.names) if estimate.trusted else "not to be trusted",
+        str(len(stored.presses)),
+        stored.supersedes[:SHORT] if stored.supersedes else "none",
+    )
+
+
+def _value_text(estimate: Estimate, name: str) -> str:
+    text, unit = parameter_label(name)
+    low, high = estimate.interval(INTERVAL_LEVEL)[name]
+    mean = estimate.withheld_reason(name) or f"{estimate.mean[name]:.3g} {unit}".strip()
+    return f"{text} {mean} ({low:.3g} to {high:.3g})"
+
+
+def target_page(record: TargetRecord) -> Page:
+    """The page of a target, for `tsis.present.html.html_bytes` and `tsis.present.pdf.pdf_bytes`.
+
+    Parameters
+    ----------
+    record
+        All that the store holds of it; with no estimate, scale, force or calibration the page says so.
+
+    Returns
+    -------
+    Page
+        The estimates in force, the newest first, pictures of the strongest press, every press with its flags,
+        calibrations, all estimates and where each number came from. That of a subject shows the pseudonym and no
+        other name.
+    """
+    record = without_identity(record)
+    target, gallery = record.target, target_gallery(record)
+    name = f": {target.name}" if target.name else ""
+    return Page(
+        title=f"{'Subject, target' if target.kind == 'subject' else 'Target'} {target.number}{name}",
+        subtitle=_subtitle(record),
+        cards=target_cards(record),
+        notes=(*target_notes(record), *gallery.notes),
+        pictures=gallery.pictures,
+        tables=target_tables(record),
+        provenance=_provenance(record),
+    )
+
+
+def _subtitle(record: TargetRecord) -> str:
+    presses = record.presses
+    if not presses:
+        return f"{record.target.kind}, entered {time_text(record.target.made)} UTC, nothing recorded"
+    first, last = min(press.taken for press in presses), max(press.taken for press in presses)
+    taken = time_text(first) if first == last else f"{time_text(first)} to {time_text(last)}"
+    probes = ", ".join(sorted({press.probe for press in presses if press.probe})) or "not named"
+    return f"{record.target.kind}, probe {probes}, recorded {taken} UTC"
+
+
+def target_cards(record: TargetRecord) -> tuple[Card, ...]:
+    """The numbers of the active estimates, the newest first; without an estimate the available presses."""
+    result = newest_first(record)
+    if not result:
+        return (
+            Card(title="Estimate", value="none yet", detail="the frames are kept and can be estimated", doubtful=True),
+            Card(title="Recorded", value=count_of(len(record.presses), "press"), detail=roles(record.presses)),
+        )
+    cards = []
+    for stored in result:
+        own = estimate_cards(stored, record.target.truth)
+        cards += [replace(card, title=heading(record, stored, card.title)) for card in own]
+    return tuple(cards)
+
+
+def _provenance(record: TargetRecord) -> dict[str, Any]:
+    """Provenance with whole hashes and identities."""
+    target = record.target
+    results = {heading(record, item, "estimate in force"): _estimate(item) for item in newest_first(record)}
+    stored = {} if len(results) > 1 else next(iter(results.values()), {})
+    return {
+        "target": {"id": target.id, "version": target.version, "entered": time_text(target.made) + " UTC"},
+        "report": f"tsis {__version__}",
+        **(stored or results),
+        **{f"press {number}": _press(press) for number, press in enumerate(record.presses, 1)},
+        "calibrations": [
+            {"name": calibration.name, "sha256": identity}
+            for identity, calibration in sorted(record.calibrations.items())
+        ],
+    }
+
+
+def _estimate(stored: StoredEstimate) -> dict[str, Any]:
+    return {
+        "estimate in force": {
+            "id": stored.id,
+            "kind": stored.kind,
+            "probe": stored.probe,
+            "calibration": stored.calibration,
+            "supersedes": stored.supersedes or "nothing",
+            "presses": list(stored.presses),
+        },
+        "options": dict(stored.options),
+        "environment": dict(stored.environment),
+        "computed from": dict(stored.estimate.provenance),
+    }
+
+
+def _press(press: StoredPress) -> str:
+    """A line for each press: there may be hundreds."""
+    messages = [
+        f"frame {press.frame}",
+        f"id {press.id}, version {press.version}",
+        f"{press.columns} × {press.rows} pixels, full scale {press.full_scale:g}",
+        "axis at ({:g}, {:g}) px".format(*press.axis_px),
+        f"probe {press.probe or 'not named'}",
+        f"calibration {press.calibration or 'none'}",
+        *(f"{name} {value}" for name, value in press.settings.items()),
+    ]
+    return "; ".join(messages)
