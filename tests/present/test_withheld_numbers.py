@@ -55,7 +55,7 @@ SOURCE = Path(tsis.__file__).parent
 NAMES = ("diameter_mm", "depth_mm", "young_kpa")
 # Packages of code that read withheld numbers: none of it prints them.
 READS_WITHHELD = {
-    "model/_estimate.py",  # the values themselves
+    "model/estimate.py",  # the values themselves
     "records/_estimate_json.py",  # the store and its copies, from which estimates come back
     "records/store/_files.py",
     "records/_deidentify_estimate.py",  # another estimate of the same samples
