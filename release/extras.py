@@ -28,7 +28,6 @@ FIRST = {  # code or command that uses the extra
     "camera-genicam": "import harvesters.core, genicam.gentl; import tsis.instrument.drivers.genicam",
     "camera-pylon": "from tsis.instrument import find_cameras; assert 'pylon' not in find_cameras(['pylon']).missing",
     "camera-vimba": "import vmbpy; from tsis.instrument import find_cameras; find_cameras(['vimba'])",
-    "classify": "import tsis.study.classifier; import sklearn.svm",
     "cluster": ["sweep", "run", "plan.toml", "--out", "data"],
     "console": "import tsis.console.pages, tsis.console.api, tsis.records, tsis.present.pdf",
     "dicom": "import tsis.records.dicom; import highdicom, pydicom",
@@ -37,6 +36,7 @@ FIRST = {  # code or command that uses the extra
     "postgres": "import tsis.records.store; import psycopg; assert psycopg.pq.__impl__ == 'binary'",
     "records": ["demo", "--save", "--store", "store", "--out", "saved-press"],
     "report": "from tsis.present.pdf import pdf",
+    "study": "import tsis.study.estimator; import statsmodels.genmod.generalized_linear_model",
 }
 
 

@@ -152,7 +152,19 @@ def test_the_summary_of_a_command_is_in_its_own_help(name: str) -> None:
     assert COMMANDS[name].summary in " ".join(own.help.split())
 
 
-HEAVY = ("numba", "cv2", "scipy", "sqlalchemy", "nicegui", "matplotlib", "skimage", "sklearn", "pandas", "xarray")
+HEAVY = (
+    "numba",
+    "cv2",
+    "scipy",
+    "sqlalchemy",
+    "nicegui",
+    "matplotlib",
+    "skimage",
+    "sklearn",
+    "statsmodels",
+    "pandas",
+    "xarray",
+)
 
 
 @pytest.mark.system

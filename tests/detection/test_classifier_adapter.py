@@ -96,5 +96,5 @@ def test_a_class_with_too_few_samples_is_refused() -> None:
 def test_without_scikit_learn_one_sentence_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "sklearn", None)
     monkeypatch.delitem(sys.modules, "tsis.study.estimator", raising=False)
-    with pytest.raises(MissingExtraError, match=r'scikit-learn, which is not installed; .*"tsis\[classify\]"$'):
+    with pytest.raises(MissingExtraError, match=r'scikit-learn, which is not installed; .*"tsis\[study\]"$'):
         importlib.import_module("tsis.study.estimator")

@@ -174,6 +174,6 @@ def test_one_class_alone_still_has_a_score() -> None:
 
 
 def test_a_recalibration_names_the_library_that_it_needs(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "sklearn.linear_model", None)
-    with pytest.raises(MissingExtraError, match=r'a recalibration needs scikit-learn, .* "tsis\[classify\]"'):
+    monkeypatch.setitem(sys.modules, "statsmodels.genmod.generalized_linear_model", None)
+    with pytest.raises(MissingExtraError, match=r'a recalibration needs statsmodels, .* "tsis\[study\]"'):
         recalibration(*_drawn(1))

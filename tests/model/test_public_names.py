@@ -11,7 +11,10 @@ import pytest
 
 import tsis
 
-EXTRAS = "arviz cv2 distributed fastapi h5py nicegui ngsolve pandas pyarrow pydicom reportlab sklearn sqlalchemy xarray"
+EXTRAS = (
+    "arviz cv2 distributed fastapi h5py nicegui ngsolve pandas pyarrow pydicom reportlab sklearn sqlalchemy "
+    "statsmodels xarray"
+)
 NEEDED = {"records": "records", "console": "console"}  # extras without which a package does not load
 
 RUN = """

@@ -99,7 +99,7 @@ WITHOUT = {
     "login list": ("the console", "NiceGUI", "console"),
     "acquire --camera opencv:0": ("the camera source opencv", "OpenCV", "camera"),
     "acquire --camera pylon:": ("the camera source pylon", "pypylon", "camera-pylon"),
-    "detect train c.json --young-kpa 60 --none 1": ("tsis detect", "scikit-learn", "classify"),
+    "detect train c.json --young-kpa 60 --none 1": ("tsis detect", "scikit-learn", "study"),
     "sweep run plan.toml --out data": ("sweep", "pyarrow", "cluster"),
 }
 

@@ -56,7 +56,7 @@ def train(
 ) -> None:
     """Train a classifier on the targets of a store of phantoms whose truth is known."""
     tsis.files.require_absent(file)
-    import_extra("sklearn", feature="tsis detect", extra="classify")
+    import_extra("sklearn", feature="tsis detect", extra="study")
     split = tsis.study.classifier.ClassSplit(young_kpa=young_kpa, diameter_mm=diameter_mm, depth_mm=depth_mm)
     settings = tsis.study.classifier.ClassifierSettings(penalty=penalty, folds=folds, seed=seed)
     empty = set(_numbers("--none", none))
@@ -117,7 +117,7 @@ def apply(
     as_json: AsJson = False,
 ) -> None:
     """Print the probability of each class for targets of a store, by their current estimates."""
-    import_extra("sklearn", feature="tsis detect", extra="classify")
+    import_extra("sklearn", feature="tsis detect", extra="study")
     classifier = tsis.study.classifier.read_classifier(file)
     with opened(store, kind, database) as records:
         results = [(number, classifier.classify(_evidence_of(records, number))) for number in numbers]

@@ -391,8 +391,8 @@ def _fitted(training: TrainingSet, settings: ClassifierSettings) -> Any:
 
 
 def calibrated_machine(settings: ClassifierSettings) -> Any:
-    """The pipeline of scikit-learn, not fitted; `MissingExtraError` without the extra ``classify``."""
-    import_extra("sklearn", feature="a classifier", extra="classify")
+    """The pipeline of scikit-learn, not fitted; `MissingExtraError` without the extra ``study``."""
+    import_extra("sklearn", feature="a classifier", extra="study")
     from sklearn.calibration import CalibratedClassifierCV
     from sklearn.model_selection import StratifiedKFold
     from sklearn.pipeline import make_pipeline
@@ -501,7 +501,7 @@ def cross_validate(
     folds = require_integer("folds", folds, 2, 20)
     training = TrainingSet.of(readings, truth, split)
     enough(training.labels, split, -(-settings.folds * folds // (folds - 1)))  # what is left holds one a part
-    import_extra("sklearn", feature="cross-validation", extra="classify")
+    import_extra("sklearn", feature="cross-validation", extra="study")
     from sklearn.model_selection import StratifiedKFold
 
     parts = StratifiedKFold(folds, shuffle=True, random_state=settings.seed)

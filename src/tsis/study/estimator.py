@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 
-import_extra("sklearn", feature="a classifier for scikit-learn", extra="classify")
+import_extra("sklearn", feature="a classifier for scikit-learn", extra="study")
 
 from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.utils.multiclass import check_classification_targets
@@ -24,7 +24,7 @@ class TargetClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
     """`tsis.study.classifier.train_classifier` as an estimator of scikit-learn, for any features and classes.
 
     Trained on the features and labels of a `TrainingSet`, its probabilities are those of the `Classifier`. It serves
-    pipelines, searches of settings and cross-validation of scikit-learn; it needs the extra ``classify``.
+    pipelines, searches of settings and cross-validation of scikit-learn; it needs the extra ``study``.
 
     Parameters
     ----------

@@ -239,7 +239,7 @@ def reliability_curve(
 
 
 STEPS = 100
-TOLERANCE = 1e-10  # of the gradient of the mean likelihood
+TOLERANCE = 1e-10  # of the parameters
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -314,13 +314,18 @@ def recalibration(probabilities: ArrayLike, present: ArrayLike) -> Recalibration
         )
     logits = scipy.special.logit(values)
     _require_overlap(logits, truth)
-    scale = float(np.abs(logits).max())
-    joint, errors = _line(logits / scale, truth)
-    return Recalibration(
-        slope=FittedValue(value=joint[1] / scale, standard_error=errors[1] / scale),
-        intercept=FittedValue(value=joint[0], standard_error=errors[0]),
-        in_the_large=_shift(logits, truth),
+    models = import_extra("statsmodels.genmod.generalized_linear_model", feature="a recalibration", extra="study")
+    from statsmodels.genmod.families import Binomial
+
+    units = np.array([1.0, np.abs(logits).max()])  # of the columns, which keep the fit well conditioned
+    model = models.GLM(truth.astype(float), np.stack([np.ones_like(logits), logits], axis=1) / units, family=Binomial())
+    with np.errstate(over="ignore"):  # of a link far from 0, whose probability is 0 all the same
+        fitted = model.fit(tol=TOLERANCE, tol_criterion="params", maxiter=STEPS)
+    intercept, slope = (
+        FittedValue(value=value, standard_error=error)
+        for value, error in zip((fitted.params / units).tolist(), (fitted.bse / units).tolist(), strict=True)
     )
+    return Recalibration(slope=slope, intercept=intercept, in_the_large=_shift(logits, truth))
 
 
 def _require_overlap(logits: NDArray[Any], truth: NDArray[np.bool_]) -> None:
@@ -335,20 +340,11 @@ def _require_overlap(logits: NDArray[Any], truth: NDArray[np.bool_]) -> None:
         )
 
 
-def _line(logits: NDArray[Any], truth: NDArray[np.bool_]) -> tuple[list[float], list[float]]:
-    """Intercept and slope of the largest likelihood, with standard errors from its curvature."""
-    linear_model = import_extra("sklearn.linear_model", feature="a recalibration", extra="classify")
-    model = linear_model.LogisticRegression(C=np.inf, solver="newton-cholesky", tol=TOLERANCE, max_iter=STEPS)
-    model.fit(logits[:, None], truth)
-    at = np.array([model.intercept_[0], model.coef_[0, 0]])
-    design = np.stack([np.ones_like(logits), logits], axis=1)
-    chance = scipy.special.expit(design @ at)
-    curvature = (design * (chance * (1 - chance))[:, None]).T @ design
-    return at.tolist(), np.sqrt(np.diag(np.linalg.inv(curvature))).tolist()
-
-
 def _shift(logits: NDArray[Any], truth: NDArray[np.bool_]) -> FittedValue:
-    """Shift of the logits that makes the expected number of inclusions equal to the observed one."""
+    """Shift of the logits that makes the expected number of inclusions equal to the observed one.
+
+    Our own, in a bracket: the iteration of statsmodels with an offset diverges for logits of some hundreds.
+    """
     observed = int(truth.sum())
     low, high = (
         scipy.special.logit(observed / len(truth)) - logits.max(),

@@ -123,7 +123,7 @@ def detection_range_of_trials(offset_mm: ArrayLike, result: ArrayLike, *, probab
     if away.min() < 0:
         raise InputError(f"offset_mm must not be negative; got {away.min():g}")
     require_number("probability", probability, 1e-6, 1 - 1e-6)
-    isotonic = import_extra("sklearn.isotonic", feature="a range from trials", extra="classify")
+    isotonic = import_extra("sklearn.isotonic", feature="a range from trials", extra="study")
     fitted = isotonic.IsotonicRegression(increasing=False).fit(away, observed.astype(float))
     fraction = fitted.predict(np.sort(away))
     inside = np.sort(away)[fraction >= probability - 1e-12]

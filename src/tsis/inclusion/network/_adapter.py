@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 
-import_extra("sklearn", feature="a network for scikit-learn", extra="classify")
+import_extra("sklearn", feature="a network for scikit-learn", extra="study")
 
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils import check_random_state
@@ -29,7 +29,7 @@ class NetworkRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc]
     """`tsis.inclusion.network.train_network` as an estimator of scikit-learn, for any features and targets.
 
     The prediction is the mean of several networks, which differ in their initial weights and validation samples. It
-    needs the extra ``classify``.
+    needs the extra ``study``.
 
     Parameters
     ----------
