@@ -21,20 +21,10 @@ from benchmarks.sweep_overhead import let_workers_import
 from tsis.files import write_durably
 from tsis.mechanics import press
 from tsis.model import PressField
-from tsis.sweep import (
-    AHEAD,
-    MANIFEST_FILE,
-    DaskPool,
-    Finished,
-    Receipt,
-    SweepBatch,
-    SweepJob,
-    encode_shard,
-    finish_batch,
-    press_all,
-    run_sweep,
-    sweep_batches,
-)
+from tsis.sweep.data_set import MANIFEST_FILE
+from tsis.sweep.run import run_sweep
+from tsis.sweep.shards import Receipt, SweepBatch, encode_shard, press_all, sweep_batches
+from tsis.sweep.workers import AHEAD_ON_CLUSTER, DaskPool, Finished, SweepJob, finish_batch
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -220,7 +210,7 @@ def scheduler_rate() -> tuple[float, float, float]:
 def _wait_for(crew: DaskPool) -> None:
     """Until all threads of all workers are known."""
     until = time.monotonic() + 60.0
-    while crew.window < AHEAD * WORKERS * THREADS:
+    while crew.window < AHEAD_ON_CLUSTER * WORKERS * THREADS:
         if time.monotonic() > until:
             raise RuntimeError("the workers of the cluster did not come")
         time.sleep(0.2)

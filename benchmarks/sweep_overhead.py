@@ -27,7 +27,10 @@ import numpy as np
 from benchmarks.busy_press import PRESS_S, busy
 
 from tsis.catalog import load_probe
-from tsis.sweep import Plan, Range, read_data_set, run_sweep, sweep_batches
+from tsis.sweep.data_set import read_data_set
+from tsis.sweep.plan import Plan, Range
+from tsis.sweep.run import run_sweep
+from tsis.sweep.shards import sweep_batches
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -35,7 +38,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.model import PressField
-    from tsis.sweep import SweepBatch
+    from tsis.sweep.shards import SweepBatch
 
 
 MOST_OVERHEAD, EMPTY_OVERHEAD = 0.03, 0.02

@@ -19,7 +19,8 @@ from pathlib import Path
 
 from benchmarks.loopback_cluster import LoopbackCluster
 
-from tsis.sweep import EXAMPLE, verify_data_set
+from tsis.sweep.data_set import verify_data_set
+from tsis.sweep.plan import EXAMPLE
 
 KILL_EVERY_S = 2.0
 PATIENCE_S = 1800.0

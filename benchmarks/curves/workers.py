@@ -14,12 +14,13 @@ from benchmarks.sweep_overhead import let_workers_import
 
 from tsis.catalog import load_probe
 from tsis.mechanics import press
-from tsis.sweep import Plan, Range, run_sweep, worker_count
+from tsis.sweep.plan import Plan, Range
+from tsis.sweep.run import run_sweep, worker_count
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from tsis.sweep import PressFunction
+    from tsis.sweep.shards import PressFunction
 
 BATCH, SHARDS_EACH, RUNS = 10, 15, 3
 KINDS: dict[str, PressFunction] = {"presses of 10 ms that do nothing": busy, "flat probe, small strain": press}

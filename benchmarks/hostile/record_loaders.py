@@ -30,29 +30,10 @@ from tsis.catalog import load_probe
 from tsis.errors import FileInputError
 from tsis.files import read_bytes
 from tsis.model import Calibration, LightMap, TactileImage
-from tsis.sweep import (
-    EXAMPLE,
-    MANIFEST_FILE,
-    START,
-    Plan,
-    Range,
-    Receipt,
-    Rows,
-    data_set_key,
-    data_set_of,
-    digest_position,
-    encode_shard,
-    head,
-    load_plan,
-    manifest_sha256,
-    plan_document,
-    receipt_of,
-    rows_sha256,
-    sha256,
-    shard_name,
-    write_manifest,
-)
-from tsis.sweep import read_data_set as read_sweep
+from tsis.sweep.data_set import MANIFEST_FILE, START, data_set_key, head, manifest_sha256, write_manifest
+from tsis.sweep.data_set import read_data_set as read_sweep
+from tsis.sweep.plan import EXAMPLE, Plan, Range, load_plan, plan_document
+from tsis.sweep.shards import Receipt, Rows, data_set_of, encode_shard, receipt_of, sha256, shard_name
 
 if TYPE_CHECKING:
     from collections.abc import Hashable
@@ -235,7 +216,7 @@ def _sweeps() -> tuple[Loader, ...]:
             originals=(shard,),
             load=columns,
             integrity=True,
-            forge=_signed_again,
+            forge=lambda original, rng: damaged(original, original, rng),
             around={MANIFEST_FILE: manifest},
             settle=settled,
         ),
@@ -245,7 +226,6 @@ def _sweeps() -> tuple[Loader, ...]:
             originals=(shard,),
             load=resumed,
             integrity=True,
-            forge=_signed_again,
         ),
     )
 
@@ -262,12 +242,3 @@ def _receipt(shard: bytes, key: str) -> Receipt:
     found = receipt_of(shard, shard=0, data_set=key)
     assert found is not None
     return found
-
-
-def _signed_again(original: bytes, rng: np.random.Generator) -> bytes:
-    """A damaged shard whose own digest is right again."""
-    changed = damaged(original, original, rng)
-    place = digest_position(changed)
-    if place is None:
-        return changed
-    return changed[:place] + rows_sha256(changed, place) + changed[place + 64 :]

@@ -12,8 +12,8 @@ from benchmarks.sweep_costs import _pressed, answered_at_once, pressed_at_once
 
 from tsis.catalog import load_phantom, load_probe
 from tsis.mechanics import press
-from tsis.sweep import Finished, SweepJob, encode_shard, finish_batch, press_all, sweep_batches
-from tsis.sweep._shards import is_whole
+from tsis.sweep.shards import encode_shard, press_all, receipt_of, sweep_batches
+from tsis.sweep.workers import Finished, SweepJob, finish_batch
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -40,7 +40,8 @@ def test_a_press_that_costs_nothing_fills_a_file_that_is_whole(tmp_path: Path) -
     assert [isinstance(answer, Finished) and answer.state for answer in answers] == ["computed", "computed"]
     files = sorted(tmp_path.glob("part-*.parquet"))
     assert len(files) == 2
-    assert all(is_whole(path.read_bytes()) for path in files)
+    for number, path in enumerate(files):
+        assert receipt_of(path.read_bytes(), shard=number, data_set="0" * 64) is not None
     field = pressed_at_once(load_probe(), load_phantom("size-8"), force_n=2.0, strain="small")
     assert field.force_n == 2.0
     assert np.unique(field.pressure_kpa).size > 200

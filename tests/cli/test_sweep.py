@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tsis.sweep import EXAMPLE, parse_plan_text
+from tsis.sweep.plan import EXAMPLE, parse_plan_text
 
 if TYPE_CHECKING:
     from pathlib import Path

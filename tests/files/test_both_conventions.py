@@ -16,7 +16,7 @@ import tsis.files.atomic as atomic
 from tsis.errors import InputError
 from tsis.files import exclusive_lock, require_file_stem
 from tsis.records.export.bundle import _layout as bundle
-from tsis.sweep import _shards as shards
+from tsis.sweep import shards
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

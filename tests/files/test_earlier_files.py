@@ -16,8 +16,7 @@ from tsis.calibration.file import calibration_bytes, calibration_sha256, read_ca
 from tsis.records.export.bundle import read_bundle, write_bundle
 from tsis.study.classifier import classifier_sha256, read_classifier
 from tsis.study.folder import open_study, read_seal, verify_study
-from tsis.sweep import manifest_sha256
-from tsis.sweep._data_set import read_manifest
+from tsis.sweep.data_set import manifest_sha256, read_manifest
 
 EARLIER = Path(__file__).parent / "earlier"
 CALIBRATION = "a2a950cfd776b954cfa5173bcc1ac8ed83f2752183c65f6826e3b9c912cf774b"

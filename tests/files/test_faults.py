@@ -30,9 +30,9 @@ from tsis.study.drift import CheckPlan, begin_checks, read_checks
 from tsis.study.folder import enter_readings, open_study, verify_study
 from tsis.study.plan import DeviceReading
 from tsis.study.readings import import_readings
-from tsis.sweep import receipt_of, sweep_batches
-from tsis.sweep._data_set import begun, data_set_key, head, write_manifest
-from tsis.sweep._work import Failed, Finished, SweepJob, finish_batch
+from tsis.sweep.data_set import begun, data_set_key, head, write_manifest
+from tsis.sweep.shards import receipt_of, sweep_batches
+from tsis.sweep.workers import Failed, Finished, SweepJob, finish_batch
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

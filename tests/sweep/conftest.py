@@ -1,12 +1,14 @@
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import pytest
 
 from tsis.catalog import load_probe
-from tsis.sweep import Plan, Range
+from tsis.sweep.plan import Plan, Range
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 QUANTITIES = {
     "tissue_young_kpa": 5.0,
@@ -37,11 +39,6 @@ def small_plan(**changes: Any) -> Plan:
 @pytest.fixture
 def make_plan() -> MakePlan:
     return small_plan
-
-
-@pytest.fixture
-def workers_find_stand_ins(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[2]))
 
 
 def content(folder: Path) -> dict[str, bytes]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import socket
 import subprocess
 import sys
@@ -16,12 +17,12 @@ from tests.sweep.conftest import content, small_plan
 from tests.sweep.stand_ins import MARKER, quick
 
 from tsis.errors import SweepError
-from tsis.sweep import run_sweep
+from tsis.sweep.run import run_sweep
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-pytestmark = [pytest.mark.system, pytest.mark.usefixtures("workers_find_stand_ins")]
+pytestmark = pytest.mark.system
 ROOT = Path(__file__).parents[2]
 # In a process of its own: threads of Dask's client outlive it.
 SWEEP = """
@@ -29,7 +30,7 @@ import sys
 from tests.sweep import stand_ins
 from tests.sweep.conftest import small_plan
 from tsis.errors import TsisError
-from tsis.sweep import run_sweep
+from tsis.sweep.run import run_sweep
 try:
     done = run_sweep(small_plan(), sys.argv[1], scheduler=sys.argv[2], press=getattr(stand_ins, sys.argv[3]))
 except TsisError as error:
@@ -41,7 +42,7 @@ print(done.computed, done.lost)
 @pytest.fixture
 def cluster(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[LoopbackCluster]:
     (tmp_path / "died").mkdir()
-    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    monkeypatch.setenv("PYTHONPATH", str(ROOT), prepend=os.pathsep)  # workers find the stand-ins
     monkeypatch.setenv(MARKER, str(tmp_path / "died"))
     with LoopbackCluster(tmp_path / "cluster", workers=2) as started:
         yield started
@@ -78,13 +79,13 @@ def test_a_cluster_gives_the_same_bytes_and_loses_no_batch_of_a_killed_worker(
 
 
 def test_a_scheduler_that_does_not_answer_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tsis.sweep._dask_pool.CONNECT_S", 0.5)
+    monkeypatch.setattr("tsis.sweep.workers.CONNECT_S", 0.5)
     with pytest.raises(SweepError, match=r"a Dask scheduler must answer at tcp://127\.0\.0\.1:9; got OSError"):
         run_sweep(small_plan(), tmp_path / "data", scheduler="tcp://127.0.0.1:9", press=quick)
 
 
 def test_another_program_at_the_address_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tsis.sweep._dask_pool.CONNECT_S", 0.5)
+    monkeypatch.setattr("tsis.sweep.workers.CONNECT_S", 0.5)
     with socket.create_server(("127.0.0.1", 0)) as other:
 
         def answer() -> None:

@@ -14,9 +14,7 @@ from hypothesis import strategies as st
 from tests.sweep.conftest import QUANTITIES, small_plan
 
 from tsis.errors import FileInputError, InputError
-from tsis.sweep import EXAMPLE, Plan, Range, load_plan, parse_plan_text, plan_document
-from tsis.sweep._plan import COLUMNS
-from tsis.sweep._plan_file import plan_from_document
+from tsis.sweep.plan import COLUMNS, EXAMPLE, Plan, Range, load_plan, parse_plan_text, plan_document, plan_from_document
 
 if TYPE_CHECKING:
     from pathlib import Path

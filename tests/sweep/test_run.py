@@ -16,21 +16,17 @@ from tests.sweep.conftest import content, small_plan
 from tests.sweep.stand_ins import MARKER, deadly, deadly_once, faulty, quick, refusing
 
 from tsis.errors import FileInputError, InputError, MissingExtraError, SweepError, UnknownNameError
-from tsis.sweep import head, read_data_set, run_sweep, verify_data_set
-from tsis.sweep._data_set import begun
+from tsis.sweep.data_set import begun, head, read_data_set, verify_data_set
+from tsis.sweep.run import run_sweep
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-
-pytestmark = pytest.mark.usefixtures("workers_find_stand_ins")
 
 
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("undisturbed") / "data"
-    with pytest.MonkeyPatch.context() as environment:
-        environment.setenv("PYTHONPATH", str(Path(__file__).parents[2]))
-        done = run_sweep(small_plan(), folder, workers=1, press=quick)
+    done = run_sweep(small_plan(), folder, workers=1, press=quick)
     assert (done.presses, done.shards, done.computed, done.kept, done.lost) == (60, 6, 6, 0, 0)
     return folder
 
@@ -144,7 +140,7 @@ def test_two_sweeps_do_not_share_a_folder(tmp_path: Path) -> None:
 
 @pytest.mark.system
 def test_a_batch_that_kills_every_worker_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tsis.sweep._run.MOST_LOST", 1)
+    monkeypatch.setattr("tsis.sweep.run.MOST_LOST", 1)
     with pytest.raises(
         SweepError, match=r"3 batches in a row lost their worker, the last one that of part-00000\d\.par"
     ):
@@ -238,7 +234,7 @@ def test_a_missing_library_is_named_with_its_extra(tmp_path: Path, monkeypatch: 
 def test_a_killed_sweep_is_resumed_with_real_presses(tmp_path: Path) -> None:
     code = (
         "import sys; from pathlib import Path; from tests.sweep.conftest import small_plan; "
-        "from tsis.sweep import run_sweep; told = lambda done, _: print(done, flush=True); "
+        "from tsis.sweep.run import run_sweep; told = lambda done, _: print(done, flush=True); "
         "run_sweep(small_plan(count=40, batch=2), Path(sys.argv[1]), workers=2, progress=told)"
     )
     disturbed, peaceful = tmp_path / "disturbed", tmp_path / "peaceful"

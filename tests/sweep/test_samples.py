@@ -12,12 +12,13 @@ from hypothesis import strategies as st
 from scipy.stats import qmc
 from tests.sweep.conftest import QUANTITIES, small_plan
 
-from tsis.sweep import Range, sweep_batches
+from tsis.sweep.plan import Range
+from tsis.sweep.shards import sweep_batches
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.sweep import Plan
+    from tsis.sweep.plan import Plan
 
 
 def all_values(plan: Plan) -> dict[str, NDArray[np.float64]]:

@@ -1,4 +1,4 @@
-"""A file is decided by its content and proves that it is whole."""
+"""A file is decided by its content, and whatever changed in it is seen."""
 
 from __future__ import annotations
 
@@ -9,13 +9,16 @@ from hypothesis import strategies as st
 from tests.sweep.conftest import small_plan
 from tests.sweep.stand_ins import quick, refusing
 
-from tsis.sweep import encode_shard, press_all, receipt_of, sha256, sweep_batches
-from tsis.sweep._shards import decode_shard, is_whole
+from tsis.sweep.shards import decode_shard, encode_shard, press_all, receipt_of, sha256, sweep_batches
 
 PLAN = small_plan(forces_n=(0.5, 1.0))
 ROWS = press_all(PLAN, next(sweep_batches(PLAN)), quick)
 KEY = "a" * 64
 CONTENT = encode_shard(ROWS, shard=3, data_set=KEY)
+
+
+def is_whole(content: bytes) -> bool:
+    return receipt_of(content, shard=3, data_set=KEY) is not None
 
 
 def test_equal_rows_are_equal_bytes() -> None:
@@ -54,12 +57,14 @@ def test_any_other_bytes_are_no_file(data: bytes) -> None:
 
 
 def test_what_was_encoded_is_decoded() -> None:
-    table = decode_shard(CONTENT)
-    assert table.column("sample").to_pylist() == [k // 2 for k in range(20)]
-    assert table.column("force_n").to_pylist() == [0.5, 1.0] * 10
-    profile = np.array(table.column("pressure_kpa").to_pylist())
-    np.testing.assert_array_equal(profile, ROWS.numbers["pressure_kpa"])
-    assert profile.shape == (20, 3)
+    rows = decode_shard(CONTENT)
+    assert rows.sample.tolist() == [k // 2 for k in range(20)]
+    assert rows.numbers["force_n"].tolist() == [0.5, 1.0] * 10
+    assert rows.error == ROWS.error
+    assert list(rows.numbers) == list(ROWS.numbers)
+    for name, values in ROWS.numbers.items():
+        np.testing.assert_array_equal(rows.numbers[name], values)
+    assert rows.numbers["pressure_kpa"].shape == (20, 3)
 
 
 def test_a_refused_press_is_a_row_that_says_why() -> None:

@@ -19,7 +19,7 @@ from tsis.cli._progress import progress_bar, stop_interrupted
 from tsis.present.terminal import people, print_notice
 
 if TYPE_CHECKING:
-    from tsis.sweep import Plan
+    from tsis.sweep.plan import Plan
 
 app = typer.Typer(
     name="sweep",
@@ -60,14 +60,14 @@ def run(
     Workers and this program may be killed at any time: repeat the command. Complete files stay, and
     the data set has the same bytes as without an interruption.
     """
-    chosen = tsis.sweep.load_plan(plan)
-    count = tsis.sweep.worker_count(workers)
+    chosen = tsis.sweep.plan.load_plan(plan)
+    count = tsis.sweep.run.worker_count(workers)
     if dry_run:
         _say_how_much(chosen, count if scheduler is None else None, as_json=as_json)
         return
     try:
         with progress_bar("Pressing") as advance:
-            done = tsis.sweep.run_sweep(chosen, out, workers=workers, scheduler=scheduler, progress=advance)
+            done = tsis.sweep.run.run_sweep(chosen, out, workers=workers, scheduler=scheduler, progress=advance)
     except KeyboardInterrupt:
         again = " ".join(["tsis", *map(shlex.quote, sys.argv[1:])])
         stop_interrupted(f"; finished files stay. Resume with: {again}")
@@ -83,7 +83,7 @@ def run(
             f"- {done.refused} presses were refused: their rows contain NaN, and the column error gives the reason."
         )
     if done.repaired:
-        names = tsis.sweep.first_few(done.repaired)
+        names = tsis.sweep.data_set.first_few(done.repaired)
         console.print(f"- {len(done.repaired)} damaged or foreign, computed again: {names}", markup=False)
     if done.lost:
         console.print(f"- {done.lost} batches lost their worker and went to another one.")
@@ -94,7 +94,7 @@ def run(
 @app.command("verify", epilog="Example: tsis sweep verify data")
 def verify_folder(*, folder: DataFolder, as_json: AsJson = False) -> None:
     """Check every file of a data set against the SHA-256 in its manifest."""
-    manifest = tsis.sweep.verify_data_set(folder)
+    manifest = tsis.sweep.data_set.verify_data_set(folder)
     results = {key: manifest[key] for key in ("data_set", "plan_sha256", "presses", "refused")}
     if as_json:
         print_json(
@@ -112,11 +112,11 @@ def verify_folder(*, folder: DataFolder, as_json: AsJson = False) -> None:
 @app.command(epilog="Example: tsis sweep example > plan.toml")
 def example() -> None:
     """Print a plan to start from."""
-    typer.echo(tsis.sweep.EXAMPLE, nl=False)
+    typer.echo(tsis.sweep.plan.EXAMPLE, nl=False)
 
 
 def _say_how_much(plan: Plan, workers: int | None, *, as_json: bool) -> None:
-    per_press = tsis.sweep.seconds_per_press(plan)
+    per_press = tsis.sweep.run.seconds_per_press(plan)
     seconds = None if workers is None else per_press * plan.presses / workers
     if as_json:
         print_json(

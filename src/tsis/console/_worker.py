@@ -5,20 +5,19 @@ from __future__ import annotations
 import ctypes
 import gc
 import logging
-import multiprocessing
-import os
-import pickle
 import threading
-from concurrent.futures import CancelledError, ProcessPoolExecutor
+from concurrent.futures import CancelledError
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager, suppress
-from importlib import import_module
+from contextlib import contextmanager
+from functools import partial
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 from tsis.errors import ControlError, TsisError
+from tsis.processes import SpawnedProcess
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
+    from concurrent.futures import Future
 
     import numpy as np
     from numpy.typing import NDArray
@@ -44,8 +43,9 @@ class WorkerProcess:
     """
 
     def __init__(self, *, most: int = MOST, nice: int = NICE, loads: str = __name__) -> None:
-        self._most, self._nice, self._loads, self._closed = most, nice, loads, False
-        self._pool: ProcessPoolExecutor | None = None
+        self._new = partial(SpawnedProcess, most=most, nice=nice, loads=loads)
+        self._process: SpawnedProcess | None = None
+        self._closed = False
         self._lock = threading.Lock()
 
     def call(self, work: Callable[Arguments, Result], *given: Arguments.args, **named: Arguments.kwargs) -> Result:
@@ -54,51 +54,52 @@ class WorkerProcess:
         Raises `TsisError` as the work did, `ControlError` when the console is closing, and `RuntimeError` when the work
         failed for another reason, which is logged.
         """
-        requested = pickle.dumps((work, given, named))
         with self._lock:
+            future = self._submitted(work, *given, **named)
             try:
-                return self._ready().submit(_answer, requested).result()  # type: ignore[no-any-return]
+                return future.result()
             except TsisError:
                 raise
             except (BrokenProcessPool, CancelledError) as error:
-                self._end()
-                self._require_open(error)
-                raise RuntimeError("a process ended before its work was done") from error
+                raise self._ended(error) from error
             except Exception as error:
-                self._require_open(error)  # a pool that is shut down takes no work
                 _log.error("work in a process of its own failed: %s", error.__cause__)
                 raise RuntimeError("work in a process of its own failed") from error
 
     def begin(self) -> None:
         """Start the process now, so that the first call need not wait for it."""
         with self._lock:
-            self._ready().submit(int)
+            self._submitted(int)
 
     def close(self) -> None:
         """End the process, and start no other one."""
         self._closed = True
         self._end()
 
+    def _submitted(
+        self, work: Callable[Arguments, Result], *given: Arguments.args, **named: Arguments.kwargs
+    ) -> Future[Result]:
+        self._require_open()
+        process = self._process = self._process or self._new()
+        try:
+            return process.submit(work, *given, **named)
+        except RuntimeError as error:  # a process that is closed, or was killed while it waited, takes no work
+            raise self._ended(error) from error
+
+    def _ended(self, error: BaseException) -> RuntimeError:
+        """The error of work whose process ended; `ControlError` when that was the console's doing."""
+        self._end()
+        self._require_open(error)
+        return RuntimeError("a process ended before its work was done")
+
     def _require_open(self, error: BaseException | None = None) -> None:
         if self._closed:
             raise ControlError("the console is shutting down and starts no work") from error
 
-    def _ready(self) -> ProcessPoolExecutor:
-        self._require_open()
-        if self._pool is None:
-            context = multiprocessing.get_context("spawn")
-            begin: dict[str, Any] = {"initializer": _begin, "initargs": (self._nice, self._loads)}
-            self._pool = ProcessPoolExecutor(1, context, max_tasks_per_child=self._most, **begin)
-        return self._pool
-
     def _end(self) -> None:
-        pool, self._pool = self._pool, None
-        if pool is None:
-            return
-        processes = pool._processes  # Python 3.14 has kill_workers for these lines
-        pool.shutdown(wait=False, cancel_futures=True)
-        for process in list(processes.values()):
-            process.kill()
+        process, self._process = self._process, None
+        if process is not None:
+            process.end()
 
 
 def solving_process() -> WorkerProcess:
@@ -112,35 +113,6 @@ def light_of(rig: Rig, lies: Any, force_n: float) -> tuple[NDArray[np.float64], 
     It is here, where a process that solves presses need load nothing else of the console for it.
     """
     return rig.light(lies, force_n=force_n), rig
-
-
-def _answer(requested: bytes) -> Any:
-    """Result of a call."""
-    work, given, named = pickle.loads(requested)
-    return work(*given, **named)
-
-
-def _begin(nice: int, loads: str) -> None:
-    """Prepare the process: lower priority, no output, and an end together with the console.
-
-    It has its own session, so that an interruption of the console at a terminal does not interrupt it.
-    """
-    with suppress(AttributeError, OSError):
-        os.setsid()
-        os.nice(nice)
-    os.dup2(2, 1)  # standard output is for the console's own messages
-    threading.Thread(target=_end_with_console, daemon=True).start()
-    gc.disable()  # a collection while libraries load takes a fifth of the time
-    import_module(loads)
-    gc.freeze()
-    gc.enable()
-
-
-def _end_with_console() -> None:
-    console = multiprocessing.parent_process()
-    assert console is not None
-    console.join()
-    os._exit(1)
 
 
 ARENA_MAX = -8  # M_ARENA_MAX of the GNU C library

@@ -52,6 +52,8 @@ class ExposingProcess:
     It ends with `close`, or with this program. One thread at a time.
     """
 
+    # A bare pipe: the queues and threads of an executor take twice the processor time in the program that shows frames.
+
     def __init__(self, rng: np.random.Generator) -> None:
         self._rng = rng
         self._light: NDArray[np.float64] | None = None  # which the process has

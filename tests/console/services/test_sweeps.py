@@ -11,7 +11,9 @@ from tests.waiting import HANGS_S
 from tsis.console.services import FAILED, Jobs, Sweeps, sweep_title, varying_columns
 from tsis.console.services import _sweeps as module
 from tsis.errors import ControlError, InputError
-from tsis.sweep import SweepSummary, load_plan, read_data_set, run_sweep
+from tsis.sweep.data_set import read_data_set
+from tsis.sweep.plan import load_plan
+from tsis.sweep.run import SweepSummary, run_sweep
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -11,7 +11,7 @@ from nicegui import run, ui
 from tsis.console.pages import components as kit
 from tsis.console.pages.jobs import JobRows
 from tsis.console.services import sweep_title, varying_columns
-from tsis.sweep import EXAMPLE
+from tsis.sweep.plan import EXAMPLE
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

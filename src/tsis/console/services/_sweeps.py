@@ -10,7 +10,9 @@ import numpy as np
 
 from tsis.errors import ControlError, FileInputError, InputError, TsisError
 from tsis.files import require_file_stem, write_durably
-from tsis.sweep import Plan, load_plan, parse_plan_text, read_data_set, run_sweep, seconds_per_press
+from tsis.sweep.data_set import read_data_set
+from tsis.sweep.plan import Plan, load_plan, parse_plan_text
+from tsis.sweep.run import run_sweep, seconds_per_press
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

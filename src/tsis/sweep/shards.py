@@ -1,8 +1,8 @@
-"""The phantoms of a plan in batches, and one batch as one Parquet file that proves its own integrity.
+"""The phantoms of a plan in batches, and one batch as one Parquet file.
 
-Phantoms are the same on every run and never all in memory. The file's bytes follow from the plan alone. It contains
-its own SHA-256, computed with zeros in its position. A damaged, cut or foreign file is therefore
-recognised before any parser reads it, without a second file that could be lost.
+Phantoms are the same on every run and never all in memory. The file's bytes follow from its rows alone, so that a file
+is whole when its rows, written again, give the same bytes: Parquet's checksums stand for the rows, and the comparison
+for all the rest.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ import numpy as np
 import scipy
 from threadpoolctl import threadpool_limits
 
-from tsis.errors import FileInputError, SweepError, TsisError, import_extra
+from tsis.errors import FileInputError, TsisError, import_extra
 from tsis.files import one_line, read_bytes
-from tsis.sweep._plan import PROFILES, Range
+from tsis.sweep.plan import PROFILES, Range
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.model import Phantom, PressField, Probe
-    from tsis.sweep._plan import Plan
+    from tsis.sweep.plan import Plan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -180,11 +180,8 @@ def _output_values(
 
 
 NAME = re.compile(r"part-\d{6}\.parquet")
-DATA_SET, SHARD, REFUSED, DIGEST = "tsis.data_set", "tsis.shard", "tsis.refused", "tsis.sha256"
+DATA_SET, SHARD = b"tsis.data_set", b"tsis.shard"
 LARGEST_SHARD_BYTES = 96 * 2**20  # a file of the most presses and profiles takes 60 million bytes
-_ZEROS = b"0" * 64
-# In a Parquet footer an entry is its key, the byte 0x18 (a text follows), the text's length and the text.
-_BEFORE_DIGEST = DIGEST.encode() + b"\x18" + bytes([len(_ZEROS)])
 FEATURE = "a sweep's Parquet files"
 
 
@@ -229,68 +226,43 @@ def encode_shard(rows: Rows, *, shard: int, data_set: str) -> bytes:
         compression_level=3,
         use_dictionary=False,
         write_statistics=False,
+        write_page_checksum=True,
         store_schema=True,
     ) as writer:
         writer.write_table(table, row_group_size=max(1, table.num_rows))
         # Not part of the schema, where they would be stored a second time in another encoding.
-        writer.add_key_value_metadata(
-            {DATA_SET: data_set, SHARD: str(shard), REFUSED: str(rows.refused), DIGEST: _ZEROS.decode()}
-        )
-    return sign_shard(sink.getvalue().to_pybytes())
+        writer.add_key_value_metadata({DATA_SET: data_set, SHARD: str(shard)})
+    return bytes(sink.getvalue().to_pybytes())
 
 
 def receipt_of(content: bytes, *, shard: int, data_set: str) -> Receipt | None:
     """Receipt of a file of this data set; None when it is damaged or foreign."""
-    if not is_whole(content):
-        return None
     try:
-        footer = _footer(content)
-        metadata = footer.metadata or {}
-        if (metadata[DATA_SET.encode()].decode(), int(metadata[SHARD.encode()])) != (data_set, shard):
-            return None
-        refused = int(metadata[REFUSED.encode()])
-        return Receipt(shard=shard, sha256=sha256(content), rows=footer.num_rows, refused=refused)
-    except (KeyError, ValueError):
+        stated, rows = _read(content)
+        whole = _place(stated) == (data_set, shard) and encode_shard(rows, shard=shard, data_set=data_set) == content
+    except FileInputError:
         return None
+    if not whole:
+        return None
+    return Receipt(shard=shard, sha256=sha256(content), rows=len(rows.error), refused=rows.refused)
 
 
 def data_set_of(path: Path) -> str | None:
-    """The data set of a complete file; None when it is damaged or no file of a sweep."""
+    """The data set of a whole file; None when it is damaged or no file of a sweep."""
     content = read_bytes(path, most=LARGEST_SHARD_BYTES)
-    if not is_whole(content):
-        return None
     try:
-        name = (_footer(content).metadata or {}).get(DATA_SET.encode())
-        return None if name is None else str(name.decode())
-    except ValueError:
+        data_set, shard = _place(_read(content)[0])
+    except FileInputError:
         return None
+    return None if receipt_of(content, shard=shard, data_set=data_set) is None else data_set
 
 
-def is_whole(content: bytes) -> bool:
-    """True when the SHA-256 inside the file matches its bytes."""
-    position = digest_position(content)
-    if position is None:
-        return False
-    return content[position : position + len(_ZEROS)] == rows_sha256(content, position)
+def decode_shard(content: bytes) -> Rows:
+    """The rows of a file.
 
-
-def decode_shard(content: bytes) -> Any:
-    """The Arrow table of a verified file.
-
-    `FileInputError` when it is no Parquet file, or unpacks to more than a sweep writes.
+    `FileInputError` when it is no Parquet file of a sweep, or unpacks to more than a sweep writes.
     """
-    pa, parquet = _arrow()
-    try:
-        footer = _footer(content)
-        unpacked = sum(abs(footer.row_group(group).total_byte_size) for group in range(footer.num_row_groups))
-        table = (
-            parquet.read_table(pa.BufferReader(content), use_threads=False) if unpacked <= LARGEST_SHARD_BYTES else None
-        )
-    except Exception as error:  # hostile bytes make Arrow raise nearly anything
-        raise FileInputError(f"a file of a sweep must be a whole Parquet file; got: {one_line(error)}") from error
-    if table is None:
-        raise FileInputError(f"a file of a sweep must unpack to at most {LARGEST_SHARD_BYTES} bytes; got {unpacked}")
-    return table
+    return _read(content)[1]
 
 
 def sha256(content: bytes) -> str:
@@ -303,29 +275,43 @@ def _arrow() -> tuple[Any, Any]:
     return pa, parquet
 
 
-def _footer(content: bytes) -> Any:
+def _read(content: bytes) -> tuple[dict[bytes, bytes], Rows]:
+    """What a file states in its footer, and its rows, whose checksums are verified."""
     pa, parquet = _arrow()
     try:
-        return parquet.read_metadata(pa.BufferReader(content))
+        footer = parquet.read_metadata(pa.BufferReader(content))
+        unpacked = sum(abs(footer.row_group(group).total_byte_size) for group in range(footer.num_row_groups))
+        if unpacked <= LARGEST_SHARD_BYTES:
+            source = pa.BufferReader(content)
+            table = parquet.read_table(source, use_threads=False, page_checksum_verification=True)
+            return dict(footer.metadata or {}), _rows(table)
     except Exception as error:  # hostile bytes make Arrow raise nearly anything
-        raise FileInputError("a file of a sweep must be a whole Parquet file; its footer is damaged") from error
+        raise FileInputError(f"a file of a sweep must be a whole Parquet file; got: {one_line(error)}") from error
+    raise FileInputError(f"a file of a sweep must unpack to at most {LARGEST_SHARD_BYTES} bytes; got {unpacked}")
 
 
-def sign_shard(content: bytes) -> bytes:
-    position = digest_position(content)
-    if position is None or content[position : position + len(_ZEROS)] != _ZEROS:
-        raise SweepError("this version of pyarrow writes Parquet footers in an unknown form; install an older one")
-    return content[:position] + rows_sha256(content, position) + content[position + len(_ZEROS) :]
+def _rows(table: Any) -> Rows:
+    columns = {name: table.column(name).combine_chunks() for name in table.column_names}
+    error, sample = columns.pop("error").to_pylist(), _numbers(columns.pop("sample"))
+    numbers = {
+        name: _numbers(column.flatten()).reshape(-1, column.type.list_size) if name in PROFILES else _numbers(column)
+        for name, column in columns.items()
+    }
+    if {len(values) for values in (error, *numbers.values())} != {len(sample)}:
+        raise ValueError("its columns differ in length")
+    return Rows(sample=sample, numbers=numbers, error=[str(text) for text in error])
 
 
-def digest_position(content: bytes) -> int | None:
-    start = content.rfind(_BEFORE_DIGEST)
-    position = start + len(_BEFORE_DIGEST)
-    return None if start < 0 or position + len(_ZEROS) > len(content) else position
+def _numbers(column: Any) -> NDArray[Any]:
+    values = np.asarray(column.to_numpy(zero_copy_only=False))
+    if values.dtype.kind not in "if":
+        raise TypeError("its columns are not numbers")
+    return values
 
 
-def rows_sha256(content: bytes, index: int) -> bytes:
-    digest = hashlib.sha256(content[:index])
-    digest.update(_ZEROS)
-    digest.update(content[index + len(_ZEROS) :])
-    return digest.hexdigest().encode()
+def _place(stated: dict[bytes, bytes]) -> tuple[str, int]:
+    """The data set and the number that a file states."""
+    try:
+        return stated[DATA_SET].decode(), int(stated[SHARD])
+    except (KeyError, ValueError) as error:
+        raise FileInputError("a file of a sweep must state its data set and number; got neither") from error

@@ -13,19 +13,17 @@ from tsis.errors import MechanicsError, SweepError
 from tsis.files import remove_unfinished
 from tsis.mechanics import press as press_by_elements
 from tsis.model import Phantom, require_number
-from tsis.sweep._dask_pool import DaskPool
-from tsis.sweep._data_set import as_folder, begun, data_set_key, head, write_manifest
-from tsis.sweep._plan import TISSUE, extremes
-from tsis.sweep._pools import LocalPool
-from tsis.sweep._shards import Receipt, SweepBatch, press_all, shard_name, sweep_batches
-from tsis.sweep._work import Failed, Lost, SweepJob
+from tsis.sweep.data_set import as_folder, begun, data_set_key, head, write_manifest
+from tsis.sweep.plan import TISSUE, extremes
+from tsis.sweep.shards import Receipt, SweepBatch, press_all, shard_name, sweep_batches
+from tsis.sweep.workers import DaskPool, Failed, LocalPool, Lost, SweepJob
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from tsis.sweep._plan import Plan
-    from tsis.sweep._pools import WorkerPool
-    from tsis.sweep._shards import PressFunction
+    from tsis.sweep.plan import Plan
+    from tsis.sweep.shards import PressFunction
+    from tsis.sweep.workers import WorkerPool
 
 
 MOST_WORKERS = 1024

@@ -24,9 +24,8 @@ from tsis.files import (
     write_durably,
 )
 from tsis.model import require_one_of
-from tsis.sweep._plan import PROFILES
-from tsis.sweep._plan_file import plan_document, plan_from_document
-from tsis.sweep._shards import (
+from tsis.sweep.plan import plan_document, plan_from_document
+from tsis.sweep.shards import (
     FEATURE,
     LARGEST_SHARD_BYTES,
     NAME,
@@ -43,7 +42,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.sweep._plan import Plan
+    from tsis.sweep.plan import Plan
 
 
 MANIFEST_FILE = "manifest.json"
@@ -111,7 +110,8 @@ START = ("format", "version", "tsis", "libraries", "plan_sha256", "plan")
 
 
 def manifest_sha256(document: Mapping[str, Any]) -> str:
-    return content_sha256(document, spaced=True, escaped=True)  # as in all existing manifests
+    """SHA-256 of a part of a manifest, from its JSON."""
+    return content_sha256(document, spaced=True, escaped=True)
 
 
 MOST_NAMED = 5
@@ -178,28 +178,15 @@ def read_data_set(
         content = read_bytes(root / entry["file"], most=LARGEST_SHARD_BYTES)
         if entry.get("sha256") not in (None, sha256(content)):
             raise file_error(root / entry["file"], "must be as it was written; its SHA-256 differs")
-        table = decode_shard(content)
-        for name in table.column_names if columns is None else columns:
-            require_one_of("column", name, table.column_names)
-            try:
-                parts.setdefault(name, []).append(_array(table.column(name), name))
-            except (ValueError, AttributeError, TypeError, NotImplementedError) as error:
-                raise file_error(root / entry["file"], "must hold numbers by column; got others") from error
+        rows = decode_shard(content)
+        found = {"sample": rows.sample, **rows.numbers, "error": np.array(rows.error, dtype=np.str_)}
+        for name in found if columns is None else columns:
+            parts.setdefault(require_one_of("column", name, found), []).append(found[name])
     radius = np.array(outputs["radii_mm"], dtype=float)
     try:
         return {"radius_mm": radius} | {name: np.concatenate(values) for name, values in parts.items()}
     except (ValueError, TypeError) as error:
         raise file_error(root, "must hold files with the same columns; got others") from error
-
-
-def _array(column: Any, name: str) -> NDArray[Any]:
-    flat = column.combine_chunks()
-    if name in PROFILES:
-        width = flat.type.list_size
-        return np.asarray(flat.flatten().to_numpy(zero_copy_only=False)).reshape(-1, width)
-    if name == "error":
-        return np.array(flat.to_pylist(), dtype=np.str_)
-    return np.asarray(flat.to_numpy(zero_copy_only=False))
 
 
 def _finished(root: Path) -> list[dict[str, Any]]:
