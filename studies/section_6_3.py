@@ -29,7 +29,6 @@ from tsis.cli import progress_bar
 from tsis.inclusion import PARAMETERS
 from tsis.inclusion.network import (
     change_reading,
-    estimate_by_networks,
     fit_mapping,
     frame_outputs,
     leave_one_out_mapping,
@@ -37,6 +36,7 @@ from tsis.inclusion.network import (
     printed_reading,
     simulated_outputs,
 )
+from tsis.inclusion.network_training import estimate_by_networks
 from tsis.mechanics.surrogate import Box, build_surrogate
 from tsis.virtual.probe import VirtualProbe
 

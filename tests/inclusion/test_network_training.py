@@ -1,15 +1,192 @@
-"""Training beside SciPy's minimisers on the same loss, and stopping by validation."""
+"""Networks: derivatives against differences, descent and training beside SciPy's minimisers, stopping by validation."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from numpy.testing import assert_allclose
-from scipy.optimize import least_squares, minimize
+from scipy.optimize import least_squares, minimize, rosen, rosen_der
+from scipy.special import expit
 
 from tsis.errors import InputError, UnknownNameError
-from tsis.inclusion.network import Layers, estimate_by_networks, train_network
-from tsis.inclusion.network._network import activations, jacobian, mean_square
+from tsis.inclusion.network_training import (
+    Layers,
+    Network,
+    Span,
+    activations,
+    estimate_by_networks,
+    jacobian,
+    mean_square,
+    scaled_conjugate_gradient,
+    train_network,
+)
+
+shapes = st.builds(
+    Layers,
+    inputs=st.integers(1, 4),
+    hidden=st.lists(st.integers(1, 6), max_size=3).map(tuple),
+    outputs=st.integers(1, 4),
+)
+
+
+def _problem(layers: Layers, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    weights = rng.standard_normal(layers.weights)
+    return weights, rng.standard_normal((7, layers.inputs)), rng.standard_normal((7, layers.outputs))
+
+
+def test_the_sources_shape_has_as_many_weights_as_its_figure_has_lines_and_biases() -> None:
+    assert Layers(inputs=3, hidden=(10,), outputs=3).weights == 10 * 3 + 10 + 3 * 10 + 3
+
+
+def test_answers_are_those_of_a_loop_over_units() -> None:
+    layers = Layers(inputs=2, hidden=(3, 2), outputs=1)
+    weights, inputs, _ = _problem(layers, 3)
+    matrices = layers.matrices(weights)
+    for x, answer in zip(inputs, activations(layers, weights, inputs)[-1], strict=True):
+        values = list(x)
+        for level, matrix in enumerate(matrices):
+            sums = [sum(w * v for w, v in zip(row[:-1], values, strict=True)) + row[-1] for row in matrix]
+            values = sums if level == len(matrices) - 1 else [expit(one) for one in sums]
+        assert_allclose(answer, values, rtol=1e-12)
+
+
+@given(layers=shapes, seed=st.integers(0, 1000))
+def test_the_gradient_is_that_of_differences(layers: Layers, seed: int) -> None:
+    weights, inputs, targets = _problem(layers, seed)
+    value, gradient = mean_square(layers, weights, inputs, targets)
+    assert value == pytest.approx(np.mean((activations(layers, weights, inputs)[-1] - targets) ** 2))
+    step = 1e-5
+    for k in range(layers.weights):
+        ends = [mean_square(layers, weights + s * np.eye(layers.weights)[k], inputs, targets)[0] for s in (step, -step)]
+        assert gradient[k] == pytest.approx((ends[0] - ends[1]) / (2 * step), rel=1e-6, abs=1e-8)
+
+
+@given(layers=shapes, seed=st.integers(0, 1000))
+def test_the_jacobian_is_that_of_differences_and_makes_the_gradient(layers: Layers, seed: int) -> None:
+    weights, inputs, targets = _problem(layers, seed)
+    found = jacobian(layers, weights, inputs)
+    assert found.shape == (len(inputs), layers.outputs, layers.weights)
+    for k, step in enumerate(1e-5 * np.eye(layers.weights)):
+        ends = [activations(layers, weights + sign * step, inputs)[-1] for sign in (1, -1)]
+        assert_allclose(found[..., k], (ends[0] - ends[1]) / 2e-5, atol=1e-8)
+    residual = activations(layers, weights, inputs)[-1] - targets
+    by_chain = 2 * np.einsum("nk,nkw->w", residual, found) / residual.size
+    assert_allclose(mean_square(layers, weights, inputs, targets)[1], by_chain, atol=1e-12)
+
+
+def test_units_far_from_zero_saturate_and_do_not_overflow() -> None:
+    layers = Layers(inputs=1, hidden=(1,), outputs=1)
+    weights = np.array([1e6, 0.0, 2.0, 1.0])  # slope, bias; slope, bias of the linear unit
+    assert_allclose(activations(layers, weights, np.array([[1.0], [-1.0]]))[-1], [[3.0], [1.0]])
+
+
+@given(st.integers(0, 1000))
+def test_spans_turn_back_and_have_their_ends_at_one(seed: int) -> None:
+    table = np.random.default_rng(seed).normal(5.0, 3.0, (6, 2))
+    span = Span.of("table", table)
+    inside = span.inwards(table)
+    assert_allclose(inside.min(axis=0), -1)
+    assert_allclose(inside.max(axis=0), 1)
+    assert_allclose(span.outwards(inside), table)
+
+
+def test_what_does_not_fit_is_refused() -> None:
+    with pytest.raises(InputError, match="units of a layer"):
+        Layers(inputs=3, hidden=(0,), outputs=3)
+    with pytest.raises(InputError, match="whole number"):
+        Layers(inputs=3, hidden=(2.5,), outputs=3)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="fewer layers"):
+        Layers(inputs=3, hidden=(1000,) * 12, outputs=3)
+    with pytest.raises(InputError, match="must vary"):
+        Span.of("inputs", np.ones((4, 2)))
+    layers, span = Layers(inputs=1, hidden=(), outputs=1), Span(low=np.zeros(1), high=np.ones(1))
+    network = Network(layers=layers, weights=np.array([1.0, 0.0]), input_span=span, output_span=span)
+    assert_allclose(network([[0.25]]), [[0.25]])
+    with pytest.raises(InputError, match="1 columns"):
+        network([[1.0, 2.0]])
+    with pytest.raises(InputError, match="finite"):
+        network([[np.nan]])
+
+
+def _bowl(size: int, condition: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    axes = np.linalg.qr(rng.standard_normal((size, size)))[0]
+    return axes * np.geomspace(1.0, condition, size) @ axes.T, rng.standard_normal(size)
+
+
+@given(size=st.integers(1, 20), condition=st.floats(1.0, 1e3), seed=st.integers(0, 1000))
+def test_a_convex_quadratic_is_solved_as_by_linear_algebra(size: int, condition: float, seed: int) -> None:
+    matrix, right = _bowl(size, condition, seed)
+    least = 1e-5  # below it values differ by no more than rounding
+    found = scaled_conjugate_gradient(
+        lambda x: (0.5 * x @ matrix @ x - right @ x, matrix @ x - right), np.zeros(size), least_gradient=least
+    )
+    assert found.reason == "gradient"
+    distance = np.linalg.norm(found.x - np.linalg.solve(matrix, right))
+    assert distance <= 1.001 * least, "the least curvature is 1, so the gradient bounds the distance"
+
+
+def test_on_a_quadratic_it_takes_about_as_many_steps_as_conjugate_gradients() -> None:
+    matrix, right = _bowl(30, 100.0, 5)
+
+    def value(x: np.ndarray) -> float:
+        return float(0.5 * x @ matrix @ x - right @ x)
+
+    def slope(x: np.ndarray) -> np.ndarray:
+        return np.asarray(matrix @ x - right)
+
+    peer = minimize(value, np.zeros(30), jac=slope, method="CG", options={"gtol": 1e-6, "norm": 2})
+    found = scaled_conjugate_gradient(lambda x: (value(x), slope(x)), np.zeros(30))
+    assert_allclose(found.x, peer.x, atol=1e-5)
+    assert found.iterations <= peer.nit + 3
+
+
+@pytest.mark.parametrize("size", [2, 6])
+def test_rosenbrocks_valley_is_followed_to_the_minimum_that_bfgs_finds(size: int) -> None:
+    start = np.full(size, -1.2)
+    peer = minimize(rosen, start, jac=rosen_der, method="BFGS", options={"gtol": 1e-8})
+    found = scaled_conjugate_gradient(lambda x: (rosen(x), rosen_der(x)), start, iterations=5000, least_gradient=1e-6)
+    assert found.reason == "gradient"
+    assert_allclose(found.x, peer.x, atol=1e-4)
+
+
+def test_values_never_rise_and_directions_of_negative_curvature_are_left() -> None:
+    seen = []
+
+    def saddle(x: np.ndarray) -> tuple[float, np.ndarray]:
+        return float(x[0] ** 2 - x[1] ** 2 + x[1] ** 4), np.array([2 * x[0], -2 * x[1] + 4 * x[1] ** 3])
+
+    def note(x: np.ndarray) -> bool:
+        seen.append(saddle(x)[0])
+        return False
+
+    found = scaled_conjugate_gradient(saddle, np.array([1.0, 1e-3]), stop=note)
+    assert_allclose([found.value, abs(found.x[1])], [-0.25, np.sqrt(0.5)], atol=1e-9)
+    assert (np.diff(seen) <= 0).all()
+
+
+def test_a_caller_may_stop_it_and_steps_may_run_out() -> None:
+    def stretched(x: np.ndarray) -> tuple[float, np.ndarray]:
+        return float(x[0] ** 2 + 50 * x[1] ** 2), np.array([2 * x[0], 100 * x[1]])
+
+    stopped = scaled_conjugate_gradient(stretched, np.array([3.0, 1.0]), stop=lambda _: True)
+    assert (stopped.reason, stopped.iterations) == ("stopped", 1)
+    assert stopped.value == stretched(stopped.x)[0]
+    ran_out = scaled_conjugate_gradient(stretched, np.array([3.0, 1.0]), iterations=1)
+    assert (ran_out.reason, ran_out.iterations) == ("iterations", 1)
+
+
+def test_a_place_where_the_function_is_no_number_is_a_step_too_far() -> None:
+    def walled(x: np.ndarray) -> tuple[float, np.ndarray]:
+        beyond = x[0] >= 1.0
+        value = np.nan if beyond else -np.log(1.0 - x[0]) - 5 * x[0]
+        return float(value), np.array([np.nan if beyond else 1.0 / (1.0 - x[0]) - 5.0])
+
+    found = scaled_conjugate_gradient(walled, np.array([0.0]))
+    assert found.x[0] == pytest.approx(0.8)
 
 
 @pytest.fixture

@@ -17,7 +17,7 @@ from tsis.calibration import MeasuredValue, UsableCalibration
 from tsis.calibration.file import ProbeCalibration, calibration_sha256
 from tsis.calibration.reference import CameraReference
 from tsis.imaging import features
-from tsis.inclusion.network import train_network
+from tsis.inclusion.network_training import train_network
 from tsis.inclusion.relative import RelativeReading
 from tsis.instrument import Frame
 from tsis.model import Calibration, Estimate, LightMap, PressField, Relaxation, TactileImage

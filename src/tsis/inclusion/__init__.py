@@ -49,5 +49,16 @@ __all__ = [
 
 if not TYPE_CHECKING:  # subpackages load when they are first used
     __getattr__ = lazy_loader.attach(
-        __name__, ["checks", "design", "mobility", "network", "posterior", "relative", "shape"]
+        __name__,
+        [
+            "checks",
+            "design",
+            "mobility",
+            "network",
+            "network_regressor",
+            "network_training",
+            "posterior",
+            "relative",
+            "shape",
+        ],
     )[0]

@@ -12,7 +12,8 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
-from tsis.inclusion.network import NetworkRegressor, train_network
+from tsis.inclusion.network_regressor import NetworkRegressor
+from tsis.inclusion.network_training import train_network
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from tsis.errors import import_extra
-from tsis.inclusion.network._training import PATIENCE, train_repeatedly
+from tsis.inclusion.network_training import PATIENCE, train_repeatedly
 from tsis.model import require_integer, require_number
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ LARGEST_VALIDATED = 0.9
 
 
 class NetworkRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc]
-    """`tsis.inclusion.network.train_network` as an estimator of scikit-learn, for any features and targets.
+    """`tsis.inclusion.network_training.train_network` as an estimator of scikit-learn, for any features and targets.
 
     The prediction is the mean of several networks, which differ in their initial weights and validation samples. It
     needs the extra ``study``.
