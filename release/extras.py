@@ -20,7 +20,7 @@ PLAIN = ""
 FIRST = {  # code or command that uses the extra
     PLAIN: ["demo", "--json", "--out", "first-press"],
     "analysis": (
-        "import numpy, pandas, tsis; result = tsis.Estimate(samples={'depth_mm': numpy.arange(9.0)}, "
+        "import h5netcdf, zarr, numpy, pandas, tsis; result = tsis.Estimate(samples={'depth_mm': numpy.arange(9.0)}, "
         "prior_sd={'depth_mm': 1.0}); result.to_arviz(); tsis.TactileImage(grey=numpy.eye(8)).to_xarray()"
     ),
     "camera": "from tsis.instrument.drivers import OpenCVDevice, VideoFile; import cv2; cv2.VideoCapture()",
@@ -31,7 +31,6 @@ FIRST = {  # code or command that uses the extra
     "cluster": ["sweep", "run", "plan.toml", "--out", "data"],
     "console": "import tsis.console.pages, tsis.console.api, tsis.records, tsis.present.pdf",
     "dicom": "import tsis.records.dicom; import highdicom, pydicom",
-    "exchange": "import tsis.records.export.arrays; import h5py, zarr",
     "fem3d": "import tsis.mechanics.solid; import ngsolve, netgen.occ",
     "postgres": "import tsis.records.store; import psycopg; assert psycopg.pq.__impl__ == 'binary'",
     "records": ["demo", "--save", "--store", "store", "--out", "saved-press"],

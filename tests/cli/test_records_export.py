@@ -23,14 +23,14 @@ def test_several_forms_appear_together_or_not_at_all(
     from tsis.present.records import write_form as whole
 
     def without_an_extra(form: str, *arguments: Any, **options: Any) -> Any:
-        if form == "hdf5":
-            raise MissingExtraError("HDF5 export needs h5py, which is not installed")
+        if form == "netcdf":
+            raise MissingExtraError("netCDF export needs h5netcdf, which is not installed")
         return whole(form, *arguments, **options)
 
     monkeypatch.setattr("tsis.present.records.write_form", without_an_extra)
-    finished = run_tsis("records", "export", "1", "--format", "html,hdf5", "--out", "given", *STORE)
+    finished = run_tsis("records", "export", "1", "--format", "html,netcdf", "--out", "given", *STORE)
     assert finished.code == 2
-    assert "needs h5py" in finished.err
+    assert "needs h5netcdf" in finished.err
     assert {path.name for path in tmp_path.iterdir()} == {"records"}
 
 

@@ -67,7 +67,7 @@ def test_every_form_is_what_its_reader_takes(run: RunTsis, kept: Path) -> None:
     assert RESEARCH_USE_ONLY in Path(files["html"]).read_text()
     assert Path(files["pdf"]).read_bytes().startswith(b"%PDF-")
     assert (Path(files["csv"]) / "estimates.csv").read_text().count("\n") == 1 + 3
-    with h5py.File(files["hdf5"]) as file:
+    with h5py.File(files["netcdf"]) as file:
         np.testing.assert_array_equal(file["frames/target/0/grey"][1], grey)
     np.testing.assert_array_equal(zarr.open_group(files["zarr"], mode="r")["frames/target/0/grey"][1], grey)  # type: ignore[index]
     modalities = {pydicom.dcmread(path).Modality for path in Path(files["dicom"]).iterdir()}

@@ -232,11 +232,11 @@ def test_a_damaged_frame_has_no_picture_and_stops_no_other(tmp_path: Path) -> No
 
 def test_a_missing_library_is_named(client: FilesOf, monkeypatch: pytest.MonkeyPatch) -> None:
     def without(*_: object, **__: object) -> str:
-        raise MissingExtraError("writing HDF5 needs h5py; install tsis[hdf5]")
+        raise MissingExtraError("writing netCDF needs h5netcdf; install tsis[analysis]")
 
     monkeypatch.setattr(exporting, "write_form", without)
-    answer = client.get(f"/files/export/{NUMBER}/hdf5")
-    assert (answer.status_code, answer.text) == (501, "writing HDF5 needs h5py; install tsis[hdf5]")
+    answer = client.get(f"/files/export/{NUMBER}/netcdf")
+    assert (answer.status_code, answer.text) == (501, "writing netCDF needs h5netcdf; install tsis[analysis]")
 
 
 def test_a_full_disk_is_told_and_leaves_nothing(

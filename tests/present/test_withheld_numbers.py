@@ -46,7 +46,7 @@ from tsis.records import Recomputation, deidentified
 from tsis.records._recompute import _shifts
 from tsis.records.dicom import dicom_files
 from tsis.records.export import csv_files
-from tsis.records.export.arrays import write_hdf5, write_zarr
+from tsis.records.export.arrays import write_netcdf, write_zarr
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -175,11 +175,11 @@ def dicom(estimate: Estimate) -> str:
     return str(dicom_files(stored(estimate))[-1].dataset())
 
 
-def attributes_hdf5(estimate: Estimate, folder: Path) -> str:
+def attributes_netcdf(estimate: Estimate, folder: Path) -> str:
     folder.mkdir(exist_ok=True)
-    write_hdf5(stored(estimate), folder / "target.h5")
+    write_netcdf(stored(estimate), folder / "target.nc")
     said: list[str] = []
-    with h5py.File(folder / "target.h5") as file:
+    with h5py.File(folder / "target.nc") as file:
         file.visititems(lambda name, node: said.append(f"{name} {dict(node.attrs)}"))
     return "\n".join(said)
 
@@ -242,7 +242,7 @@ OUTPUTS: dict[str, Callable[[Estimate, Path], str]] = {
     "csv": lambda estimate, _: csv_files(stored(estimate))["estimates.csv"].decode(),
     "csv, de-identified": lambda estimate, _: csv_files(deidentified(stored(estimate)))["estimates.csv"].decode(),
     "dicom": lambda estimate, _: dicom(estimate),
-    "hdf5": attributes_hdf5,
+    "netcdf": attributes_netcdf,
     "zarr": attributes_zarr,
     "recomputation": lambda estimate, _: recomputed(estimate),
 }

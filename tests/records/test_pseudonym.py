@@ -15,7 +15,7 @@ from tsis.model import TactileImage
 from tsis.records._deidentify import hidden_identity, pseudonym, public_identity
 from tsis.records.dicom import dicom_files
 from tsis.records.export import csv_files
-from tsis.records.export.arrays import write_hdf5, write_zarr
+from tsis.records.export.arrays import write_netcdf, write_zarr
 from tsis.records.export.bundle import read_bundle, write_bundle
 from tsis.records.store import _tables as tables
 from tsis.records.store import open_store, verify_store
@@ -70,7 +70,7 @@ def test_no_export_holds_the_secret(tmp_path: Path) -> None:
         record, secret = filled(store), secret_of(store)
         assert secret is not None
         write_bundle(record, tmp_path / "out" / "bundle")
-        write_hdf5(record, tmp_path / "out" / "one.h5")
+        write_netcdf(record, tmp_path / "out" / "one.nc")
         write_zarr(record, tmp_path / "out" / "one.zarr")
         assert verify_store(store).sound
     contents = [path.read_bytes() for path in (tmp_path / "out").rglob("*") if path.is_file()]

@@ -240,7 +240,7 @@ def _errors_as_text(route: Callable[Arguments, Response]) -> Callable[Arguments,
 MEDIA_TYPES = {
     ".html": "text/html; charset=utf-8",
     ".pdf": "application/pdf",
-    ".h5": "application/x-hdf5",
+    ".nc": "application/x-netcdf",
     ".zip": "application/zip",
 }
 

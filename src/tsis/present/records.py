@@ -23,7 +23,7 @@ ENDINGS = {  # of default names
     "html": ".html",
     "pdf": ".pdf",
     "csv": "-csv",
-    "hdf5": ".h5",
+    "netcdf": ".nc",
     "zarr": ".zarr",
     "dicom": "-dicom",
     "bundle": ".zip",
@@ -32,8 +32,8 @@ FORM_LABELS = {
     "html": "HTML: the report as one page",
     "pdf": "PDF: the report on paper",
     "csv": "CSV: tables, and frames as PNG",
-    "hdf5": "HDF5: everything as arrays",
-    "zarr": "Zarr: everything as arrays",
+    "netcdf": "netCDF: frames and estimates as arrays",
+    "zarr": "Zarr: frames and estimates as arrays",
     "dicom": "DICOM: series, report and document",
     "bundle": "Bundle: everything, for another store",
 }
@@ -78,9 +78,9 @@ def write_form(form: str, record: TargetRecord, path: Path, *, identified: bool)
 
         write_csv(record, path)
     else:
-        from tsis.records.export.arrays import write_hdf5, write_zarr
+        from tsis.records.export.arrays import write_netcdf, write_zarr
 
-        {"hdf5": write_hdf5, "zarr": write_zarr}[form](record, path)
+        {"netcdf": write_netcdf, "zarr": write_zarr}[form](record, path)
     return ""
 
 

@@ -18,14 +18,14 @@ from tests.records.dicom.variants import framed, noise
 from tsis.errors import TsisError
 from tsis.records.dicom import write_dicom
 from tsis.records.export import write_csv
-from tsis.records.export.arrays import write_hdf5, write_zarr
+from tsis.records.export.arrays import write_netcdf, write_zarr
 from tsis.records.export.bundle import write_bundle
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
 WRITERS: dict[str, Callable[..., Any]] = {
-    "hdf5": write_hdf5,
+    "netcdf": write_netcdf,
     "zarr": write_zarr,
     "csv": write_csv,
     "bundle": write_bundle,

@@ -8,42 +8,31 @@ from typing import Any, TypeAlias
 import h5py
 import numpy as np
 import pytest
-import zarr
+import xarray
 from tests.records.sample import sample_estimate, sample_record
 
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.calibration.file import calibration_sha256, read_calibration
 from tsis.errors import FileInputError, RecordsError
-from tsis.files import from_json_value, to_json_value
-from tsis.model import PosteriorSamples
+from tsis.model import PosteriorSamples, image_from_xarray
 from tsis.records import TargetRecord
-from tsis.records._estimate_json import estimate_from_json
-from tsis.records._values import StoredPress
-from tsis.records.export.arrays import write_hdf5, write_zarr
+from tsis.records.export.arrays import target_tree, write_netcdf, write_zarr
 
 
-def open_hdf5(path: Path) -> Any:
-    return h5py.File(path, "r")
+def open_netcdf(path: Path) -> Any:
+    with xarray.open_datatree(path, engine="h5netcdf", decode_timedelta=False) as tree:
+        return tree.load()
 
 
 def open_zarr(path: Path) -> Any:
-    return zarr.open_group(str(path), mode="r")
+    with xarray.open_datatree(path, engine="zarr", consolidated=False, decode_timedelta=False) as tree:
+        return tree.load()
 
 
 FORMATS = pytest.mark.parametrize(
-    ("write", "read"), [(write_hdf5, open_hdf5), (write_zarr, open_zarr)], ids=["hdf5", "zarr"]
+    ("write", "read"), [(write_netcdf, open_netcdf), (write_zarr, open_zarr)], ids=["netcdf", "zarr"]
 )
 Write: TypeAlias = Callable[[TargetRecord, Path], None]
 Read: TypeAlias = Callable[[Path], Any]
-
-
-def children(group: Any) -> Any:
-    return group.items() if isinstance(group, h5py.Group) else group.members()
-
-
-def document(array: Any) -> Any:
-    assert array.attrs["media_type"] == "application/json"
-    return json.loads(np.asarray(array[...]).tobytes())
 
 
 @FORMATS
@@ -51,37 +40,45 @@ def document(array: Any) -> Any:
 def test_everything_is_read_back_with_its_unit(tmp_path: Path, write: Write, read: Read, full_scale: float) -> None:
     record = sample_record(full_scale=full_scale)
     write(record, tmp_path / "out")
-    file = read(tmp_path / "out")
-    assert (file.attrs["format"], file.attrs["version"], file.attrs["notice"]) == ("tsis-arrays", 1, RESEARCH_USE_ONLY)
-    assert file["target"].attrs["number"] == 3
-    assert file["target/truth/depth_mm"][0] == 5.0
+    tree = read(tmp_path / "out")
+    assert (tree.attrs["notice"], tree.attrs["number"]) == (RESEARCH_USE_ONLY, 3)
+    assert (tree["depth_mm"], tree["depth_mm"].attrs["units"]) == (5.0, "mm")
     for role in ("target", "plain"):
-        stack = file[f"frames/{role}/0"]
-        presses = [record.presses[at] for at in stack["press"][...]]
+        stack = tree[f"frames/{role}/0"]
+        presses = [record.presses[at] for at in stack["press"].values]
         assert [press.role for press in presses] == [role, role]
         assert stack["grey"].dtype == (np.uint8 if full_scale == 255 else np.uint16)
-        np.testing.assert_array_equal(stack["grey"][...], [record.levels(press) for press in presses])
-        np.testing.assert_array_equal(stack["force"][...], [press.force_n for press in presses])
-        np.testing.assert_array_equal(stack["pixel_size"][...], [press.mm_per_pixel for press in presses])
-        seconds = np.asarray(stack["taken"][...]) / 1e6
-        np.testing.assert_array_equal(seconds, [press.taken.timestamp() for press in presses])
-        assert [stack[name].attrs["units"] for name in ("force", "pixel_size", "axis")] == ["N", "mm", "px"]
-    stored = [from_json_value(StoredPress, item, "press", complete=True) for item in document(file["presses"])]
-    assert stored == list(record.presses)
+        assert stack["grey"].attrs == {"units": "grey level", "full_scale": full_scale}
+        np.testing.assert_array_equal(stack["grey"], [record.levels(press) for press in presses])
+        np.testing.assert_array_equal(stack["force_n"], [press.force_n for press in presses])
+        assert [stack[name].attrs["units"] for name in ("force_n", "x", "y")] == ["N", "mm", "mm"]
+        taken = [np.datetime64(press.taken.replace(tzinfo=None), "us") for press in presses]
+        np.testing.assert_array_equal(stack["taken"], taken)
+        for at, press in enumerate(presses):
+            one = stack.to_dataset().isel(press=at)
+            image = image_from_xarray(one["grey"])
+            assert (image.mm_per_pixel, image.axis_px) == (press.mm_per_pixel, press.axis_px)
+            texts = [str(one[name].item()) for name in ("frame", "sha256", "id", "probe", "calibration", "note")]
+            assert texts == [press.name, press.frame, press.id, press.probe, press.calibration, press.note]
+            assert json.loads(one["flags"].item()) == list(press.flags)
+            assert json.loads(one["settings"].item()) == dict(press.settings)
     assert record.estimate is not None
-    samples = {name: np.asarray(values[...]) for name, values in children(file["estimates/0/samples"])}
+    assert tree["estimates/0"].attrs["calibration"] == record.estimate.calibration
+    used = [record.presses[at].id for at in tree["estimates/0/presses"].values]
+    assert used == list(record.estimate.presses)
     for name, values in record.estimate.estimate.samples.items():
-        np.testing.assert_array_equal(samples[name], values)
-        said = file[f"estimates/0/samples/{name}"].attrs
-        assert said["units"] == ("kPa" if name == "young_kpa" else "mm")
-        assert said.get("mean") == (None if name == "young_kpa" else np.mean(values))
-        assert said["identified"] == (name != "young_kpa")
-    back = estimate_from_json(document(file["estimates/0/document"]), samples)
-    assert back.estimate.mean == record.estimate.estimate.mean
-    assert back.estimate.provenance == record.estimate.estimate.provenance
-    ((name, content),) = children(file["calibrations"])
-    (tmp_path / "calibration.json").write_bytes(np.asarray(content[...]).tobytes())
-    assert calibration_sha256(read_calibration(tmp_path / "calibration.json")) == name == record.presses[0].calibration
+        samples = tree[f"estimates/0/posterior/{name}"]
+        np.testing.assert_array_equal(samples, values)
+        assert samples.attrs["units"] == ("kPa" if name == "young_kpa" else "mm")
+        assert samples.attrs.get("mean") == (None if name == "young_kpa" else np.mean(values))
+        assert samples.attrs["identified"] == (name != "young_kpa")
+
+
+@FORMATS
+def test_a_file_holds_the_tree(tmp_path: Path, write: Write, read: Read) -> None:
+    record = sample_record()
+    write(record, tmp_path / "out")
+    xarray.testing.assert_identical(read(tmp_path / "out"), target_tree(record))
 
 
 @FORMATS
@@ -95,11 +92,10 @@ def test_frames_of_other_sizes_are_stacks_of_their_own(tmp_path: Path, write: Wr
         read=lambda name: small if name == "f" * 64 else record.read(name),
     )
     write(mixed, tmp_path / "out")
-    file = read(tmp_path / "out")
-    assert [file[f"frames/target/{at}/grey"].shape for at in (0, 1)] == [(1, 96, 150), (1, 5, 7)]
-    assert np.isnan(file["frames/target/1/force"][...]).all()
-    assert np.isnan(file["frames/target/1/pixel_size"][...]).all()
-    assert document(file["presses"]) == [to_json_value(press) for press in mixed.presses]
+    tree = read(tmp_path / "out")
+    assert [tree[f"frames/target/{at}/grey"].shape for at in (0, 1)] == [(1, 96, 150), (1, 5, 7)]
+    assert np.isnan(tree["frames/target/1/force_n"]).all()
+    assert tree["frames/target/1/x"].attrs["units"] == "px"
 
 
 @FORMATS
@@ -107,9 +103,9 @@ def test_presses_that_are_equal_keep_their_own_places(tmp_path: Path, write: Wri
     record = sample_record(estimated=False)
     first, _, plain, _ = record.presses
     write(replace(record, presses=(first, plain, first, plain, first)), tmp_path / "out")
-    file = read(tmp_path / "out")
-    assert list(file["frames/target/0/press"][...]) == [0, 2, 4]
-    assert list(file["frames/plain/0/press"][...]) == [1, 3]
+    tree = read(tmp_path / "out")
+    assert list(tree["frames/target/0/press"].values) == [0, 2, 4]
+    assert list(tree["frames/plain/0/press"].values) == [1, 3]
 
 
 @FORMATS
@@ -119,15 +115,15 @@ def test_an_estimate_that_is_not_trusted_has_samples_and_no_result(tmp_path: Pat
     doubted = replace(stored, estimate=sample_estimate(trusted=False))
     write(replace(record, estimates=(stored, doubted)), tmp_path / "out")
     good, bad = (read(tmp_path / "out")[f"estimates/{number}"] for number in (0, 1))
-    assert (good.attrs["trusted"], bad.attrs["trusted"]) == (True, False)
-    assert (good.attrs["in_force"], bad.attrs["in_force"]) == (False, True)
+    assert (good.attrs["trusted"], bad.attrs["trusted"]) == (1, 0)
+    assert (good.attrs["in_force"], bad.attrs["in_force"]) == (0, 1)
     assert set(good.attrs) - set(bad.attrs) == {"presence"}
     interval = {"interval_level", "interval_low", "interval_high", "cramer_rao_sd"}
     for name, values in stored.estimate.samples.items():
         numbers = interval if name == "young_kpa" else {"mean", "sd"} | interval
-        assert set(good[f"samples/{name}"].attrs) - set(bad[f"untrusted/{name}"].attrs) == numbers
-        np.testing.assert_array_equal(bad[f"untrusted/{name}"][...], values)
-    assert "samples" not in dict(children(bad))
+        assert set(good[f"posterior/{name}"].attrs) - set(bad[f"untrusted/{name}"].attrs) == numbers
+        np.testing.assert_array_equal(bad[f"untrusted/{name}"], values)
+    assert "posterior" not in bad.children
 
 
 @FORMATS
@@ -135,14 +131,12 @@ def test_the_last_estimate_of_each_kind_is_in_force(tmp_path: Path, write: Write
     record = sample_record()
     kinds = ("inclusion", "hardness", "inclusion")
     write(replace(record, estimates=tuple(replace(record.estimates[0], kind=kind) for kind in kinds)), tmp_path / "out")
-    file = read(tmp_path / "out")
-    assert [file[f"estimates/{number}"].attrs["in_force"] for number in range(3)] == [False, True, True]
+    tree = read(tmp_path / "out")
+    assert [tree[f"estimates/{number}"].attrs["in_force"] for number in range(3)] == [0, 1, 1]
 
 
 @FORMATS
-def test_one_frame_at_a_time_is_asked_for_and_a_bad_one_leaves_nothing(
-    tmp_path: Path, write: Write, read: Read
-) -> None:
+def test_a_bad_frame_leaves_nothing(tmp_path: Path, write: Write, read: Read) -> None:
     record, asked = sample_record(), []
 
     def counting(name: str) -> Any:
@@ -195,32 +189,34 @@ def test_odd_names_of_parameters_are_kept_beside_links_that_any_format_takes(
         cramer_rao_sd={},
     )
     write(replace(record, estimates=(replace(stored, estimate=odd),)), tmp_path / "out")
-    samples = read(tmp_path / "out")["estimates/0/samples"]
-    assert {values.attrs["quantity"]: values.shape for _, values in children(samples)} == {"../a/b": (3,), "a_b": (2,)}
+    samples = read(tmp_path / "out")["estimates/0/posterior"].data_vars
+    assert {values.attrs["quantity"]: values.shape for values in samples.values()} == {"../a/b": (3,), "a_b": (2,)}
 
 
-def test_hdf5_frames_are_chunked_compressed_and_summed(tmp_path: Path) -> None:
-    write_hdf5(sample_record(), tmp_path / "out.h5")
-    with h5py.File(tmp_path / "out.h5", "r") as file:
+def test_frames_of_netcdf_are_chunked_compressed_and_summed(tmp_path: Path) -> None:
+    write_netcdf(sample_record(), tmp_path / "out.nc")
+    with h5py.File(tmp_path / "out.nc", "r") as file:
         grey = file["frames/target/0/grey"]
         assert (grey.chunks, grey.compression, grey.shuffle, grey.fletcher32) == ((1, 96, 150), "gzip", True, True)
         offset = grey.id.get_chunk_info(0).byte_offset
-    content = bytearray((tmp_path / "out.h5").read_bytes())
+    content = bytearray((tmp_path / "out.nc").read_bytes())
     content[offset + 100] ^= 1
-    (tmp_path / "out.h5").write_bytes(content)
-    with h5py.File(tmp_path / "out.h5", "r") as file, pytest.raises(OSError, match="filter"):
+    (tmp_path / "out.nc").write_bytes(content)
+    with h5py.File(tmp_path / "out.nc", "r") as file, pytest.raises(OSError, match="filter"):
         file["frames/target/0/grey"][0]
 
 
 def test_zarr_is_format_3_and_its_chunks_can_be_read_without_zarr(tmp_path: Path) -> None:
     record = sample_record()
-    write_zarr(record, tmp_path / "out")
+    black = replace(record, read=lambda name: record.read(name) * (name != record.presses[0].frame))
+    write_zarr(black, tmp_path / "out")
     head = json.loads((tmp_path / "out/frames/target/0/grey/zarr.json").read_bytes())
     assert (head["zarr_format"], head["data_type"], head["shape"]) == (3, "uint8", [2, 96, 150])
     assert [codec["name"] for codec in head["codecs"]] == ["bytes", "gzip", "crc32c"]
+    assert (tmp_path / "out/frames/target/0/grey/c/0/0/0").exists()
     chunk = (tmp_path / "out/frames/target/0/grey/c/1/0/0").read_bytes()
     assert gzip.decompress(chunk[:-4]) == record.levels(record.presses[1]).tobytes()
     broken = bytes([*chunk[:-5], chunk[-5] ^ 1, *chunk[-4:]])
     (tmp_path / "out/frames/target/0/grey/c/1/0/0").write_bytes(broken)
     with pytest.raises(ValueError, match="checksum"):
-        zarr.open_group(str(tmp_path / "out"), mode="r")["frames/target/0/grey"][1]  # type: ignore[index]
+        open_zarr(tmp_path / "out")

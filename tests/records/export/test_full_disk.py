@@ -29,7 +29,7 @@ def exported(command: list[str]) -> list[dict[str, Any]]:
 
 
 def assert_refused(found: list[dict[str, Any]], reason: str) -> None:
-    assert {each["form"] for each in found} == {"hdf5", "zarr", "csv", "bundle", "bundle.zip", "dicom"}
+    assert {each["form"] for each in found} == {"netcdf", "zarr", "csv", "bundle", "bundle.zip", "dicom"}
     for each in found:
         assert each["left"] == []
         assert each["error"] == ("RecordsError" if each["form"] == "dicom" else "FileInputError")

@@ -26,7 +26,7 @@ def export(
     *,
     forms: Annotated[
         list[str],
-        typer.Option("--format", help="Form: html, pdf, csv, hdf5, zarr, dicom, bundle, or of a plug-in; repeatable."),
+        typer.Option("--format", help="Form: html, pdf, csv, netcdf, zarr, dicom, bundle, or a plug-in's; repeatable."),
     ],
     out: Annotated[
         Path | None,
@@ -42,8 +42,8 @@ def export(
 ) -> None:
     """Export a target; no file is overwritten.
 
-    Several forms appear together or not at all. html and pdf are reports; csv, hdf5, zarr and bundle contain all,
-    notes and names too; dicom masks names and times.
+    Several forms appear together or not at all. html and pdf are reports; csv, netcdf, zarr and bundle contain notes
+    and names too; dicom masks names and times.
     """
     requested = list(dict.fromkeys(part for form in forms for part in form.split(",")))
     endings = tsis.present.records.export_endings()

@@ -1,4 +1,4 @@
-"""A target in open forms: tables, HDF5, Zarr, and a bundle that another store takes in."""
+"""A target in open forms: tables, netCDF, Zarr, and a bundle that another store takes in."""
 
 from tsis.records.export._csv import csv_files, write_csv
 from tsis.records.export._whole import export_file, export_folder
