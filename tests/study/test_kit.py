@@ -1,10 +1,11 @@
-"""The validation kit: its folder, and the score against moduli of a bench test."""
+"""The validation kit: its folder, moulds that are closed bodies of the right volume, the score of a bench test."""
 
 from __future__ import annotations
 
 import csv
 import hashlib
 import json
+import struct
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,12 +17,22 @@ from tsis.cli.study import app
 from tsis.errors import FileInputError, InputError, RecordsError
 from tsis.present.kit import score_document, score_page
 from tsis.study.folder import Study, enter_readings, new_study, read_seal, unblind
-from tsis.study.kit import MODULUS_COLUMNS, bench_moduli, kit_files, score_validation
+from tsis.study.kit import (
+    MODULUS_COLUMNS,
+    bench_moduli,
+    cup,
+    kit_files,
+    score_validation,
+    sphere_mould,
+    stl_bytes,
+    volume_mm3,
+)
 from tsis.study.plan import DeviceReading
 from tsis.study.readings import read_truth_table
 
 if TYPE_CHECKING:
     from pathlib import Path
+
 
 BATCHES = {"1;2;3;4;5": 82.0, "6;7": 60.0, "tissue": 5.0}  # true moduli, kPa; the recipe says 90, 55 and 5
 TRAVEL = np.linspace(0.1, 1.0, 10)
@@ -196,3 +207,40 @@ def test_untested_phantoms_are_refused(tmp_path: Path) -> None:
         score_validation(study, moduli)
     with pytest.raises(InputError, match="'8' is none"):
         score_validation(study, {**moduli, "6": moduli["7"], "8": moduli["7"]})
+
+
+def read_back(content: bytes) -> np.ndarray:
+    (count,) = struct.unpack_from("<I", content, 80)
+    record = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+    assert len(content) == 84 + 50 * count
+    return np.frombuffer(content, record, offset=84)["corners"].astype(float)
+
+
+@pytest.mark.parametrize("diameter", [3.0, 13.0])
+def test_half_a_mould_of_a_sphere(diameter: float) -> None:
+    radius = diameter / 2
+    expected = np.pi * (radius + 3) ** 2 * (radius + 3) - 2 / 3 * np.pi * radius**3
+    check(sphere_mould(diameter), expected)
+
+
+@pytest.mark.parametrize(("diameter", "height"), [(20.0, 10.0), (90.0, 30.0)])
+def test_a_cup(diameter: float, height: float) -> None:
+    radius = diameter / 2
+    check(cup(diameter, height), np.pi * ((radius + 3) ** 2 * (height + 3) - radius**2 * height))
+
+
+def check(triangles: np.ndarray, expected: float) -> None:
+    stored = read_back(stl_bytes(triangles, "mould"))
+    np.testing.assert_allclose(stored, triangles, atol=1e-5, rtol=0)
+    places = np.rint(stored * 1e4).astype(np.int64) + 2**20  # tenths of a micrometre, 21 bits each
+    corner = np.unique(places @ (1 << np.array([42, 21, 0])), return_inverse=True)[1].reshape(-1, 3)
+    there, back = corner, np.roll(corner, -1, axis=1)
+    one_way, count = np.unique(there * len(stored) * 3 + back, return_counts=True)
+    assert (count == 1).all()
+    assert np.array_equal(one_way, np.unique(back * len(stored) * 3 + there))  # watertight, one orientation
+    assert volume_mm3(stored) == pytest.approx(expected, rel=1e-3)
+
+
+def test_sizes_that_nobody_prints_are_refused() -> None:
+    with pytest.raises(InputError, match="diameter_mm must lie in"):
+        sphere_mould(0.1)

@@ -1,156 +1,219 @@
-"""Repeatability of a study beside statsmodels' analysis of variance of the same readings; page and command."""
+"""Variance components and linearity beside statsmodels, Cochran's limits beside ISO 5725-2, study sizes simulated."""
 
 from __future__ import annotations
 
-import json
 import math
-import re
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
+import statsmodels.api as sm
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import f_oneway
 from statsmodels.formula.api import ols
 from statsmodels.stats.anova import anova_lm
-from tests.cli.published import faults
-from tests.study.made import made_study, table
-from typer.testing import CliRunner
 
-from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.cli.study import app
-from tsis.errors import RecordsError
-from tsis.present.html import html_bytes
-from tsis.present.precision import precision_page
-from tsis.study.card import OPERATORS, PROBES, Precision, analyse_precision
-from tsis.study.folder import open_study, read_seal, unblind
-from tsis.study.readings import import_readings
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from tsis.study.folder import Study
-
-LEFT_OUT = 2  # targets without a modulus in one reading
+from tsis.errors import InputError
+from tsis.study.precision import linearity, repeatability, reproducibility, study_size
 
 
-@pytest.fixture(scope="module")
-def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
-    """Two devices, two operators and three repeats; one device lacks two moduli."""
-    folder = tmp_path_factory.mktemp("precision")
-    made = made_study(folder / "study", present=8, blank=2, repeats=3)
-    inside = [code for code, truth in read_seal(made)[0].truths.items() if truth.has_inclusion]
-    for device, seed in (("feeler", 0), ("rival", 5)):
-        rows = table(made, seed=seed, operators=("Cleo", "Dan")).splitlines()
-        for code in inside[:LEFT_OUT] if device == "rival" else []:
-            at = next(number for number, row in enumerate(rows) if row.startswith(code))
-            rows[at] = rows[at].rsplit(",", 1)[0] + ","
-        (folder / "r.csv").write_text("\n".join(rows), encoding="utf-8")
-        made = import_readings(made, folder / "r.csv", device=device, threshold=0.5, actor="Cleo")
-    return unblind(made, by="Ada")
-
-
-def of(study: Study, device: str, quantity: str, over: str = OPERATORS) -> Precision:
-    results = analyse_precision(study).results
-    return next(each for each in results if (each.quantity, each.over) == (quantity, over) and device in each.device)
-
-
-@pytest.mark.parametrize("quantity", ["diameter_mm", "young_kpa"])
-def test_numbers_are_those_of_statsmodels(study: Study, quantity: str) -> None:
-    found = of(study, "rival", quantity)
-    assert len(found.incomplete) == (LEFT_OUT if quantity == "young_kpa" else 0)
-    rows = pd.DataFrame(
-        [
-            {"y": item.values[quantity], "target": item.code, "operator": item.operator}
-            for item in study.readings
-            if item.device == "rival" and item.code in found.complete
-        ]
+def _study(seed: int, shape: tuple[int, int, int], sds: tuple[float, float, float, float]) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    n, k, _ = shape
+    sizes = ((n, 1, 1), (1, k, 1), (n, k, 1), shape)
+    total: np.ndarray = np.sum(
+        [sd * rng.normal(size=size) + np.zeros(shape) for sd, size in zip(sds, sizes, strict=True)], axis=0
     )
-    squares = anova_lm(ols("y ~ C(target) * C(operator)", rows).fit())
-    mean_square = squares["mean_sq"]
-    assert found.within.within_sd == pytest.approx(math.sqrt(mean_square["Residual"]), rel=1e-9)
-    assert found.within.degrees_of_freedom == squares["df"]["Residual"]
-    n = len(found.complete)
-    operator = max((mean_square["C(operator)"] - mean_square["C(target):C(operator)"]) / (3 * n), 0)
-    interaction = (mean_square["C(target):C(operator)"] - mean_square["Residual"]) / 3
-    assert found.between is not None
-    assert found.between.operator_sd == pytest.approx(math.sqrt(operator), rel=1e-9, abs=1e-9)
-    assert found.between.interaction_sd == pytest.approx(math.sqrt(max(interaction, 0)), rel=1e-9, abs=1e-9)
-    assert found.between.sd == pytest.approx(
-        math.sqrt(
-            (mean_square["C(operator)"] - mean_square["C(target):C(operator)"]) / (3 * n)
-            + interaction
-            + mean_square["Residual"]
-        ),
-        rel=1e-9,
+    return total
+
+
+@pytest.mark.parametrize("sizes", [(3, 3, 3, 3), (1, 5, 2, 7), (2, 1, 1, 1)])
+def test_the_one_way_components_are_those_of_scipys_f(sizes: tuple[int, ...]) -> None:
+    rng = np.random.default_rng(1)
+    rows = [rng.normal(3 * rng.normal(), 0.5, size) for size in sizes]
+    found = repeatability(rows)
+    within = sum(((row - row.mean()) ** 2).sum() for row in rows) / (sum(sizes) - len(sizes))
+    assert found.within_sd == pytest.approx(math.sqrt(within), rel=1e-10)
+    size = (sum(sizes) - sum(one**2 for one in sizes) / sum(sizes)) / (len(sizes) - 1)
+    peer = f_oneway(*rows).statistic
+    assert 1 + size * (found.between_sd / found.within_sd) ** 2 == pytest.approx(peer, rel=1e-9)
+    assert not found.between_truncated
+
+
+def test_the_coefficient_is_of_two_readings() -> None:
+    rng = np.random.default_rng(2)
+    found = repeatability([rng.normal(target, 0.4, 2) for target in range(4000)])
+    pairs = rng.normal(0, 0.4, (20_000, 2))
+    assert np.mean(np.abs(pairs[:, 0] - pairs[:, 1]) < found.coefficient) == pytest.approx(0.95, abs=0.01)
+    assert found.coefficient == pytest.approx(2.77 * found.within_sd, rel=1e-3)
+
+
+def test_intervals_of_repeatability_hold_as_often_as_they_say() -> None:
+    rng = np.random.default_rng(3)
+    truth = 2.7718 * 0.5
+    held = [
+        repeatability([rng.normal(target, 0.5, size) for target, size in enumerate((2, 3, 1, 4))])
+        .interval(0.9)
+        .holds(truth)
+        for _ in range(800)
+    ]
+    assert np.mean(held) == pytest.approx(0.9, abs=0.035)
+
+
+def test_targets_that_do_not_differ_have_no_negative_variance() -> None:
+    found = repeatability([[1.0, 2.0], [2.0, 1.0], [1.0, 2.0]])
+    assert found.between_truncated
+    assert found.between_sd == 0
+
+
+@pytest.mark.parametrize("shape", [(5, 3, 2), (2, 2, 2), (8, 4, 3)])
+def test_the_two_way_components_are_those_of_statsmodels(shape: tuple[int, int, int]) -> None:
+    table = _study(5, shape, (3, 2, 0.8, 0.2)) + 50
+    found = reproducibility(table)
+    target, operator, _ = np.indices(shape)
+    frame = pd.DataFrame({"y": table.ravel(), "t": target.ravel(), "o": operator.ravel()})
+    peer = anova_lm(ols("y ~ C(t) * C(o)", frame).fit())
+    assert found.mean_squares == pytest.approx(tuple(peer["mean_sq"]), rel=1e-9)
+    assert found.degrees_of_freedom == tuple(peer["df"])
+    n, k, r = shape
+    expected = (
+        found.repeat_sd**2 + r * found.interaction_sd**2 + k * r * found.target_sd**2,
+        found.repeat_sd**2 + r * found.interaction_sd**2 + n * r * found.operator_sd**2,
+        found.repeat_sd**2 + r * found.interaction_sd**2,
     )
-    first = rows.groupby(["operator", "target"])["y"].first()
-    difference = first["Cleo"] - first["Dan"]
-    limits = found.limits["Cleo", "Dan"]
-    assert limits.bias == pytest.approx(difference.mean())
-    assert limits.limits()[1] - limits.bias == pytest.approx(1.959964 * difference.std(), rel=1e-6)
+    assert found.truncated == ()
+    assert expected == pytest.approx(found.mean_squares[:3])
+    total = found.repeat_sd**2 + found.interaction_sd**2 + found.operator_sd**2
+    assert found.coefficient == pytest.approx(1.959964 * math.sqrt(2 * total), rel=1e-6)
 
 
-def test_bias_and_line_are_those_of_the_target_means(study: Study) -> None:
-    found = of(study, "feeler", "diameter_mm")
-    truths = read_seal(study)[0].truths
-    means = {
-        code: np.mean([r.values["diameter_mm"] for r in study.readings if r.code == code and r.device == "feeler"])
-        for code in found.complete
-    }
-    true = np.array([truths[code].values["diameter_mm"] for code in means])
-    read = np.array(list(means.values()))
-    assert found.errors.bias == pytest.approx((read - true).mean())
-    assert found.relative_bias == pytest.approx((read / true - 1).mean())
-    assert found.line is not None
-    assert found.line.slope == pytest.approx(np.polyfit(true, read, 1)[0])
-    assert of(study, "feeler", "young_kpa").line is None  # all moduli are 100 kPa
+@pytest.mark.parametrize("sds", [(3.0, 0.5, 0.2, 0.4), (3.0, 0.0, 0.0, 0.4), (0.0, 2.0, 0.0, 0.1)])
+def test_intervals_of_reproducibility_hold_as_often_as_they_say(sds: tuple[float, float, float, float]) -> None:
+    truth = 1.959964 * math.sqrt(2 * sum(sd**2 for sd in sds[1:]))
+    within = 1.959964 * math.sqrt(2) * sds[3]
+    found = [reproducibility(_study(seed, (6, 4, 2), sds)) for seed in range(600)]
+    assert np.mean([one.interval(0.9).holds(truth) for one in found]) == pytest.approx(0.9, abs=0.045)
+    assert np.mean([one.repeatability_interval(0.9).holds(within) for one in found]) == pytest.approx(0.9, abs=0.04)
 
 
-def test_probes_are_compared_with_one_operator(study: Study) -> None:
-    found = of(study, "feeler", "depth_mm", PROBES)
-    assert found.device == "feeler and rival, operator Cleo"
-    assert found.conditions == ("feeler", "rival")
-    assert found.repeats == 3
+@given(st.integers(0, 2**32))
+def test_swapping_operators_changes_nothing(seed: int) -> None:
+    table = _study(seed, (4, 3, 2), (2, 1, 0.5, 0.3))
+    rng = np.random.default_rng(seed)
+    found = reproducibility(table)
+    for other in (table[:, ::-1], rng.permutation(table, axis=0), table[:, :, ::-1], table + 7):
+        again = reproducibility(other)
+        assert again.coefficient == pytest.approx(found.coefficient, rel=1e-9)
+        assert again.repeatability_coefficient == pytest.approx(found.repeatability_coefficient, rel=1e-9)
+        assert again.truncated == found.truncated
 
 
-def test_a_blind_study_and_one_without_repeats_are_refused(tmp_path: Path) -> None:
-    blind = made_study(tmp_path / "blind", repeats=2)
-    with pytest.raises(RecordsError, match="must be unblinded"):
-        analyse_precision(blind)
-    single = made_study(tmp_path / "single", present=2, blank=2)
-    (tmp_path / "r.csv").write_text(table(single), encoding="utf-8")
-    single = unblind(import_readings(single, tmp_path / "r.csv", device="feeler", actor="Cleo"), by="Ada")
-    with pytest.raises(RecordsError, match="at least 2 repeats"):
-        analyse_precision(single)
+def test_operators_alike_are_said_to_be_cut() -> None:
+    found = reproducibility([[[1.0, 2.0], [2.0, 1.0]], [[4.0, 5.0], [5.0, 4.0]]])
+    assert found.truncated == ("interaction",)
+    assert found.interaction_sd == 0
+    assert found.coefficient > 0
 
 
-def test_the_page_is_whole(study: Study) -> None:
-    page = html_bytes(precision_page(analyse_precision(study))).decode()
-    assert page.count(RESEARCH_USE_ONLY) == 2
-    assert not re.search(r"\b(nan|inf)\b", re.sub(r'src="data:[^"]*"', "", page), re.IGNORECASE)
-    for part in ("within-subject CV", "reproducibility coefficient", "Cleo less Dan, lower limit", "slope of the line"):
-        assert part in page
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda: repeatability([]), "readings must hold at least 2 targets, one of them read twice; got 0"),
+        (lambda: repeatability([[1.0, 2.0]]), "got 1 of at most 2 readings"),
+        (lambda: repeatability([[1.0], [2.0]]), "got 2 of at most 1 readings"),
+        (lambda: repeatability([[1.0, 2.0], []]), r"readings\[1\] must not be empty"),
+        (lambda: repeatability([[1.0, 2.0], [np.nan]]), r"readings\[1\] must be finite"),
+        (lambda: repeatability([[0.1, 0.1, 0.1], [0.7, 0.7, 0.7]]).interval(), "readings must differ between repeats"),
+        (lambda: reproducibility(np.ones((2, 1, 2))), "at least 2 targets, operators and repeats; got shape"),
+        (lambda: reproducibility(np.ones((2, 2))), "readings must have 3 axes"),
+        (lambda: reproducibility(np.full((2, 2, 2), 0.1)).interval(), "readings must differ between repeats"),
+        (lambda: reproducibility(np.full((2, 2, 2), 0.1)).repeatability_interval(), "readings must differ between"),
+    ],
+)
+def test_bad_studies_are_told(call: Any, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        call()
 
 
-def test_the_commands_print_described_documents(study: Study, tmp_path: Path) -> None:
-    done = CliRunner().invoke(
-        app, ["repeatability", str(open_study(study.folder).folder), "--out", str(tmp_path / "out"), "--json"]
-    )
-    assert done.exit_code == 0, done.output
-    document = json.loads(done.stdout)
-    assert faults(document) == []
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {"index.html", "report.pdf", "result.json"}
-    assert faults(json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))) == []
-    assert len(document["results"]) == 9
-    planned = CliRunner().invoke(app, ["size", "--width", "0.2", "--json"])
-    assert planned.exit_code == 0, planned.output
-    document = json.loads(planned.stdout)
-    assert faults(document) == []
-    assert document["designs"][1] | {"upper_repeatability": 0, "upper_reproducibility": 0} == {
-        "operators": 2,
-        "repeats": 3,
-        "phantoms": 18,
-        "presses": 108,
-        "upper_repeatability": 0,
-        "upper_reproducibility": 0,
-    }
+def test_the_line_and_its_parabola_are_those_of_statsmodels() -> None:
+    rng = np.random.default_rng(81)
+    true = rng.uniform(3.0, 15.0, 17)
+    measured = 0.4 + 0.93 * true + 0.01 * true**2 + 0.2 * rng.standard_normal(17)
+    found = linearity(measured, true)
+    line = sm.OLS(measured, sm.add_constant(true)).fit()
+    assert (found.intercept, found.slope) == pytest.approx(tuple(line.params), rel=1e-9)
+    assert (found.intercept_sd, found.slope_sd) == pytest.approx(tuple(line.bse), rel=1e-9)
+    assert tuple(found.slope_interval()) == pytest.approx(tuple(line.conf_int()[1]), rel=1e-9)
+    assert tuple(found.intercept_interval(0.9)) == pytest.approx(tuple(line.conf_int(0.1)[0]), rel=1e-9)
+    assert found.r_squared == pytest.approx(line.rsquared, rel=1e-9)
+    assert found.scatter_sd == pytest.approx(np.sqrt(line.mse_resid), rel=1e-9)
+    parabola = sm.OLS(measured, np.column_stack([np.ones(17), true, true**2])).fit()
+    assert found.curvature_p == pytest.approx(parabola.pvalues[2], rel=1e-6)
+
+
+def test_a_line_through_exact_readings_has_no_curvature() -> None:
+    found = linearity([2.0, 4.0, 6.0, 8.0], [1.0, 2.0, 3.0, 4.0])
+    assert found.slope == pytest.approx(2.0)
+    assert found.r_squared == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("true", [[1.0, 2.0, 3.0], [1.0, 1.0, 2.0, 2.0], [-1.0, 1.0, 2.0, 3.0]])
+def test_too_few_or_equal_targets_are_refused(true: list[float]) -> None:
+    with pytest.raises(InputError, match="add reference targets"):
+        linearity(true, true)
+
+
+@pytest.mark.parametrize(("targets", "repeats", "printed"), [(8, 3, 0.516), (20, 3, 0.270), (10, 2, 0.602)])
+def test_cochran_limits_are_those_printed_in_iso_5725_2(targets: int, repeats: int, printed: float) -> None:
+    rows = np.random.default_rng(5).standard_normal((targets, repeats)) + 10.0
+    found = repeatability(list(rows))
+    assert found.cochran_limit == pytest.approx(printed, abs=6e-4)
+    variances = rows.var(axis=1, ddof=1)
+    assert found.largest_variance_fraction == pytest.approx(variances.max() / variances.sum())
+
+
+def test_the_coefficient_of_variation_weights_targets_by_their_repeats() -> None:
+    rows = [[9.0, 11.0], [20.0, 20.0, 23.0]]
+    squares = [np.var(row, ddof=1) / np.mean(row) ** 2 for row in rows]
+    found = repeatability(rows)
+    assert found.within_cv == pytest.approx(np.sqrt((squares[0] + 2 * squares[1]) / 3))
+    assert (found.largest_variance_fraction, found.cochran_limit) == (None, None)
+    assert repeatability([[-1.0, 1.0], [2.0, 3.0]]).within_cv is None
+
+
+@pytest.mark.parametrize(("operators", "repeats", "operator_sd"), [(5, 3, 0.4), (10, 2, 0.8)])
+def test_simulated_studies_of_a_planned_size_reach_their_width(
+    operators: int, repeats: int, operator_sd: float
+) -> None:
+    planned = study_size(0.9, operators=operators, repeats=repeats, operator_sd=operator_sd, reproducibility_too=True)
+    assert planned.phantoms is not None
+    rng = np.random.default_rng(20)
+    within, between = [], []
+    for _ in range(300):
+        table = rng.standard_normal((planned.phantoms, operators, repeats))
+        table += operator_sd * rng.standard_normal((1, operators, 1)) + 3 * rng.standard_normal(
+            (planned.phantoms, 1, 1)
+        )
+        found = reproducibility(table)
+        within.append(found.repeatability_interval().high / (found.repeatability_coefficient))
+        between.append((found.interval().high / found.coefficient) - 1)
+    assert np.median(within) - 1 == pytest.approx(planned.upper_repeatability, rel=1e-9)  # a ratio without chance
+    assert np.median(between) == pytest.approx(planned.upper_reproducibility, rel=0.15)
+
+
+def test_one_phantom_fewer_misses_the_width() -> None:
+    planned = study_size(0.2, operators=2, repeats=3)
+    assert planned.phantoms is not None
+    fewer = np.random.default_rng(3).standard_normal((planned.phantoms - 1, 2, 3))
+    found = reproducibility(fewer)
+    assert found.repeatability_interval().high / found.repeatability_coefficient - 1 > 0.2
+    assert planned.upper_repeatability <= 0.2
+    assert planned.presses == planned.phantoms * 6
+
+
+def test_two_operators_never_tell_how_operators_differ() -> None:
+    planned = study_size(0.3, operators=2, repeats=3, operator_sd=0.5, reproducibility_too=True)
+    assert (planned.phantoms, planned.presses) == (None, None)
+    assert planned.upper_reproducibility > 5

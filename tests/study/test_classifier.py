@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+
 SPLIT = ClassSplit(young_kpa=80.0)
 
 

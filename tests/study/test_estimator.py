@@ -22,6 +22,7 @@ from tsis.study.estimator import TargetClassifier
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+
 EXPLAINED = {
     "check_fit2d_1feature": "its ten samples have fewer than five of a class, one for each fold, so the fit is refused",
     "check_array_api_input": "scikit-learn skips it unless SCIPY_ARRAY_API is set; the classifier takes NumPy arrays",

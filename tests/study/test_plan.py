@@ -1,3 +1,5 @@
+"""Codes and their order depend on the seed alone, and tell nothing of the truth."""
+
 from __future__ import annotations
 
 import numpy as np

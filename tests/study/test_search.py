@@ -28,6 +28,7 @@ from tsis.study.search import (
 if TYPE_CHECKING:
     from pathlib import Path
 
+
 LENGTHS = st.floats(5.0, 150.0)
 TABLE = DetectionRangeTable(
     diameter_mm=np.array([2.0, 5.0, 10.0, 15.0]),
