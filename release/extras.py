@@ -27,7 +27,6 @@ FIRST = {  # code or command that uses the extra
     "camera-aravis": "from tsis.instrument import find_cameras; find_cameras(['aravis'])",
     "camera-genicam": "import harvesters.core, genicam.gentl; import tsis.instrument.drivers.genicam",
     "camera-pylon": "from tsis.instrument import find_cameras; assert 'pylon' not in find_cameras(['pylon']).missing",
-    "camera-vimba": "import vmbpy; from tsis.instrument import find_cameras; find_cameras(['vimba'])",
     "cluster": ["sweep", "run", "plan.toml", "--out", "data"],
     "console": "import tsis.console.pages, tsis.console.api, tsis.records, tsis.present.pdf",
     "dicom": "import tsis.records.dicom; import highdicom, pydicom",

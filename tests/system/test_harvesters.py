@@ -1,4 +1,4 @@
-"""Harvesters and Allied Vision's library, each with a real GenTL producer: the one that comes with the wheel of GenApi.
+"""Harvesters with a real GenTL producer: the one that comes with the wheel of GenApi.
 
 Its cameras play games on a small screen. They tell no time and number their frames.
 """
@@ -19,11 +19,8 @@ import pytest
 from tests.system.growth import growth_over
 from tests.waiting import HANGS_S
 
-from tsis.errors import CameraError, InputError, MissingExtraError, UnknownNameError
+from tsis.errors import CameraError, InputError, UnknownNameError
 from tsis.instrument import Mode, connect, find_cameras
-from tsis.instrument.drivers import _vimba as vimba
-from tsis.instrument.drivers._vimba import VimbaCamera
-from tsis.instrument.drivers.genicam import maker_library
 from tsis.instrument.drivers.genicam._harvesters import HarvestersCamera, find_cameras_here
 
 if TYPE_CHECKING:
@@ -31,22 +28,9 @@ if TYPE_CHECKING:
 
     from tsis.instrument.drivers.genicam import GenICamCamera
 
-pytestmark = [
-    pytest.mark.system,
-    # when its system is started soon after it was ended, Allied Vision's library may fail inside a callback of its own
-    # that looks for new interfaces ("pop from empty list"); nothing that we asked for is touched by it
-    pytest.mark.filterwarnings(
-        "ignore:Exception ignored on calling ctypes callback:pytest.PytestUnraisableExceptionWarning"
-    ),
-]
+pytestmark = pytest.mark.system
 
 RED, GREEN = "VikyTL_DEV_red", "VikyTL_DEV_green"
-RULES = """<?xml version="1.0" standalone="no" ?>
-<Settings><Logging><Level>Fatal</Level></Logging><TlLoading>
-<TlRule vendor-type="*" interface-type="*" rule="allow"/>
-<InterfacePollingPeriod>2000</InterfacePollingPeriod>
-</TlLoading></Settings>
-"""
 
 
 @pytest.fixture
@@ -61,25 +45,9 @@ def producer(monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture
-def vimba_system(producer: Path, tmp_path: Path) -> Iterator[Any]:
-    """Allied Vision's library, told to take the producer of another maker, which it does not by itself."""
-    try:
-        library = maker_library("vmbpy", source="vimba")
-    except MissingExtraError as error:
-        pytest.skip(str(error))
-    (tmp_path / "VmbC.xml").write_text(RULES)
-    system = library.VmbSystem.get_instance()
-    system.set_path_configuration(str(producer.parent), str(tmp_path / "VmbC.xml"))
-    yield system
-    system.set_path_configuration()
-
-
-@pytest.fixture(params=["genicam", "vimba"])
-def camera(request: pytest.FixtureRequest, producer: Path) -> Iterator[GenICamCamera]:
-    """The red game through each of the two libraries, open; the producer serves one of them at a time."""
-    if request.param == "vimba":
-        request.getfixturevalue("vimba_system")
-    opened = HarvestersCamera(RED) if request.param == "genicam" else VimbaCamera(RED)
+def camera(producer: Path) -> Iterator[GenICamCamera]:
+    """The red game, open."""
+    opened = HarvestersCamera(RED)
     opened.open()
     yield opened
     opened.stop()
@@ -102,31 +70,6 @@ def test_the_cameras_of_a_producer_are_found_and_reached(producer: Path) -> None
     by_serial_number.open()
     assert by_serial_number.name == f"genicam camera {GREEN}"
     by_serial_number.stop()
-
-
-def test_the_cameras_of_vimba_are_found_and_reached(vimba_system: Any) -> None:
-    findings = find_cameras(["vimba"])
-    assert findings.missing == {}
-    assert {one.identity for one in findings.cameras} == {RED, GREEN, "VikyTL_DEV_blue"}
-    by_serial_number = connect("vimba:1")
-    by_serial_number.open()
-    assert by_serial_number.name == f"vimba camera {GREEN}"
-    by_serial_number.stop()
-
-
-def test_vimba_without_transport_layers_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("vmbpy", reason="the extra camera-vimba is not installed")
-    monkeypatch.delenv("GENICAM_GENTL64_PATH", raising=False)
-    sentence = vimba.missing_requirement()
-    if sentence is None:
-        pytest.skip("Vimba X is installed here")
-    assert sentence == (
-        "the camera source vimba needs the transport layers of Vimba X and found none; "
-        "install Vimba X, or set GENICAM_GENTL64_PATH to the folder of its .cti files"
-    )
-    assert find_cameras(["vimba"]).missing == {"vimba": sentence}
-    with pytest.raises(CameraError, match="needs the transport layers"):
-        VimbaCamera().open()
 
 
 def test_frames_arrive_without_gaps_in_the_mode_asked_for(camera: GenICamCamera) -> None:

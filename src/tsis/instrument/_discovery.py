@@ -62,7 +62,6 @@ _LIVE = {
     "aravis": ("aravis", "aravis", "AravisCamera"),
     "genicam": ("genicam._harvesters", "genicam._harvesters", "HarvestersCamera"),
     "pylon": ("_pylon", "_pylon", "PylonCamera"),
-    "vimba": ("_vimba", "_vimba", "VimbaCamera"),
     "opencv": ("_opencv", "_opencv", "OpenCVDevice"),
 }
 _STORED = {"files": ("_files", "ImageFiles"), "video": ("_files", "VideoFile")}
@@ -135,7 +134,7 @@ def connect(spec: str) -> Camera:
     Parameters
     ----------
     spec
-        ``"SOURCE:ID"``: aravis, genicam, pylon, vimba or a plug-in with the identity from `find_cameras` (nothing after
+        ``"SOURCE:ID"``: aravis, genicam, pylon or a plug-in with the identity from `find_cameras` (nothing after
         the colon for the first camera); ``"opencv:0"``; ``"files:PATH"`` or ``"video:PATH"``.
 
     Raises

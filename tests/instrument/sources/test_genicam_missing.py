@@ -12,7 +12,6 @@ import pytest
 
 from tsis.errors import CameraError, MissingExtraError
 from tsis.instrument.drivers import _pylon as pylon
-from tsis.instrument.drivers import _vimba as vimba
 from tsis.instrument.drivers.genicam import _harvesters as genicam
 from tsis.instrument.drivers.genicam import _harvesters as genicam_producers
 from tsis.instrument.drivers.genicam import camera_not_found, cannot_open, maker_library, reason
@@ -24,7 +23,6 @@ if TYPE_CHECKING:
 SOURCES = [
     (pylon, "pylon", "pypylon.pylon", "pypylon", pylon.PylonCamera),
     (genicam, "genicam", "harvesters.core", "harvesters", genicam.HarvestersCamera),
-    (vimba, "vimba", "vmbpy", "vmbpy", vimba.VimbaCamera),
 ]
 
 

@@ -1,4 +1,4 @@
-"""The features of a GenICam camera, as the libraries of Basler, Allied Vision and Harvesters offer them.
+"""The features of a GenICam camera, as the libraries of Basler and Harvesters offer them.
 
 Each library wraps the same node map in its own classes. `Nodes` is the common part: two kinds of values to read, and
 one call to write.
