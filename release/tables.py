@@ -1,21 +1,24 @@
 """The tables that ship with the package, so that no first answer waits for them: `make tables`.
 
-They are what the catalog's probes need at default settings: the contact tables of the hardness estimate; for the
-inclusion estimate the light on the lit face, the surrogate of its presses, and what finite strain and uneven tissue add
-to them; the solved presses from which others at finite strain continue; and half-spaces under domed faces. Each is what
-the product itself computes and caches. `tests/files/test_shipped_tables.py` computes them again and compares.
+They are what the catalog's probes need at default settings. Each is what the product itself computes and caches;
+`tsis/tables/tables.toml` says what each is and gives the key under which the product asks for it.
+`tests/files/test_shipped_tables.py` computes them again and compares.
 """
 
 from __future__ import annotations
 
 import os
 import shutil
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
 
 import numpy as np
+import tomli_w
 
 import tsis
-from tsis.catalog import list_probes
-from tsis.files import shipped_tables
+from tsis.catalog.probes import list_probes
+from tsis.files.cache import SHIPPED_KEYS, shipped_tables
 from tsis.hardness import build_contact_table
 from tsis.inclusion import InclusionPrior, prior_on_tissue
 from tsis.inclusion.posterior import build_field_table
@@ -24,35 +27,69 @@ from tsis.mechanics.finite_strain import PressSeries
 from tsis.mechanics.surrogate import build_finite_correction
 from tsis.virtual.probe import VirtualProbe
 
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
 FORCES_N = (0.5, 1.0)
 OTHER_KPA = 15.0  # tissue that the default prior's table of finite strain does not hold, so that the wide one is built
 TISSUE_PROBES = ("tsis-2011", "tsis-domed")  # the catalog's probes for inclusions
+WHAT = {
+    "contact-tables": "contact of soft spheres with the probe's face, for the hardness estimate",
+    "covered": "presses that the tissue covers whole, the surrogate of the inclusion estimate",
+    "finite-press-states": "solved presses on a phantom from which others at finite strain continue",
+    "finite-strain": "what finite strain adds to the surrogate's presses, for tissues of the default prior or others",
+    "half-spaces": "compliance of a domed face on a half-space, as meshed for a press or by the virtual probe",
+    "heterogeneity": "what uneven tissue does to the rings of a frame, for the inclusion estimate",
+    "irradiance": "traced light on the face",
+}
 
 
 def main() -> None:
     """Delete the shipped tables and compute them anew, in about half an hour."""
     folder = shipped_tables()
     shutil.rmtree(folder, ignore_errors=True)
-    os.environ["TSIS_CACHE_DIR"] = str(folder)
-    compute_tables()
+    with TemporaryDirectory() as cache:
+        os.environ["TSIS_CACHE_DIR"] = cache
+        keys: dict[str, dict[str, str]] = {}
+        for name in compute_tables():
+            for made in sorted(Path(cache).glob("*/*")):
+                kind, key = made.parent.name, made.name
+                if key in keys.setdefault(kind, {}).values():
+                    continue
+                if name in keys[kind]:
+                    raise RuntimeError(f"{name} must make one table of {kind}; it made two")
+                keys[kind][name] = key
+                (folder / kind).mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(made, folder / kind / name)
+    described = {kind: {"what": WHAT[kind], "command": "make tables", "keys": keys[kind]} for kind in sorted(keys)}
+    (folder / SHIPPED_KEYS).write_text(tomli_w.dumps(described), encoding="utf-8")
 
 
-def compute_tables() -> None:
-    """Ask for everything that needs a table, as a user does."""
+def compute_tables() -> Iterator[str]:
+    """Ask for everything that needs a table, as a user does; after each, the name of the tables that it may make."""
     for name in list_probes():
         build_contact_table(tsis.load_probe(name))
+        yield name
     for name in TISSUE_PROBES:
-        for prior in (InclusionPrior(), prior_on_tissue(InclusionPrior(), OTHER_KPA)):
+        default = InclusionPrior()
+        for tissue, prior in (("default-prior", default), ("other-tissue", prior_on_tissue(default, OTHER_KPA))):
             build_finite_correction(tsis.load_probe(name), prior.box())
-        build_field_table(tsis.load_probe(name), InclusionPrior())
+            yield f"{name}-{tissue}"
+        build_field_table(tsis.load_probe(name), default)
+        yield name
         PressSeries(tsis.load_probe(name)).press(tsis.load_phantom("size-8"), force_n=FORCES_N[0])
+        yield f"{name}-size-8"
     virtual = VirtualProbe(tsis.load_probe("tsis-domed"), rng=np.random.default_rng(0))
+    yield "tsis-domed"
     phantom = tsis.load_phantom("size-8")
     press(virtual.probe, phantom, force_n=FORCES_N[0])
+    yield "tsis-domed-press"
     VirtualProbe(virtual.probe, rng=np.random.default_rng(0), strain="small").press(phantom, force_n=FORCES_N[0])
+    yield "tsis-domed-virtual-probe"
     images = [virtual.press(phantom, force_n=force) for force in FORCES_N]
     reference = [virtual.press(phantom.without_inclusion(), force_n=force) for force in FORCES_N]
     tsis.inclusion.estimate(images, probe=virtual.probe, calibration=virtual.calibration, reference=reference)
+    yield "tsis-domed"
 
 
 if __name__ == "__main__":

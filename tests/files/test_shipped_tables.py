@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -9,13 +10,14 @@ import numpy as np
 import pytest
 
 from release import tables
-from tsis.files import read_cached_arrays, shipped_tables
+from tsis.files.cache import SHIPPED_KEYS, read_cached, read_cached_arrays, shipped_tables
 from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-SHIPPED = {f"{path.parent.name}/{path.name}" for path in shipped_tables().glob("*/*")}
+KINDS = tomllib.loads((shipped_tables() / SHIPPED_KEYS).read_text(encoding="utf-8"))
+SHIPPED = {f"{kind}/{key}" for kind, entry in KINDS.items() for key in entry["keys"].values()}
 
 
 @pytest.fixture(autouse=True)
@@ -28,14 +30,29 @@ def test_a_first_answer_computes_no_table(empty_cache: Path, monkeypatch: pytest
     def solve(*_: object, **__: object) -> None:
         pytest.fail("a table is solved though it ships with the package: run `make tables`")
 
+    def hit(kind: str, key: str) -> bytes | None:
+        hits.add(f"{kind}/{key}")
+        return read_cached(kind, key)
+
+    hits = set[str]()
+    monkeypatch.setattr("tsis.files.cache.read_cached", hit)
     monkeypatch.setattr("tsis.hardness._table._solve", solve)
     monkeypatch.setattr("tsis.mechanics.surrogate._full_contact._solve", solve)
     monkeypatch.setattr("tsis.inclusion.posterior._heterogeneity._features", solve)
     monkeypatch.setattr("tsis.mechanics.surrogate._correction_build._solve", solve)
     monkeypatch.setattr("tsis.optics.irradiance._trace._traced", solve)
     monkeypatch.setattr(tables, "VirtualProbe", partial(VirtualProbe, strain="small"))  # whose presses need no table
-    tables.compute_tables()
+    asked = set(tables.compute_tables())
     assert not empty_cache.exists(), "nothing was missing, so nothing was cached"
+    assert hits == SHIPPED
+    assert asked >= {name for entry in KINDS.values() for name in entry["keys"]}
+
+
+def test_every_shipped_table_has_a_name_and_the_key_of_its_content() -> None:
+    files = {f"{path.parent.name}/{path.name}" for path in shipped_tables().glob("*/*")}
+    assert files == {f"{kind}/{name}" for kind, entry in KINDS.items() for name in entry["keys"]}
+    assert all(read_cached_arrays(*name.split("/")) for name in SHIPPED)
+    assert {kind: entry["what"] for kind, entry in KINDS.items()} == tables.WHAT
 
 
 def test_the_users_cache_comes_first(empty_cache: Path) -> None:
@@ -54,7 +71,8 @@ def test_the_users_cache_comes_first(empty_cache: Path) -> None:
 def test_the_package_computes_what_it_ships(tmp_path: Path, empty_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shipped = {name: read_cached_arrays(*name.split("/")) for name in SHIPPED}
     monkeypatch.setattr("tsis.files.cache.shipped_tables", lambda: tmp_path / "none")
-    tables.compute_tables()
+    for _ in tables.compute_tables():
+        pass
     assert {f"{path.parent.name}/{path.name}" for path in empty_cache.glob("*/*")} == SHIPPED
     for name, arrays in shipped.items():
         computed = read_cached_arrays(*name.split("/"))

@@ -2,7 +2,8 @@
 
 Each file starts with the SHA-256 of its key and payload; a file that does not match is never used. A cache that cannot
 be written is no error: the result is computed again next time. The package ships the tables of the catalog's probes
-as a second cache, which is only read; `make tables` writes it.
+as a second cache, which is only read; `make tables` writes it. There each has a readable name, and `tables.toml` gives
+its key and says what it is.
 """
 
 from __future__ import annotations
@@ -11,7 +12,9 @@ import hashlib
 import io
 import os
 import stat
+import tomllib
 from contextlib import suppress
+from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -33,6 +36,7 @@ if TYPE_CHECKING:
 
 DIGEST_BYTES = 32
 LARGEST_CACHED_BYTES = 512 * 2**20
+SHIPPED_KEYS = "tables.toml"  # beside the shipped tables
 
 
 def cache_folder() -> Path:
@@ -48,12 +52,25 @@ def content_key(content: Mapping[str, Any]) -> str:
 def read_cached(kind: str, key: str) -> bytes | None:
     """The bytes from the cache or from the package, or None when they are missing or damaged."""
     cached = _read(cache_folder() / kind / key, key)
-    return _read(shipped_tables() / kind / key, key) if cached is None else cached
+    if cached is not None:
+        return cached
+    name = _shipped_names(shipped_tables()).get((kind, key))
+    return None if name is None else _read(shipped_tables() / kind / name, key)
 
 
 def shipped_tables() -> Path:
     """The folder of the tables that ship with the package."""
     return Path(str(files("tsis"))) / "tables"
+
+
+@cache
+def _shipped_names(folder: Path) -> dict[tuple[str, str], str]:
+    """Names of the shipped tables by kind and key."""
+    try:
+        kinds = tomllib.loads((folder / SHIPPED_KEYS).read_text(encoding="utf-8"))
+    except FileNotFoundError:  # while `make tables` computes them
+        return {}
+    return {(kind, key): name for kind, entry in kinds.items() for name, key in entry["keys"].items()}
 
 
 def _read(path: Path, key: str) -> bytes | None:
