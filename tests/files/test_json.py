@@ -1,9 +1,11 @@
 from __future__ import annotations
 
+import base64
 import hashlib
 import json
 import math
-from dataclasses import dataclass
+import zlib
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from types import MappingProxyType
@@ -13,14 +15,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from tsis.errors import InputError
-from tsis.files import content_sha256, from_json_value, json_bytes, to_json_value
+from tsis.files import canonical, content_sha256, from_json_value, json_bytes, to_json_value
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
-
-    from numpy.typing import NDArray
 
 LEAVES = st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text("aä€")
 VALUES = st.recursive(LEAVES, lambda inner: st.lists(inner) | st.dictionaries(st.text("aä€"), inner), max_leaves=8)
@@ -61,6 +62,7 @@ class Whole:
     sd: float | None = None
 
 
+ARRAY: Any = NDArray[np.float64]
 WHOLE = Whole(
     name="a",
     count=3,
@@ -108,6 +110,56 @@ def test_every_declared_type_comes_back_through_json() -> None:
 def test_an_error_names_the_value_its_requirement_and_what_came(change: dict[str, Any], says: str) -> None:
     with pytest.raises(InputError, match=f"^{says}"):
         from_json_value(Whole, to_json_value(WHOLE) | change, "whole")
+
+
+@pytest.mark.parametrize("level", [0, 1, 9])
+def test_arrays_of_any_packing_unpack_to_exactly_what_they_declare(level: int) -> None:
+    values = np.random.default_rng(5).integers(0, 9, 50_000) / 8
+    packed = to_json_value(replace(WHOLE, map=values))["map"]
+    content = zlib.decompress(base64.b64decode(packed["zlib"]))
+    whole = base64.b64encode(zlib.compress(content, level)).decode()
+    assert from_json_value(ARRAY, packed | {"zlib": whole}, "map").tobytes() == values.tobytes()
+    half = base64.b64encode(zlib.compress(content, level)[:-5]).decode()
+    for count, each in ((49_999, whole), (50_001, whole), (50_000, half)):
+        with pytest.raises(InputError, match=f"^map must be a whole map of {4 * count} bytes"):
+            from_json_value(ARRAY, packed | {"shape": [count], "zlib": each}, "map")
+
+
+NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
+
+
+@given(values=st.lists(NUMBERS, max_size=3).map(np.array) | st.lists(NUMBERS, min_size=65, max_size=70).map(np.array))
+def test_arrays_come_back_bit_for_bit(values: NDArray[np.float64]) -> None:
+    back = from_json_value(Whole, json.loads(json_bytes(to_json_value(replace(WHOLE, map=values)))), "whole")
+    assert back.map.tobytes() == values.tobytes()
+
+
+@pytest.mark.parametrize("number", [math.nan, math.inf])
+@pytest.mark.parametrize("size", [3, 100])
+def test_arrays_that_are_not_finite_are_refused_both_ways(number: float, size: int) -> None:
+    with pytest.raises(InputError, match=r"^map must be an array of finite numbers"):
+        to_json_value(replace(WHOLE, map=np.full(size, number)))
+    content = np.full(100, number, "<f4").tobytes()
+    packed = {"shape": [100], "kind": "single", "sha256": hashlib.sha256(content).hexdigest()}
+    packed["zlib"] = base64.b64encode(zlib.compress(content)).decode()
+    with pytest.raises(InputError, match=r"^map must be an array of finite numbers"):
+        from_json_value(ARRAY, [number] * size if size < 64 else packed, "map")
+
+
+@dataclass(frozen=True)
+class Outer:
+    inner: tuple[Whole, ...]
+
+
+def test_a_number_that_json_lacks_is_refused_by_its_name_at_any_depth() -> None:
+    with pytest.raises(InputError, match=r"^sd must be a number; got NaN"):
+        to_json_value(Outer((WHOLE, replace(WHOLE, sd=math.nan))))
+
+
+def test_a_name_of_a_file_that_is_not_utf_8_comes_back() -> None:
+    name = "half \ud800"
+    document = json.loads(canonical(to_json_value(replace(WHOLE, name=name, settings={}))))
+    assert from_json_value(Whole, document, "whole").name == name
 
 
 def test_complete_values_have_their_defaults_too() -> None:

@@ -31,7 +31,7 @@ from tsis.calibration.file import (
     write_calibration,
 )
 from tsis.errors import CalibrationError, FileInputError, InputError, TsisError
-from tsis.files.json_values import _unpacked, require_bounded_arrays
+from tsis.files.json_values import require_bounded_arrays
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -170,17 +170,6 @@ def test_maps_packed_otherwise_are_the_same_calibration(path: Path) -> None:
     dark["zlib"] = base64.b64encode(zlib.compress(zlib.decompress(base64.b64decode(dark["zlib"])), 1)).decode()
     path.write_text(json.dumps(document))
     assert calibration_sha256(read_calibration(path)) == document["sha256"]
-
-
-@pytest.mark.parametrize("level", [0, 1, 9])
-def test_maps_of_any_packing_unpack_to_exactly_what_they_declare(level: int) -> None:
-    content = np.random.default_rng(5).integers(0, 9, 50_000).astype(np.uint8).tobytes()
-    packed = base64.b64encode(zlib.compress(content, level)).decode()
-    assert bytes(_unpacked(packed, len(content), "map")) == content
-    half = base64.b64encode(zlib.compress(content, level)[:-5]).decode()
-    for size, each in ((len(content) - 1, packed), (len(content) + 1, packed), (len(content), half)):
-        with pytest.raises(InputError, match=f"map must be a whole map of {size} bytes"):
-            _unpacked(each, size, "map")
 
 
 def _resealed(path: Path, change: Any) -> None:
