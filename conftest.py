@@ -21,7 +21,7 @@ from threadpoolctl import threadpool_limits
 if TYPE_CHECKING:
     from collections.abc import Generator
 
-collect_ignore = ["docs/_build", "src/tsis/records/migrations/env.py"]  # which Alembic alone can run
+collect_ignore = ["docs/_build"]
 ROOT = Path(__file__).parent
 TESTS = ROOT / "tests"
 CACHES = Path(sys.prefix)  # the environment's own folder: .venv of `make test`

@@ -36,7 +36,6 @@ PACKAGES = (
     "study",
     "report",
 )
-PRIVATE = ("tsis.records.migrations",)
 
 
 def commands() -> str:
@@ -89,8 +88,7 @@ def _below(name: str) -> list[str]:
     inside = sorted(part.name for part in pkgutil.iter_modules(getattr(package, "__path__", ())) if part.name[0] != "_")
     found: list[str] = []
     for part in inside:
-        if f"{name}.{part}" not in PRIVATE:
-            found += [f"{name}.{part}", *_below(f"{name}.{part}")]
+        found += [f"{name}.{part}", *_below(f"{name}.{part}")]
     return found
 
 

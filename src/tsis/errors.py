@@ -130,7 +130,6 @@ class RecordsWarning(TsisWarning):
 
 # Product names that differ from import names; Netgen is part of NGSolve.
 PRODUCT_NAMES = {
-    "alembic": "Alembic",
     "arviz": "ArviZ",
     "cv2": "OpenCV",
     "netgen": "NGSolve",

@@ -8,8 +8,6 @@ import sys
 import threading
 from typing import TYPE_CHECKING
 
-from tests.records.old_store import make_old
-from tests.records.place import Place
 from tests.records.tampered import fill
 
 from tsis.errors import RecordsError
@@ -50,12 +48,6 @@ def two_writers(folder: Path, rng: random.Random) -> None:
         raise AssertionError(f"a store that was written to meanwhile had the faults {faults}")
 
 
-def migrated(folder: Path, rng: random.Random) -> None:
-    make_old(Place(folder))
-    with open_store(folder) as store:
-        fill(store, rng.randrange(100))
-
-
 def killed_writer(folder: Path, rng: random.Random) -> None:
     """One that was killed in the midst of a save."""
     command = [sys.executable, "-m", "tests.records.writer", str(folder), "-", str(rng.randrange(100)), "100000"]
@@ -94,7 +86,6 @@ HONEST: dict[str, Callable[[Path, random.Random], None]] = {
     "empty": empty,
     "filled and edited": edited,
     "two writers, verified meanwhile": two_writers,
-    "migrated from schema 1": migrated,
     "a writer killed in a save": killed_writer,
     "killed before the anchor": killed_before_the_anchor,
     "refused edits": refused_writes,

@@ -150,7 +150,7 @@ def _look(store: Store, told: list[dict[str, Any]], found: Found) -> None:
             else:
                 row = connection.exec_driver_sql(query, (each["id"],)).first()
                 file = None if row is None else (row.frame, "png")
-                if row is not None and row.version == each["version"] and row.note != each.get("note"):
+                if row is not None and row.version == each["version"] and row.note != each.get("note", ""):
                     found.lost.append(f"edit of {each['id']}")
             if row is None or file is None:
                 found.lost.append(f"{each['kind']} {each['id']}")

@@ -156,7 +156,7 @@ def _site(kind: str) -> str:
     while frame is not None and len(names) < 3:
         if frame.f_globals.get("__name__", "").startswith("tsis."):
             names.append(frame.f_code.co_qualname)
-            if not frame.f_globals["__name__"].endswith("._atomic"):
+            if not frame.f_globals["__name__"].endswith(".atomic"):
                 break
         frame = frame.f_back  # type: ignore[assignment]
     return " > ".join([*(name for name in reversed(names) if not name.startswith("Disk.")), kind])

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import random
     from collections.abc import Collection, Iterator
 
-    from tests.records.power_loss import Step, Trace
+    from tests.records.power_loss import Step
     from tests.records.power_loss_playback import State
     from tests.records.power_loss_scenarios import Kept, Run
 
@@ -41,7 +41,6 @@ class Judge:
         self._anchor, self._under_way = -1, True
         self._written: dict[int, bytes] = {}
         self._chains = [_chain(each) for each in run.trace.commits]
-        self._copies = [(path, since, _written_to(run.trace, path)) for path, since in run.copies]
 
     def step(self, step: Step) -> None:
         """Take note of one more step."""
@@ -65,9 +64,6 @@ class Judge:
             content = state.files.get(f"{PLACE}/{path}")
             if content is None or sha256(content) != path[9:73]:  # files/ab/abcd….png
                 found.append("file")
-        for path, since, content in self._copies:
-            if state.commit >= since and state.files.get(path) != content:
-                found.append("copy of the old schema")
         return found + self._anchor_losses(state)
 
     def _anchor_losses(self, state: State) -> list[str]:
@@ -135,11 +131,6 @@ def _chain(database: bytes) -> dict[int, str]:
     with closing(sqlite3.connect(":memory:")) as connection:
         connection.deserialize(b"".join((database[:18], b"\1\1", database[20:])))  # in memory is no write-ahead log
         return dict(connection.execute("SELECT number, hash FROM audit"))
-
-
-def _written_to(trace: Trace, path: str) -> bytes:
-    number = next(step.file for step in trace.steps if step.kind == "rename" and step.to == path)
-    return b"".join(step.content for step in trace.steps if step.kind == "write" and step.file == number)
 
 
 def reopened(state: State, run: Run, kept: list[Kept]) -> list[str]:

@@ -15,16 +15,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from unittest import mock
 
-from alembic import command
 from tests.records.power_loss import Killed, RecordingDisk, Step, Trace, recorded_commits
 from tests.records.sample import WHEN, levels, sample_calibration, sample_estimate
 
 from tsis.calibration.file import calibration_bytes
 from tsis.model import TactileImage
 from tsis.records.store import Store, frame_bytes, open_store
-from tsis.records.store import _database as database
 from tsis.records.store import _engines as engines
-from tsis.records.store import _upgrade as upgrade
 from tsis.records.store._audit import read_anchor
 
 if TYPE_CHECKING:
@@ -49,7 +46,6 @@ class Run:
 
     name: str
     trace: Trace
-    copies: tuple[tuple[str, int], ...] = ()  # files that must be there from a commit on
 
 
 class Bench:
@@ -201,27 +197,10 @@ class _Baton:
                 self._change.wait_for(lambda: self._turn == mine)
 
 
-def _old(bench: Bench) -> None:
-    """A store as a program with schema 1 left it."""
-    one = mock.patch.object(database, "newest_revision", return_value="1")
-    with one, mock.patch.object(command, "upgrade", _first_step), bench.open() as store:
-        bench.target(store)
-
-
-def _first_step(config: Any, _revision: str, *, upgraded: Any = command.upgrade) -> None:
-    upgraded(config, "1")
-
-
-def _migrated(bench: Bench) -> None:
-    with mock.patch.object(upgrade, "DISK", RecordingDisk(bench.trace)), bench.open() as store:
-        bench.press(store, bench.target(store), 1)
-
-
 def runs(*, seed: int, kills: int | None, mixtures: int, pragma: str = "") -> Iterator[Run]:
     """Every scenario; ``kills`` of the steps before which the first program may be killed, all by default."""
     for name, work in (("new", _new), ("shared", _shared), ("estimated", _estimated), ("copied in", _copied_in)):
         yield _recorded(name, work, pragma=pragma)
-    yield _recorded("migrated", _migrated, old=True, pragma=pragma)
     whole = Bench(Trace(root=Path()))
     _recorded("", lambda bench: whole.__dict__.update(turns=_killed(bench, -1)))
     points = list(range(whole.__dict__["turns"]))
@@ -231,21 +210,17 @@ def runs(*, seed: int, kills: int | None, mixtures: int, pragma: str = "") -> It
         yield _recorded(f"two writers {mixture}", partial(_together, seed=seed + mixture), pragma=pragma)
 
 
-def _recorded(name: str, work: Callable[[Bench], Any], *, old: bool = False, pragma: str = "") -> Run:
+def _recorded(name: str, work: Callable[[Bench], Any], *, pragma: str = "") -> Run:
     root = Path(tempfile.mkdtemp(prefix="tsis-power-"))
     trace = Trace(root=root)
     (root / "home").mkdir()
     trace.steps += [Step(kind="make_folder", path="home"), Step(kind="sync_folder", path=".")]
-    copies: tuple[tuple[str, int], ...] = ()
     try:
         with recorded_commits(trace), weakened(pragma):
-            if old:
-                _old(Bench(trace))
-                copies = ((f"{PLACE}/records-of-schema-1.sqlite3", len(trace.commits)),)
             work(Bench(trace))
     finally:
         shutil.rmtree(root)
-    return Run(name=name, trace=trace, copies=copies)
+    return Run(name=name, trace=trace)
 
 
 @contextmanager

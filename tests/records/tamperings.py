@@ -103,11 +103,11 @@ def the_schema(stores: Stores, rng: random.Random) -> None:
         "CREATE TABLE more (x)",
         "CREATE VIEW more AS SELECT * FROM targets",
         "CREATE TRIGGER more AFTER INSERT ON presses BEGIN DELETE FROM presses; END",
-        "UPDATE alembic_version SET version_num = '1'",
-        "UPDATE alembic_version SET version_num = x'ff'",
-        "DELETE FROM alembic_version",
-        "INSERT INTO alembic_version VALUES ('1')",
-        "DROP TABLE alembic_version",
+        "UPDATE store SET value = '2' WHERE name = 'schema'",
+        "UPDATE store SET value = x'ff' WHERE name = 'schema'",
+        "DELETE FROM store WHERE name = 'schema'",
+        "INSERT INTO store VALUES ('schemas', '1')",
+        "DROP TABLE store",
     ]
     with closing(sqlite3.connect(stores.store / "records.sqlite3", isolation_level=None)) as connection:
         connection.execute("PRAGMA foreign_keys=OFF")

@@ -12,8 +12,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from tests.records.old_store import make_old
-from tests.records.place import Place
 
 from tsis.errors import RecordsWarning
 from tsis.model import TactileImage
@@ -92,13 +90,6 @@ def test_open_modes_are_warned_of_once(tmp_path: Path) -> None:
         for _ in range(3):
             open_store(tmp_path / "store", kind="subject").close()
     assert len(caught) == 1
-
-
-def test_copy_that_an_upgrade_leaves_is_readable_by_its_owner_alone(tmp_path: Path) -> None:
-    make_old(Place(tmp_path / "store"))
-    open_store(tmp_path / "store").close()
-    copies = list((tmp_path / "store").glob("records-of-schema-*.sqlite3"))
-    assert [oct(stat.S_IMODE(copy.stat().st_mode)) for copy in copies] == ["0o600"]
 
 
 @pytest.mark.system

@@ -7,17 +7,16 @@ from typing import TYPE_CHECKING
 
 import pytest
 from sqlalchemy import delete, update
-from tests.records.old_store import make_old
 from tests.records.sample import WHEN, levels, sample_record
 
 from tsis.errors import RecordsError
 from tsis.model import TactileImage
+from tsis.records import schema as tables
 from tsis.records._deidentify import hidden_identity, pseudonym, public_identity
 from tsis.records.dicom import dicom_files
 from tsis.records.export import csv_files
 from tsis.records.export.arrays import write_netcdf, write_zarr
 from tsis.records.export.bundle import read_bundle, write_bundle
-from tsis.records.store import _tables as tables
 from tsis.records.store import open_store, verify_store
 from tsis.records.store._database import TERM, read_secret
 
@@ -36,7 +35,7 @@ def filled(store: Store) -> TargetRecord:
     return store.record(target)
 
 
-def secret_of(store: Store) -> str | None:
+def secret_of(store: Store) -> str:
     with store.database.reading() as connection:
         return read_secret(connection)
 
@@ -68,7 +67,6 @@ def test_who_has_the_identity_does_not_have_the_pseudonym(tmp_path: Path) -> Non
 def test_no_export_holds_the_secret(tmp_path: Path) -> None:
     with open_store(tmp_path / "store") as store:
         record, secret = filled(store), secret_of(store)
-        assert secret is not None
         write_bundle(record, tmp_path / "out" / "bundle")
         write_netcdf(record, tmp_path / "out" / "one.nc")
         write_zarr(record, tmp_path / "out" / "one.zarr")
@@ -83,19 +81,6 @@ def test_no_export_holds_the_secret(tmp_path: Path) -> None:
             assert each.encode() not in content
             assert bytes.fromhex(each) not in content
     assert record.secret not in repr(record)
-
-
-def test_an_older_store_gets_one_once_and_its_audit_says_so(place: Place) -> None:
-    make_old(place)
-    with place.open() as store:
-        assert secret_of(store) is None
-        (summary, *_) = store.targets()
-        first, head = store.record(summary.target), verify_store(store).head
-        assert verify_store(store).sound
-        assert secret_of(store) is not None
-    with place.open() as store:
-        assert pseudonym(store.record(summary.target)) == pseudonym(first)
-        assert verify_store(store).head == head
 
 
 def test_a_secret_that_was_taken_out_is_not_made_anew(tmp_path: Path) -> None:

@@ -12,8 +12,6 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
-from tests.records.old_store import make_old
-from tests.records.place import Place
 from tests.records.sample import WHEN, levels
 from tests.records.tampered import fill
 
@@ -96,18 +94,6 @@ def test_what_is_in_the_log_is_seen(sealed: Path, monkeypatch: pytest.MonkeyPatc
             later = writing.add_target()
             assert store.target(later.number) == later
             assert verify_store(store).sound
-
-
-def test_a_store_of_an_old_schema_is_not_migrated_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    make_old(Place(tmp_path / "old"))
-    before = content(tmp_path / "old")
-    monkeypatch.setattr("tsis.records.store._opening.only_readable", lambda _: True)
-    with pytest.raises(
-        RecordsError, match=r"must have schema 2 where nothing can be written; it has 1: copy"
-    ) as result:
-        open_store(tmp_path / "old")
-    assert "\n" not in str(result.value)
-    assert content(tmp_path / "old") == before
 
 
 def read_on_a_medium(folder: Path, out: Path) -> dict[str, object]:

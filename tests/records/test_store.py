@@ -23,9 +23,9 @@ from tsis.model import TactileImage
 from tsis.present.html import html_bytes
 from tsis.present.target import target_page
 from tsis.records import environment
+from tsis.records import schema as tables
 from tsis.records.store import DELETED, UNDO_DAYS, _reader, open_store, verify_store
 from tsis.records.store import _engines as engines
-from tsis.records.store import _tables as tables
 from tsis.records.store._reader import target_summaries
 
 if TYPE_CHECKING:

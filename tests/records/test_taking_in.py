@@ -14,8 +14,8 @@ from tests.records.sample import sample_record
 from tsis.errors import RecordsError
 from tsis.files import to_json_value
 from tsis.records import estimate_to_json
+from tsis.records import schema as tables
 from tsis.records.export.bundle import read_bundle, write_bundle
-from tsis.records.store import _tables as tables
 from tsis.records.store import open_store, verify_store
 
 if TYPE_CHECKING:

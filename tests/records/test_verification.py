@@ -279,7 +279,7 @@ def test_who_verifies_while_another_writes_sees_one_state(tmp_path: Path) -> Non
         (["DELETE FROM audit_head"], "the audit must end at"),
         (["ALTER TABLE audit DISABLE TRIGGER ALL", "DELETE FROM audit WHERE number = 5"], "must follow entry 4"),
         (["DROP TABLE audit"], "audit"),
-        (["UPDATE alembic_version SET version_num = '9'"], "update tsis"),
+        (["UPDATE store SET value = '9' WHERE name = 'schema'"], "must have schema 1; it has '9'"),
     ],
 )
 def test_tampering_in_postgresql_is_found(tmp_path: Path, postgres: Server, statements: list[str], said: str) -> None:

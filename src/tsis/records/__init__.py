@@ -6,7 +6,7 @@ import lazy_loader
 
 from tsis.errors import require_extra
 
-require_extra("sqlalchemy", "alembic", feature="the store of records", extra="records")
+require_extra("sqlalchemy", feature="the store of records", extra="records")
 
 from tsis.records._deidentify import DAMAGED, deidentified
 from tsis.records._estimate_json import estimate_to_json

@@ -1,5 +1,6 @@
 """The store: files under their hash, rows in SQLite or PostgreSQL, and a chained audit of both."""
 
+from tsis.records.schema import calibration_table, frame_table, press_table, target_table
 from tsis.records.store._audit import AuditChange, append_audit, locked_head
 from tsis.records.store._backup import back_up_store
 from tsis.records.store._database import DATABASE_FILE, Database, derived
@@ -10,7 +11,6 @@ from tsis.records.store._reader import ARCHIVED, DELETED, MOST_AT_ONCE, TargetSt
 from tsis.records.store._removal import UNDO_DAYS
 from tsis.records.store._rows import press_of_row, press_row, target_of_row, target_row
 from tsis.records.store._store import Store
-from tsis.records.store._tables import calibration_table, frame_table, press_table, target_table
 from tsis.records.store._transfer import ImportedTarget
 from tsis.records.store._verification import StoreVerification, verify_store
 

@@ -26,7 +26,7 @@ from tsis.files import (
     write_durably,
 )
 from tsis.model import require_integer, require_type
-from tsis.records.store._tables import audit_head_table, audit_table
+from tsis.records.schema import audit_head_table, audit_table
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping

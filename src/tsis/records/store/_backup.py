@@ -12,7 +12,6 @@ from tsis.records.store._database import DATABASE_FILE, Database
 from tsis.records.store._files import Blobs
 from tsis.records.store._opening import open_store
 from tsis.records.store._store import FILES
-from tsis.records.store._upgrade import vacuum_into
 from tsis.records.store._verification import cited_files, last_entry, verify_store
 
 if TYPE_CHECKING:
@@ -59,7 +58,8 @@ def _copied(store: Store, draft: Path, progress: Callable[[int, int], None]) -> 
     (draft / DATABASE_FILE).touch(mode=PRIVATE_FILE)
     (draft / FILES).mkdir(mode=0o700)
     with store.database.reading() as connection:
-        vacuum_into(connection, draft / DATABASE_FILE)
+        driver = connection.connection.driver_connection
+        driver.execute("VACUUM INTO ?", (str(draft / DATABASE_FILE),))  # type: ignore[union-attr]
     with closing(Database(None, draft)) as copy, copy.reading() as connection:  # of the same state, whatever is added
         files = list(dict(cited_files(connection)))
         write_anchor(draft, store.identity, last_entry(connection))

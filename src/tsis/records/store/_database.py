@@ -8,12 +8,12 @@ import secrets
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from sqlalchemy import event, insert, inspect, select, text
+from sqlalchemy import event, inspect, select, text
 from sqlalchemy.exc import DatabaseError, DBAPIError, SQLAlchemyError
 
 from tsis.errors import RecordsError
 from tsis.files import one_line, printable_path
-from tsis.records.store._audit import AuditChange
+from tsis.records.schema import has_schema, store_table
 from tsis.records.store._engines import (
     IMMEDIATE,
     postgresql_engine,
@@ -22,8 +22,6 @@ from tsis.records.store._engines import (
     reading_engine,
     sqlite_engine,
 )
-from tsis.records.store._tables import audit_table, store_table
-from tsis.records.store._upgrade import back_up, newest_revision, revision, upgrade
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -64,7 +62,7 @@ def _identity(file: Path) -> tuple[int, int] | None:
 
 DATABASE_FILE = "records.sqlite3"
 CURE = "copy the whole folder of the store to where it can be written, and name that"
-_LOCK_KEY = 0x74736973  # advisory lock to create or migrate a store
+_LOCK_KEY = 0x74736973  # advisory lock to create a store
 
 
 class Database:
@@ -138,34 +136,16 @@ class Database:
 
     @contextmanager
     def beginning(self) -> Iterator[Connection]:
-        """As `writing`, and one at a time in PostgreSQL too, to create or migrate a store."""
+        """As `writing`, and one at a time in PostgreSQL too, to create a store."""
         with self.writing() as connection:
             if self.file is None:
                 connection.execute(text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": _LOCK_KEY})
             yield connection
 
-    def migrate(self) -> None:
-        """Upgrade the schema, after a copy of an old SQLite file."""
-        with self.reading() as connection:
-            present = revision(connection, self.name)
-        if present == newest_revision():
-            return
-        if self.read_only:
-            raise RecordsError(
-                f"{self.name} must have schema {newest_revision()} where nothing can be written; it has "
-                f"{present or 'none'}: {CURE}"
-            )
-        with self.beginning() as connection:
-            present = revision(connection, self.name)  # another program may have upgraded it meanwhile
-            if present is not None and present != newest_revision() and self.file is not None:
-                with self.reading() as other:  # sees the committed state, with the old schema
-                    back_up(other, self.file, present)
-            upgrade(connection)
-
     def empty(self) -> bool:
-        """Whether the database has no schema."""
+        """Whether the database holds no store."""
         with self.reading() as connection:
-            return revision(connection, self.name) is None
+            return not has_schema(connection)
 
     def replaced(self) -> bool:
         """Whether SQLite's file was moved or replaced."""
@@ -246,30 +226,12 @@ def derived(secret: str, what: str, identity: str) -> str:
     return hmac.new(bytes.fromhex(secret), f"tsis {what}\0{identity}".encode(), hashlib.sha256).hexdigest()
 
 
-def read_secret(connection: Connection) -> str | None:
-    """The secret of a store; None in a store of an older release, `RecordsError` when it was changed or removed."""
+def read_secret(connection: Connection) -> str:
+    """The secret of a store; `RecordsError` when it was changed or removed."""
     result = connection.execute(select(store_table.c.value).where(store_table.c.name == TERM)).scalar()
-    if result is None:
-        entered = (
-            select(audit_table.c.number)
-            .where((audit_table.c.kind == store_table.name) & (audit_table.c.row == TERM))
-            .limit(1)
-        )
-        if connection.execute(entered).first() is None:
-            return None
-    elif isinstance(result, str) and len(result) == 2 * BYTES and set(result) <= set("0123456789abcdef"):
+    if isinstance(result, str) and len(result) == 2 * BYTES and set(result) <= set("0123456789abcdef"):
         return result
     raise RecordsError(
         "the secret of the store, from which pseudonyms follow, must be as it was made; it was changed or taken out "
         "(tsis records verify; take the database from a backup)"
     )
-
-
-def entered_secret(connection: Connection) -> tuple[str, list[AuditChange]]:
-    """The secret of a store, created where it has none, with the audit entries."""
-    secret = read_secret(connection)
-    if secret is not None:  # another program created it meanwhile
-        return secret, []
-    row = {"name": TERM, "value": new_secret()}
-    connection.execute(insert(store_table).values(row))
-    return row["value"], [AuditChange(action="add", kind=store_table.name, row=TERM, values=row)]

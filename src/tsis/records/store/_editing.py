@@ -10,8 +10,8 @@ from sqlalchemy import insert, select, update
 from tsis.errors import InputError, RecordsError, StaleRecordError
 from tsis.files import digest_or_none
 from tsis.model import require_one_of
+from tsis.records import schema as tables
 from tsis.records._values import validated_entries
-from tsis.records.store import _tables as tables
 from tsis.records.store._audit import AuditChange, last_content
 from tsis.records.store._reader import press_query
 from tsis.records.store._rows import Row, press_of_row, press_row, target_of_row, target_row

@@ -28,9 +28,9 @@ from tsis.files import (
     remove_unfinished,
 )
 from tsis.model import require_one_of
+from tsis.records import schema as tables
 from tsis.records._values import KINDS, require_label
 from tsis.records.store import _rows as rows
-from tsis.records.store import _tables as tables
 from tsis.records.store._audit import ANCHOR_FILE as ANCHOR
 from tsis.records.store._audit import (
     BEFORE,
@@ -71,7 +71,7 @@ def open_store(
 ) -> Store:
     """Open a store, read-only where the folder is not writable, or create an empty one.
 
-    A new store has folders of mode 0700 and files of mode 0600; `RecordsWarning` for an old one that others may read.
+    A new store has folders of mode 0700 and files of mode 0600; `RecordsWarning` for one that others may read.
 
     Parameters
     ----------
@@ -110,7 +110,6 @@ def open_store(
     try:
         if not create or read_only:
             _require_begun(rows_of)
-        rows_of.migrate()
         result = _terms(rows_of) or _begin(rows_of, position, kind, actor, disk)
         _require_kind(position, kind, result["kind"])
         _require_own_folder(rows_of, position, result["identity"])
@@ -145,7 +144,7 @@ def _make_folders(path: Path, disk: Disk, *, own_database: bool) -> None:
 
 
 def _warn_of_open_modes(path: Path) -> None:
-    """Warn where other users of this machine may read a store of an older release."""
+    """Warn where other users of this machine may read a store, whose modes were changed since."""
     if os.name == "posix" and all(map(_open_to_others, (path, path / FILES))):
         warnings.warn(
             f"other users of this machine can read the records in {printable_path(path)} "
@@ -203,12 +202,12 @@ def _require_own_folder(database: Database, path: Path, identity: str) -> None:
 def _terms(database: Database) -> dict[str, str]:
     """Properties of the store; empty for a new one."""
     with database.reading() as connection:
+        if not tables.has_schema(connection):
+            return {}
         terms = {row.name: row.value for row in connection.execute(select(tables.store_table))}
-        begun = any(
-            connection.execute(select(table).limit(1)).first() is not None
-            for table in (tables.audit_head_table, tables.audit_table)
-        )
-    if (terms or begun) and (terms.get("kind") not in KINDS or not isinstance(terms.get("identity"), str)):
+        if terms:
+            tables.require_schema(connection, database.name)
+    if terms.get("kind") not in KINDS or not isinstance(terms.get("identity"), str):
         shown_terms = {name: value for name, value in terms.items() if name != TERM}
         raise RecordsError(
             f"{database.name} must say what store it is; got {shown_terms!r:.80} (take it from a backup)"
@@ -217,12 +216,14 @@ def _terms(database: Database) -> dict[str, str]:
 
 
 def _begin(database: Database, path: Path, kind: str, actor: str, disk: Disk) -> dict[str, str]:
-    terms = {"kind": kind, "identity": uuid.uuid4().hex, "made": rows.moment(datetime.now(UTC)), TERM: new_secret()}
+    made = rows.moment(datetime.now(UTC))
+    terms = dict([tables.SCHEMA]) | {"kind": kind, "identity": uuid.uuid4().hex, "made": made, TERM: new_secret()}
     with database.beginning() as connection:
-        if connection.execute(select(tables.audit_head_table)).first() is not None:
+        if tables.has_schema(connection):
             head = None  # another program created it meanwhile
         else:
             _require_no_other(database, path)
+            tables.create_schema(connection)
             begin_audit(connection)
             entered = [{"name": name, "value": value} for name, value in terms.items()]
             connection.execute(insert(tables.store_table), entered)

@@ -14,9 +14,9 @@ from tsis.__about__ import LARGEST_TARGET
 from tsis.calibration.file import parse_calibration
 from tsis.errors import FileInputError, InputError, RecordsError
 from tsis.model import require_integer
+from tsis.records import schema as tables
 from tsis.records._target_record import TargetRecord
 from tsis.records.store import _rows as rows
-from tsis.records.store import _tables as tables
 from tsis.records.store._audit import AuditHead, has_entry
 from tsis.records.store._files import frame_levels, samples_of
 from tsis.records.store._rows import target_of_row

@@ -10,7 +10,7 @@ from sqlalchemy import delete, insert, select, update
 
 from tsis.errors import RecordsError
 from tsis.model import require_one_of
-from tsis.records.store import _tables as tables
+from tsis.records import schema as tables
 from tsis.records.store._audit import AuditChange
 from tsis.records.store._editing import require_row
 from tsis.records.store._reader import ARCHIVED, DELETED, TERM_OF, TargetState, read_states
@@ -54,7 +54,7 @@ def state_edit(target: Target, state: str) -> Callable[[Connection], tuple[Targe
 
 
 def _term_change(connection: Connection, target: str, action: str, value: Mapping[str, Any]) -> AuditChange:
-    """Write the state of a target into the terms of the store: no table of older stores has a column for it."""
+    """Write the state of a target into the terms of the store."""
     table, row = tables.store_table, {"name": TERM_OF + target, "value": json.dumps(value)}
     known = table.c.name == row["name"]
     if connection.execute(select(table.c.name).where(known)).first() is None:

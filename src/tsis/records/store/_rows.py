@@ -58,8 +58,7 @@ def press_row(press: StoredPress) -> Row:
         "axis_px_y": axis[1] + 0.0,
         "force_n": None if force is None else force + 0.0,
         "settings": canonical(document["settings"]),
-        "flags": canonical(document["flags"]) if document["flags"] else None,
-        "note": document["note"] or None,
+        "flags": canonical(document["flags"]),
     }
 
 
@@ -71,8 +70,7 @@ def press_of_row(row: Mapping[str, Any]) -> StoredPress:
         document["mm_per_pixel"] = None if None in scale else scale
         document["axis_px"] = [document.pop("axis_px_x"), document.pop("axis_px_y")]
         document["settings"] = parse_canonical(row["settings"], "settings")
-        document["flags"] = parse_canonical(row["flags"] or "[]", "flags")
-        document["note"] = row["note"] or ""
+        document["flags"] = parse_canonical(row["flags"], "flags")
         return from_json_value(StoredPress, document, "press", complete=True)
 
 

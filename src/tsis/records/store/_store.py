@@ -17,9 +17,9 @@ from tsis.calibration.file import ProbeCalibration, calibration_bytes, calibrati
 from tsis.errors import InputError
 from tsis.files import DISK, Disk, from_json_value, to_json_value
 from tsis.model import TactileImage, require_type
+from tsis.records import schema as tables
 from tsis.records._values import StoredEstimate, StoredPress, Target, require_label, require_moment, validated_entries
 from tsis.records.store import _rows as rows
-from tsis.records.store import _tables as tables
 from tsis.records.store._audit import (
     BEFORE,
     AuditChange,
@@ -29,7 +29,7 @@ from tsis.records.store._audit import (
     require_anchored,
     write_anchor,
 )
-from tsis.records.store._database import derived, entered_secret, read_secret
+from tsis.records.store._database import derived, read_secret
 from tsis.records.store._editing import insert_row, insert_row_once, press_edit, require_row, target_edit
 from tsis.records.store._files import Blobs, frame_bytes, samples_bytes
 from tsis.records.store._reader import DELETED, StoreReader, TargetState, read_states
@@ -88,11 +88,9 @@ class Store(StoreReader):
     # What is stored
 
     def record(self, target: Target, *, limit: int | None = None, offset: int = 0) -> TargetRecord:
-        """All data of a target; an old store without a secret gets one here."""
+        """All data of a target."""
         with self.database.reading() as connection:
             secret = read_secret(connection)
-        if secret is None:
-            secret = self._write(entered_secret)
         return replace(super().record(target, limit=limit, offset=offset), secret=derived(secret, "target", target.id))
 
     def add_target(

@@ -12,12 +12,12 @@ from sqlalchemy import func, select
 from tsis.__about__ import LARGEST_TARGET
 from tsis.calibration.file import calibration_bytes
 from tsis.errors import InputError, RecordsError
+from tsis.records import schema as tables
+from tsis.records.schema import target_table
 from tsis.records.store import _rows as rows
-from tsis.records.store import _tables as tables
 from tsis.records.store._editing import insert_row, insert_row_once
 from tsis.records.store._files import frame_bytes, frame_levels, samples_bytes
 from tsis.records.store._reader import MOST_AT_ONCE, in_lineage
-from tsis.records.store._tables import target_table
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence

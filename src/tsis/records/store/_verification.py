@@ -12,17 +12,17 @@ from sqlalchemy import select
 
 from tsis.errors import RecordsError
 from tsis.files import FIRST_HASH, digest_or_none, link_faults, one_line
-from tsis.records.store._audit import BEFORE, LOST, AuditHead, has_entry, read_anchor
-from tsis.records.store._audit import KIND as ANCHOR
-from tsis.records.store._tables import (
+from tsis.records.schema import (
     RECORDED,
     audit_head_table,
     audit_table,
     calibration_table,
     estimate_table,
     frame_table,
+    schema_faults,
 )
-from tsis.records.store._upgrade import schema_faults
+from tsis.records.store._audit import BEFORE, LOST, AuditHead, has_entry, read_anchor
+from tsis.records.store._audit import KIND as ANCHOR
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
