@@ -74,7 +74,7 @@ def test_every_sync_left_out_is_missed(recorded: Recorded) -> None:
     expected = {
         label(step) for run in islice(recorded, FIRST) for step in run.trace.steps if step.kind in SYNCS and step.site
     }
-    assert len(expected) >= 10
+    assert len(expected) >= 8
     for run in recorded:
         for number, step in enumerate(run.trace.steps):
             if step.kind in SYNCS and label(step) in expected and without(run, number)[1]:

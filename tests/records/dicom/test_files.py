@@ -9,7 +9,7 @@ import pytest
 from tests.records.sample import sample_record
 
 from tsis.errors import MissingExtraError, RecordsError
-from tsis.files import _atomic as durable
+from tsis.files import atomic as durable
 from tsis.records.dicom import dicom_files, write_dicom
 
 if TYPE_CHECKING:
