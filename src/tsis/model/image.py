@@ -175,7 +175,7 @@ def require_same_probe(probe: Probe, calibration: Calibration) -> None:
     require_type("probe", probe, Probe)
     if not isinstance(calibration, Calibration):
         raise NotCalibratedError(
-            f"calibration must be a Calibration, the response of this probe to pressure; got {calibration!r}"
+            f"calibration must be a Calibration, the response of this probe to pressure; got {calibration!r:.80}"
         )
     if calibration.probe and probe.name and calibration.probe != probe.name:
         raise NotCalibratedError(
