@@ -14,13 +14,10 @@ from tests.calibration.file.bench import bench
 
 from tsis.calibration.file import calibration_bytes, calibration_sha256, read_calibration
 from tsis.records.export.bundle import read_bundle, write_bundle
-from tsis.study.classifier import classifier_sha256, read_classifier
-from tsis.study.folder import open_study, read_seal, verify_study
 from tsis.sweep.data_set import manifest_sha256, read_manifest
 
 EARLIER = Path(__file__).parent / "earlier"
 CALIBRATION = "a2a950cfd776b954cfa5173bcc1ac8ed83f2752183c65f6826e3b9c912cf774b"
-HEAD = "3e8ccb2b76fa83a339be152c301882c1d4cf2acc9f8507317c0b098810295ac9"
 
 
 def test_a_calibration_opens_and_has_its_hash() -> None:
@@ -30,20 +27,6 @@ def test_a_calibration_opens_and_has_its_hash() -> None:
     written = json.loads(calibration_bytes(known))
     assert written["sha256"] == json.loads((EARLIER / "calibration.json").read_bytes())["sha256"] == CALIBRATION
     assert calibration_sha256(bench(name="Prüfstand 2")) == CALIBRATION
-
-
-def test_a_study_opens_and_its_log_has_its_head(tmp_path: Path) -> None:
-    folder = shutil.copytree(EARLIER / "study", tmp_path / "study")
-    study = open_study(folder)
-    assert (study.chain.head, study.chain.lines, dict(study.chain.breaks)) == (HEAD, 7, {})
-    assert verify_study(folder, head=HEAD).faults == ()
-    seal, unchanged = read_seal(study)
-    assert unchanged
-    assert study.plan.content() == (folder / "study.json").read_bytes()
-    assert hashlib.sha256(seal.content()).hexdigest() == study.plan.commitment
-    assert (
-        b"".join(f"{entry.line()}\n".encode() for entry in study.chain.entries) == (folder / "log.jsonl").read_bytes()
-    )
 
 
 def test_an_exported_target_opens_and_is_written_with_the_same_hashes(tmp_path: Path) -> None:
@@ -69,11 +52,3 @@ def test_the_manifest_of_a_sweep_opens_and_has_its_hash(tmp_path: Path) -> None:
     assert manifest["plan_sha256"] == manifest_sha256(manifest["plan"])
     independent = json.dumps(manifest["plan"], sort_keys=True).encode()
     assert manifest["plan_sha256"] == hashlib.sha256(independent).hexdigest()
-
-
-def test_a_classifier_opens_and_has_its_hash() -> None:
-    document = json.loads((EARLIER / "classifier.json").read_bytes())
-    read_classifier(EARLIER / "classifier.json")
-    assert (
-        classifier_sha256({name: value for name, value in document.items() if name != "sha256"}) == document["sha256"]
-    )

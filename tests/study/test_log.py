@@ -9,7 +9,7 @@ from tests.study.made import made_study
 
 from tsis.errors import RecordsError
 from tsis.files import Disk, LogDraft
-from tsis.study.folder import enter_readings, open_study, verify_study
+from tsis.study.folder import enter_readings, open_study
 from tsis.study.log import LOG_FILE, append_log, read_log
 from tsis.study.plan import DeviceReading
 
@@ -91,23 +91,3 @@ def test_readings_are_entered_without_reading_the_log_again(tmp_path: Path, monk
     monkeypatch.undo()
     assert after == open_study(study.folder)
     assert [each.code for each in after.readings] == [code, other]
-
-
-def test_what_earlier_programs_logged_of_unidentified_quantities_is_withheld(tmp_path: Path) -> None:
-    study = made_study(tmp_path / "study")
-    logged = DeviceReading(
-        code=study.plan.codes[0],
-        device=study.plan.device,
-        operator="Ada",
-        repeat=1,
-        score=1.0,
-        values={"diameter_mm": 8.0, "young_kpa": 77.0},
-        sd={"diameter_mm": 0.5, "young_kpa": 22.0},
-        interval_90={"young_kpa": (42.0, 118.0)},
-        flags=("young_kpa_not_identified",),
-    )
-    enter_readings(study, [logged], actor="Ada")
-    (read,) = open_study(study.folder).readings
-    assert (dict(read.values), dict(read.sd)) == ({"diameter_mm": 8.0}, {"diameter_mm": 0.5})
-    assert read.interval_90 == logged.interval_90
-    assert not verify_study(study.folder).faults

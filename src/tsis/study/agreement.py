@@ -1,4 +1,7 @@
-"""Agreement of raters and of methods of measurement on the same targets: intraclass correlation, Bland and Altman."""
+"""Agreement of raters and of methods of measurement on the same targets: intraclass correlation, Bland and Altman.
+
+Both are our own: no library under a permissive licence has their intervals.
+"""
 
 from __future__ import annotations
 
@@ -84,7 +87,7 @@ class IntraclassCorrelation:
     value
         At most 1; below 0 where targets differ less than expected by chance.
     mean_squares
-        Of the table.
+        Mean squares of the table.
     """
 
     form: str
@@ -227,9 +230,9 @@ class ProportionalBias:
     slope, intercept
         Difference per unit of the mean, and at a mean of 0.
     standard_error
-        Of the slope.
+        Standard error of the slope.
     degrees_of_freedom
-        Of the line, targets less 2.
+        Degrees of freedom of the line, targets less 2.
     """
 
     slope: float
@@ -276,7 +279,7 @@ class BlandAltman:
 
     @property
     def targets(self) -> int:
-        """How many."""
+        """Number of targets."""
         return len(self.differences)
 
     @property
@@ -286,7 +289,7 @@ class BlandAltman:
 
     @property
     def standard_deviation(self) -> float:
-        """Of the differences."""
+        """Standard deviation of the differences."""
         return float(self.differences.std(ddof=1))
 
     def bias_interval(self, level: float = LEVEL) -> Interval:

@@ -64,6 +64,23 @@ class DeviceResults:
     threshold: float
     targets: tuple[TargetResult, ...]
 
+    @classmethod
+    def of(
+        cls,
+        device: str,
+        threshold: float,
+        readings: Sequence[DeviceReading],
+        truths: Mapping[str, TargetTruth],
+        codes: Sequence[str],
+    ) -> DeviceResults:
+        """Pair the first of the ``readings`` of every target by a device with the truth of its code."""
+        first: dict[str, DeviceReading] = {}
+        for reading in readings:
+            if reading.device == device:
+                first.setdefault(reading.code, reading)
+        targets = tuple(TargetResult(code=code, truth=truths[code], reading=first.get(code)) for code in codes)
+        return cls(device=device, threshold=threshold, targets=targets)
+
     @property
     def decided(self) -> tuple[TargetResult, ...]:
         """Targets with a score."""
@@ -128,22 +145,6 @@ class DeviceResults:
         return Counts.of([called for called, _ in decisions], [true for _, true in decisions]) if decisions else None
 
 
-def device_results(
-    device: str,
-    threshold: float,
-    readings: Sequence[DeviceReading],
-    truths: Mapping[str, TargetTruth],
-    codes: Sequence[str],
-) -> DeviceResults:
-    """Pair the first of the ``readings`` of every target by a device with the truth of its code."""
-    first: dict[str, DeviceReading] = {}
-    for reading in readings:
-        if reading.device == device:
-            first.setdefault(reading.code, reading)
-    targets = tuple(TargetResult(code=code, truth=truths[code], reading=first.get(code)) for code in codes)
-    return DeviceResults(device=device, threshold=threshold, targets=targets)
-
-
 EDGES_MM = {"diameter_mm": (5.0, 8.0), "depth_mm": (6.0, 8.0)}  # a value at an edge belongs below it, but sizes above
 
 
@@ -171,19 +172,19 @@ def _stratum(device_results: DeviceResults, quantity: str, low: float, high: flo
     def inside(value: float) -> bool:
         return low <= value < high if quantity == "diameter_mm" else low < value <= high
 
-    matching = [
+    inclusions = [
         target
         for target in device_results.targets
         if target.truth.has_inclusion and inside(target.truth.values[quantity])
     ]
-    decided = [item for item in matching if item.score is not None]
+    decided = [item for item in inclusions if item.score is not None]
     count = sum(device_results.calls(item) for item in decided)
     return Stratum(
         quantity=quantity,
         low=low,
         high=high,
         detected=Proportion(successes=count, trials=len(decided)) if decided else None,
-        undecided=sum(item.reading is not None and item.score is None for item in matching),
+        undecided=sum(item.reading is not None and item.score is None for item in inclusions),
     )
 
 
@@ -591,7 +592,7 @@ def analyse(study: Study, *, progress: Callable[[int, int], None] | None = None)
     seal, _ = read_seal(study)
     truths = {code: seal.truths[code] for code in study.plan.codes}
     entries = [
-        device_results(device, study.threshold_of(device), study.readings, truths, study.plan.codes)
+        DeviceResults.of(device, study.threshold_of(device), study.readings, truths, study.plan.codes)
         for device in study.devices
     ]
     devices = []

@@ -14,7 +14,7 @@ from tsis.catalog import load_phantom, load_probe
 from tsis.errors import CalibrationError, InputError, RecordsError
 from tsis.model import INTERVAL_LEVEL, Inclusion, require_integer
 from tsis.study.agreement import bland_altman
-from tsis.study.analysis import DeviceResults, device_results
+from tsis.study.analysis import DeviceResults
 from tsis.study.folder import new_study, read_seal, unblind, verify_study
 from tsis.study.plan import QUANTITIES, TargetTruth, require_short_name
 from tsis.study.precision import linearity, repeatability, reproducibility
@@ -253,7 +253,7 @@ def performance_card(
     name = device or study.devices[0]
     truths = read_seal(study)[0].truths
     results = tuple(item for item in analysis.results if item.device == name and item.over == OPERATORS)
-    decisions = device_results(name, study.threshold_of(name), study.readings, truths, study.plan.codes)
+    decisions = DeviceResults.of(name, study.threshold_of(name), study.readings, truths, study.plan.codes)
     covered: dict[str, tuple[int, int]] = {}
     for reading in study.readings:
         for quantity, (low, high) in reading.interval_90.items():

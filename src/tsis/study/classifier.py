@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 NONE, OTHER, TARGET = 0, 1, 2
 CLASSES = 3
-SIDES = {  # unit, name of the requested side, and of the other
+SIDES = {  # unit, name of the side of the target class, and of the other
     "young_kpa": ("kPa", "stiffer than", "softer than"),
     "diameter_mm": ("mm", "larger than", "smaller than"),
     "depth_mm": ("mm", "shallower than", "deeper than"),
@@ -93,12 +93,12 @@ class ClassSplit:
 
     @property
     def names(self) -> tuple[str, str, str]:
-        """Of the three classes, in the order of their labels 0, 1 and 2."""
-        requested = " and ".join(f"{SIDES[name][1]} {limit:g} {SIDES[name][0]}" for name, limit in self.limits.items())
+        """Names of the three classes, in the order of their labels 0, 1 and 2."""
+        target = " and ".join(f"{SIDES[name][1]} {limit:g} {SIDES[name][0]}" for name, limit in self.limits.items())
         if len(self.limits) > 1:
-            return "none", f"not {requested}", requested
+            return "none", f"not {target}", target
         (name, limit), *_ = self.limits.items()
-        return "none", f"{SIDES[name][2]} {limit:g} {SIDES[name][0]}", requested
+        return "none", f"{SIDES[name][2]} {limit:g} {SIDES[name][0]}", target
 
     def label(self, inclusion: Inclusion | None) -> int:
         """The true class of a target: 0, 1 or 2; an inclusion on a limit is of class 1."""
@@ -181,7 +181,7 @@ def target_evidence(estimate: Estimate, *, draws: int = EVIDENCE_DRAWS, prior: f
     draws
         Number of samples, evenly through its own; all where it has fewer.
     prior
-        As for `tsis.study.probabilities`.
+        As for `tsis.study.probabilities.presence`.
     """
     result = presence(estimate, prior=prior)
     if not estimate.presence_trusted:
@@ -337,8 +337,8 @@ class Classifier:
 
     def probabilities(self, features: ArrayLike) -> NDArray[np.float64]:
         """Probability of each class, shape (n, 3), at given features, shape (n, 4), as in `TrainingSet`."""
-        reported: NDArray[np.float64] = self.model.predict_proba(require_array("features", features, ndim=2))
-        return reported
+        probabilities: NDArray[np.float64] = self.model.predict_proba(require_array("features", features, ndim=2))
+        return probabilities
 
     def classify(self, reading: TargetEvidence) -> Classified:
         """Probabilities of the classes of a target."""
@@ -585,29 +585,27 @@ def read_classifier(path: str | os.PathLike[str]) -> Classifier:
         classifier = train_classifier(
             _training(content["targets"]), ClassSplit(**content["split"]), ClassifierSettings(**content["settings"])
         )
-        selected = require_array("probabilities", content["probabilities"], ndim=2)
+        stored = require_array("probabilities", content["probabilities"], ndim=2)
     except InputError as error:
         raise FileInputError(f"{name} must hold a classifier; {error}") from error
     except TypeError as error:
         reason = "its split or its settings name something unknown, or are no objects"
         raise FileInputError(f"{name} must hold a classifier; {reason}") from error
-    result = _few(classifier)
-    if selected.shape != result.shape:
+    refitted = _few(classifier)
+    if stored.shape != refitted.shape:
         raise FileInputError(
-            f"{name} must hold {result.shape[0]} rows of {CLASSES} probabilities; got shape {selected.shape}"
+            f"{name} must hold {refitted.shape[0]} rows of {CLASSES} probabilities; got shape {stored.shape}"
         )
-    difference = float(np.abs(selected - result).max())
+    difference = float(np.abs(stored - refitted).max())
     if difference <= SAME:
         return classifier
-    created, here = content["made_with"], _versions()
-    if created == here:
+    then, here = content["made_with"], _versions()
+    if then == here:
         raise FileInputError(
             f"{name} must give the probabilities that it holds; they differ by up to {difference:.2g}, though the "
             "same versions made it: train the classifier again"
         )
-    versions = ", ".join(
-        f"{name} {created[name]} then and {here[name]} now" for name in here if created[name] != here[name]
-    )
+    versions = ", ".join(f"{name} {then[name]} then and {here[name]} now" for name in here if then[name] != here[name])
     note = f"Refitted, its probabilities differ by up to {difference:.2g} from those of its file: {versions}."
     return replace(classifier, notes=(note,))
 
@@ -649,12 +647,12 @@ def _check_form(content: dict[str, Any], name: str) -> None:
     if set(content) != KEYS:
         other = min(set(content) ^ KEYS)
         raise FileInputError(f"{name} must hold {', '.join(sorted(KEYS))}; {other!r:.40} is missing or unknown")
-    created = content["made_with"]
-    stated = isinstance(created, dict) and set(created) == set(_versions())
+    versions = content["made_with"]
+    stated = isinstance(versions, dict) and set(versions) == set(_versions())
     if not stated or not all(
-        isinstance(item, str) and len(item) < 40 and item.isprintable() for item in created.values()
+        isinstance(item, str) and len(item) < 40 and item.isprintable() for item in versions.values()
     ):
-        raise FileInputError(f"{name} must name the versions it was made with; got {created!r:.80}")
+        raise FileInputError(f"{name} must name the versions it was made with; got {versions!r:.80}")
     try:
         same = classifier_sha256({key: item for key, item in content.items() if key != "sha256"}) == content["sha256"]
     except (ValueError, RecursionError):  # numbers that are not valid JSON

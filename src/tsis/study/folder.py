@@ -246,8 +246,8 @@ class StudyFault:
         return f"{self.file}:{self.line}"
 
     def __str__(self) -> str:
-        position = f"{self.file}, line {self.line}" if self.line else self.file
-        return f"{position} {self.what}" + (f" ({self.when})" if self.when else "") + "."
+        place = f"{self.file}, line {self.line}" if self.line else self.file
+        return f"{place} {self.what}" + (f" ({self.when})" if self.when else "") + "."
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -396,10 +396,10 @@ def _reading_fault(entry: LogEntry, plan: StudyPlan | None, counts: Counter[tupl
 
 
 def _holds(chain: LogChain, head: str) -> bool:
-    requested = head.strip().lower()
-    if len(requested) < LEAST_HEAD or set(requested) - set("0123456789abcdef"):
+    digits = head.strip().lower()
+    if len(digits) < LEAST_HEAD or set(digits) - set("0123456789abcdef"):
         raise InputError(f"head must be a hash that a report printed, {LEAST_HEAD} digits or more; got {head!r:.80}")
-    return any(entry.hash.startswith(requested) for entry in chain.entries)
+    return any(entry.hash.startswith(digits) for entry in chain.entries)
 
 
 def unblind(study: Study, *, by: str) -> Study:

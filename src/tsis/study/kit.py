@@ -17,7 +17,7 @@ from tsis.errors import FileInputError, InputError, RecordsError
 from tsis.files import as_path, printable_path, read_csv_rows, table_bytes
 from tsis.mechanics import compression_modulus, indentation_modulus
 from tsis.model import INTERVAL_LEVEL, require_number
-from tsis.study.analysis import device_results
+from tsis.study.analysis import DeviceResults
 from tsis.study.folder import read_seal, verify_study
 from tsis.study.plan import QUANTITIES
 from tsis.study.proportions import Interval
@@ -315,7 +315,7 @@ def score_validation(
             + (f"{unknown[0]!r:.60} is none" if unknown else f"{', '.join(lost[:9])} missing")
         )
     truths = {code: _replaced(truth, moduli) for code, truth in sealed.items()}
-    decisions = device_results(name, study.threshold_of(name), study.readings, truths, study.plan.codes)
+    decisions = DeviceResults.of(name, study.threshold_of(name), study.readings, truths, study.plan.codes)
     own = [item for item in study.readings if item.device == name and truths[item.code].has_inclusion]
     known_sd = {
         code: {**sizes_sd, "young_kpa": moduli[truth.label].sd_kpa}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from contextlib import contextmanager
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from datetime import datetime
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -15,7 +15,6 @@ from tsis.catalog import list_probes
 from tsis.errors import FileInputError, InputError, RecordsError
 from tsis.files import SHA256, from_json_value, json_bytes, parse_object, to_json_value
 from tsis.model import (
-    NOT_IDENTIFIED_FLAG,
     ContentValue,
     Inclusion,
     Phantom,
@@ -125,18 +124,8 @@ class DeviceReading(ContentValue):
 
 
 def parse_reading(document: Mapping[str, Any]) -> DeviceReading:
-    """The reading in the JSON values of a log entry; `InputError` when they are no reading.
-
-    Earlier programs logged mean and deviation of quantities that are not identified, too; those are left out.
-    """
-    reading = from_json_value(DeviceReading, document, "reading")
-    withheld = {name for name in QUANTITIES if f"{name}{NOT_IDENTIFIED_FLAG}" in reading.flags}
-    if withheld.isdisjoint(reading.values.keys() | reading.sd.keys()):
-        return reading
-    values, sd = (
-        {name: value for name, value in part.items() if name not in withheld} for part in (reading.values, reading.sd)
-    )
-    return replace(reading, values=values, sd=sd)
+    """The reading in the JSON values of a log entry; `InputError` when they are no reading."""
+    return from_json_value(DeviceReading, document, "reading")
 
 
 def require_short_name(what: str, name: object) -> str:

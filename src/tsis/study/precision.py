@@ -1,4 +1,7 @@
-"""Repeatability and reproducibility of readings, their linearity, and the size of a study of them."""
+"""Repeatability and reproducibility of readings, their linearity, and the size of a study of them.
+
+The analyses of variance are our own, with the exact and the modified intervals that statsmodels lacks.
+"""
 
 from __future__ import annotations
 
@@ -204,7 +207,7 @@ class Reproducibility:
 
 
 def degrees_of_freedom(shape: tuple[int, int, int]) -> tuple[int, int, int, int]:
-    """Of targets, operators, interaction and repeats in a balanced study of that many targets, operators, repeats."""
+    """Degrees of freedom of targets, operators, interaction and repeats in a balanced study of that shape."""
     n, k, r = shape
     return n - 1, k - 1, (n - 1) * (k - 1), n * k * (r - 1)
 
@@ -367,7 +370,7 @@ def linearity(measured: ArrayLike, true: ArrayLike) -> Linearity:
 
 
 def _least_squares(design: np.ndarray, y: np.ndarray) -> tuple[list[float], list[float], float]:
-    """Coefficients, their standard errors, and the sum of squares that is left."""
+    """Coefficients, their standard errors, and the sum of squares that is left; statsmodels gives the same digits."""
     fitted = np.linalg.lstsq(design, y, rcond=None)[0]
     left = float(((y - design @ fitted) ** 2).sum())
     covariance = np.linalg.inv(design.T @ design) * left / (len(y) - design.shape[1])

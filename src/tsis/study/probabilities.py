@@ -78,18 +78,18 @@ def brier_score(probabilities: ArrayLike, present: ArrayLike, *, groups: ArrayLi
     together = values if groups is None else np.asarray(groups)
     if together.shape != values.shape:
         raise InputError(f"groups must have one number a target, {len(values)} in all; got shape {together.shape}")
-    position = np.unique(together, return_inverse=True)[1]
-    sizes = np.bincount(position)
-    message, observed = (np.bincount(position, weights=item) / sizes for item in (values, truth.astype(float)))
+    group = np.unique(together, return_inverse=True)[1]
+    sizes = np.bincount(group)
+    mean_probability, observed = (np.bincount(group, weights=item) / sizes for item in (values, truth.astype(float)))
     fraction = float(truth.mean())
     # Stephenson, Coelho and Jolliffe, Weather Forecast. 23 (2008) 752: variance and covariance inside the groups.
-    difference = values - message[position]
+    difference = values - mean_probability[group]
     return BrierScore(
         score=float(np.mean((values - truth) ** 2)),
-        reliability=float(np.average((message - observed) ** 2, weights=sizes)),
+        reliability=float(np.average((mean_probability - observed) ** 2, weights=sizes)),
         resolution=float(np.average((observed - fraction) ** 2, weights=sizes)),
         uncertainty=fraction * (1 - fraction),
-        within=float(np.mean(difference**2) - 2 * np.mean(difference * (truth - observed[position]))),
+        within=float(np.mean(difference**2) - 2 * np.mean(difference * (truth - observed[group]))),
     )
 
 
@@ -228,14 +228,14 @@ def reliability_curve(
     fractions = np.linspace(0.0, 1.0, require_integer("bins", bins, 1, MOST_BINS) + 1)
     widths = choice("widths", widths, ("equal-count", "equal-width"))
     ends = fractions if widths == "equal-width" else np.quantile(values, fractions)
-    position = np.searchsorted(ends[1:-1], values)
-    results = []
-    for index in np.unique(position):
-        inside = position == index
+    bin_of = np.searchsorted(ends[1:-1], values)
+    filled = []
+    for index in np.unique(bin_of):
+        inside = bin_of == index
         observed = Proportion(successes=int(truth[inside].sum()), trials=int(inside.sum()))
         low, high = float(ends[index]), float(ends[index + 1])
-        results.append(ReliabilityBin(low=low, high=high, probability=float(values[inside].mean()), observed=observed))
-    return ReliabilityCurve(bins=tuple(results), brier=brier_score(values, truth, groups=position))
+        filled.append(ReliabilityBin(low=low, high=high, probability=float(values[inside].mean()), observed=observed))
+    return ReliabilityCurve(bins=tuple(filled), brier=brier_score(values, truth, groups=bin_of))
 
 
 STEPS = 100
@@ -380,7 +380,7 @@ class PresenceProbability:
     caveats
         Flags of the estimate that its model is not valid: the probability then compares two poor models.
     evidence
-        Natural logarithm of the likelihood ratio before the probability was rounded; None if not saved.
+        Natural logarithm of the likelihood ratio before the probability was rounded; None if it was not kept.
 
     Examples
     --------
@@ -483,6 +483,6 @@ def presence(estimate: Estimate, *, prior: float | None = None) -> PresenceProba
 
 
 def _stated_prior(provenance: Mapping[str, Any]) -> float | None:
-    reported = provenance.get("prior")
-    value = reported.get("presence") if isinstance(reported, Mapping) else None
+    prior = provenance.get("prior")
+    value = prior.get("presence") if isinstance(prior, Mapping) else None
     return value if isinstance(value, float) else None

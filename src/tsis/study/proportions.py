@@ -119,8 +119,8 @@ def both_classes(present: NDArray[np.bool_], *, least: int = 1, needed_by: str) 
     Raises `InputError` when a class is missing or too small; the message names it.
     """
     inside = int(np.count_nonzero(present))
-    results = {True: inside, False: len(present) - inside}
-    for value, number in results.items():
+    numbers = {True: inside, False: len(present) - inside}
+    for value, number in numbers.items():
         if number < least:
             targets, hold = ("target", "holds") if least == 1 else ("targets", "hold")
             cure = ABSENT[value].format(least=f"{least} {targets}", hold=hold)
@@ -489,9 +489,9 @@ class Counts:
         return ProportionDifference(first=self.sensitivity, second=_complement(self.specificity))
 
 
-def _proportion(name: str, successes: int, trials: int, requested: str) -> Proportion:
+def _proportion(name: str, successes: int, trials: int, needed: str) -> Proportion:
     if trials == 0:
-        raise InputError(f"{name} must have at least one {requested} to be a fraction of; got 0: add such targets")
+        raise InputError(f"{name} must have at least one {needed} to be a fraction of; got 0: add such targets")
     return Proportion(successes=successes, trials=trials)
 
 

@@ -205,8 +205,8 @@ class _Rig:
         evidence["prior"] = str(self.prior)
         try:
             (targets, references), calibration = own.known(targets, references)
-            saved = ProbeCalibration(name=calibration.name, probe=plan.probe, response=calibration)
-            evidence["calibration_sha256"] = calibration_sha256(saved)
+            kept = ProbeCalibration(name=calibration.name, probe=plan.probe, response=calibration)
+            evidence["calibration_sha256"] = calibration_sha256(kept)
             result = estimate(
                 targets,
                 probe=virtual.probe,
@@ -224,7 +224,7 @@ class _Rig:
                 kind="inclusion",
                 estimate=result,
                 probe=plan.probe,
-                calibration=saved,
+                calibration=kept,
                 frames={"target": targets, "plain": references},
                 options={"prior": asdict(self.prior), "strain": self.strain},
                 name=code,  # the only sign of the target

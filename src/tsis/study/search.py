@@ -92,7 +92,7 @@ class DetectionRangeTable:
         return float(np.interp(diameter, self.diameter_mm, by_size))
 
 
-def detection_range_of_trials(offset_mm: ArrayLike, result: ArrayLike, *, probability: float = 0.9) -> float:
+def detection_range_of_trials(offset_mm: ArrayLike, found: ArrayLike, *, probability: float = 0.9) -> float:
     """Detection range from trials on inclusions of one kind at many distances from the axis.
 
     Isotonic regression fits the detection rate by a step function that does not rise with the distance; the range is
@@ -103,7 +103,7 @@ def detection_range_of_trials(offset_mm: ArrayLike, result: ArrayLike, *, probab
     ----------
     offset_mm
         Distances from the axis, shape (trials,), not negative.
-    result
+    found
         Whether the inclusion was detected, booleans of shape (trials,).
     probability
         Requested probability of detection, in (0, 1).
@@ -118,7 +118,7 @@ def detection_range_of_trials(offset_mm: ArrayLike, result: ArrayLike, *, probab
     4.0
     """
     away = require_array("offset_mm", offset_mm, ndim=1)
-    observed = booleans("found", result)
+    observed = booleans("found", found)
     same_length("offset_mm", away, "found", observed)
     if away.min() < 0:
         raise InputError(f"offset_mm must not be negative; got {away.min():g}")
