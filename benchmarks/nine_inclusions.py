@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from benchmarks.simulated_presses import PROTOCOLS, SMALL, Protocol, examine
 from benchmarks.tables import show
-from studies.printed_6_3 import PRINTED, PRINTED_ERROR, relative_error, without_itself
+from studies.section_6_3 import PRINTED, PRINTED_ERROR, relative_error, without_itself
 
 import tsis
 from tsis.cli import progress_bar

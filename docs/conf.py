@@ -9,7 +9,7 @@ ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
 
 from release import reference_pages, traceability  # noqa: E402
-from studies import gallery_page  # noqa: E402
+from studies import gallery  # noqa: E402
 
 if TYPE_CHECKING:
     from sphinx.application import Sphinx
@@ -46,9 +46,9 @@ def add_requirements(app: "Sphinx", docname: str, source: list[str]) -> None:
 
 def add_figures(app: "Sphinx", docname: str, source: list[str]) -> None:
     if docname == "figures":
-        for path in gallery_page.sources():
+        for path in gallery.sources():
             app.env.note_dependency(str(path))
-        source[0] += "\n" + gallery_page.page(ROOT)
+        source[0] += "\n" + gallery.page(ROOT)
 
 
 def add_reference(app: "Sphinx", docname: str, source: list[str]) -> None:

@@ -17,8 +17,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from studies.printed_6_4 import PRINTED, PRINTED_AREA
-from studies.section_6_4 import PLACES, TRUTH, Result, run
+from studies.section_6_4 import PLACES, PRINTED, PRINTED_AREA, TRUTH, Result, run
 from studies.shown import Shown
 
 from tsis.study.roc import Roc, newcombe_interval

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.stats import rankdata
-from studies.printed_6_3 import PRINTED, PRINTED_RMSE, rmse, without_itself
-from studies.section_6_3 import METHODS, ROUTES, Result, run
+from studies.section_6_3 import METHODS, PRINTED, PRINTED_RMSE, ROUTES, Result, rmse, run, without_itself
 from studies.shown import Shown
 
 from tsis.inclusion.network import LinearMapping, fit_mapping

@@ -32,12 +32,13 @@ from studies.section_5_1 import (
     FORCES_N,
     PRINTED_DIFFERENCE,
     PRINTED_INTERCEPT,
+    PRINTED_SLOPE,
+    SENSOR,
     TIPS_MM,
     between,
     fitted,
     noisy_sums,
 )
-from studies.section_5_1_bench import PRINTED_SLOPE, SENSOR
 from studies.shown import Shown
 
 import tsis

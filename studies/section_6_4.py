@@ -7,7 +7,7 @@ tissue without any are pressed; the score is the probability of an inclusion, an
 One study is one virtual probe with its own gain, stiffness, pattern and light; each press has its own force, stray
 light and noise, and each reference place a modulus of its own. This is done twice: with the probe over the inclusion in
 even tissue, and as in a search, up to 5 mm beside it in tissue of lumps that differ by up to a tenth
-(`benchmarks.uneven_tissue`). `studies.section_6_4_bench` says how presses are made.
+(`benchmarks.uneven_tissue`). `studies.section_6_4` says how presses are made.
 
 What such a study can say at all is the point: with eight of each kind the intervals are wide, and that of the printed
 area holds 0.5.
@@ -18,26 +18,173 @@ from __future__ import annotations
 import argparse
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from benchmarks.searched_presses import COVERING_N, OFFSET_MM, UNEVEN_SD
+from benchmarks.searched_presses import COVERING_N, OFFSET_MM, UNEVEN_SD, MovingProbe
 from benchmarks.simulated_presses import PROTOCOLS, Protocol
 from benchmarks.uneven_tissue import Site, lump_changes, uneven
-from studies.printed_6_4 import PRINTED, PRINTED_AREA, percent, printed_lines, table_2_1
-from studies.section_6_4_bench import BLANK, PreparedProbe, solved
+from studies.shown import Shown
 
 import tsis
 from tsis.cli import progress_bar
 from tsis.errors import TsisError
+from tsis.files import cached_arrays, content_key
 from tsis.inclusion import estimate
+from tsis.mechanics import press
+from tsis.mechanics.surrogate import mechanical_content
+from tsis.model import PressField
 from tsis.study.proportions import Counts, Proportion
-from tsis.study.roc import Roc
+from tsis.study.roc import Roc, newcombe_interval
+from tsis.virtual.probe import FINE_RESOLUTION
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from matplotlib.figure import Figure
     from numpy.typing import NDArray
+
+    from tsis.model import Phantom
+
+
+PRINTED = Counts(true_positives=6, false_negatives=2, true_negatives=7, false_positives=1)
+PRINTED_AREA = 0.735
+# Table 2.1: sensitivity and specificity in per cent, with the source that the dissertation names for each row.
+TABLE_2_1 = (
+    ("Clinical breast examination", 57.14, 97.11, "Ratanachaikanont 2005"),
+    ("Mammography", 68.6, 91.4, "Carney et al. 2003"),
+    ("Doppler ultrasound", 68.1, 95.1, "Raza and Baum 1997"),
+    ("Magnetic resonance imaging", 88.2, 67.7, "Bluemke et al. 2004"),
+    ("Positron emission tomography", 96.4, 77.3, "Lind et al. 2004"),
+    ("Thermography imaging", 97.3, 14.1, "Parisky et al. 2003"),
+)
+
+
+def printed_lines() -> list[str]:
+    """What the printed numbers can mean."""
+    sensitivity, specificity = PRINTED.sensitivity.interval(), PRINTED.specificity.interval()
+    area = newcombe_interval(PRINTED_AREA, 8, 8)
+    hit, false = PRINTED.sensitivity.value, 1 - PRINTED.specificity.value
+    corner = np.trapezoid([0, hit, 1], [0, false, 1])
+    least, most = hit * (1 - false), 1 - false * (1 - hit)
+    steps = round(PRINTED_AREA * 128)
+    return [
+        "printed: sensitivity 75 %, 95 % interval " + percent(sensitivity.low, sensitivity.high),
+        "printed: specificity 87.5 %, 95 % interval " + percent(specificity.low, specificity.high),
+        f"printed: area {PRINTED_AREA:g}; with 8 + 8 targets its 95 % interval (Newcombe) is {area.low:.3f} to "
+        f"{area.high:.3f}, which {'holds' if area.holds(0.5) else 'does not hold'} 0.5",
+        f"  through the printed point alone lines enclose {corner:.4f}; no concave curve through it encloses less; "
+        f"steps through it enclose {least:.3f} to {most:.3f}",
+        f"  areas of 8 + 8 targets are multiples of 1/128, of which the nearest is {steps / 128:.6f}: not 0.735",
+    ]
+
+
+def percent(low: float, high: float) -> str:
+    """Ends of an interval of a share."""
+    return f"{100 * low:.1f} to {100 * high:.1f} %"
+
+
+def table_2_1() -> list[str]:
+    """Table 2.1 of the source, for context; without numbers of persons it has no intervals."""
+    rows = [f"  {name:30} {hit:6.2f} % {empty:6.2f} %  {source}" for name, hit, empty, source in TABLE_2_1]
+    return ["table 2.1 as printed, sensitivity and specificity, on persons and so not comparable with phantoms:", *rows]
+
+
+def youden(rows: tuple[tuple[str, float, float, str], ...]) -> dict[str, float]:
+    """Sensitivity and specificity less one, in per cent, of each row: 0 for chance, 100 without error."""
+    return {f"{name}, sensitivity and specificity less one": hit + empty - 100 for name, hit, empty, _ in rows}
+
+
+def draw(rows: tuple[tuple[str, float, float, str], ...], figure: Figure) -> None:
+    """Table 2.1 as points; persons, so that no point of a study on phantoms stands among them."""
+    axis = figure.subplots()
+    for mark, (name, hit, empty, _) in zip("osD^vP", rows, strict=True):
+        axis.plot(1 - empty / 100, hit / 100, mark, color="0.35", mfc="none", markersize=8, label=name)
+    axis.plot([0, 1], [0, 1], ":", color="0.6", label="chance")
+    axis.set(xlabel="1 - specificity", ylabel="sensitivity", xlim=(0, 1), ylim=(0, 1.05))
+    axis.legend(loc="center left", bbox_to_anchor=(1.02, 0.5), fontsize=9)
+
+
+SHOWN = (Shown(name="table-2-1", run=lambda _: TABLE_2_1, values=youden, draw=draw),)
+
+
+BLANK = "detection-blank"
+# Presses of the phantoms are solved at a few stiffnesses and forces and interpolated between, on a mesh that is finer
+# and of another order than the estimator's. A probe's own stiffness, and the modulus of a reference place, only scale
+# the moduli of the tissue, so one coordinate serves both; a press that covers the face is linear in its force.
+LOG_SOFTER = (-0.15, -0.05, 0.05, 0.15)  # logarithms of tissue over nominal, at which presses are solved
+FORCE_SHARES = (0.96, 1.04)  # of the commanded force
+
+
+@lru_cache(maxsize=64)
+def solved(probe_name: str, phantom_name: str, force_n: float) -> NDArray[np.float64]:
+    """Pressure and displacement at the stiffnesses and forces of the grid, shape (4, 2, 2, n); kept on disk."""
+    probe, phantom = tsis.load_probe(probe_name), tsis.load_phantom(phantom_name)
+
+    def solve() -> dict[str, NDArray[np.float64]]:
+        fields = [
+            [
+                press(probe, scaled(phantom, np.exp(log)), force_n=share * force_n, resolution=FINE_RESOLUTION)
+                for share in FORCE_SHARES
+            ]
+            for log in LOG_SOFTER
+        ]
+        return {"fields": np.array([[[f.pressure_kpa, f.face_displacement_mm] for f in row] for row in fields])}
+
+    content = {
+        "probe": mechanical_content(probe),
+        "phantom": repr(phantom),
+        "force": force_n,
+        "grid": [*LOG_SOFTER, *FORCE_SHARES],
+    }
+    return cached_arrays("section-6-4", content_key(content), solve)["fields"]
+
+
+def scaled(phantom: Phantom, factor: float) -> Phantom:
+    """The phantom with every modulus times a factor."""
+    lump = phantom.inclusion
+    stiffer = None if lump is None else replace(lump, young_kpa=float(factor) * lump.young_kpa)
+    return replace(phantom, young_kpa=float(factor) * phantom.young_kpa, inclusion=stiffer)
+
+
+def between(probe_name: str, phantom_name: str, *, nominal_n: float, log_softer: float, force_n: float) -> PressField:
+    """A press of the phantom with moduli times ``exp(log_softer)``, interpolated between those that were solved."""
+    fields = solved(probe_name, phantom_name, nominal_n)
+    nodes = np.array(LOG_SOFTER)
+    log = float(np.clip(log_softer, *nodes[[0, -1]]))
+    cubic = [np.prod([(log - other) / (node - other) for other in nodes if other != node]) for node in nodes]
+    low, high = FORCE_SHARES
+    share = (force_n / nominal_n - low) / (high - low)
+    pressure, moved = np.einsum("s,f,sfqn->qn", cubic, [1 - share, share], fields)
+    radius = np.linspace(0.0, tsis.load_probe(probe_name).radius_mm, len(pressure))
+    return PressField(
+        radius_mm=radius, pressure_kpa=pressure, face_displacement_mm=moved, approach_mm=0.0, force_n=force_n
+    )
+
+
+class PreparedProbe(MovingProbe):
+    """A virtual probe whose round presses were solved before: it makes all its errors, and no mechanics."""
+
+    phantom_name: str = BLANK
+    nominal_n: float = 1.0
+
+    def press_prepared(self, phantom_name: str, site: Site, force_n: float) -> tsis.TactileImage:
+        """One frame of a site whose tissue and inclusion are those of a phantom, all moduli times one factor."""
+        self.phantom_name, self.nominal_n = phantom_name, force_n
+        return self.press_site(site, force_n=force_n, solid=False)
+
+    def _round_press(self, phantom: Phantom, force_n: float) -> PressField:
+        name = BLANK if phantom.inclusion is None else self.phantom_name
+        nominal = tsis.load_phantom(name).young_kpa
+        return between(
+            self.probe.name,
+            name,
+            nominal_n=self.nominal_n,
+            log_softer=float(np.log(phantom.young_kpa / nominal)),
+            force_n=force_n,
+        )
+
 
 PRESENT = tuple(f"detection-{number}" for number in range(1, 9))
 TRUTH = np.array([True] * 8 + [False] * 8)

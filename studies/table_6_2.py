@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from benchmarks.nine_inclusions import INCLUSIONS, NineInclusions, inclusion, posterior_mean
 from benchmarks.simulated_presses import PROTOCOLS
-from studies.printed_6_3 import PRINTED, relative_error
-from studies.section_6_3 import ROUTES
+from studies.section_6_3 import PRINTED, ROUTES, relative_error
 from studies.section_6_3 import run as train_networks
 from studies.shown import Shown
 

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
-from studies.section_5_1 import draw, run
-from studies.section_5_1_bench import PROBE, bench, pressed
+from studies.section_5_1 import PROBE, bench, draw, pressed, run
 
 from tsis.imaging import Sensor, expose, render
 from tsis.model import TactileImage

@@ -18,8 +18,7 @@ from studies.force_line import (
     row_values,
     run,
 )
-from studies.section_5_1 import FORCES_N, PRINTED_DIFFERENCE, TIPS_MM
-from studies.section_5_1_bench import SENSOR
+from studies.section_5_1 import FORCES_N, PRINTED_DIFFERENCE, SENSOR, TIPS_MM
 
 from tsis.mechanics.finite_strain import SphereResolution
 from tsis.mechanics.small_strain import indent

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,13 +11,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from studies.catalogue import SHOWN
+from studies.gallery import SHOWN
 from studies.shown import VALUES, Shown, Value, read_values
 
-from studies import gallery, gallery_page, shown
+from studies import gallery, shown
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
 ROOT = Path(__file__).parents[2]
 QUICK = {"table-2-1", "figure-3-9", "figure-3-10", "figure-5-19", "figure-6-23"}
@@ -54,7 +55,7 @@ def test_a_run_finds_what_the_values_file_says(each: Shown) -> None:
 @pytest.mark.parametrize("each", SHOWN, ids=lambda each: each.name)
 def test_the_page_shows_it(each: Shown) -> None:
     beside = read_values(each.name)
-    text = gallery_page.page(ROOT)
+    text = gallery.page(ROOT)
     assert text.count(f"## {beside.title}\n") == 1
     for value in beside.values:
         assert f"| {value.quantity} |" in text
@@ -110,3 +111,24 @@ def test_what_needs_a_missing_file_says_so(tmp_path: Path) -> None:
     assert here.absent().startswith("figure-0 needs points.npz")
     (tmp_path / "points.npz").touch()
     assert here.absent() == ""
+
+
+def drawn(rng: np.random.Generator) -> Mapping[str, float]:
+    return {"a": float(rng.normal()), "b": 2.0}
+
+
+def drawn_short(rng: np.random.Generator) -> Mapping[str, float]:
+    return {"a": 10.0 + float(rng.normal())}
+
+
+def test_each_seed_has_a_value_and_the_short_run_the_last() -> None:
+    steps: list[tuple[int, int]] = []
+    shown = Shown(name="figure-0", run=drawn, short=drawn_short, values=lambda found: found)
+    found = gallery.scatter([shown], 3, progress=lambda *step: steps.append(step))["figure-0"]
+    first = float(np.random.default_rng(1).normal())
+    assert found["a"][0] == first
+    assert found["a"][-1] == 10.0 + first
+    assert len(set(found["a"])) == 4
+    assert found["b"][:3] == [2.0, 2.0, 2.0]
+    assert math.isnan(found["b"][-1])
+    assert steps == [(turn, 4) for turn in range(4)]

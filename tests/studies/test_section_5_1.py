@@ -12,14 +12,19 @@ from studies.section_5_1 import (
     FORCES_N,
     PRINTED_DIFFERENCE,
     PRINTED_INTERCEPT,
+    PRINTED_SLOPE,
+    PROBE,
     TIPS_MM,
     Result,
+    bench,
     draw,
+    full_contact,
+    pressed,
     report,
     run,
+    saturation_kpa,
     traced_lines,
 )
-from studies.section_5_1_bench import PRINTED_SLOPE, PROBE, bench, full_contact, pressed, saturation_kpa
 from tests.mechanics.closed_forms import hertz
 
 from tsis.mechanics import effective_modulus_kpa

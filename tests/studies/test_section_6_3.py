@@ -4,8 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from studies.printed_6_3 import PRINTED, PRINTED_ERROR, PRINTED_RMSE, ROUNDING, relative_error, rmse, without_itself
-from studies.section_6_3 import Result, correlations, report, run, spread, table_6_1
+from studies.section_6_3 import (
+    PRINTED,
+    PRINTED_ERROR,
+    PRINTED_RMSE,
+    ROUNDING,
+    Result,
+    correlations,
+    relative_error,
+    report,
+    rmse,
+    run,
+    spread,
+    table_6_1,
+    without_itself,
+)
 
 from tsis.model import LightMap
 

@@ -11,9 +11,25 @@ from benchmarks.simulated_presses import PROTOCOLS
 from matplotlib.figure import Figure
 from scipy.stats import binomtest
 from sklearn.metrics import roc_auc_score
-from studies.printed_6_4 import PRINTED, PRINTED_AREA, SHOWN, TABLE_2_1, printed_lines, table_2_1
-from studies.section_6_4 import PLACES, PRESENT, TRUTH, Result, drawn, lines, run
-from studies.section_6_4_bench import BLANK, PreparedProbe, between, scaled
+from studies.section_6_4 import (
+    BLANK,
+    PLACES,
+    PRESENT,
+    PRINTED,
+    PRINTED_AREA,
+    SHOWN,
+    TABLE_2_1,
+    TRUTH,
+    PreparedProbe,
+    Result,
+    between,
+    drawn,
+    lines,
+    printed_lines,
+    run,
+    scaled,
+    table_2_1,
+)
 
 import tsis
 from tsis.mechanics import press

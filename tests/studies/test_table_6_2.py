@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from benchmarks.nine_inclusions import NineInclusions
 from matplotlib.figure import Figure
-from studies.printed_6_3 import PRINTED, PRINTED_ERROR
+from studies.section_6_3 import PRINTED, PRINTED_ERROR
 from studies.table_6_2 import SLIPS, Estimates, draw, values
 
 import tsis
