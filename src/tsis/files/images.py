@@ -141,7 +141,9 @@ def bmp_fault(data: bytes) -> str | None:
 def image_fault(data: bytes) -> str | None:
     r"""The fault in the structure of an image file; None when it is whole or of another format.
 
-    For TIFF only the directories are checked: its decoder refuses a strip outside the file.
+    Pillow, which decodes, takes what is refused here: PNG with changed or lost chunks, JPEG that is cut or repeats a
+    scan for minutes, BMP with lost rows; its TIFF decoder prints warnings and takes memory for forged directories. For
+    TIFF only the directories are checked: the decoder refuses a strip outside the file.
 
     Examples
     --------
@@ -159,17 +161,18 @@ def image_fault(data: bytes) -> str | None:
     return None
 
 
-_SIGNATURE_BYTES = 8
-_PNG_COLOUR_CHUNKS = frozenset(
-    {b"tRNS", b"acTL", b"fcTL", b"fdAT"}
-)  # these affect the pixels, beside the critical chunks
-_JPEG_ADOBE, _JPEG_SCAN_START, _PICTURES = 0xEE, 0xDA, b"MPF\0"
-_JPEG_NOTES = frozenset({*range(0xE1, 0xF0), 0xFE}) - {_JPEG_ADOBE}
+# Chunks that affect the pixels, beside the critical ones.
+_PNG_COLOUR_CHUNKS = frozenset({b"tRNS", b"acTL", b"fcTL", b"fdAT"})
 
 
-def png_without_metadata(data: bytes) -> bytes:
-    """A whole PNG file without ancillary chunks; the same object when it has none."""
-    saved, position, kind = [data[:_SIGNATURE_BYTES]], _SIGNATURE_BYTES, b""
+def without_metadata(data: bytes) -> bytes:
+    """A whole PNG file without metadata, of which libpng prints warnings; the same object when it has none.
+
+    Files of other formats are returned as they are; check the file with `image_fault` before.
+    """
+    if not data.startswith(_PNG_SIGNATURE):
+        return data
+    saved, position, kind = [_PNG_SIGNATURE], len(_PNG_SIGNATURE), b""
     while kind != b"IEND":
         (length,) = struct.unpack_from(">I", data, position)
         kind, end = data[position + 4 : position + 8], position + 12 + length
@@ -178,31 +181,6 @@ def png_without_metadata(data: bytes) -> bytes:
             saved.append(memoryview(data)[position:end])  # type: ignore[arg-type]  # joins as bytes do
         position = end
     return data if sum(map(len, saved)) == len(data) else b"".join(saved)
-
-
-def jpeg_without_metadata(data: bytes) -> bytes:
-    """A whole JPEG file without segments of notes before its first scan; the same object when it has none."""
-    saved, position = [data[:2]], 2
-    while True:
-        while data[position + 1] == 0xFF:  # fill bytes
-            position += 1
-        marker = data[position + 1]
-        if data[position] != 0xFF or not 0xC0 <= marker <= 0xFE or marker == _JPEG_SCAN_START or 0xD0 <= marker <= 0xD9:
-            break  # pixels, or a fault that the decoder reports
-        end = position + 2 + int(struct.unpack_from(">H", data, position + 2)[0])
-        if marker not in _JPEG_NOTES or data[position + 4 : position + 8] == _PICTURES:
-            saved.append(data[position:end])
-        position = end
-    if sum(map(len, saved)) == position:
-        return data
-    return b"".join([*saved, data[position:]])
-
-
-def without_metadata(data: bytes) -> bytes:
-    """A whole image file without metadata, which decoders need not parse; check it with `image_fault` before."""
-    if data.startswith(b"\x89PNG"):
-        return png_without_metadata(data)
-    return jpeg_without_metadata(data) if data.startswith(b"\xff\xd8") else data
 
 
 LARGEST_PIXELS = 65_000_000  # sensors sold as 64 million have 64.1 to 64.5

@@ -160,10 +160,9 @@ def _decode(path: Path) -> _Picture:
     if broken is not None:
         raise FileInputError(f"{name} must be a complete image file, but {broken}; copy or save it again")
     try:
-        pixels = without_metadata(data)
-        with quiet_decoders(), Image.open(io.BytesIO(pixels), formats=_FORMATS) as image:
-            _require_supported(name, image, pixels)
-            levels, kind = _levels(image, pixels)
+        with quiet_decoders(), Image.open(io.BytesIO(data), formats=_FORMATS) as image:
+            _require_supported(name, image, data)
+            levels, kind = _levels(image, data)
             file_format = image.format
     except FileInputError:
         raise
@@ -224,7 +223,7 @@ def _stored_bits(image: Image.Image) -> int:
 def _levels_by_opencv(data: bytes) -> NDArray[Any]:
     """Decode 16-bit colour, which Pillow reduces to 8 bits."""
     cv2 = opencv("a 16-bit colour file")
-    decoded: NDArray[Any] | None = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    decoded: NDArray[Any] | None = cv2.imdecode(np.frombuffer(without_metadata(data), np.uint8), cv2.IMREAD_UNCHANGED)
     if decoded is None or decoded.dtype not in (np.uint8, np.uint16):
         raise ValueError("its pixels are cut short or damaged")
     return decoded if decoded.ndim == 2 else decoded[..., 2::-1]  # OpenCV keeps blue first
