@@ -97,7 +97,7 @@ def test_an_existing_folder_is_left_alone(run_tsis: RunTsis, tmp_path: Path) -> 
 
 def test_the_terminal_shows_what_was_believed_what_is_known_and_the_best_that_could_be(run_tsis: RunTsis) -> None:
     printed = " ".join(run_tsis("demo", "--strain", "small").out.split())
-    for words in ("prior", "bound", "truth", "Probability of an inclusion: above 0.999.", "Diameter 10"):
+    for words in ("prior", "least sd", "truth", "Probability of an inclusion: above 0.999.", "Diameter 10"):
         assert words in printed
     assert "Prior: phantom-2011: diameter 1 to 15 mm" in printed
     assert "Research use only" in printed

@@ -15,7 +15,7 @@ from tests.present.pdf_readers import sheet_count, sheets
 import tsis
 from tsis.model import Estimate
 from tsis.present.page import Table
-from tsis.present.terminal import rich_tables
+from tsis.present.terminal import rich_table
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -70,7 +70,7 @@ def test_a_terminal_shows_whole_numbers(columns: int) -> None:
     )
     first = ("source", "type, distribution", "standard uncertainty")
     headings = (*first, "sensitivity / kPa per unit", "contribution / kPa", "variance")
-    (table,) = rich_tables([Table(title="Budget", headings=headings, rows=rows)])
+    table = rich_table(Table(title="Budget", columns=headings, values=rows))
     shown = Console(file=io.StringIO(), width=columns)
     shown.print(table)
     assert isinstance(shown.file, io.StringIO)

@@ -16,11 +16,12 @@ from tsis.calibration.session import SessionFolder, SessionSetup, calibrate
 from tsis.present.calibration import (
     calibration_document,
     calibration_notes,
-    calibration_report,
+    calibration_page,
     calibration_rows,
     content_rows,
     specification_rows,
 )
+from tsis.present.html import html_bytes
 from tsis.virtual.calibration_bench import VirtualBench
 
 if TYPE_CHECKING:
@@ -53,7 +54,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[ProbeCalibration, Se
 
 
 def test_the_page_is_whole_and_safe(made: tuple[ProbeCalibration, SessionResult]) -> None:
-    page = calibration_report(*made, provenance={"session": HOSTILE})
+    page = html_bytes(calibration_page(*made, provenance={"session": HOSTILE}))
     read = Reader(page)
     assert "script" not in read.tags
     assert len(read.alternatives) == len(set(read.alternatives)) == 3

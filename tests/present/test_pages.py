@@ -19,8 +19,9 @@ from tsis.inclusion import InclusionPrior
 from tsis.model import Estimate, TactileImage, probability_text
 from tsis.present.document import estimate_document, sd_text
 from tsis.present.figures import ring_profile
-from tsis.present.images import analyse_image, contact_report, finding_notes
-from tsis.present.inclusion import inclusion_report
+from tsis.present.html import html_bytes
+from tsis.present.images import analyse_image, contact_page, finding_notes
+from tsis.present.inclusion import inclusion_page
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -90,7 +91,7 @@ def an_estimate() -> Estimate:
 
 
 def the_page(estimate: Estimate, reference: TactileImage | None = None, truth: Any = None) -> bytes:
-    return inclusion_report(
+    page = inclusion_page(
         estimate,
         title="A title",
         subtitle=HOSTILE,
@@ -100,6 +101,7 @@ def the_page(estimate: Estimate, reference: TactileImage | None = None, truth: A
         ring_edges_mm=np.linspace(0.0, 9.0, 10),
         truth=truth,
     )
+    return html_bytes(page)
 
 
 @pytest.mark.usefixtures("rough")
@@ -169,7 +171,8 @@ def test_pages_are_whole_and_safe(an_estimate: Estimate, with_reference: bool) -
 
 def test_a_contact_page_of_hostile_names_is_safe() -> None:
     finding = analyse_image(a_press(HOSTILE, 40.0), a_press("untouched", 0.0), invert=False)
-    page = contact_report([finding], refused=[("force", "needs <b>something</b>")], provenance={"a": [{"b": HOSTILE}]})
+    contact = contact_page([finding], refused=[("force", "needs <b>something</b>")], provenance={"a": [{"b": HOSTILE}]})
+    page = html_bytes(contact)
     read = Reader(page)
     assert "script" not in read.tags
     assert "needs &lt;b&gt;something&lt;/b&gt;" in page.decode()

@@ -46,7 +46,7 @@ def a_page(text: str, *, pictures: tuple[Picture, ...] = ()) -> Page:
         cards=(Card(title=text, value=text, detail=text), Card(title="a", value="b", doubtful=True)),
         notes=(text, "plain"),
         pictures=pictures,
-        tables=(Table(title=text, headings=("a", text), rows=((text, "b"), ("c",))),),
+        tables=(Table(title=text, columns=("a", text), values=((text, "b"), ("c",))),),
         refused=((text, text),),
         provenance={"key": text, "nested": [{"value": text}]},
     )
@@ -78,7 +78,7 @@ def test_equal_pages_give_equal_files() -> None:
 def test_a_longer_table_takes_more_sheets() -> None:
     counts = [
         sheet_count(
-            pdf_bytes(Page(title="t", subtitle="", tables=(Table(title="", headings=("a",), rows=(("b",),) * rows),)))
+            pdf_bytes(Page(title="t", subtitle="", tables=(Table(title="", columns=("a",), values=(("b",),) * rows),)))
         )
         for rows in (1, 40, 400)
     ]
@@ -100,7 +100,7 @@ def test_a_reader_sees_everything(tmp_path: Path) -> None:
         cards=(Card(title="Diameter d", value="9.8 mm", detail="90 % interval"),),
         notes=(HOSTILE,),
         pictures=(a_picture(caption="It rises"), a_picture(title="Wide", wide=True)),
-        tables=(Table(title="Rows", headings=("number", "word"), rows=tuple((str(i), f"w{i}") for i in range(150))),),
+        tables=(Table(title="Rows", columns=("number", "word"), values=tuple((str(i), f"w{i}") for i in range(150))),),
         refused=(("force", "needs <b>something</b>"),),
         provenance={"sha": "0123456789abcdef" * 4, "json": json.dumps({"a": list(range(400))}).replace(" ", "")},
     )

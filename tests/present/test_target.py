@@ -57,9 +57,9 @@ def test_the_estimate_in_force_stands_beside_the_truth() -> None:
     estimate = record.estimates[0].estimate
     rows = {row[0]: row[1:] for row in table(page, "Current estimate").rows}
     low, high = estimate.interval(0.9)["depth_mm"]
-    assert rows["Depth h"][:2] == (f"{np.mean(estimate.samples['depth_mm']):.3g} mm", f"{low:.3g} to {high:.3g} mm")
-    assert rows["Depth h"][-1] == "5 mm"
-    assert rows["Modulus E"][0] == "not identified"
+    assert rows["depth h / mm"][:2] == (f"{np.mean(estimate.samples['depth_mm']):.3g}", f"{low:.3g} to {high:.3g}")
+    assert rows["depth h / mm"][-1] == "5"
+    assert rows["modulus E / kPa"][0] == "not identified"
     assert [card.title for card in page.cards] == ["Diameter d", "Depth h", "Modulus E", "Is there an inclusion?"]
     assert "truth 80 kPa" in page.cards[2].detail
     assert pictures(page) == [
@@ -262,7 +262,7 @@ def test_both_kinds_of_estimate_are_in_force() -> None:
         "Young's modulus (hardness)",
     ]
     assert table(page, "Current estimate (hardness)").rows[0][0] == "Young's modulus"
-    assert table(page, "Current estimate (inclusion)").rows[0][0] == "Diameter d"
+    assert table(page, "Current estimate (inclusion)").rows[0][0] == "diameter d / mm"
     assert {"Modulus", "Posterior of each parameter"} <= set(pictures(page))
     assert "Of the hardness: The modulus is identified." in page.notes
     assert str(page.provenance).count("'supersedes'") == 2

@@ -28,7 +28,6 @@ from tests.records.dicom.variants import with_estimate
 from tests.records.sample import sample_record
 
 import tsis
-from tsis.cli._output import estimate_table
 from tsis.console.api._responses import estimate_item
 from tsis.errors import NotIdentifiedError, UnknownNameError, UntrustedError
 from tsis.hardness import build_contact_table
@@ -36,12 +35,13 @@ from tsis.inclusion import InclusionPrior
 from tsis.model import Estimate
 from tsis.present.document import estimate_document
 from tsis.present.figures import posterior, tissue_section
-from tsis.present.hardness import hardness_report
+from tsis.present.hardness import hardness_page
 from tsis.present.html import html_bytes
-from tsis.present.inclusion import inclusion_report
+from tsis.present.inclusion import estimate_table, inclusion_page
 from tsis.present.pdf import pdf_bytes
 from tsis.present.records import recomputation_document, shift_table
 from tsis.present.target import target_page
+from tsis.present.terminal import rich_table
 from tsis.records import Recomputation, deidentified
 from tsis.records._recompute import _shifts
 from tsis.records.dicom import dicom_files
@@ -120,13 +120,13 @@ def texts_of(presence: float) -> set[str]:
 
 def console(estimate: Estimate) -> str:
     table = Console(file=io.StringIO(), width=240)
-    table.print(estimate_table(estimate, title="estimate"))
+    table.print(rich_table(estimate_table(estimate, title="estimate")))
     assert isinstance(table.file, io.StringIO)
     return table.file.getvalue()
 
 
-def inclusion_page(estimate: Estimate) -> str:
-    page = inclusion_report(
+def inclusion_html(estimate: Estimate) -> str:
+    page = inclusion_page(
         estimate,
         title="A title",
         subtitle="",
@@ -135,10 +135,10 @@ def inclusion_page(estimate: Estimate) -> str:
         prior=InclusionPrior(),
         ring_edges_mm=np.linspace(0.0, 9.0, 10),
     )
-    return re.sub(r'(base64,|<path[^>]* d=")[^"]*"', "", page.decode())
+    return re.sub(r'(base64,|<path[^>]* d=")[^"]*"', "", html_bytes(page).decode())
 
 
-def hardness_page(estimate: Estimate) -> str:
+def hardness_html(estimate: Estimate) -> str:
     of_modulus = planted(trusted=estimate.trusted, flags=estimate.flags, names=("young_kpa",))
     table = build_contact_table(tsis.load_probe("tsis-2011"))
     press = {
@@ -148,14 +148,14 @@ def hardness_page(estimate: Estimate) -> str:
         "seen": {"radius_mm": 2.0, "radius_sd": 0.01, "light_force_n": 0.5},
     }
     provenance = dict(of_modulus.provenance) | {"presses": [press]}
-    page = hardness_report(
+    page = hardness_page(
         replace(of_modulus, identifiability=estimate.identifiability, notes=estimate.notes, provenance=provenance),
         title="A title",
         images=[a_press("target", 30.0)],
         table=table,
         provenance={},
     )
-    return re.sub(r'(base64,|<path[^>]* d=")[^"]*"', "", page.decode())
+    return re.sub(r'(base64,|<path[^>]* d=")[^"]*"', "", html_bytes(page).decode())
 
 
 def target_text(estimate: Estimate) -> str:
@@ -235,8 +235,8 @@ OUTPUTS: dict[str, Callable[[Estimate, Path], str]] = {
     "http": lambda estimate, _: estimate_item(stored(estimate).estimates[0]).model_dump_json(),
     "figures": lambda estimate, _: drawn(estimate),
     "terminal": lambda estimate, _: console(estimate),
-    "page of an inclusion": lambda estimate, _: inclusion_page(estimate),
-    "page of a hardness": lambda estimate, _: hardness_page(estimate),
+    "page of an inclusion": lambda estimate, _: inclusion_html(estimate),
+    "page of a hardness": lambda estimate, _: hardness_html(estimate),
     "page of a target": lambda estimate, _: target_text(estimate),
     "pdf of a target": target_pdf,
     "csv": lambda estimate, _: csv_files(stored(estimate))["estimates.csv"].decode(),

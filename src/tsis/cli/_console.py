@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.table import Table
 
 import tsis
 from tsis.__about__ import LARGEST_SEED
@@ -24,7 +23,8 @@ from tsis.cli._output import print_json
 from tsis.cli._progress import waiting
 from tsis.cli._store import PHANTOM, StoreDatabase, StoreFolder, StoreKind
 from tsis.errors import CameraError, InputError
-from tsis.present.terminal import people, print_notice
+from tsis.present.page import Table
+from tsis.present.terminal import people, print_notice, rich_table
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -170,10 +170,8 @@ def list_logins(*, as_json: AsJson = False) -> None:
         )
         return
     reported = people()
-    table = Table("name", "password of", title="Logins of this user's console")
-    for name, when in given.items():
-        table.add_row(name, when)
-    reported.print(table if given else "No logins yet; tsis login add NAME adds one.")
+    table = Table(title="Logins of this user's console", columns=("name", "password of"), values=tuple(given.items()))
+    reported.print(rich_table(table) if given else "No logins yet; tsis login add NAME adds one.")
     print_notice(reported)
 
 

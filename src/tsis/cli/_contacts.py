@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import io
 import itertools
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.table import Table
 
 import tsis
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
@@ -18,7 +18,8 @@ from tsis.cli._output import leave, print_json
 from tsis.cli._progress import progress_bar
 from tsis.cli._sensor import SensorOption
 from tsis.errors import FileInputError, InputError
-from tsis.present.terminal import print_tables
+from tsis.present.page import Column, Table
+from tsis.present.terminal import print_page, print_tables
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -76,10 +77,11 @@ def contacts(
             progress=advance,
         )
     provenance = {"notice": RESEARCH_USE_ONLY, "tsis": __version__, "sensor": chosen.name, "frames": len(paths)}
+    shown = tsis.present.gel_sensor.gel_contacts_page(levels, gel_contacts, provenance=provenance)
     written: list[str] = []
     outputs: tuple[tuple[Path | None, Callable[[], bytes]], ...] = (
         (csv, lambda: tsis.present.gel_sensor.contacts_csv(gel_contacts, [_sidecar_force(path) for path in paths])),
-        (page, lambda: tsis.present.gel_sensor.gel_contacts_report(levels, gel_contacts, provenance=provenance)),
+        (page, lambda: tsis.present.html.html_bytes(shown)),
         (figure, lambda: _picture(levels, gel_contacts)),
     )
     for path, content in outputs:
@@ -96,11 +98,8 @@ def contacts(
             )
         )
     else:
-        table = Table(*tsis.present.gel_sensor.CONTACT_HEADINGS, title="Contacts")
-        for row in tsis.present.gel_sensor.gel_contact_rows(gel_contacts):
-            table.add_row(*row)
-        notes = (*tsis.present.gel_sensor.contact_notes(gel_contacts), *missing_frames_note(frames))
-        print_tables([table], notes, where=", ".join(written))
+        notes = (*shown.notes, *missing_frames_note(frames))
+        print_page(replace(shown, notes=notes), where=", ".join(written))
     leave(trusted=any(contact.good for contact in gel_contacts))
 
 
@@ -223,14 +222,16 @@ def calibrate(
         )  # fmt: skip
         print_json(document)
         return
-    table = Table("quantity", "value", title="Depth calibration")
-    table.add_row("method", result.method)
-    table.add_row("good presses", f"{result.presses} of {len(levels)}")
     left_out = (sum(error**2 for error in result.errors_mm) / len(result.errors_mm)) ** 0.5
-    table.add_row("distance from the ball, presses left out / mm", f"{left_out:.4f}")
-    if result.other_sd_mm is not None:
-        table.add_row("that of the best other method / mm", f"{result.other_sd_mm:.4f}")
-    table.add_row("sd of a depth, the untouched face included / mm", f"{result.sd_mm:.4f}")
+    other = result.other_sd_mm
+    rows = [
+        ("method", result.method),
+        ("good presses", f"{result.presses} of {len(levels)}"),
+        ("distance from the ball, presses left out / mm", f"{left_out:.4f}"),
+        *(() if other is None else (("that of the best other method / mm", f"{other:.4f}"),)),
+        ("sd of a depth, the untouched face included / mm", f"{result.sd_mm:.4f}"),
+    ]
+    table = Table(title="Depth calibration", columns=("quantity", "value"), values=tuple(rows))
     print_tables([table], [], where=f"Calibration: {out}")
 
 
@@ -254,21 +255,21 @@ def depth_map(
     document = tsis.files.read_object(calibration, values=MOST_WEIGHTS)
     mapper = tsis.imaging.depth.DepthMapper(parse(document), chosen, required_reference(chosen, reference))
     files: dict[str, bytes] = {}
-    rows = []
+    rows: list[tuple[str, float, float]] = []
     paths = gel_frame_paths(frames)
     with progress_bar("mapping depth") as advance:
         for number, path in enumerate(paths):
             result = mapper.map(read_gel_frame(path), name=path.name)
             files |= {f"{path.stem}{ending}": content(result) for ending, content in FORMS.items()}
-            rows.append({"frame": path.name, "deepest_mm": float(result.depth_mm.max()), "sd_mm": _sd(result)})
+            rows.append((path.name, float(result.depth_mm.max()), _sd(result)))
             advance(number + 1, len(paths))
     folder = tsis.files.write_folder(tsis.files.free_folder(out), files)
     if as_json:
-        print_json(tsis.present.document.envelope("depth map", sensor=chosen.name, maps=rows, folder=str(folder)))
+        maps = [dict(zip(("frame", "deepest_mm", "sd_mm"), row, strict=True)) for row in rows]
+        print_json(tsis.present.document.envelope("depth map", sensor=chosen.name, maps=maps, folder=str(folder)))
         return
-    table = Table("frame", "deepest / mm", "sd there / mm", title="Depth maps")
-    for row in rows:
-        table.add_row(str(row["frame"]), f"{row['deepest_mm']:.3f}", f"{row['sd_mm']:.3f}")
+    depths = (Column(label="deepest", unit="mm", form=".3f"), Column(label="sd there", unit="mm", form=".3f"))
+    table = Table(title="Depth maps", columns=("frame", *depths), values=tuple(rows))
     print_tables([table], [], where=f"Maps: {folder}")
 
 

@@ -28,7 +28,7 @@ from tsis.cli._options import (
     is_careful,
     require_no_file,
 )
-from tsis.cli._output import CommandOutcome, estimate_table, surrogate_progress
+from tsis.cli._output import CommandOutcome, surrogate_progress
 from tsis.cli._progress import progress_bar
 from tsis.cli._saving import SaveOption, StoreOption, TargetOption, chosen_destination, publish_and_save, savable_result
 from tsis.errors import InputError
@@ -125,7 +125,7 @@ def demo(
     provenance = {"simulated": {"seed": seed, "phantom": asdict(target), "command": "tsis demo"}}
     pressed = f"{chosen.name}, {_pressed(force_n)}"
     protocol = {"probe": chosen.name, "prior": prior_name(assumed), "forces_n": force_n, "strain": strain}
-    page = tsis.present.inclusion.inclusion_report(
+    page = tsis.present.inclusion.inclusion_page(
         result,
         title=f"Virtual press on {target.name}",
         subtitle=f"{pressed}, each with a reference press on tissue without inclusion; simulated frames",
@@ -135,6 +135,10 @@ def demo(
         ring_edges_mm=tsis.inclusion.ring_edges(chosen),
         truth=truth,
         provenance=provenance,
+        notes=(
+            *_outside_the_prior(truth or {}, assumed),
+            *((stored_note(),) if is_default_protocol(protocol) else ()),
+        ),
     )
     calibration = tsis.calibration.file.ProbeCalibration(
         name=virtual.calibration.name, probe=chosen.name, response=virtual.calibration
@@ -156,12 +160,6 @@ def demo(
             "demo", **provenance, estimate=tsis.present.document.estimate_document(result, truth)
         ),
         page=page,
-        tables=(estimate_table(result, title=f"{target.name}; {pressed}", truth=truth),),
-        notes=(
-            *tsis.present.document.estimate_messages(result),
-            *_outside_the_prior(truth or {}, assumed),
-            *((stored_note(),) if is_default_protocol(protocol) else ()),
-        ),
         files={
             **{frame.name: tsis.instrument.png_bytes(frame) for frame in (*images, *references)},
             "untouched.png": tsis.instrument.png_bytes(untouched),

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from rich.table import Table
-
 import tsis
 from tsis.cli._output import print_json
 from tsis.cli._progress import progress_bar
+from tsis.present.page import Table
 from tsis.present.terminal import print_tables
 
 if TYPE_CHECKING:
@@ -76,17 +75,14 @@ def _command(count: int, protocol: Mapping[str, Any]) -> str:
 
 
 def _table(counts: Mapping[str, Any], title: str) -> Table:
-    table = Table(title=title)
-    table.add_column("interval")
-    for name in tsis.inclusion.PARAMETERS:
-        table.add_column(f"{name} held", justify="right")
+    rows = []
     for kind, total in (("held", counts["answered"]), ("held_trusted", counts["trusted"])):
         for level, hits in counts[kind].items():
             which = "all" if kind == "held" else "trusted"
-            table.add_row(
-                f"{float(level):.0%}, {which} {total}", *(_percentage(count, total) for count in hits.values())
-            )
-    return table
+            shares = (_percentage(count, total) for count in hits.values())
+            rows.append((f"{float(level):.0%}, {which} {total}", *shares))
+    labels = (tsis.present.labels.quantity_of(name).label for name in tsis.inclusion.PARAMETERS)
+    return Table(title=title, columns=("interval", *(f"{label} held" for label in labels)), values=tuple(rows))
 
 
 def _percentage(hits: int, total: int) -> str:

@@ -7,8 +7,6 @@ from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.box import SIMPLE_HEAD
-from rich.table import Table
 
 import tsis
 from tsis.cli._options import AsJson, InclusionPriorChoice, ProbeOption, ShowPrior, chosen_prior, chosen_probe
@@ -22,7 +20,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from tsis.inclusion.design import Design
-    from tsis.present.design import DesignAnalysis
 
 
 class Compared(StrEnum):
@@ -106,31 +103,13 @@ def design(
     show_result(
         CommandResult(
             document=tsis.present.design.design_document(response),
-            tables=(_table(response),),
+            tables=tsis.present.design.design_page(response).tables,
             notes=tsis.present.design.design_notes(response),
             figures={"errors": partial(_draw, response.designs)},
         ),
         out,
         as_json=as_json,
     )
-
-
-def _table(analysis: DesignAnalysis) -> Table:
-    table = Table(
-        title=analysis.question.planned.described,
-        caption=tsis.present.design.design_caption(analysis.designs),
-        caption_justify="left",
-        box=SIMPLE_HEAD,
-        show_edge=False,
-        padding=(0, 1, 0, 0),
-    )
-    table.add_column(tsis.present.design.HEADINGS[0], min_width=14)
-    for heading in tsis.present.design.HEADINGS[1:-1]:
-        table.add_column(heading, justify="right")
-    table.add_column(tsis.present.design.HEADINGS[-1], min_width=10)
-    for row in tsis.present.design.design_rows(analysis.designs):
-        table.add_row(*row)
-    return table
 
 
 def _draw(designs: Sequence[Design]) -> Figure:

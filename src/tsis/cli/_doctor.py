@@ -13,8 +13,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from packaging.requirements import Requirement
-from rich.markup import escape
-from rich.table import Table
 
 import tsis
 from tsis.__about__ import __version__
@@ -22,7 +20,8 @@ from tsis.cli._options import AsJson
 from tsis.cli._output import print_json
 from tsis.cli._progress import FAILED, waiting
 from tsis.errors import PluginError, RecordsError
-from tsis.present.terminal import people, print_notice
+from tsis.present.page import Table
+from tsis.present.terminal import people, print_notice, rich_table
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -74,15 +73,13 @@ def doctor(
 
 def _print(findings: Iterable[Finding]) -> None:
     console = people()
-    table = Table("", "state", "version or place", title="Installation")
-    cures = []
-    for finding in findings:
-        table.add_row(finding.what, finding.state, escape(finding.detail))
+    shown = tuple(findings)
+    rows = tuple((finding.what, finding.state, finding.detail) for finding in shown)
+    table = Table(title="Installation", columns=("", "state", "version or place"), values=rows)
+    console.print(rich_table(table))
+    for finding in shown:
         if finding.cure:
-            cures.append(f"- {finding.what}: {finding.cure}")
-    console.print(table)
-    for cure in cures:
-        console.print(cure, markup=False, soft_wrap=True)
+            console.print(f"- {finding.what}: {finding.cure}", markup=False, soft_wrap=True)
     print_notice(console)
 
 

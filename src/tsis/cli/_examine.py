@@ -8,8 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.markup import escape
-from rich.table import Table
 
 import tsis
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
@@ -28,7 +26,7 @@ from tsis.cli._options import (
     require_no_file,
     target_forces,
 )
-from tsis.cli._output import CommandOutcome, estimate_table, publish, surrogate_progress
+from tsis.cli._output import CommandOutcome, publish, surrogate_progress
 from tsis.cli._saving import (
     KindOption,
     SaveOption,
@@ -39,7 +37,6 @@ from tsis.cli._saving import (
     savable_result,
 )
 from tsis.errors import InputError
-from tsis.present.terminal import rich_tables
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -297,10 +294,6 @@ def _compared(
     )
 
 
-def _compared_tables(comparison: PressComparison | None) -> list[Table]:
-    return [] if comparison is None else rich_tables(tsis.present.images.comparison_tables(comparison))
-
-
 def _contacts(
     frames: Sequence[TactileImage],
     untouched: TactileImage | None,
@@ -332,18 +325,8 @@ def _contacts(
         refused=[{"estimate": name, "reason": reason} for name, reason in REFUSED],
         provenance=provenance,
     )
-    tables = []
-    for finding in findings:
-        table = Table("quantity", "value", title=escape(finding.image.name))
-        for row in tsis.present.images.finding_rows(finding):
-            table.add_row(*row)
-        tables.append(table)
-    tables += _compared_tables(comparison)
-    notes = [note for finding in findings for note in tsis.present.images.finding_notes(finding)]
-    notes += [] if comparison is None else tsis.present.images.comparison_notes(comparison)
-    notes += [f"Not estimated: {name}: {reason}." for name, reason in REFUSED]
-    page = tsis.present.images.contact_report(findings, refused=REFUSED, provenance=provenance, comparison=comparison)
-    return CommandOutcome(document=document, page=page, tables=tuple(tables), notes=tuple(notes))
+    page = tsis.present.images.contact_page(findings, refused=REFUSED, provenance=provenance, comparison=comparison)
+    return CommandOutcome(document=document, page=page)
 
 
 def _inclusion(
@@ -360,8 +343,7 @@ def _inclusion(
     pdf: bool,
 ) -> CommandOutcome:
     names = ", ".join(f"{frame.name} ({frame.force_n:g} N)" for frame in frames)
-    report = partial(
-        tsis.present.inclusion.inclusion_report,
+    page = tsis.present.inclusion.inclusion_page(
         result,
         title=f"Inclusion under {probe.name}",
         subtitle=names,
@@ -379,20 +361,9 @@ def _inclusion(
     document = tsis.present.document.envelope(
         "examine", estimate=tsis.present.document.estimate_document(result), **listed, **compared, provenance=provenance
     )
-    table = estimate_table(result, title=names)
     return CommandOutcome(
         trusted=result.trusted,
         document=document,
-        page=report(),
-        files={PDF: report(form=tsis.present.pdf.pdf_bytes)} if pdf else {},
-        tables=(
-            table,
-            *rich_tables(() if budget is None else tsis.present.inclusion.budget_tables(budget, forces)),
-            *_compared_tables(comparison),
-        ),
-        notes=(
-            *tsis.present.document.estimate_messages(result),
-            *(() if budget is None else tsis.present.inclusion.budget_notes(budget)),
-            *(() if comparison is None else tsis.present.images.comparison_notes(comparison)),
-        ),
+        page=page,
+        files={PDF: tsis.present.pdf.pdf_bytes(page)} if pdf else {},
     )

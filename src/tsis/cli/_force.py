@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import typer
-from rich.table import Table
 
 import tsis
 from tsis.cli._contacts import GelReference, read_gel_frame, read_gel_reference
@@ -18,6 +17,7 @@ from tsis.cli._output import CommandResult, Out, show_result
 from tsis.cli._progress import waiting
 from tsis.cli._sensor import SensorOption
 from tsis.errors import FileInputError, InputError
+from tsis.present.page import Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -96,21 +96,19 @@ def force(
         else {"force_n": list(shear.force_n), "interval_n": shear.interval_n(), "explained": shear.explained},
         trusted=not problems,
     )
-    table = Table("quantity", "value", title="Force on the gel")
-    for name, text in (
+    rows = [
         ("normal force", f"{result.force_n:.3g} N"),
         ("90 % interval", f"{low:.3g} to {high:.3g} N"),
         ("highest pressure", f"{result.pressure_kpa.max():.3g} kPa"),
         ("contact", f"{result.contact_area_mm2:.3g} mm²"),
         ("deepest point", f"{result.deepest_mm:.3g} mm"),
-    ):
-        table.add_row(name, text)
+    ]
     if shear is not None:
         for name, part, (left, right) in zip("xy", shear.force_n, shear.interval_n(), strict=True):
-            table.add_row(f"shear force along {name}", f"{part:.3g} N ({left:.3g} to {right:.3g} N)")
+            rows.append((f"shear force along {name}", f"{part:.3g} N ({left:.3g} to {right:.3g} N)"))
     shown = CommandResult(
         document=document,
-        tables=(table,),
+        tables=(Table(title="Force on the gel", columns=("quantity", "value"), values=tuple(rows)),),
         notes=(*problems, *(() if scale is not None else (_WIDE,))),
         figures={"pressure": lambda: _figure(values, result, loaded)},
         arrays={"pressure_kpa": result.pressure_kpa, "depth_mm": values},

@@ -8,8 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.markup import escape
-from rich.table import Table
 
 import tsis
 from tsis.__about__ import CALIBRATION_FILE, LARGEST_SEED, RESEARCH_USE_ONLY, __version__
@@ -258,10 +256,6 @@ def _outcome(
     with progress_bar("solving the contact of this probe (cached for next time)") as progress:
         result = tsis.hardness.estimate(frames, probe=probe, calibration=calibration, progress=progress, **options)
     title = f"Hardness by direct contact with {probe.name}"
-    shown = Table("quantity", "value", title=escape(title))
-    rows = tsis.present.hardness.hardness_rows(result)
-    for row in rows if truth_kpa is None else (*rows, ("true modulus", f"{truth_kpa:g} kPa")):
-        shown.add_row(*(escape(cell) for cell in row))
     provenance = {"notice": RESEARCH_USE_ONLY, "tsis": __version__, "simulated": simulated, "calibration": cites}
     truth = None if truth_kpa is None else {"young_kpa": truth_kpa}
     withheld = result.withheld_reason("young_kpa")
@@ -274,7 +268,7 @@ def _outcome(
             shore_converted=readings,
             provenance=provenance,
         ),
-        page=tsis.present.hardness.hardness_report(
+        page=tsis.present.hardness.hardness_page(
             result,
             title=title,
             images=frames,
@@ -282,8 +276,6 @@ def _outcome(
             provenance=provenance,
             truth_kpa=truth_kpa,
         ),
-        tables=(shown,),
-        notes=tuple(tsis.present.hardness.hardness_notes(result)),
         files=files or {},
     )
     return outcome, result

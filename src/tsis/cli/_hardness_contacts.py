@@ -7,8 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.markup import escape
-from rich.table import Table
 
 import tsis
 from tsis.cli._output import leave, print_json
@@ -97,8 +95,6 @@ def hardness_from_contacts(path: Path, given: ContactOptions, *, prior: Hardness
             )
         )
     else:
-        shown = Table("quantity", "value", title=escape(f"Hardness by contacts of {given.sensor}"))
-        for row in tsis.present.hardness.hardness_rows(result):
-            shown.add_row(*(escape(cell) for cell in row))
+        shown = tsis.present.hardness.hardness_table(result, title=f"Hardness by contacts of {given.sensor}")
         print_tables((shown,), tsis.present.hardness.hardness_notes(result))
     leave(trusted=result.trusted)

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.table import Table
 
 import tsis
 from tsis.__about__ import LARGEST_SEED, RESEARCH_USE_ONLY
@@ -23,6 +22,7 @@ from tsis.cli._options import (
 from tsis.cli._output import CommandResult, Out, show_result
 from tsis.cli._progress import progress_bar
 from tsis.errors import InputError
+from tsis.present.page import Table
 
 if TYPE_CHECKING:
     import numpy as np
@@ -85,15 +85,14 @@ def train(
     document = tsis.present.document.envelope(
         "network train", file=str(file), seed=seed, samples=samples, method=method, **_about(trained)
     )
-    table = Table("quantity", "value", title="Trained networks")
-    for row in (
+    rows = (
         ("file", str(file)),
         ("probe", trained.probe),
         ("force", f"{trained.force_n:g} N"),
         ("networks", str(len(trained.networks))),
         ("simulated inclusions", str(samples)),
-    ):
-        table.add_row(*row)
+    )
+    table = Table(title="Trained networks", columns=("quantity", "value"), values=rows)
     show_result(CommandResult(document=document, tables=(table,), notes=(f"Prior: {assumed}.",)), None, as_json=as_json)
 
 
@@ -145,15 +144,16 @@ def apply(
         *SPREAD,
         *(f"The {name} output lies outside those of the training: the networks extrapolate." for name in outside),
     )
-    table = Table("press", *tsis.inclusion.PARAMETERS, title="Mean and sd over the networks")
-    presses = []
+    rows, presses = [], []
     for number, path in enumerate(images):
         mean, sd = result[:, number].mean(axis=0), result[:, number].std(axis=0)
-        table.add_row(path.name, *(f"{item:.3g} ± {other:.2g}" for item, other in zip(mean, sd, strict=True)))
+        rows.append((path.name, *(f"{item:.3g} ± {other:.2g}" for item, other in zip(mean, sd, strict=True))))
         presses.append({"press": path.name, "outputs": outputs[number].tolist(), **_parameters(mean, sd)})
     document = tsis.present.document.envelope(
         "network apply", presses=presses, outside=list(outside), networks=_about(trained), calibration=usable.citation()
     )
+    labels = (tsis.present.labels.quantity_of(name).axis for name in tsis.inclusion.PARAMETERS)
+    table = Table(title="Mean and sd over the networks", columns=("press", *labels), values=tuple(rows))
     show_result(CommandResult(document=document, tables=(table,), notes=notes), out, as_json=as_json)
 
 

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import io
 import sys
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
-from rich.markup import escape
-from rich.table import Table
 
 import tsis
 from tsis.cli._progress import WITHHELD, progress_bar
-from tsis.present.terminal import print_tables
+from tsis.present.terminal import print_page, print_tables
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -25,10 +23,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from tsis.model import Estimate
+    from tsis.present.page import Page, Table
 
 
-RESULT = "result.json"
+RESULT, PAGE = "result.json", "index.html"
 
 
 def print_json(document: Mapping[str, Any]) -> None:
@@ -55,14 +53,16 @@ def plain_json_bytes(values: Mapping[str, Any]) -> bytes:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CommandOutcome:
-    """What a command found: for programs, for the folder, and for people; the exit code is 3 where it is untrusted."""
+    """What a command found: for programs, and as the page for people; the exit code is 3 where it is untrusted."""
 
     document: Mapping[str, Any]
-    page: bytes
-    tables: tuple[Table, ...]
-    notes: tuple[str, ...]
+    page: Page
     files: Mapping[str, bytes] = field(default_factory=dict)
     trusted: bool = True
+
+    def with_notes(self, *notes: str) -> CommandOutcome:
+        """The same with further notes for people."""
+        return replace(self, page=replace(self.page, notes=(*self.page.notes, *notes)))
 
 
 def leave(*, trusted: bool) -> None:
@@ -79,7 +79,11 @@ def publish(outcome: CommandOutcome, out: Path, *, as_json: bool) -> None:
 
 def write_outcome(outcome: CommandOutcome, out: Path) -> Path:
     """Write the folder ``out`` (or the next free name), whole or not at all; which one it is."""
-    files = {**outcome.files, RESULT: result_bytes(outcome.document), "index.html": outcome.page}
+    files = {
+        **outcome.files,
+        RESULT: result_bytes(outcome.document),
+        "index.html": tsis.present.html.html_bytes(outcome.page),
+    }
     return tsis.files.write_folder(tsis.files.free_folder(out), files)
 
 
@@ -88,7 +92,7 @@ def print_outcome(outcome: CommandOutcome, folder: Path, *, as_json: bool) -> No
     if as_json:
         print_json({**outcome.document, "folder": str(folder)})
         return
-    print_tables(outcome.tables, outcome.notes, where=f"Page: {folder / 'index.html'}")
+    print_page(outcome.page, where=f"Page: {folder / 'index.html'}")
 
 
 Out = Annotated[
@@ -142,30 +146,3 @@ def _png(figure: Figure) -> bytes:
 def surrogate_progress() -> AbstractContextManager[Callable[[int, int], None]]:
     """A bar that shows how the tables of a new probe or prior are built."""
     return progress_bar("solving the press for this probe (cached for next time)")
-
-
-def estimate_table(result: Estimate, *, title: str, truth: Mapping[str, float] | None = None) -> Table:
-    """Mean, interval, and what the data narrowed and could at best narrow, with the truth if known."""
-    headings = ["", "mean", "90 %\ninterval", "sd", "prior\nsd", "bound\non sd"] + ([] if truth is None else ["truth"])
-    table = Table(title=escape(title))
-    for heading in headings:
-        table.add_column(heading, justify="right" if heading else "left", no_wrap=not heading)
-    for name in result.names:
-        table.add_row(name, *_numbers(result, name), *([] if truth is None else [f"{truth[name]:.3g}"]))
-    return table
-
-
-def _numbers(result: Estimate, name: str) -> tuple[str, ...]:
-    """Cells of one parameter; of an estimate that is not to be trusted only what was believed before."""
-    prior_sd = tsis.present.document.sd_text(result.prior_sd[name])
-    if not result.trusted:
-        return result.withheld_reason(name), "", "", prior_sd, ""
-    low, high = result.interval(tsis.model.INTERVAL_LEVEL)[name]
-    bound = result.cramer_rao_sd.get(name)  # of a hardness nobody computes it
-    return (
-        result.withheld_reason(name) or f"{result.mean[name]:.3g}",
-        f"{low:.3g} to {high:.3g}",
-        tsis.present.document.sd_text(result.sd[name]) if result.identified(name) else "",
-        prior_sd,
-        "" if bound is None else tsis.present.document.sd_text(bound),
-    )

@@ -112,15 +112,14 @@ def publish_and_save(
     try:
         with destination.opened() as store:
             saved = save_results(store, savable(), number=destination.number)
-        outcome = replace(
-            outcome, document={**outcome.document, "saved": saved}, notes=(*outcome.notes, *saved_notes(saved))
-        )
+        outcome = outcome.with_notes(*saved_notes(saved))
+        outcome = replace(outcome, document={**outcome.document, "saved": saved})
         tsis.files.write_durably(folder / RESULT, result_bytes(outcome.document))
     except TsisError as error:
         print_outcome(outcome, folder, as_json=as_json)
         stop_not_saved(error, str(folder))
     except OSError as error:
-        outcome = replace(outcome, notes=(*outcome.notes, f"{RESULT} does not tell it: {error.strerror or error}."))
+        outcome = outcome.with_notes(f"{RESULT} does not tell it: {error.strerror or error}.")
     print_outcome(outcome, folder, as_json=as_json)
     leave(trusted=outcome.trusted)
 

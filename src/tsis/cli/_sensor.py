@@ -7,15 +7,13 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.markup import escape
-from rich.table import Table
 
 import tsis
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.cli._options import AsJson, scale_of
-from tsis.cli._output import print_json
-from tsis.cli._sensor_outputs import frames, sensor_document, sensor_notes, sensor_table
+from tsis.cli._output import RESULT, print_json, result_bytes
 from tsis.errors import InputError
+from tsis.present.page import Table
 from tsis.present.terminal import print_tables
 
 SensorOption = Annotated[
@@ -32,9 +30,6 @@ app = typer.Typer(
     help=f"Files of gel sensors: GelSight, DIGIT, 9DTact, your own. {RESEARCH_USE_ONLY}",
     no_args_is_help=True,
 )
-
-
-app.command("frames", epilog="Example: tsis sensor frames gelsight-mini --out gel-frames --seed 3")(frames)
 
 
 @app.command("new", epilog="Example: tsis sensor new my-gel --like gelsight-mini --scale-mm 0.0634 --out my-gel.toml")
@@ -56,6 +51,8 @@ def new(
     as_json: AsJson = False,
 ) -> None:
     """Write the file of your own gel sensor, from one of the catalog and what you know better."""
+    from tsis.present.gel_sensor import sensor_document, sensor_notes, sensor_table
+
     if name in tsis.catalog.list_sensors():
         raise InputError(f"the name {name!r} is that of a sensor of the catalog; choose another, as my-{name}")
     start = tsis.catalog.load_sensor(like)
@@ -80,7 +77,11 @@ def new(
     if as_json:
         print_json(tsis.present.document.envelope("sensor new", sensor=sensor_document(sensor), file=str(out)))
         return
-    print_tables([sensor_table(sensor)], sensor_notes(sensor), where=f"File: {out}")
+    print_tables(
+        [sensor_table(sensor)],
+        sensor_notes(sensor),
+        where=f"File: {out}",
+    )
 
 
 def _pixels(text: str) -> tuple[int, int]:
@@ -98,6 +99,8 @@ def check(
     as_json: AsJson = False,
 ) -> None:
     """Check the file of a sensor, and that frames have its size; say what is still unknown."""
+    from tsis.present.gel_sensor import sensor_document, sensor_notes, sensor_table
+
     loaded = tsis.catalog.load_sensor(sensor)
     for path in frames or []:
         rows, columns = tsis.instrument.read_image(path).grey.shape
@@ -105,7 +108,10 @@ def check(
     if as_json:
         print_json(
             tsis.present.document.envelope(
-                "sensor check", sensor=sensor_document(loaded), frames=len(frames or []), notes=sensor_notes(loaded)
+                "sensor check",
+                sensor=sensor_document(loaded),
+                frames=len(frames or []),
+                notes=sensor_notes(loaded),
             )
         )
         return
@@ -121,6 +127,8 @@ def show(
     as_json: AsJson = False,
 ) -> None:
     """Show a sensor with the source of each value, or the names of all."""
+    from tsis.present.gel_sensor import sensor_document, sensor_notes, sensor_table
+
     loaded = None if sensor is None else tsis.catalog.load_sensor(sensor)
     names = tsis.catalog.list_sensors() if loaded is None else (loaded.name,)
     if as_json:
@@ -130,7 +138,35 @@ def show(
     if loaded is None:
         print_tables([], names)
         return
-    sources = Table("value", "source", title="Sources")
-    for name, text in loaded.sources.items():
-        sources.add_row(name, escape(text))
+    sources = Table(title="Sources", columns=("value", "source"), values=tuple(loaded.sources.items()))
     print_tables([sensor_table(loaded), sources], sensor_notes(loaded))
+
+
+@app.command("frames", epilog="Example: tsis sensor frames gelsight-mini --out gel-frames --seed 3")
+def frames(
+    sensor: Annotated[str, typer.Argument(help="Name or file of the sensor.")],
+    *,
+    presses: Annotated[int, typer.Option(help="Number of presses.")] = 4,
+    ball_mm: Annotated[float, typer.Option(help="Diameter of the ball in mm.")] = 6.0,
+    seed: Annotated[int, typer.Option(help="Seed of lamps, places, depths and noise.")] = 1,
+    out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path("gel-frames"),
+    as_json: AsJson = False,
+) -> None:
+    """Render frames of a sensor pressed by a ball, with their truth, to try the commands without a sensor."""
+    loaded = tsis.catalog.load_sensor(sensor)
+    tsis.model.require_integer("--presses", presses, 1, 100)
+    tsis.model.require_number("--ball-mm", ball_mm, 1.0, 40.0, hint="millimetres")
+    made = tsis.virtual.gel_frames.rendered_series(loaded, presses, ball_radius_mm=ball_mm / 2, seed=seed)
+    files = {"untouched.png": tsis.files.encode_picture(made[0].reference)}
+    truth = []
+    for number, press in enumerate(made, start=1):
+        files[f"press-{number}.png"] = tsis.files.encode_picture(press.frame)
+        truth.append({"frame": f"press-{number}.png", "centre_px": list(press.centre_px), "radius_px": press.radius_px})
+    document = tsis.present.document.envelope(
+        "sensor frames", sensor=loaded.name, ball_mm=ball_mm, seed=seed, truth=truth
+    )
+    folder = tsis.files.write_folder(tsis.files.free_folder(out), {**files, RESULT: result_bytes(document)})
+    if as_json:
+        print_json({**document, "folder": str(folder)})
+        return
+    print_tables([], [f"{presses} presses of a ball of {ball_mm:g} mm, rendered"], where=f"Frames: {folder}")

@@ -9,14 +9,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.table import Table
 
 import tsis
 from tsis.cli._options import AsJson, DepthMm, DiameterMm, ForceN, PhantomName, ProbeOption, YoungKpa, chosen_probe
 from tsis.cli._output import print_json
 from tsis.cli._progress import waiting
 from tsis.cli._simulate_gel import GelOrder, write_gel_frames
-from tsis.present.terminal import people, print_notice
+from tsis.present.page import Column, Table
+from tsis.present.terminal import print_tables
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -105,16 +105,22 @@ def simulate(
             )
         )
         return
-    console = people()
-    table = Table(title=f"{chosen.name} on {pressed.name}, {force_n:g} N: the glass travels {field.approach_mm:.3f} mm")
-    for heading in ("radius / mm", "pressure / kPa", "face displacement / um", "change by the inclusion / um"):
-        table.add_column(heading, justify="right")
+    quantities = {
+        "radius": "mm",
+        "pressure": "kPa",
+        "face displacement": "um",
+        "change by the inclusion": "um",
+    }
     step = (len(field.radius_mm) - 1) // (SHOWN_RADII - 1)
-    for i in range(0, len(field.radius_mm), step):
-        numbers = (field.radius_mm[i], field.pressure_kpa[i], 1000 * field.face_displacement_mm[i], 1000 * change[i])
-        table.add_row(*(f"{number:.3f}" for number in numbers))
-    console.print(table)
-    print_notice(console)
+    table = Table(
+        title=f"{chosen.name} on {pressed.name}, {force_n:g} N: the glass travels {field.approach_mm:.3f} mm",
+        columns=tuple(Column(label=label, unit=unit, form=".3f") for label, unit in quantities.items()),
+        values=tuple(
+            (field.radius_mm[i], field.pressure_kpa[i], 1000 * field.face_displacement_mm[i], 1000 * change[i])
+            for i in range(0, len(field.radius_mm), step)
+        ),
+    )
+    print_tables((table,))
 
 
 def _catalog(*, as_json: bool) -> None:
@@ -123,15 +129,13 @@ def _catalog(*, as_json: bool) -> None:
         phantoms = {name: asdict(tsis.catalog.load_phantom(name)) for name in tsis.catalog.list_phantoms()}
         print_json(tsis.present.document.envelope("simulate", "list", probes=probes, phantoms=phantoms))
         return
-    console = people()
-    console.print("Probes:", ", ".join(tsis.catalog.list_probes()))
-    table = Table(title="Phantoms")
-    for heading in ("name", "d / mm", "h / mm", "E / kPa", "assumed, not printed in the source"):
-        table.add_column(heading)
+    rows: list[tuple[str | float | None, ...]] = []
     for name in tsis.catalog.list_phantoms():
         phantom = tsis.catalog.load_phantom(name)
         lump = phantom.inclusion
-        sizes = ("", "", "") if lump is None else (f"{lump.diameter_mm:g}", f"{lump.depth_mm:g}", f"{lump.young_kpa:g}")
-        table.add_row(name, *sizes, ", ".join(phantom.assumed))
-    console.print(table)
-    print_notice(console)
+        sizes = ("", "", "") if lump is None else (lump.diameter_mm, lump.depth_mm, lump.young_kpa)
+        rows.append((name, *sizes, ", ".join(phantom.assumed)))
+    sizes_columns = (Column(label=label, unit=unit) for label, unit in (("d", "mm"), ("h", "mm"), ("E", "kPa")))
+    columns: tuple[str | Column, ...] = ("name", *sizes_columns, "assumed, not printed in the source")
+    probes_table = Table(title="Probes", columns=("name",), values=tuple((n,) for n in tsis.catalog.list_probes()))
+    print_tables((probes_table, Table(title="Phantoms", columns=columns, values=tuple(rows))))

@@ -6,11 +6,11 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from rich.table import Table
 
 import tsis
 from tsis.cli._output import RESULT, npy_bytes, plain_json_bytes, print_json, result_bytes
 from tsis.cli._progress import waiting
+from tsis.present.page import Column, Table
 from tsis.present.terminal import print_tables
 
 if TYPE_CHECKING:
@@ -86,9 +86,11 @@ def write_gel_frames(name: str, order: GelOrder, out: Path, *, as_json: bool) ->
     if as_json:
         print_json({**document, "folder": str(written)})
         return
-    table = Table("frame", "force by the gauge / N", title=f"Presses on a virtual {name}")
-    for stem, force in gauge.items():
-        table.add_row(f"{stem}.png", f"{force:.3f}")
+    table = Table(
+        title=f"Presses on a virtual {name}",
+        columns=("frame", Column(label="force by the gauge", unit="N", form=".3f")),
+        values=tuple((f"{stem}.png", force) for stem, force in gauge.items()),
+    )
     notes = [
         f"The gel is {thickness:.1f} mm thick by the caliper.",
         f"ball-N: a rigid ball of {CALIBRATION_BALL_MM:g} mm; press-N: the ball of {order.ball_mm:g} mm.",

@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.table import Table
 
 import tsis
 from tsis.cli._options import AsJson
 from tsis.cli._output import print_json
 from tsis.cli._progress import progress_bar, stop_interrupted
-from tsis.present.terminal import people, print_notice
+from tsis.present.page import Column, Table
+from tsis.present.terminal import people, print_notice, print_tables
 
 if TYPE_CHECKING:
     from tsis.sweep.plan import Plan
@@ -133,15 +133,13 @@ def _say_how_much(plan: Plan, workers: int | None, *, as_json: bool) -> None:
             )
         )
         return
-    console = people()
-    table = Table(title="Nothing was computed or written")
-    table.add_column("of this plan")
-    table.add_column("", justify="right")
-    table.add_row("phantoms", str(plan.samples))
-    table.add_row("presses", str(plan.presses))
-    table.add_row("files", str(plan.shards))
-    table.add_row("time of a press on one processor", f"{1000 * per_press:.1f} ms")
+    rows = [
+        ("phantoms", str(plan.samples)),
+        ("presses", str(plan.presses)),
+        ("files", str(plan.shards)),
+        ("time of a press on one processor", f"{1000 * per_press:.1f} ms"),
+    ]
     if seconds is not None:
-        table.add_row(f"time with {workers} workers, about (h:min:s)", str(timedelta(seconds=round(seconds))))
-    console.print(table)
-    print_notice(console)
+        rows.append((f"time with {workers} workers, about (h:min:s)", str(timedelta(seconds=round(seconds)))))
+    title = "Nothing was computed or written"
+    print_tables((Table(title=title, columns=("of this plan", Column(label="")), values=tuple(rows)),))

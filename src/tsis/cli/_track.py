@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.table import Table
 
 import tsis
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
@@ -100,17 +99,12 @@ def track(
         "mm_per_pixel": list(scale),
         "calibration": None if usable is None else usable.citation(),
     }
-    table = Table("quantity", "value", title="Results of the sequence")
-    for row in tsis.present.tracking.track_rows(result):
-        table.add_row(*row)
     subtitle = f"{len(images)} frames, {images[0].name} to {images[-1].name}"
     outcome = CommandOutcome(
         document=tsis.present.document.envelope(
             "track", **tsis.present.tracking.track_document(result), provenance=provenance
         ),
-        page=tsis.present.tracking.track_report(result, subtitle=subtitle, provenance=provenance),
-        tables=(table,),
-        notes=tsis.present.tracking.track_notes(result),
+        page=tsis.present.tracking.track_page(result, subtitle=subtitle, provenance=provenance),
     )
     publish(outcome, out, as_json=as_json)
 

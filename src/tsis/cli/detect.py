@@ -6,8 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.markup import escape
-from rich.table import Table
 
 import tsis
 from tsis.__about__ import LARGEST_SEED, LARGEST_TARGET, RESEARCH_USE_ONLY
@@ -16,6 +14,7 @@ from tsis.cli._output import CommandResult, Out, show_result
 from tsis.cli._progress import progress_bar
 from tsis.cli._store import PHANTOM, StoreDatabase, StoreFolder, StoreKind, opened
 from tsis.errors import InputError, UntrustedError, import_extra
+from tsis.present.page import Column, Table
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -121,10 +120,11 @@ def apply(
     classifier = tsis.study.classifier.read_classifier(file)
     with opened(store, kind, database) as records:
         results = [(number, classifier.classify(_evidence_of(records, number))) for number in numbers]
-    table = Table("target", *classifier.split.names, "likeliest", title="Probabilities of the classes")
-    for number, item in results:
-        cells = (f"{value:.3f}" for value in item.probabilities.values())
-        table.add_row(str(number), *cells, escape(item.likeliest))
+    table = Table(
+        title="Probabilities of the classes",
+        columns=("target", *(Column(label=name, form=".3f") for name in classifier.split.names), "likeliest"),
+        values=tuple((number, *item.probabilities.values(), item.likeliest) for number, item in results),
+    )
     document = tsis.present.document.envelope(
         "detect apply",
         classes=list(classifier.split.names),
@@ -198,10 +198,8 @@ def _counts(classifier: Classifier) -> dict[str, int]:
 
 
 def _training_table(classifier: Classifier) -> Table:
-    table = Table("class", "targets", title="Training targets")
-    for name, count in _counts(classifier).items():
-        table.add_row(escape(name), str(count))
-    return table
+    columns = ("class", Column(label="targets"))
+    return Table(title="Training targets", columns=columns, values=tuple(_counts(classifier).items()))
 
 
 def _confusion_table(validation: Validation) -> Table:
@@ -211,10 +209,8 @@ def _confusion_table(validation: Validation) -> Table:
         f"Cross-validation: right {validation.accuracy.value:.0%}, {100 * interval.level:g} % interval "
         f"{interval.low:.0%} to {interval.high:.0%}"
     )
-    table = Table("true class", *(f"called {escape(name)}" for name in names), title=title)
-    for name, row in zip(names, validation.confusion.tolist(), strict=True):
-        table.add_row(escape(name), *map(str, row))
-    return table
+    rows = tuple((name, *row) for name, row in zip(names, validation.confusion.tolist(), strict=True))
+    return Table(title=title, columns=("true class", *(Column(label=f"called {name}") for name in names)), values=rows)
 
 
 def _validation_document(validation: Validation) -> dict[str, Any]:

@@ -17,9 +17,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.box import SIMPLE_HEAD
-from rich.markup import escape
-from rich.table import Table
 
 import tsis
 from tsis.__about__ import LARGEST_SEED, RESEARCH_USE_ONLY
@@ -29,14 +26,14 @@ from tsis.cli._output import CommandOutcome, CommandResult, Out, print_json, pub
 from tsis.cli._progress import FAILED, progress_bar, stop_interrupted
 from tsis.cli._store import DATABASE, PHANTOM, opened
 from tsis.errors import InputError
-from tsis.present.terminal import people, print_notice, print_tables, rich_tables
+from tsis.present.page import Column, Table
+from tsis.present.terminal import people, print_notice, print_tables, rich_table
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from matplotlib.figure import Figure
 
-    from tsis.study.analysis import DeviceAnalysis
     from tsis.study.folder import Study
     from tsis.study.plan import TargetTruth
     from tsis.study.search import DetectionRangeTable, ScanPlan
@@ -223,10 +220,8 @@ def show(
         f"threshold {plan.threshold:g}.",
         markup=False,
     )
-    table = Table("device", "operator", "readings", "undecided")
-    for item, who, count, undecided in _tally(study):
-        table.add_row(escape(item), escape(who), str(count), str(undecided))
-    console.print(table)
+    columns = ("device", "operator", Column(label="readings"), Column(label="undecided"))
+    console.print(rich_table(Table(title="", columns=columns, values=tuple(_tally(study)))))
     if by is not None:
         console.print(
             f"Unblinded {tsis.files.one_line(f'{by.moment} by {by.actor}')}: no more readings are accepted.",
@@ -392,7 +387,15 @@ def analyse(
 
     After that no reading is accepted. An unblinded study is analysed again.
     """
-    from tsis.present.study import PAGE, few_notes, publish_study, record_notes, study_document, undecided_notes
+    from tsis.present.study import (
+        PAGE,
+        device_tables,
+        few_notes,
+        publish_study,
+        record_notes,
+        study_document,
+        undecided_notes,
+    )
     from tsis.study.folder import open_study
 
     study = open_study(folder)
@@ -413,7 +416,7 @@ def analyse(
         return
     console = people()
     for device in result.devices:
-        console.print(_rates_table(device))
+        console.print(rich_table(next(device_tables(device))))
     for note in (
         *record_notes(result),
         *(note for device in result.devices for note in (*few_notes(device), *undecided_notes(device))),
@@ -449,22 +452,6 @@ def _confirm(study: Study, *, as_json: bool) -> None:
     if not typer.confirm(question, err=True):
         typer.echo("Nothing was unblinded.", err=True)
         raise typer.Exit(FAILED)
-
-
-def _rates_table(device: DeviceAnalysis) -> Table:
-    from tsis.present.study import ends, fraction_text, interval_text, method_of
-
-    table = Table("", "value", "95 % interval", "method", box=SIMPLE_HEAD, show_edge=False, title_justify="left")
-    table.title = escape(device.results.device)
-    counts = device.counts
-    if counts is not None and counts.present:
-        table.add_row("sensitivity", fraction_text(counts.sensitivity), interval_text(counts.sensitivity), "Wilson")
-    if counts is not None and counts.absent:
-        table.add_row("specificity", fraction_text(counts.specificity), interval_text(counts.specificity), "Wilson")
-    if device.curve is not None:
-        interval = device.auc_interval
-        table.add_row("area under the curve", f"{device.curve.auc:.3f}", ends(interval), method_of(interval))
-    return table
 
 
 @app.command(epilog="Example: tsis study verify trial")
@@ -523,7 +510,7 @@ def repeatability(
     Writes index.html, report.pdf and result.json. ISO 5725 and QIBA name the quantities.
     """
     from tsis.present.pdf import pdf_bytes
-    from tsis.present.precision import precision_document, precision_notes, precision_page, precision_tables
+    from tsis.present.precision import precision_document, precision_page
     from tsis.present.study import PAPER
     from tsis.study.card import analyse_precision
     from tsis.study.folder import open_study
@@ -532,9 +519,7 @@ def repeatability(
     page = precision_page(analysis)
     outcome = CommandOutcome(
         document=precision_document(analysis),
-        page=tsis.present.html.html_bytes(page),
-        tables=tuple(rich_tables(precision_tables(analysis))),
-        notes=precision_notes(analysis),
+        page=page,
         files={PAPER: pdf_bytes(page)},
     )
     publish(outcome, out, as_json=as_json)
@@ -572,13 +557,21 @@ def size(
         for operators in OPERATORS
         for repeats in REPEATS
     ]
-    table = Table(title=f"Upper limit at most {width:.0%} above the coefficient")
-    for head in ("operators", "repeats", "phantoms", "presses", "repeatability", "reproducibility"):
-        table.add_column(head, justify="right")
-    for item in sizes:
-        counts = ("none", "") if item.phantoms is None else (str(item.phantoms), str(item.presses))
-        uppers = (f"+{item.upper_repeatability:.0%}", f"+{item.upper_reproducibility:.0%}")
-        table.add_row(str(item.operators), str(item.repeats), *counts, *uppers)
+    table = Table(
+        title=f"Upper limit at most {width:.0%} above the coefficient",
+        columns=(
+            *(Column(label=label) for label in ("operators", "repeats", "phantoms", "presses")),
+            *(Column(label=label, form="+.0%") for label in ("repeatability", "reproducibility")),
+        ),
+        values=tuple(
+            (
+                *(item.operators, item.repeats),
+                *(("none", "") if item.phantoms is None else (item.phantoms, item.presses)),
+                *(item.upper_repeatability, item.upper_reproducibility),
+            )
+            for item in sizes
+        ),
+    )
     fewest = min((item for item in sizes if item.presses is not None), key=lambda item: item.presses or 0, default=None)
     if fewest is None:
         raise InputError(
@@ -668,9 +661,7 @@ def card(
     page = card_page(result, now=now)
     outcome = CommandOutcome(
         document=card_document(result, now=now),
-        page=tsis.present.html.html_bytes(page),
-        tables=tuple(rich_tables(page.tables)),
-        notes=page.notes,
+        page=page,
         files={PAPER: pdf_bytes(page)},
         trusted=result.passed,
     )
@@ -704,7 +695,7 @@ def check(
     The exit code is 3 when a rule warns at the last check. Probe, phantom, force, baseline and tolerance are those of
     the first check.
     """
-    from tsis.present.daily_checks import drift_document, drift_notes, drift_page, drift_tables
+    from tsis.present.daily_checks import drift_document, drift_page
     from tsis.present.pdf import pdf_bytes
     from tsis.present.study import PAPER
     from tsis.study.drift import (
@@ -750,9 +741,7 @@ def check(
     page = drift_page(log, charts)
     outcome = CommandOutcome(
         document=drift_document(log, charts),
-        page=tsis.present.html.html_bytes(page),
-        tables=tuple(rich_tables(drift_tables(charts))),
-        notes=drift_notes(log, charts),
+        page=page,
         files={PAPER: pdf_bytes(page)},
         trusted=not any(item.warns for item in charts),
     )
@@ -812,9 +801,7 @@ def score(
     page = score_page(result)
     outcome = CommandOutcome(
         document=score_document(result),
-        page=tsis.present.html.html_bytes(page),
-        tables=tuple(rich_tables(page.tables)),
-        notes=page.notes,
+        page=page,
         files={PAPER: pdf_bytes(page)},
     )
     publish(outcome, out, as_json=as_json)
@@ -923,29 +910,26 @@ def _plan_document(
 
 
 def _plan_table(plan: ScanPlan, seconds: float) -> Table:
-    table = Table(title=f"{plan.width_mm:g} mm x {plan.height_mm:g} mm, face of {2 * plan.radius_mm:g} mm")
-    for head in ("", "across", "along"):
-        table.add_column(head)
     span, along = plan.overlap
-    table.add_row("strips; presses a strip", str(plan.strips), str(plan.presses_a_strip))
-    table.add_row("spacing / mm", f"{plan.strip_spacing_mm:.2f}", f"{plan.press_spacing_mm:.2f}")
-    table.add_row("overlap of neighbours", f"{span:.0%}", f"{along:.0%}")
-    table.add_row("face beyond the area / mm", *(f"{item:.1f}" for item in plan.overhang_mm))
-    table.add_row("presses", str(plan.presses), "")
-    table.add_row("time", f"{seconds / 60:.1f} min", "")
-    table.add_row("farthest from any press / mm", f"{plan.worst_distance_mm:.2f}", "")
-    return table
+    rows = (
+        ("strips; presses a strip", str(plan.strips), str(plan.presses_a_strip)),
+        ("spacing / mm", f"{plan.strip_spacing_mm:.2f}", f"{plan.press_spacing_mm:.2f}"),
+        ("overlap of neighbours", f"{span:.0%}", f"{along:.0%}"),
+        ("face beyond the area / mm", *(f"{item:.1f}" for item in plan.overhang_mm)),
+        ("presses", str(plan.presses), ""),
+        ("time", f"{seconds / 60:.1f} min", ""),
+        ("farthest from any press / mm", f"{plan.worst_distance_mm:.2f}", ""),
+    )
+    title = f"{plan.width_mm:g} mm x {plan.height_mm:g} mm, face of {2 * plan.radius_mm:g} mm"
+    return Table(title=title, columns=("", "across", "along"), values=rows)
 
 
 def _smallest_table(smallest: dict[float, float | None]) -> tuple[Table, ...]:
     if not smallest:
         return ()
-    table = Table(title="Smallest diameter that is not missed")
-    table.add_column("depth / mm")
-    table.add_column("diameter / mm")
-    for depth, size in smallest.items():
-        table.add_row(f"{depth:g}", "none up to 15" if size is None else f"{size:.1f}")
-    return (table,)
+    columns = (Column(label="depth", unit="mm"), Column(label="diameter", unit="mm", form=".1f"))
+    rows = tuple((depth, "none up to 15" if size is None else size) for depth, size in smallest.items())
+    return (Table(title="Smallest diameter that is not missed", columns=columns, values=rows),)
 
 
 def _plan_notes(table: DetectionRangeTable | None, *, measured: bool) -> tuple[str, ...]:

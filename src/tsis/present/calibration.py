@@ -11,7 +11,6 @@ from tsis.files import to_json_value
 from tsis.model import BEND_TERMS, GROWTH_TERMS
 from tsis.present.document import envelope
 from tsis.present.figures import dot_board, force_residuals, force_sums, hysteresis_loops
-from tsis.present.html import html_bytes
 from tsis.present.page import Card, Page, Picture, Table, on_axes
 
 if TYPE_CHECKING:
@@ -27,6 +26,7 @@ if TYPE_CHECKING:
 
 PER_CENT = 100.0
 Row = tuple[str, str, str]
+MEASURED = ("quantity", "value", "95 % interval")
 
 
 def calibration_document(
@@ -116,6 +116,20 @@ def specification_rows(calibration: ProbeCalibration) -> tuple[tuple[str, str, s
     return tuple((row.quantity, text, row.fingertip, row.printed) for row, text in zip(rows, measured, strict=True))
 
 
+def specification_tables(calibration: ProbeCalibration) -> tuple[Table, ...]:
+    """The specification sheet; no table where there is none."""
+    rows = specification_rows(calibration)
+    columns = ("quantity", "measured", "fingertip", "printed in the source")
+    return (Table(title="Specification sheet (table 4.1)", columns=columns, values=rows),) if rows else ()
+
+
+def content_tables(calibration: ProbeCalibration) -> tuple[Table, ...]:
+    """What a calibration file holds, and its specification sheet."""
+    title = f"Calibration {calibration.name}"
+    content = Table(title=title, columns=MEASURED, values=content_rows(calibration))
+    return (content, *specification_tables(calibration))
+
+
 def specification_notes(calibration: ProbeCalibration) -> tuple[str, ...]:
     """Notes for the comparison of the columns of the sheet."""
     rows = () if calibration.specification is None else calibration.specification.rows
@@ -147,13 +161,6 @@ def calibration_notes(calibration: ProbeCalibration, findings: SessionResult) ->
             "The light on dents was not measured: estimates of inclusions are wide (tsis calibrate --pad-kpa 5)."
         )
     return tuple(notes)
-
-
-def calibration_report(
-    calibration: ProbeCalibration, findings: SessionResult, *, provenance: Mapping[str, Any]
-) -> bytes:
-    """The report of a calibration as HTML."""
-    return html_bytes(calibration_page(calibration, findings, provenance=provenance))
 
 
 def calibration_page(calibration: ProbeCalibration, findings: SessionResult, *, provenance: Mapping[str, Any]) -> Page:
@@ -202,16 +209,8 @@ def calibration_page(calibration: ProbeCalibration, findings: SessionResult, *, 
         notes=(*calibration_notes(calibration, findings), *specification_notes(calibration)),
         pictures=pictures,
         tables=(
-            Table(
-                title="Measured",
-                headings=("quantity", "value", "95 % interval"),
-                rows=calibration_rows(calibration, findings),
-            ),
-            Table(
-                title="Specification sheet (table 4.1)",
-                headings=("quantity", "measured", "fingertip", "printed in the source"),
-                rows=specification_rows(calibration),
-            ),
+            Table(title="Measured", columns=MEASURED, values=calibration_rows(calibration, findings)),
+            *specification_tables(calibration),
         ),
         provenance={**provenance, "line": to_json_value(findings.line)},
     )

@@ -90,7 +90,7 @@ def drift_tables(charts: Sequence[DriftChart]) -> tuple[Table, ...]:
         )
         for item in charts
     )
-    return (Table(title="Charts", headings=HEADINGS, rows=rows),)
+    return (Table(title="Charts", columns=HEADINGS, values=rows),)
 
 
 def drift_document(log: CheckLog, charts: Sequence[DriftChart]) -> dict[str, Any]:

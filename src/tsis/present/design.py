@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.imaging import Sensor
-from tsis.inclusion import InclusionPrior, protocol_forces
+from tsis.inclusion import PARAMETERS, InclusionPrior, protocol_forces
 from tsis.inclusion.design import (
     ASPECTS,
     CRITERIA,
@@ -22,7 +22,8 @@ from tsis.inclusion.design import (
 )
 from tsis.model import Probe, require_integer, require_one_of, require_type
 from tsis.present.document import envelope
-from tsis.present.figures import LABELS, design_errors
+from tsis.present.figures import design_errors
+from tsis.present.labels import quantity_of
 from tsis.present.page import Card, Page, Picture, Table
 from tsis.virtual.probe import nominal_calibration
 
@@ -180,7 +181,6 @@ def analyse_designs(
 
 
 HEADINGS = ("design", "d / mm", "h / mm", "E / kPa", "known", "strain", "whole", "grey", "breaks")
-SHORT = {"diameter_mm": ("Diameter", "mm", 2), "depth_mm": ("Depth", "mm", 2), "young_kpa": ("Modulus", "kPa", 1)}
 CROSSES = "Nearer to the corner is better; crosses break a limit."
 
 
@@ -243,7 +243,7 @@ def design_page(design: DesignAnalysis) -> Page:
     return Page(
         title="Predicted performance",
         subtitle=design.planned.protocol.described,
-        cards=(*(_card(design, name) for name in SHORT), _best_card(design)),
+        cards=(*(_card(design, name) for name in PARAMETERS), _best_card(design)),
         notes=design_notes(design),
         pictures=(
             Picture(
@@ -256,16 +256,17 @@ def design_page(design: DesignAnalysis) -> Page:
                 wide=True,
             ),
         ),
-        tables=(Table(title=design_caption(designs), headings=HEADINGS, rows=design_rows(designs)),),
+        tables=(Table(title=design_caption(designs), columns=HEADINGS, values=design_rows(designs)),),
     )
 
 
 def _card(response: DesignAnalysis, name: str) -> Card:
     design = response.planned
-    title, unit, digits = SHORT[name]
+    quantity = quantity_of(name)
+    unit, digits = quantity.unit, quantity.decimals
     error, before = design.information.rmse[name], response.question.prior.sd[name]
     return Card(
-        title=f"{title}, as planned",
+        title=f"{quantity.label.capitalize()}, as planned",
         value=f"± {error:.{digits}f} {unit}",
         detail=f"before any press ± {before:.{digits}f} {unit}",
         doubtful=bool(design.limits.broken),
@@ -274,7 +275,7 @@ def _card(response: DesignAnalysis, name: str) -> Card:
 
 def _best_card(design: DesignAnalysis) -> Card:
     best, criterion = design.best, design.question.criterion
-    by = "all three together" if criterion == "all" else LABELS[criterion]
+    by = "all three together" if criterion == "all" else quantity_of(criterion).axis
     return Card(
         title="Best of all",
         value=best.protocol.name,

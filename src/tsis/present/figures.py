@@ -11,6 +11,7 @@ import numpy as np
 
 from tsis.calibration.force import common_forces, fit_run
 from tsis.errors import InputError
+from tsis.present.labels import quantity_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -149,7 +150,6 @@ def gel_depth(depth_mm: NDArray[np.float64], ax: Axes, *, mm_per_pixel: tuple[fl
     return ax
 
 
-LABELS = {"diameter_mm": "diameter d / mm", "depth_mm": "depth h / mm", "young_kpa": "modulus E / kPa"}
 BINS = 40
 TRUTH = "#d55e00"  # distinct without red-green vision
 POSTERIOR = "#0072b2"
@@ -167,7 +167,7 @@ def marginal(
     ax.plot([low, low, high, high], [0, 1 / (high - low), 1 / (high - low), 0], color="0.4", label="prior")
     draw_posterior(estimate, name, ax, truth)
     margin = 0.02 * (high - low)
-    ax.set(xlabel=LABELS.get(name, name), xlim=(low - margin, high + margin), yticks=[])
+    ax.set(xlabel=quantity_of(name).axis, xlim=(low - margin, high + margin), yticks=[])
     return ax
 
 
@@ -189,7 +189,7 @@ def trade_off(
     ax.pcolormesh(x_edges, y_edges, counts.T, cmap="Blues", rasterized=True)
     if truth is not None:
         ax.plot(*truth, "x", color=TRUTH, markersize=10, markeredgewidth=2)
-    ax.set(xlabel=LABELS.get(first, first), ylabel=LABELS.get(second, second))
+    ax.set(xlabel=quantity_of(first).axis, ylabel=quantity_of(second).axis)
     return ax
 
 
@@ -206,7 +206,7 @@ def posterior(estimate: Estimate, figure: Figure | None = None) -> Figure:
         figure = Figure(figsize=(3.2 * len(names), 2.8), layout="constrained")
     priors = estimate.provenance.get("prior", {})
     for name, ax in zip(names, figure.subplots(1, len(names), squeeze=False)[0], strict=True):
-        ax.set(xlabel=LABELS.get(name, name), yticks=[])
+        ax.set(xlabel=quantity_of(name).axis, yticks=[])
         if not estimate.trusted:
             ax.set(xticks=[])
             ax.text(0.5, 0.5, "\n".join(("not to be trusted", *estimate.flags)), ha="center", va="center", fontsize=7)
@@ -233,7 +233,9 @@ def design_errors(designs: Sequence[Design], names: tuple[str, str], ax: Axes) -
         ax.plot(x, y, marker, color=colour, markersize=5, label=f"{number}  {design.protocol.name}")
         ax.annotate(str(number), (x, y), xytext=(4, 3), textcoords="offset points", fontsize=7)
     ax.margins(0.1)
-    ax.set(xlabel=f"expected error of {LABELS[first]}", ylabel=f"expected error of {LABELS[second]}")
+    ax.set(
+        xlabel=f"expected error of {quantity_of(first).axis}", ylabel=f"expected error of {quantity_of(second).axis}"
+    )
     return ax
 
 

@@ -10,7 +10,6 @@ import numpy as np
 from tsis.files import table_bytes
 from tsis.imaging import REASONS
 from tsis.present.figures import gel_contact
-from tsis.present.html import html_bytes
 from tsis.present.page import Card, Page, Picture, Table
 
 if TYPE_CHECKING:
@@ -20,6 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.imaging import GelContact
+    from tsis.model import GelSensor
 
 
 ACROSS = 4  # overlays side by side
@@ -105,28 +105,64 @@ def overlay_inches(count: int) -> tuple[float, float]:
     return 2.8 * min(shown, ACROSS), 2.6 * -(-shown // ACROSS)
 
 
-def gel_contacts_report(
+def gel_contacts_page(
     frames: Sequence[NDArray[Any]], contacts: Sequence[GelContact], *, provenance: Mapping[str, Any]
-) -> bytes:
-    """The contacts as HTML: how many are good, overlays, table, and what to do about the others."""
+) -> Page:
+    """The contacts: how many are good, overlays, table, and what to do about the others."""
     good = sum(contact.good for contact in contacts)
-    return html_bytes(
-        Page(
-            title="Contacts",
-            subtitle=f"{len(contacts)} frames",
-            cards=(Card(title="Good contacts", value=f"{good} of {len(contacts)}", doubtful=good == 0),),
-            notes=contact_notes(contacts),
-            pictures=(
-                Picture(
-                    title="Frames with their contacts",
-                    draw=lambda figure: draw_contacts(figure, frames, contacts),
-                    size=overlay_inches(len(contacts)),
-                    alt="Frames of the gel sensor, each with the outline of its contact",
-                    caption="A full line is a good contact, a broken one is refused for the reasons above it.",
-                    wide=True,
-                ),
+    return Page(
+        title="Contacts",
+        subtitle=f"{len(contacts)} frames",
+        cards=(Card(title="Good contacts", value=f"{good} of {len(contacts)}", doubtful=good == 0),),
+        notes=contact_notes(contacts),
+        pictures=(
+            Picture(
+                title="Frames with their contacts",
+                draw=lambda figure: draw_contacts(figure, frames, contacts),
+                size=overlay_inches(len(contacts)),
+                alt="Frames of the gel sensor, each with the outline of its contact",
+                caption="A full line is a good contact, a broken one is refused for the reasons above it.",
+                wide=True,
             ),
-            tables=(Table(title="Contacts", headings=CONTACT_HEADINGS, rows=tuple(gel_contact_rows(contacts))),),
-            provenance=provenance,
-        )
+        ),
+        tables=(Table(title="Contacts", columns=CONTACT_HEADINGS, values=tuple(gel_contact_rows(contacts))),),
+        provenance=provenance,
     )
+
+
+def sensor_document(sensor: GelSensor) -> dict[str, Any]:
+    """The sensor as a part of a JSON result."""
+    document = {name: getattr(sensor, name) for name in sensor.__slots__}
+    for name in ("thickness_mm", "young_kpa", "poisson"):
+        document[name] = asdict(document[name])
+    return document | {"layers": [asdict(layer) for layer in sensor.layers], "sources": dict(sensor.sources)}
+
+
+def sensor_table(sensor: GelSensor) -> Table:
+    """What is known of a sensor."""
+    radius, scale = sensor.face_radius_mm, sensor.mm_per_pixel
+    face = f"{sensor.width_mm:g} x {sensor.height_mm:g} mm, {sensor.shape}, {sensor.outline}"
+    known = "" if scale is None else f"{scale[0]:.4g} x {scale[1]:.4g}, sd {sensor.scale_uncertainty:.1%}"
+    rows = (
+        ("face", face + ("" if radius is None else f" of radius {radius:g} mm")),
+        ("gel thickness / mm", str(sensor.thickness_mm)),
+        ("Young's modulus / kPa", str(sensor.young_kpa)),
+        ("Poisson's ratio", str(sensor.poisson)),
+        ("frame / px", f"{sensor.image_px[0]} x {sensor.image_px[1]}"),
+        ("mm per pixel", known or "to be calibrated"),
+        ("light", f"{sensor.light}; a deeper press is {sensor.pressed}"),
+        ("markers", "none" if sensor.marker_pitch_mm is None else f"every {sensor.marker_pitch_mm:g} mm"),
+    )
+    return Table(title=sensor.name, columns=("quantity", "value"), values=rows)
+
+
+def sensor_notes(sensor: GelSensor) -> list[str]:
+    """What is unknown and what is not valid."""
+    notes = list(sensor.limits)
+    if sensor.mm_per_pixel is None:
+        notes.append("mm_per_pixel is unknown: results are in pixels until the file has it.")
+    for name in ("thickness_mm", "young_kpa", "poisson"):
+        bounded = getattr(sensor, name)
+        if not bounded.exact and not sensor.layers:
+            notes.append(f"{name} is known from {bounded.low:g} to {bounded.high:g}: measure it for narrower results.")
+    return notes

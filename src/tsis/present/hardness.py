@@ -8,7 +8,6 @@ from tsis.hardness import shore
 from tsis.model import INTERVAL_LEVEL
 from tsis.present.document import estimate_messages
 from tsis.present.figures import contact_growth, modulus, tactile_image
-from tsis.present.html import html_bytes
 from tsis.present.inclusion import inclusion_cards
 from tsis.present.page import Card, Page, Picture, Table, on_axes
 
@@ -20,24 +19,6 @@ if TYPE_CHECKING:
     from tsis.records import StoredEstimate
 
 
-def hardness_report(
-    estimate: Estimate,
-    *,
-    title: str,
-    images: Sequence[TactileImage],
-    table: ContactTable,
-    provenance: Mapping[str, Any],
-    truth_kpa: float | None = None,
-) -> bytes:
-    """The report of a hardness estimate as HTML: the modulus, the growth of the contact, the frames and notes.
-
-    ``table`` has the contact radii of the probe, ``provenance`` versions, files and options; ``truth_kpa`` is the true
-    modulus where known.
-    """
-    page = hardness_page(estimate, title=title, images=images, table=table, provenance=provenance, truth_kpa=truth_kpa)
-    return html_bytes(page)
-
-
 def hardness_page(
     estimate: Estimate,
     *,
@@ -47,7 +28,11 @@ def hardness_page(
     provenance: Mapping[str, Any],
     truth_kpa: float | None = None,
 ) -> Page:
-    """The report of a hardness estimate; parameters as `hardness_report`."""
+    """The page of a hardness estimate: the modulus, the growth of the contact, the frames and notes.
+
+    ``table`` has the contact radii of the probe, ``provenance`` versions, files and options; ``truth_kpa`` is the true
+    modulus where known.
+    """
     growth = on_axes(contact_growth, estimate, table=table)
     pictures = [
         *([modulus_picture(estimate, truth_kpa)] if estimate.trusted else []),
@@ -62,7 +47,7 @@ def hardness_page(
         cards=(hardness_card(estimate, truth_kpa),),
         notes=hardness_notes(estimate),
         pictures=tuple(pictures),
-        tables=(Table(title="Result", headings=("quantity", "value"), rows=hardness_rows(estimate)),),
+        tables=(hardness_table(estimate, truth_kpa=truth_kpa),),
         provenance=provenance,
     )
 
@@ -84,6 +69,12 @@ def modulus_picture(estimate: Estimate, truth_kpa: float | None = None) -> Pictu
     """Posterior of the modulus of a trusted estimate."""
     density = on_axes(modulus, estimate, truth_kpa=truth_kpa)
     return _picture("Modulus", density, "Posterior density of the modulus with its 90 % interval")
+
+
+def hardness_table(estimate: Estimate, *, title: str = "Result", truth_kpa: float | None = None) -> Table:
+    """Modulus, Shore readings and contacts, and the true modulus where known."""
+    true = () if truth_kpa is None else (("true modulus", f"{truth_kpa:g} kPa"),)
+    return Table(title=title, columns=("quantity", "value"), values=(*hardness_rows(estimate), *true))
 
 
 def hardness_rows(estimate: Estimate) -> tuple[tuple[str, str], ...]:

@@ -28,7 +28,6 @@ from tsis.inclusion.relative import (
 )
 from tsis.inclusion.shape import ObjectShape, object_shape
 from tsis.present.figures import relief, ring_profile, tactile_image
-from tsis.present.html import html_bytes
 from tsis.present.page import Card, Page, Picture, Table, on_axes
 
 if TYPE_CHECKING:
@@ -252,9 +251,9 @@ def comparison_tables(press_comparison: PressComparison) -> tuple[Table, ...]:
     if press_comparison.relative:
         rows = tuple((name, reading.quantity, _reading(reading)) for name, reading in press_comparison.relative)
         title = f"Relative readings against {press_comparison.against}"
-        tables.append(Table(title=title, headings=("press", "quantity", "value"), rows=rows))
+        tables.append(Table(title=title, columns=("press", "quantity", "value"), values=rows))
     for name, shape in press_comparison.shapes:
-        tables.append(Table(title=f"Shape in {name}", headings=("quantity", "value"), rows=_shape_rows(shape)))
+        tables.append(Table(title=f"Shape in {name}", columns=("quantity", "value"), values=_shape_rows(shape)))
     return tuple(tables)
 
 
@@ -329,43 +328,39 @@ def analyse_image(image: TactileImage, reference: TactileImage | None, *, invert
     return ImageFinding(image=image, change=change, features=result, contact=contact)
 
 
-def contact_report(
+def contact_page(
     findings: Sequence[ImageFinding],
     *,
     refused: Sequence[tuple[str, str]],
     provenance: Mapping[str, Any],
     comparison: PressComparison | None = None,
-) -> bytes:
-    """Contact features as HTML: images with outline, surface, profile, numbers, and refused estimates.
+) -> Page:
+    """Contact features: images with outline, surface, profile, numbers, and refused estimates.
 
     ``refused`` has the estimates that these files do not allow, each with the reason; ``provenance`` versions, files
     and options; ``comparison`` relative readings and shapes of the same images.
     """
-    return html_bytes(
-        Page(
-            title="Contact found in tactile images",
-            subtitle=", ".join(finding.image.name for finding in findings),
-            cards=_cards(findings[0].features) if len(findings) == 1 else (),
-            notes=(
-                *(note for finding in findings for note in finding_notes(finding)),
-                *(() if comparison is None else comparison_notes(comparison)),
+    return Page(
+        title="Contact found in tactile images",
+        subtitle=", ".join(finding.image.name for finding in findings),
+        cards=_cards(findings[0].features) if len(findings) == 1 else (),
+        notes=(
+            *(note for finding in findings for note in finding_notes(finding)),
+            *(() if comparison is None else comparison_notes(comparison)),
+        ),
+        pictures=(
+            *(picture for finding in findings for picture in _pictures(finding)),
+            *(() if comparison is None else comparison_pictures(comparison)),
+        ),
+        tables=(
+            *(() if comparison is None else comparison_tables(comparison)),
+            *(
+                Table(title=f"Features of {item.image.name}", columns=("quantity", "value"), values=finding_rows(item))
+                for item in findings
             ),
-            pictures=(
-                *(picture for finding in findings for picture in _pictures(finding)),
-                *(() if comparison is None else comparison_pictures(comparison)),
-            ),
-            tables=(
-                *(() if comparison is None else comparison_tables(comparison)),
-                *(
-                    Table(
-                        title=f"Features of {item.image.name}", headings=("quantity", "value"), rows=finding_rows(item)
-                    )
-                    for item in findings
-                ),
-            ),
-            refused=tuple(refused),
-            provenance=provenance,
-        )
+        ),
+        refused=tuple(refused),
+        provenance=provenance,
     )
 
 
@@ -545,4 +540,4 @@ def _features(item: TactileImage, other: TactileImage) -> Table:
     results = [dict(finding_rows(analyse_image(image, None, invert=False))) for image in (item, other)]
     names = list(dict.fromkeys([*results[0], *results[1]]))
     rows = tuple((name, *(item.get(name, NO_VALUE) for item in results)) for name in names)
-    return Table(title="Features", headings=("quantity", item.name, other.name), rows=rows)
+    return Table(title="Features", columns=("quantity", item.name, other.name), values=rows)

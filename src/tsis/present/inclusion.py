@@ -12,7 +12,6 @@ from tsis.imaging import subtract_background
 from tsis.model import INTERVAL_LEVEL, NO_UNIT, label_of, probability_text
 from tsis.present.document import estimate_messages, sd_text
 from tsis.present.figures import marginal, posterior, tissue_section, trade_off
-from tsis.present.html import html_bytes
 from tsis.present.images import (
     change_picture,
     comparison_notes,
@@ -23,10 +22,11 @@ from tsis.present.images import (
     profile_picture,
     surface_picture,
 )
-from tsis.present.page import Card, Page, Picture, Table, on_axes
+from tsis.present.labels import quantity_of
+from tsis.present.page import Card, Column, Page, Picture, Table, on_axes
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
@@ -34,13 +34,13 @@ if TYPE_CHECKING:
     from tsis.inclusion import InclusionPrior, UncertaintyBudget
     from tsis.model import Estimate, QuantityBudget, TactileImage
     from tsis.present.images import PressComparison
+    from tsis.present.page import Value
 
 
 LIKELY = 0.95  # probability from which an inclusion is shown as certain
-TITLES = {"diameter_mm": ("Diameter d", "mm"), "depth_mm": ("Depth h", "mm"), "young_kpa": ("Modulus E", "kPa")}
 
 
-def inclusion_report(
+def inclusion_page(
     estimate: Estimate,
     *,
     title: str,
@@ -54,9 +54,9 @@ def inclusion_report(
     comparison: PressComparison | None = None,
     budget: UncertaintyBudget | None = None,
     forces: Mapping[str, QuantityBudget] = MappingProxyType({}),
-    form: Callable[[Page], bytes] = html_bytes,
-) -> bytes:
-    """The report as HTML or PDF: images, surface, posterior with the truth where known, and provenance.
+    notes: Sequence[str] = (),
+) -> Page:
+    """The page of an estimate: images, surface, posterior with the truth where known, and provenance.
 
     Pictures show the target of the highest force and the reference nearest to it; the profiles show all frames.
 
@@ -80,33 +80,33 @@ def inclusion_report(
         Relative readings and shapes of the same presses.
     budget, forces
         Uncertainty budgets of the estimate, and of the forces by the name of the frame.
-    form
-        Makes the file of the page: `html_bytes`, or `tsis.present.pdf.pdf_bytes` with the extra ``report``.
+    notes
+        Further messages.
     """
     target, reference = _shown(targets, references)
-    return form(
-        Page(
-            title=title,
-            subtitle=subtitle,
-            cards=inclusion_cards(estimate, truth),
-            notes=(
-                *estimate_messages(estimate),
-                *(() if budget is None else budget_notes(budget)),
-                *(() if comparison is None else comparison_notes(comparison)),
-            ),
-            pictures=(
-                *((marginals_picture(estimate, prior, truth),) if estimate.trusted else ()),
-                *_image_pictures(target, reference),
-                profile_picture({"target": targets, "plain tissue": references}, ring_edges_mm),
-                *((trade_off_picture(estimate, truth),) if estimate.trusted else ()),
-                *(() if comparison is None else comparison_pictures(comparison)),
-            ),
-            tables=(
-                *(() if budget is None else budget_tables(budget, forces)),
-                *(() if comparison is None else comparison_tables(comparison)),
-            ),
-            provenance={**(provenance or {}), **estimate.provenance},
-        )
+    return Page(
+        title=title,
+        subtitle=subtitle,
+        cards=inclusion_cards(estimate, truth),
+        notes=(
+            *estimate_messages(estimate),
+            *(() if budget is None else budget_notes(budget)),
+            *(() if comparison is None else comparison_notes(comparison)),
+            *notes,
+        ),
+        pictures=(
+            *((marginals_picture(estimate, prior, truth),) if estimate.trusted else ()),
+            *_image_pictures(target, reference),
+            profile_picture({"target": targets, "plain tissue": references}, ring_edges_mm),
+            *((trade_off_picture(estimate, truth),) if estimate.trusted else ()),
+            *(() if comparison is None else comparison_pictures(comparison)),
+        ),
+        tables=(
+            estimate_table(estimate, truth=truth),
+            *(() if budget is None else budget_tables(budget, forces)),
+            *(() if comparison is None else comparison_tables(comparison)),
+        ),
+        provenance={**(provenance or {}), **estimate.provenance},
     )
 
 
@@ -118,12 +118,49 @@ def _shown(
     return target, min(references, key=lambda frame: abs(force_of(frame) - force_of(target)), default=None)
 
 
+def estimate_table(estimate: Estimate, *, title: str = "Result", truth: Mapping[str, float] | None = None) -> Table:
+    """Mean and interval of each parameter, what the data narrowed and could at best narrow, and the truth if known.
+
+    Of an estimate that is not to be trusted it has only what was believed before.
+    """
+    columns: tuple[str | Column, ...] = (
+        "quantity",
+        Column(label="mean", form=".3g"),
+        f"{INTERVAL_LEVEL:.0%} interval".replace("%", " %"),
+        *(Column(label=label, form=sd_text) for label in ("sd", "prior sd", "least sd (Cramér-Rao)")),
+    )
+    names = dict.fromkeys((*estimate.names, *(truth or ())))
+    rows = [(*_estimate_row(estimate, name), *(() if not truth else (truth.get(name, "not known"),))) for name in names]
+    return Table(
+        title=title, columns=(*columns, *((Column(label="truth", form=".4g"),) if truth else ())), values=tuple(rows)
+    )
+
+
+def _estimate_row(estimate: Estimate, name: str) -> tuple[Value, ...]:
+    label = quantity_of(name).axis
+    if name not in estimate.names:
+        return (label, "not estimated", "", "", "", "")
+    withheld, prior_sd = estimate.withheld_reason(name), estimate.prior_sd[name]
+    if not estimate.trusted:
+        return (label, withheld, "", "", prior_sd, "")
+    low, high = estimate.interval(INTERVAL_LEVEL)[name]
+    bound = estimate.cramer_rao_sd.get(name, np.inf)  # of a hardness nobody computes it
+    return (
+        label,
+        withheld or estimate.mean[name],
+        f"{low:.3g} to {high:.3g}",
+        estimate.sd[name] if estimate.identified(name) else "",
+        prior_sd,
+        bound if np.isfinite(bound) else "none known",
+    )
+
+
 def budget_tables(budget: UncertaintyBudget, forces: Mapping[str, QuantityBudget]) -> tuple[Table, ...]:
     """The uncertainty budget of each parameter that is not withheld, and of each force."""
     titled = [(f"Uncertainty budget: {label_of(name)}", quantity) for name, quantity in budget.quantities.items()]
     titled += [(f"Uncertainty budget: force in {name}", quantity) for name, quantity in forces.items()]
     return tuple(
-        Table(title=f"{title} {_uncertain(quantity)}", headings=_headings(quantity.unit), rows=_budget_rows(quantity))
+        Table(title=f"{title} {_uncertain(quantity)}", columns=_headings(quantity.unit), values=_budget_rows(quantity))
         for title, quantity in titled
     )
 
@@ -177,7 +214,7 @@ def inclusion_cards(estimate: Estimate, truth: Mapping[str, float] | None = None
 
 
 def _card(estimate: Estimate, name: str, truth: Mapping[str, float]) -> Card:
-    heading, unit = TITLES.get(name, (name, ""))
+    heading, unit = quantity_of(name).title, quantity_of(name).unit
     true = [f"truth {truth[name]:.3g} {unit}"] if name in truth else []
     withheld = estimate.withheld_reason(name)
     if not estimate.trusted:

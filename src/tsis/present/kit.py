@@ -7,8 +7,9 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from tsis.present.document import envelope
+from tsis.present.labels import quantity_of
 from tsis.present.page import Card, Page, Table
-from tsis.present.study import NAMES, ends, labelled
+from tsis.present.study import ends
 from tsis.study.kit import KIT, MODULUS_COLUMNS, kit_moulds
 
 if TYPE_CHECKING:
@@ -60,11 +61,11 @@ def kit_page() -> Page:
             Card(title="readings", value=f"{len(KIT)} x 2 x 3", detail="phantoms, operators, repeats"),
         ),
         tables=(
-            Table(title="Recipe", headings=("step", "what to do"), rows=_numbered(RECIPE)),
+            Table(title="Recipe", columns=("step", "what to do"), values=_numbered(RECIPE)),
             Table(
                 title="Phantoms",
-                headings=("phantom", "batch", "diameter / mm", "depth of the top / mm", "modulus / kPa", "as measured"),
-                rows=tuple(
+                columns=("phantom", "batch", "diameter / mm", "depth of the top / mm", "modulus / kPa", "as measured"),
+                values=tuple(
                     (item.label, item.batch or "blank", *map(_or_dash, (item.diameter_mm, item.depth_mm)), modulus, "")
                     for item in KIT
                     for modulus in [_or_dash(item.young_kpa)]
@@ -72,22 +73,24 @@ def kit_page() -> Page:
             ),
             Table(
                 title="Moulds",
-                headings=("file", "what to print"),
-                rows=tuple((name, what) for name, (_, what) in kit_moulds().items()),
+                columns=("file", "what to print"),
+                values=tuple((name, what) for name, (_, what) in kit_moulds().items()),
             ),
-            Table(title="Blinded protocol", headings=("step", "what to do"), rows=_numbered(PROTOCOL)),
+            Table(title="Blinded protocol", columns=("step", "what to do"), values=_numbered(PROTOCOL)),
             *(
                 Table(
                     title=f"Bench test, batch {batch}. Ball or cylinder, width, height: ________",
-                    headings=sheet,
-                    rows=points,
+                    columns=sheet,
+                    values=points,
                 )
                 for batch in ("tissue", "A", "B")
             ),
             Table(
                 title="Data sheet of the readings. Operator, date, temperature: ____________",
-                headings=("code", "repeat", "score", *SIZED),
-                rows=tuple(("", str(repeat + 1), "", *[""] * len(SIZED)) for _ in range(CODES) for repeat in range(3)),
+                columns=("code", "repeat", "score", *SIZED),
+                values=tuple(
+                    ("", str(repeat + 1), "", *[""] * len(SIZED)) for _ in range(CODES) for repeat in range(3)
+                ),
             ),
         ),
         provenance={"columns of modulus.csv": ", ".join(MODULUS_COLUMNS)},
@@ -115,7 +118,7 @@ def score_page(score: ValidationScore) -> Page:
     alarms = "-" if counts is None else f"{counts.false_positives} of {counts.absent}"
     numbers = tuple(
         (
-            labelled(item.quantity),
+            quantity_of(item.quantity).heading,
             f"{item.hits} of {item.count}" if item.count else "-",
             f"{item.hits_widened} of {item.count}" if item.count else "-",
             "-" if item.bias is None else f"{item.bias:+.3g} ({ends(item.bias_interval, 2)})",
@@ -141,7 +144,7 @@ def score_page(score: ValidationScore) -> Page:
             Card(title="inclusions found", value=hits, detail=f"false alarms: {alarms}"),
             *(
                 Card(
-                    title=f"{NAMES[item.quantity][0]}: 90 % intervals that hold the truth",
+                    title=f"{quantity_of(item.quantity).label}: 90 % intervals that hold the truth",
                     value=f"{item.hits} of {item.count}" if item.count else "none given",
                     detail=f"bias {_percent(item.relative_bias)}",
                 )
@@ -152,13 +155,13 @@ def score_page(score: ValidationScore) -> Page:
         tables=(
             Table(
                 title="Readings against the truth",
-                headings=("quantity", "90 % holds", "widened", "bias (95 % interval)", "relative bias", "phantoms"),
-                rows=numbers,
+                columns=("quantity", "90 % holds", "widened", "bias (95 % interval)", "relative bias", "phantoms"),
+                values=numbers,
             ),
             Table(
                 title="Moduli of the bench, kPa",
-                headings=("phantom", "measured, sd", "sealed", "specimens", "by kind of test"),
-                rows=moduli,
+                columns=("phantom", "measured, sd", "sealed", "specimens", "by kind of test"),
+                values=moduli,
             ),
         ),
         provenance={"sealed truth (SHA-256)": score.study.plan.commitment, "head of the log": score.study.chain.head},

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 from tsis.matching import UNMATCHED
 from tsis.present.figures import alternative_pose, point_sets, warped_grid
-from tsis.present.html import html_bytes
 from tsis.present.page import Card, Page, Picture, Table
 
 if TYPE_CHECKING:
@@ -25,10 +24,10 @@ MOST_POSES = 4  # drawn side by side
 SIDE_INCHES = 4.0
 
 
-def registration_report(
+def registration_page(
     source: Floats, target: Floats, registration: Registration, *, title: str, provenance: Mapping[str, Any]
-) -> bytes:
-    """The report of a registration of points, shapes (n, d) and (m, d), as HTML; ``provenance`` names its origin."""
+) -> Page:
+    """The report of a registration of points, shapes (n, d) and (m, d),; ``provenance`` names its origin."""
     paired = registration.matches != UNMATCHED
     poses = registration.alternatives
     pictures = [
@@ -52,24 +51,22 @@ def registration_report(
             )
         )
     rows = tuple((f"{pose.rotation_deg:.1f}", f"{pose.probability:.4g}") for pose in poses)
-    return html_bytes(
-        Page(
-            title=title,
-            subtitle=f"method {registration.method}",
-            cards=(
-                Card(
-                    title="Confidence",
-                    value=f"{registration.confidence:.4f}",
-                    detail="reliable" if registration.reliable else "not reliable: no point was transformed",
-                    doubtful=not registration.reliable,
-                ),
-                Card(title="Matched points", value=f"{int(paired.sum())} of {len(source)}"),
+    return Page(
+        title=title,
+        subtitle=f"method {registration.method}",
+        cards=(
+            Card(
+                title="Confidence",
+                value=f"{registration.confidence:.4f}",
+                detail="reliable" if registration.reliable else "not reliable: no point was transformed",
+                doubtful=not registration.reliable,
             ),
-            notes=registration.notes,
-            pictures=tuple(pictures),
-            tables=(Table(title="Poses", headings=("rotation / degrees", "probability"), rows=rows),),
-            provenance=provenance,
-        )
+            Card(title="Matched points", value=f"{int(paired.sum())} of {len(source)}"),
+        ),
+        notes=registration.notes,
+        pictures=tuple(pictures),
+        tables=(Table(title="Poses", columns=("rotation / degrees", "probability"), values=rows),),
+        provenance=provenance,
     )
 
 

@@ -98,13 +98,58 @@ class Picture:
     vector: bool = True
 
 
+Value = str | float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Column:
+    """A column of numbers: its label, their unit, and how they are rounded.
+
+    ``form`` is a format specification, or a call that makes the text of a number.
+    """
+
+    label: str
+    unit: str = ""
+    form: str | Callable[[float], str] = "g"
+
+    @property
+    def heading(self) -> str:
+        """The label over the unit."""
+        return f"{self.label} / {self.unit}" if self.unit else self.label
+
+    def text(self, value: Value) -> str:
+        """A cell: a rounded number, a text as it is, or a dash where there is none."""
+        if value is None:
+            return "-"
+        if isinstance(value, str):
+            return value
+        return self.form(value) if callable(self.form) else format(value, self.form)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Table:
-    """Rows of text under headings."""
+    """Values in rows; a column is the heading of texts, or a `Column` of numbers."""
 
     title: str
-    headings: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
+    columns: tuple[str | Column, ...]
+    values: tuple[tuple[Value, ...], ...]
+
+    @property
+    def headings(self) -> tuple[str, ...]:
+        """What stands above the columns."""
+        return tuple(column if isinstance(column, str) else column.heading for column in self.columns)
+
+    @property
+    def rows(self) -> tuple[tuple[str, ...], ...]:
+        """The texts of the cells."""
+        return tuple(self._texts(row) for row in self.values)
+
+    def _texts(self, row: tuple[Value, ...]) -> tuple[str, ...]:
+        columns = (*self.columns, *("",) * (len(row) - len(self.columns)))
+        return tuple(
+            column.text(value) if isinstance(column, Column) else "-" if value is None else str(value)
+            for column, value in zip(columns, row, strict=False)
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

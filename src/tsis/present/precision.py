@@ -12,14 +12,13 @@ import numpy as np
 from tsis.errors import InputError
 from tsis.present.document import envelope
 from tsis.present.figures import agreement_limits, read_over_true
+from tsis.present.labels import KNOWN, quantity_of
 from tsis.present.page import Card, Page, Picture, Table, on_axes
 from tsis.present.study import (
-    NAMES,
     NUMBERS,
     counted,
     ends,
     interval_document,
-    labelled,
     limit_intervals,
     limit_rows,
     limits_document,
@@ -84,24 +83,25 @@ def precision_notes(analysis: PrecisionAnalysis) -> tuple[str, ...]:
         and item.within.cochran_limit is not None
         and item.within.largest_variance_fraction > item.within.cochran_limit
     ]
-    missing = [f"{device}, {NAMES[name][0]}: {why}." for (device, name), why in analysis.missing.items()]
+    missing = [f"{device}, {quantity_of(name).label}: {why}." for (device, name), why in analysis.missing.items()]
     return (*missing, *outliers, *METHOD_NOTES)
 
 
 def precision_tables(analysis: PrecisionAnalysis) -> tuple[Table, ...]:
     """A table of each quantity of each device, then of the devices together."""
     return tuple(
-        Table(title=_title(item), headings=NUMBERS, rows=tuple(_rows(item)))
+        Table(title=_title(item), columns=NUMBERS, values=tuple(_rows(item)))
         for item in sorted(analysis.results, key=lambda item: item.over != OPERATORS)
     )
 
 
 def _title(item: Precision) -> str:
-    return f"{item.device}: {labelled(item.quantity)}, over {counted(len(item.conditions), item.over[:-1])}"
+    return f"{item.device}: {quantity_of(item.quantity).heading}, over {counted(len(item.conditions), item.over[:-1])}"
 
 
 def _card(item: Precision) -> Card:
-    name, unit = NAMES[item.quantity]
+    quantity = quantity_of(item.quantity)
+    name, unit = quantity.label, quantity.unit
     interval = coefficient_interval(item)
     return Card(
         title=f"{item.device}: repeatability coefficient, {name}",
@@ -171,12 +171,12 @@ def _line(line: Linearity) -> Iterator[tuple[str, str, str, str]]:
 
 
 def _pictures(analysis: PrecisionAnalysis, item: Precision) -> Iterator[Picture]:
-    name = NAMES[item.quantity][0]
+    name = quantity_of(item.quantity).label
     if item.over == OPERATORS:
         read, true = means_over_true(analysis.study, item)
         yield Picture(
             title=f"{item.device}: {name} read over true",
-            draw=on_axes(read_over_true, true, read, label=labelled(item.quantity)),
+            draw=on_axes(read_over_true, true, read, label=quantity_of(item.quantity).heading),
             size=(4.6, 4.2),
             alt=f"Mean reading of {counted(len(item.complete), 'target')} over the true {name}",
             caption="Mean of all readings of each target.",
@@ -184,7 +184,7 @@ def _pictures(analysis: PrecisionAnalysis, item: Precision) -> Iterator[Picture]
     for pair, limits in item.limits.items():
         yield Picture(
             title=f"{name}: {pair[0]} less {pair[1]}",
-            draw=on_axes(agreement_limits, limits, label=labelled(item.quantity)),
+            draw=on_axes(agreement_limits, limits, label=quantity_of(item.quantity).heading),
             size=(4.6, 4.2),
             alt=f"Differences of {counted(limits.targets, 'target')} over their means",
             caption=f"{item.device}. First readings; dashed the limits between which 95 % of differences lie.",
@@ -284,14 +284,14 @@ def card_page(card: PerformanceCard, *, now: datetime) -> Page:
         ),
         pictures=_card_pictures(card),
         tables=(
-            Table(title="Numbers with 95 % intervals", headings=CARD_NUMBERS, rows=numbers),
+            Table(title="Numbers with 95 % intervals", columns=CARD_NUMBERS, values=numbers),
             Table(
                 title="Uncertainty of a reading: standard deviations by source",
-                headings=SOURCES,
-                rows=tuple(_uncertainty(item, card.stated.get(item.quantity)) for item in card.results),
+                columns=SOURCES,
+                values=tuple(_uncertainty(item, card.stated.get(item.quantity)) for item in card.results),
             ),
-            Table(title="Phantoms", headings=PHANTOMS, rows=tuple(_phantoms(card))),
-            Table(title="Checks", headings=("check", "found", "required", "result"), rows=checks),
+            Table(title="Phantoms", columns=PHANTOMS, values=tuple(_phantoms(card))),
+            Table(title="Checks", columns=("check", "found", "required", "result"), values=checks),
         ),
         provenance=_provenance(card),
     )
@@ -300,11 +300,12 @@ def card_page(card: PerformanceCard, *, now: datetime) -> Page:
 def _named(check: str) -> str:
     """Name of a check with the quantity as people write it."""
     quantity, colon, rest = check.partition(": ")
-    return f"{NAMES[quantity][0]}: {rest}" if colon and quantity in NAMES else check
+    return f"{quantity_of(quantity).label}: {rest}" if colon and quantity in KNOWN else check
 
 
 def _quantity_card(item: Precision) -> Card:
-    name, unit = NAMES[item.quantity]
+    quantity = quantity_of(item.quantity)
+    name, unit = quantity.label, quantity.unit
     return Card(
         title=f"repeatability coefficient, {name}",
         value=f"{item.within.coefficient:.2g} {unit}",
@@ -316,7 +317,7 @@ def _row(card: PerformanceCard, item: Precision) -> tuple[str, ...]:
     bias, _ = limit_intervals(item.errors)
     hits, count = card.covered.get(item.quantity, (0, 0))
     return (
-        labelled(item.quantity),
+        quantity_of(item.quantity).heading,
         f"{item.within.within_sd:.2g}",
         f"{item.within.coefficient:.2g} ({ends(coefficient_interval(item), 2)})",
         "-" if item.between is None else f"{item.between.coefficient:.2g}",
@@ -330,10 +331,10 @@ def _row(card: PerformanceCard, item: Precision) -> tuple[str, ...]:
 def _card_pictures(card: PerformanceCard) -> tuple[Picture, ...]:
     def line(item: Precision, ax: Axes) -> None:
         read, true = means_over_true(card.study, item)
-        read_over_true(true, read, ax, label=labelled(item.quantity))
+        read_over_true(true, read, ax, label=quantity_of(item.quantity).heading)
 
     def limits(item: Precision, ax: Axes) -> None:
-        agreement_limits(next(iter(item.limits.values())), ax, label=labelled(item.quantity))
+        agreement_limits(next(iter(item.limits.values())), ax, label=quantity_of(item.quantity).heading)
 
     paired = [item for item in card.results if item.limits]
     names = " less ".join(next(iter(paired[0].limits))) if paired else ""
@@ -352,14 +353,14 @@ def _row_of(
         for ax, item in zip(np.atleast_1d(figure.subplots(1, len(items))), items, strict=True):
             plot(item, ax)
 
-    alt = f"{title}: {', '.join(NAMES[item.quantity][0] for item in items)}"
+    alt = f"{title}: {', '.join(quantity_of(item.quantity).label for item in items)}"
     size = (2.6 * len(items), 2.4)
     return (Picture(title=title, draw=draw, size=size, alt=alt, caption=caption, wide=True),) if items else ()
 
 
 def _uncertainty(item: Precision, stated: float | None) -> tuple[str, ...]:
     """Standard deviations of one reading by their source, beside the one that the device states."""
-    between, unit = item.between, NAMES[item.quantity][1]
+    between, unit = item.between, quantity_of(item.quantity).unit
     parts = (
         item.within.within_sd,
         None if between is None else between.operator_sd,
@@ -368,7 +369,7 @@ def _uncertainty(item: Precision, stated: float | None) -> tuple[str, ...]:
         stated,
     )
     cells = ("-" if part is None else f"{part:.2g} {unit}" for part in parts)
-    return (NAMES[item.quantity][0], *cells)
+    return (quantity_of(item.quantity).label, *cells)
 
 
 def _phantoms(card: PerformanceCard) -> Iterator[tuple[str, ...]]:

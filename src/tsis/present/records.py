@@ -181,7 +181,7 @@ def shift_table(recomputation: Recomputation) -> Table:
         (low, high), (now_low, now_high) = shift.interval_before, shift.interval_after
         means = (_text(shift.before), _text(shift.after), _text(shift.moved, "+.2g"))
         rows.append((shift.name, *means, f"{low:.3g} to {high:.3g}", f"{now_low:.3g} to {now_high:.3g}"))
-    return Table(title="What moved", headings=headings, rows=tuple(rows))
+    return Table(title="What moved", columns=headings, values=tuple(rows))
 
 
 def _text(value: float | None, form: str = ".3g") -> str:

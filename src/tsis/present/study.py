@@ -24,6 +24,7 @@ from tsis.present.figures import (
     scores_by_truth,
 )
 from tsis.present.html import html_bytes
+from tsis.present.labels import quantity_of
 from tsis.present.page import Card, Page, Picture, Table, on_axes
 from tsis.study.analysis import FEW, analyse
 from tsis.study.folder import ANALYSED, enter_analysis, unblind
@@ -53,12 +54,6 @@ if TYPE_CHECKING:
     from tsis.study.roc import OperatingPoint, Roc
 
 
-NAMES = {
-    "score": ("score", ""),
-    "diameter_mm": ("diameter", "mm"),
-    "depth_mm": ("depth", "mm"),
-    "young_kpa": ("modulus", "kPa"),
-}
 METHODS = {
     "wilson": "Wilson",
     "newcombe": "Newcombe",
@@ -72,18 +67,6 @@ METHODS = {
     "exact": "Carkeet, exact",
 }
 LEAST_SHOWN = 5e-4
-
-
-def labelled(quantity: str) -> str:
-    """Name and unit.
-
-    Examples
-    --------
-    >>> labelled("depth_mm"), labelled("score")
-    ('depth / mm', 'score')
-    """
-    name, unit = NAMES[quantity]
-    return f"{name} / {unit}" if unit else name
 
 
 def ends(interval: Interval | None, digits: int = 3) -> str:
@@ -405,37 +388,37 @@ def device_tables(device_analysis: DeviceAnalysis) -> Iterator[Table]:
     """All tables of a device, the most important first."""
     device = device_analysis.results.device
     title = f"{device}: at the threshold {device_analysis.results.threshold:g}, which was fixed beforehand"
-    yield Table(title=title, headings=NUMBERS, rows=tuple(_at_threshold(device_analysis)))
+    yield Table(title=title, columns=NUMBERS, values=tuple(_at_threshold(device_analysis)))
     if device_analysis.points:
         ranked = device_analysis.results.is_ranked
         threshold = "threshold of the logarithm of the Bayes factor" if ranked else "threshold"
         yield Table(
             title=f"{device}: other thresholds, chosen on these very targets and so optimistic",
-            headings=("rule", threshold, "sensitivity", "95 % interval", "specificity", "95 % interval"),
-            rows=tuple(_points(device_analysis)),
+            columns=("rule", threshold, "sensitivity", "95 % interval", "specificity", "95 % interval"),
+            values=tuple(_points(device_analysis)),
         )
     if device_analysis.reliability is not None:
         yield Table(
-            title=f"{device}: scores taken for probabilities", headings=NUMBERS, rows=tuple(_probable(device_analysis))
+            title=f"{device}: scores taken for probabilities", columns=NUMBERS, values=tuple(_probable(device_analysis))
         )
     if device_analysis.errors:
         yield Table(
             title=f"{device}: what was read of inclusions that were found, less what is true",
-            headings=("", "targets", "mean error", "95 % interval", "rms error", "largest",
+            columns=("", "targets", "mean error", "95 % interval", "rms error", "largest",
                       "90 % intervals that hold the truth", "not identified"),
-            rows=tuple(_errors(device_analysis)),
+            values=tuple(_errors(device_analysis)),
         )  # fmt: skip
     yield Table(
         title=f"{device}: found by size and by depth",
-        headings=("inclusions", "found", "95 % interval", "undecided"),
-        rows=tuple(_strata(device_analysis)),
+        columns=("inclusions", "found", "95 % interval", "undecided"),
+        values=tuple(_strata(device_analysis)),
     )
     if device_analysis.agreements:
         yield Table(
             title=f"{device}: how well readings of the same target agree",
-            headings=("quantity", "", "rests on", "correlation", "95 % interval", "two readings differ by less than",
+            columns=("quantity", "", "rests on", "correlation", "95 % interval", "two readings differ by less than",
                       "95 % interval"),
-            rows=tuple(_agreements(device_analysis)),
+            values=tuple(_agreements(device_analysis)),
         )  # fmt: skip
 
 
@@ -503,12 +486,12 @@ def _errors(device_analysis: DeviceAnalysis) -> Iterator[tuple[str, ...]]:
         covered = f"{fraction_text(error.covered)}, {interval_text(error.covered)}"
         stored = "no intervals given" if error.covered is None else covered
         numbers = (f"{error.bias:+.2f}", ends(error.bias_interval, 2), f"{error.rmse:.2f}", f"{error.largest:.2f}")
-        yield (labelled(error.quantity), str(len(error.codes)), *numbers, stored, str(error.not_identified))
+        yield (quantity_of(error.quantity).heading, str(len(error.codes)), *numbers, stored, str(error.not_identified))
 
 
 def _strata(device_analysis: DeviceAnalysis) -> Iterator[tuple[str, ...]]:
     for item in device_analysis.strata:
-        name, unit = NAMES[item.quantity]
+        name, unit = quantity_of(item.quantity).label, quantity_of(item.quantity).unit
         low, high, sizes = f"{item.low:g}", f"{item.high:g}", item.quantity == "diameter_mm"
         if item.low == 0:
             where = f"below {high} {unit}" if sizes else f"up to {high} {unit}"
@@ -523,9 +506,9 @@ def _agreements(device_analysis: DeviceAnalysis) -> Iterator[tuple[str, ...]]:
     for agreement in device_analysis.agreements:
         many = [(agreement.targets, "target"), (agreement.operators, "operator"), (agreement.repeats, "repeat")]
         rests = ", ".join(counted(number, what) for number, what in many if number > 1)
-        form, unit = agreement.form, NAMES[agreement.quantity][1]
+        form, unit = agreement.form, quantity_of(agreement.quantity).unit
         yield (
-            NAMES[agreement.quantity][0],
+            quantity_of(agreement.quantity).label,
             agreement.between,
             rests,
             _value_text(agreement.correlation, form, ""),
@@ -562,16 +545,18 @@ def comparison_table(device_comparison: DeviceComparison) -> Table:
         rows += limit_rows(name, limit)
     devices = f"{device_comparison.second} beside {device_comparison.first}"
     title = f"{devices}, on {device_comparison.targets} targets that both decided"
-    return Table(title=title, headings=NUMBERS, rows=tuple(rows))
+    return Table(title=title, columns=NUMBERS, values=tuple(rows))
 
 
 def limit_rows(name: str, bland_altman: BlandAltman) -> list[tuple[str, str, str, str]]:
     """Bias, lower and upper limit of agreement of a quantity, each with its interval."""
     bias, limits = limit_intervals(bland_altman)
-    what = f"{labelled(name)}: bias, {bland_altman.targets} inclusions"
+    what = f"{quantity_of(name).heading}: bias, {bland_altman.targets} inclusions"
     rows = [(what, f"{bland_altman.bias:+.2f}", ends(bias, 2), method_of(bias))]
     for side, limit, interval in zip(("lower", "upper"), bland_altman.limits(), limits, strict=True):
-        rows.append((f"{labelled(name)}: {side} limit", f"{limit:+.2f}", ends(interval, 2), method_of(interval)))
+        rows.append(
+            (f"{quantity_of(name).heading}: {side} limit", f"{limit:+.2f}", ends(interval, 2), method_of(interval))
+        )
     return rows
 
 
@@ -585,7 +570,7 @@ def targets_table(analysis: StudyAnalysis) -> Table:
         messages = [_decision_text(device, device.targets[index]) for device in devices]
         rows.append((code, truth.label, "inclusion" if lump else "blank", *sizes, *messages))
     headings = ("code", "label", "truth", "d / mm", "h / mm", "E / kPa", *(device.device for device in devices))
-    return Table(title="Every target", headings=headings, rows=tuple(rows))
+    return Table(title="Every target", columns=headings, values=tuple(rows))
 
 
 def _decision_text(device: DeviceResults, target: TargetResult) -> str:
@@ -672,7 +657,7 @@ def _of_device(device_analysis: DeviceAnalysis) -> Iterator[Picture]:
             draw=partial(_draw_errors, device_analysis.errors, device_analysis),
             size=(10.5, 3.6),
             alt="; ".join(
-                f"{labelled(error.quantity)}: rms error {error.rmse:.2f}" for error in device_analysis.errors
+                f"{quantity_of(error.quantity).heading}: rms error {error.rmse:.2f}" for error in device_analysis.errors
             ),
             caption="Inclusions that were found. On the grey line reading and truth agree"
             + ("; bars are 90 % intervals." if any(error.covered for error in device_analysis.errors) else "."),
@@ -703,16 +688,18 @@ def _draw_errors(errors: tuple[SizeErrors, ...], device_analysis: DeviceAnalysis
         if all(interval is not None for interval in intervals):
             outer = np.array([interval for interval in intervals if interval is not None])
             bars = np.maximum([error.read - outer[:, 0], outer[:, 1] - error.read], 0.0)
-        read_over_true(error.true, error.read, ax, label=labelled(error.quantity), errors=bars)
+        read_over_true(error.true, error.read, ax, label=quantity_of(error.quantity).heading, errors=bars)
 
 
 def _limits(comparison: DeviceComparison) -> Picture:
     def draw(figure: Figure) -> None:
         axes = figure.subplots(1, len(comparison.limits), squeeze=False)[0]
         for (name, limit), ax in zip(comparison.limits.items(), axes, strict=True):
-            agreement_limits(limit, ax, label=labelled(name))
+            agreement_limits(limit, ax, label=quantity_of(name).heading)
 
-    text = "; ".join(f"{labelled(name)}: bias {limit.bias:+.2f}" for name, limit in comparison.limits.items())
+    text = "; ".join(
+        f"{quantity_of(name).heading}: bias {limit.bias:+.2f}" for name, limit in comparison.limits.items()
+    )
     return Picture(
         title=f"{comparison.first} less {comparison.second}",
         draw=draw,
@@ -773,7 +760,7 @@ def study_page(analysis: StudyAnalysis) -> Page:
             *(table for device in devices for table in device_tables(device)),
             *(comparison_table(comparison) for comparison in analysis.comparisons),
             targets_table(analysis),
-            Table(title="What this study does not tell", headings=("of", "why"), rows=NOT_REPORTED),
+            Table(title="What this study does not tell", columns=("of", "why"), values=NOT_REPORTED),
         ),
         provenance=_provenance(analysis, pressed),
     )

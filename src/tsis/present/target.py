@@ -8,20 +8,18 @@ from dataclasses import dataclass, replace
 from datetime import UTC
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from tsis.__about__ import __version__
 from tsis.calibration.guard import GUARD_FLAGS
 from tsis.catalog import load_probe
 from tsis.errors import InputError, TsisError, UnknownNameError
 from tsis.imaging import subtract_background
 from tsis.inclusion import InclusionPrior, ring_edges
-from tsis.model import INTERVAL_LEVEL, NO_UNIT, label_of, unit_of
+from tsis.model import INTERVAL_LEVEL
 from tsis.present.calibration import content_rows
-from tsis.present.document import sd_text
-from tsis.present.hardness import estimate_cards, estimate_messages_of, hardness_rows, modulus_picture
+from tsis.present.hardness import HARDNESS, estimate_cards, estimate_messages_of, hardness_rows, modulus_picture
 from tsis.present.images import change_picture, force_of, frame_picture, profile_picture, sheet_picture, surface_picture
-from tsis.present.inclusion import TITLES, marginals_picture, trade_off_picture
+from tsis.present.inclusion import estimate_table, marginals_picture, trade_off_picture
+from tsis.present.labels import quantity_of
 from tsis.present.page import Card, Page, Table
 
 if TYPE_CHECKING:
@@ -324,20 +322,13 @@ def target_tables(record: TargetRecord) -> tuple[Table, ...]:
         *(
             Table(
                 title=f"Calibration {calibration.name} ({identity[:SHORT]})",
-                headings=("quantity", "value", "95 % interval"),
-                rows=content_rows(calibration, cited=identity),
+                columns=("quantity", "value", "95 % interval"),
+                values=content_rows(calibration, cited=identity),
             )
             for identity, calibration in sorted(record.calibrations.items())
         ),
         *history_tables(record),
     )
-
-
-def parameter_label(name: str) -> tuple[str, str]:
-    """Name and unit of a parameter."""
-    if name in TITLES:
-        return TITLES[name]
-    return label_of(name), "" if unit_of(name) == NO_UNIT else unit_of(name)
 
 
 def measure(value: float, unit: str) -> str:
@@ -349,47 +340,22 @@ def _result(record: TargetRecord) -> tuple[Table, ...]:
     truth = record.target.truth
     if not record.estimates:
         rows = tuple(_truth_rows(truth))
-        return (Table(title="What is true of the phantom", headings=("quantity", "truth"), rows=rows),) if rows else ()
+        return (Table(title="What is true of the phantom", columns=("quantity", "truth"), values=rows),) if rows else ()
     return tuple(_active_estimate(record, stored) for stored in newest_first(record))
 
 
 def _truth_rows(truth: Mapping[str, float]) -> Iterator[tuple[str, str]]:
     for name, value in truth.items():
-        label, unit = parameter_label(name)
-        yield label, measure(value, unit)
+        yield quantity_of(name).title, measure(value, quantity_of(name).unit)
 
 
 def _active_estimate(record: TargetRecord, stored: StoredEstimate) -> Table:
     title, truth = heading(record, stored, "Current estimate"), record.target.truth
-    if stored.kind == "hardness":
+    if stored.kind == HARDNESS:
         true = [(f"truth of {name}", value) for name, value in _truth_rows(truth)]
         values = (*hardness_rows(stored.estimate), *true)
-        return Table(title=title, headings=("quantity", "value"), rows=values)
-    headings = ("quantity", "mean", "90 % interval", "sd", "prior sd", "least sd (Cramér-Rao)")
-    names = dict.fromkeys((*stored.estimate.names, *truth))
-    rows, last = tuple(_parameter_row(stored.estimate, name, truth) for name in names), ("truth",) if truth else ()
-    return Table(title=title, headings=headings + last, rows=rows)
-
-
-def _parameter_row(estimate: Estimate, name: str, truth: Mapping[str, float]) -> tuple[str, ...]:
-    text, unit = parameter_label(name)
-    given = () if not truth else (measure(truth[name], unit) if name in truth else "not known",)
-    if name not in estimate.names:
-        return (text, "not estimated", "", "", "", "", *given)
-    uncertainty = estimate.withheld_reason(name)
-    if not estimate.trusted:
-        return (text, uncertainty, "", "", "", "", *given)
-    low, high = estimate.interval(INTERVAL_LEVEL)[name]
-    bound = estimate.cramer_rao_sd.get(name, np.inf)
-    return (
-        text,
-        uncertainty or f"{estimate.mean[name]:.3g} {unit}",
-        f"{low:.3g} to {high:.3g} {unit}",
-        sd_text(estimate.sd[name]) if estimate.identified(name) else "",
-        sd_text(estimate.prior_sd[name]),
-        sd_text(bound) if np.isfinite(bound) else "none known",
-        *given,
-    )
+        return Table(title=title, columns=("quantity", "value"), values=values)
+    return estimate_table(stored.estimate, title=title, truth=truth)
 
 
 def _presses(record: TargetRecord) -> tuple[Table, ...]:
@@ -401,7 +367,7 @@ def _presses(record: TargetRecord) -> tuple[Table, ...]:
         _press_row(number, press) + ((": ".join(filter(None, (press.name, press.note))),) if noted else ())
         for number, press in enumerate(record.presses, 1)
     )
-    return (Table(title="Presses", headings=(*headings, "name and note") if noted else headings, rows=rows),)
+    return (Table(title="Presses", columns=(*headings, "name and note") if noted else headings, values=rows),)
 
 
 def _press_row(number: int, press: StoredPress) -> tuple[str, ...]:
@@ -422,7 +388,7 @@ def history_tables(record: TargetRecord) -> tuple[Table, ...]:
         return ()
     headings = ("made (UTC)", "estimate", "kind", "tsis", "mean and 90 % interval", "presses", "replaces")
     rows = tuple(_history_row(stored) for stored in record.estimates)
-    return (Table(title="All estimates; the last of each kind is current", headings=headings, rows=rows),)
+    return (Table(title="All estimates; the last of each kind is current", columns=headings, values=rows),)
 
 
 def _history_row(stored: StoredEstimate) -> tuple[str, ...]:
@@ -439,7 +405,7 @@ def _history_row(stored: StoredEstimate) -> tuple[str, ...]:
 
 
 def _value_text(estimate: Estimate, name: str) -> str:
-    text, unit = parameter_label(name)
+    text, unit = quantity_of(name).title, quantity_of(name).unit
     low, high = estimate.interval(INTERVAL_LEVEL)[name]
     mean = estimate.withheld_reason(name) or f"{estimate.mean[name]:.3g} {unit}".strip()
     return f"{text} {mean} ({low:.3g} to {high:.3g})"

@@ -12,7 +12,6 @@ from tsis.errors import InputError
 from tsis.inclusion.mobility import Mobility, mobility
 from tsis.model import require_array
 from tsis.present.figures import light_over_time, light_path
-from tsis.present.html import html_bytes
 from tsis.present.page import Card, Page, Picture, Table, on_axes
 
 if TYPE_CHECKING:
@@ -139,8 +138,8 @@ def track_document(track: PressTrack) -> dict[str, Any]:
     }
 
 
-def track_report(track: PressTrack, *, subtitle: str, provenance: Mapping[str, Any]) -> bytes:
-    """The report as HTML: the path of the light, its sum over time, and the numbers."""
+def track_page(track: PressTrack, *, subtitle: str, provenance: Mapping[str, Any]) -> Page:
+    """The report: the path of the light, its sum over time, and the numbers."""
     movement, settling = track.mobility, track.settling
     still = movement.excursion_mm is None or "no_movement" in movement.flags
     cards = [
@@ -154,16 +153,14 @@ def track_report(track: PressTrack, *, subtitle: str, provenance: Mapping[str, A
     if settling is not None:
         detail = f"at most {100 * settling.bound:.2g} % still to come"
         cards.append(Card(title="Settling", value=settling.verdict, detail=detail, doubtful=not settling.settled))
-    return html_bytes(
-        Page(
-            title="Movement and settling of a press",
-            subtitle=subtitle,
-            cards=tuple(cards),
-            notes=track_notes(track),
-            pictures=_pictures(track),
-            tables=(Table(title="What the sequence says", headings=("quantity", "value"), rows=track_rows(track)),),
-            provenance=provenance,
-        )
+    return Page(
+        title="Movement and settling of a press",
+        subtitle=subtitle,
+        cards=tuple(cards),
+        notes=track_notes(track),
+        pictures=_pictures(track),
+        tables=(Table(title="What the sequence says", columns=("quantity", "value"), values=track_rows(track)),),
+        provenance=provenance,
     )
 
 

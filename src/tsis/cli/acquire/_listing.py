@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-from rich.markup import escape
-from rich.table import Column, Table
-
 import tsis
 from tsis.cli._output import print_json
 from tsis.cli._progress import waiting
-from tsis.present.terminal import people, print_notice
+from tsis.present.page import Column, Table
+from tsis.present.terminal import people, print_notice, rich_table
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -34,11 +32,11 @@ def list_cameras(*, as_json: bool) -> None:
         )
         return
     console = people()
-    table = Table(Column("--camera", overflow="fold"), "maker", "model", "note", title="Cameras")  # to be copied whole
-    table.add_row("virtual", "", "", VIRTUAL_NOTE)
-    for item in findings.cameras:
-        table.add_row(*(escape(text) for text in (item.spec, item.maker, item.model, item.note)))
-    console.print(table)
+    rows = tuple((item.spec, item.maker, item.model, item.note) for item in findings.cameras)
+    columns = ("--camera", "maker", "model", "note")
+    console.print(
+        rich_table(Table(title="Cameras", columns=columns, values=(("virtual", "", "", VIRTUAL_NOTE), *rows)))
+    )
     if findings.missing:
         console.print("Not looked for:")
     for message in findings.missing.values():
@@ -70,12 +68,15 @@ def show_camera(connect_camera: Callable[[], Camera], *, as_json: bool) -> None:
         return
     console = people()
     console.print("Modes, the default first: " + ", ".join(mode.label for mode in modes), markup=False)
-    table = Table("setting", "now", "lowest", "highest", "unit", title=escape(name))
-    for setting in settings:
-        table.add_row(
-            setting.name, f"{setting.value:g}", _bound(setting.low), _bound(setting.high), escape(setting.unit)
-        )
-    console.print(table if settings else "It has no settings.")
+    table = Table(
+        title=name,
+        columns=("setting", *(Column(label=label) for label in ("now", "lowest", "highest")), "unit"),
+        values=tuple(
+            (setting.name, setting.value, _bound(setting.low), _bound(setting.high), setting.unit)
+            for setting in settings
+        ),
+    )
+    console.print(rich_table(table) if settings else "It has no settings.")
     print_notice(console)
 
 

@@ -13,8 +13,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
 import tsis
 from tsis.__about__ import LARGEST_SEED, VALID_DAYS
@@ -25,7 +23,8 @@ from tsis.cli._progress import progress_bar, stop_interrupted
 from tsis.cli.acquire import VIRTUAL, live_connector, requested_settings
 from tsis.cli.calibrate._make import OUT, Days, Out, make_outcome
 from tsis.errors import CalibrationError, InputError
-from tsis.present.terminal import people, print_notice
+from tsis.present.page import Table
+from tsis.present.terminal import print_tables
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -345,11 +344,7 @@ def light(
             )
         )
         return
-    console = people()
-    table = Table("quantity", "value", "uncertainty", title=escape(f"Light on dents, {stored.name}"))
-    for row in rows:
-        table.add_row(*(escape(cell) for cell in row))
     if ratio is not None:
-        table.add_row("force by the line of the tips over that on pads", f"{ratio.value:.3f}", f"sd {ratio.sd:.3f}")
-    console.print(table)
-    print_notice(console)
+        rows = (*rows, ("force by the line of the tips over that on pads", f"{ratio.value:.3f}", f"sd {ratio.sd:.3f}"))
+    columns = ("quantity", "value", "uncertainty")
+    print_tables((Table(title=f"Light on dents, {stored.name}", columns=columns, values=rows),))

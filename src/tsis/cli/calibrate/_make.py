@@ -7,8 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.markup import escape
-from rich.table import Table
 
 import tsis
 from tsis.__about__ import CALIBRATION_FILE, VALID_DAYS
@@ -16,7 +14,7 @@ from tsis.cli._options import AsJson
 from tsis.cli._output import CommandOutcome, print_json, publish
 from tsis.cli._progress import progress_bar
 from tsis.errors import CalibrationError
-from tsis.present.terminal import people, print_notice
+from tsis.present.terminal import people, print_notice, print_tables
 
 if TYPE_CHECKING:
     from tsis.calibration.session import SessionFolder
@@ -26,10 +24,6 @@ def make_outcome(session: SessionFolder, *, days: float) -> CommandOutcome:
     """Compute the calibration of a session."""
     with progress_bar("reading the frames") as advance:
         stored, findings = tsis.calibration.session.calibrate(session, days=days, progress=advance)
-    rows = tsis.present.calibration.calibration_rows(stored, findings)
-    table = Table("quantity", "value", "95 % interval", title=escape(f"Calibration {stored.name} of {stored.probe}"))
-    for row in rows:
-        table.add_row(*(escape(cell) for cell in row))
     provenance = {
         "session": str(session.path),
         "terms": tsis.files.to_json_value(session.terms()),
@@ -37,9 +31,7 @@ def make_outcome(session: SessionFolder, *, days: float) -> CommandOutcome:
     }
     return CommandOutcome(
         document=tsis.present.calibration.calibration_document(stored, findings, provenance=provenance),
-        page=tsis.present.calibration.calibration_report(stored, findings, provenance=provenance),
-        tables=(table,),
-        notes=tsis.present.calibration.calibration_notes(stored, findings),
+        page=tsis.present.calibration.calibration_page(stored, findings, provenance=provenance),
         files={CALIBRATION_FILE: tsis.calibration.file.calibration_bytes(stored)},
     )
 
@@ -75,7 +67,7 @@ def show(
         refusal = ""
     except CalibrationError as error:
         refusal = str(error)
-    rows, sheet = tsis.present.calibration.content_rows(stored), tsis.present.calibration.specification_rows(stored)
+    sheet = tsis.present.calibration.specification_rows(stored)
     if as_json:
         print_json(
             tsis.present.document.envelope(
@@ -88,20 +80,8 @@ def show(
             )
         )
         return
-    console = people()
-    table = Table("quantity", "value", "95 % interval", title=escape(f"Calibration {stored.name}"))
-    for row in rows:
-        table.add_row(*(escape(cell) for cell in row))
-    console.print(table)
-    if sheet:
-        printed = Table("quantity", "measured", "fingertip", "printed in the source", title="Specification sheet")
-        for line in sheet:
-            printed.add_row(*(escape(cell) for cell in line))
-        console.print(printed)
-        for note in tsis.present.calibration.specification_notes(stored):
-            console.print(f"- {note}", markup=False)
-    console.print(refusal or "It may be used today.", markup=False)
-    print_notice(console)
+    notes = (*tsis.present.calibration.specification_notes(stored), refusal or "It may be used today.")
+    print_tables(tsis.present.calibration.content_tables(stored), notes)
 
 
 def seal(

@@ -8,15 +8,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.markup import escape
-from rich.table import Table
 
 import tsis
 from tsis.cli._options import AsJson
 from tsis.cli._output import leave, print_json
 from tsis.cli._progress import waiting
 from tsis.errors import FileInputError, InputError
-from tsis.present.terminal import people, print_notice
+from tsis.present.page import Table
+from tsis.present.terminal import print_tables
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -75,9 +74,8 @@ def points(
     if html is not None:
         title = f"{tsis.files.printable_name(source)} to {tsis.files.printable_name(target)}"
         provenance = {"method": method, "seed": seed, "source": title.split(" to ")[0], "points": len(first)}
-        _write(
-            html, tsis.present.matching.registration_report(first, second, result, title=title, provenance=provenance)
-        )
+        page = tsis.present.matching.registration_page(first, second, result, title=title, provenance=provenance)
+        _write(html, tsis.present.html.html_bytes(page))
     _result(source, target, first, second, result, method, seed, files, as_json=as_json)
 
 
@@ -124,24 +122,18 @@ def _result(
         print_json(document | {name: str(file) for name, file in files.items() if file is not None})
         leave(trusted=registration.reliable)
         return
-    console = people()
     sets = ((source, first), (target, second))
-    title = escape(" to ".join(f"{tsis.files.printable_name(file)} ({len(points)} points)" for file, points in sets))
-    table = Table("quantity", "value", title=title)
-    table.add_row("method", method)
-    table.add_row("matched points", f"{paired.sum()} of {len(first)}")
-    table.add_row("RMS distance of matched points, before", "-" if before is None else f"{before:.4g}")
-    table.add_row("RMS distance of matched points, after", "-" if after is None else f"{after:.4g}")
-    table.add_row(
-        "confidence", f"{registration.confidence:.2f}, {'reliable' if registration.reliable else 'not reliable'}"
+    title = " to ".join(f"{tsis.files.printable_name(file)} ({len(points)} points)" for file, points in sets)
+    rows = (
+        ("method", method),
+        ("matched points", f"{paired.sum()} of {len(first)}"),
+        ("RMS distance of matched points, before", "-" if before is None else f"{before:.4g}"),
+        ("RMS distance of matched points, after", "-" if after is None else f"{after:.4g}"),
+        ("confidence", f"{registration.confidence:.2f}, {'reliable' if registration.reliable else 'not reliable'}"),
     )
-    console.print(table)
-    for note in registration.notes:
-        console.print(f"- {note}", markup=False)
-    for file in files.values():
-        if file is not None:
-            console.print(f"Written: {file}", soft_wrap=True, markup=False)
-    print_notice(console)
+    where = "\n".join(f"Written: {file}" for file in files.values() if file is not None)
+    table = Table(title=title, columns=("quantity", "value"), values=rows)
+    print_tables((table,), registration.notes, where=where)
     leave(trusted=registration.reliable)
 
 

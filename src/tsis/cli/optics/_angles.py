@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-from rich.table import Table
-
 import tsis
 from tsis.cli._options import AimDeg, AsJson, HalfAngleDeg, LampHeightMm, ProbeOption, chosen_lit_probe
 from tsis.cli._output import CommandResult, Out, show_result
+from tsis.present.page import Column, Table
 
 if TYPE_CHECKING:
     from tsis.model import Led, Probe
@@ -50,20 +49,28 @@ def _name(layer: int, count: int) -> str:
 
 
 def _table(probe: Probe, acceptance: Acceptance) -> Table:
-    table = Table(title=f"{probe.name}: light through the side wall, from air; angles in degrees")
-    for heading in ("layer", "n", "critical", "acceptance", "never reaches the face below", "of its angles"):
-        table.add_column(heading, justify="left" if heading == "layer" else "right")
+    rows = []
     for layer, index in enumerate(acceptance.index):
         blind = acceptance.blind_deg[layer]
-        table.add_row(
+        rows.append((
             _name(layer, len(acceptance.index)),
-            f"{index:.4g}",
-            f"{acceptance.critical_deg[layer]:.2f}",
+            index,
+            acceptance.critical_deg[layer],
             f"{acceptance.acceptance_deg[layer]:.2f}" + (" (all)" if acceptance.unlimited[layer] else ""),
-            f"{blind:.2f}" if blind else "-",
-            f"{acceptance.blind_fraction[layer]:.0%}" if blind else "-",
-        )
-    return table
+            blind or None,
+            acceptance.blind_fraction[layer] if blind else None,
+        ))  # fmt: skip
+    angles = ("critical", "acceptance", "never reaches the face below")
+    return Table(
+        title=f"{probe.name}: light through the side wall, from air; angles in degrees",
+        columns=(
+            "layer",
+            Column(label="n", form=".4g"),
+            *(Column(label=name, form=".2f") for name in angles),
+            Column(label="of its angles", form=".0%"),
+        ),
+        values=tuple(rows),
+    )
 
 
 def _limits(acceptance: Acceptance) -> list[str]:

@@ -7,13 +7,13 @@ from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.table import Table
 
 import tsis
 from tsis.cli._options import AsJson, numbers
 from tsis.cli._output import CommandResult, Out, show_result
 from tsis.cli._progress import progress_bar, waiting
 from tsis.errors import InputError
+from tsis.present.page import Column, Table
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -112,15 +112,16 @@ def _modes_table(guided: GuidedModes, face: float) -> Table:
     parted = _parted(guided)
     shown = _evenly(len(guided), MOST_ROWS)
     part = "" if len(shown) == len(guided) else f" ({len(shown)} of them shown)"
-    table = Table(title=f"{len(guided)} guided {guided.layers.polarization} modes{part}")
-    table.add_column("mode", justify="right")
-    table.add_column("n_eff", justify="right")
-    table.add_column("at the pressed face")
+    rows = []
     for mode in shown:
         n_eff = guided.n_eff[mode]
         extents = "fades away" if n_eff > face else "see its profile" if parted[mode] else "reaches it"
-        table.add_row(str(mode), f"{n_eff:.15f}", extents)
-    return table
+        rows.append((mode, n_eff, extents))
+    return Table(
+        title=f"{len(guided)} guided {guided.layers.polarization} modes{part}",
+        columns=(Column(label="mode"), Column(label="n_eff", form=".15f"), "at the pressed face"),
+        values=tuple(rows),
+    )
 
 
 def _modes_notes(guided: GuidedModes, face: float, blind: int) -> list[str]:
@@ -258,15 +259,20 @@ def _document(preset: str, guide: ThinGuide, results: list[Propagation]) -> dict
 def _table(preset: str, results: list[Propagation]) -> Table:
     first = results[0]
     title = f"{preset} guide, {first.wavelength_um:g} um, mean of {len(first.n_eff)} modes by {first.method}"
-    table = Table(title=title)
-    for heading in ("dent / um", *(f"{fraction} / %" for fraction in FRACTIONS), "missing / %"):
-        table.add_column(heading, justify="right")
+    rows = []
     for result in results:
         means = [float(getattr(result.powers, fraction).mean()) for fraction in FRACTIONS]
-        missing = abs(1 - sum(means))
-        cells = (f"{round(100 * mean, 2) + 0.0:.2f}" for mean in means)  # no minus before nothing
-        table.add_row(f"{result.dent.depth_um:g}", *cells, f"{100 * missing:.2g}")
-    return table
+        shares = (round(100 * mean, 2) + 0.0 for mean in means)  # no minus before nothing
+        rows.append((result.dent.depth_um, *shares, 100 * abs(1 - sum(means))))
+    return Table(
+        title=title,
+        columns=(
+            Column(label="dent", unit="um"),
+            *(Column(label=fraction, unit="%", form=".2f") for fraction in FRACTIONS),
+            Column(label="missing", unit="%", form=".2g"),
+        ),
+        values=tuple(rows),
+    )
 
 
 def _notes(guide: ThinGuide, results: list[Propagation]) -> list[str]:

@@ -7,13 +7,13 @@ from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.table import Table
 
 import tsis
 from tsis.cli._options import AimDeg, AsJson, HalfAngleDeg, LampHeightMm, ProbeOption, chosen_lit_probe
 from tsis.cli._output import CommandResult, Out, show_result
 from tsis.cli._progress import progress_bar, waiting
 from tsis.errors import InputError, MechanicsError
+from tsis.present.page import Column, Table
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -129,14 +129,17 @@ def _table(probe: Probe, pressed: PressField | None, traced: TracedLight) -> Tab
     state = "untouched"
     if pressed is not None:
         state = f"under {pressed.force_n:.3g} N, {pressed.face_displacement_mm[0]:.3g} mm deep"
-    table = Table(title=f"{probe.name}, {state}: {traced.rays:,} rays, {traced.meetings:.2f} meetings each")
-    table.add_column("where the light goes")
-    table.add_column("share", justify="right")
-    table.add_column("standard error", justify="right")
-    for name, label in WAYS.items():
-        fraction, error = getattr(traced.tally, name), getattr(traced.standard_error, name)
-        table.add_row(label, f"{fraction:.4%}", f"{error:.4%}")
-    return table
+    return Table(
+        title=f"{probe.name}, {state}: {traced.rays:,} rays, {traced.meetings:.2f} meetings each",
+        columns=(
+            "where the light goes",
+            Column(label="share", form=".4%"),
+            Column(label="standard error", form=".4%"),
+        ),
+        values=tuple(
+            (label, getattr(traced.tally, name), getattr(traced.standard_error, name)) for name, label in WAYS.items()
+        ),
+    )
 
 
 def _notes(probe: Probe, traced: TracedLight) -> tuple[str, ...]:

@@ -5,8 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.markup import escape
-from rich.table import Table
 
 import tsis
 from tsis.cli._options import AsJson
@@ -14,7 +12,7 @@ from tsis.cli._output import print_json
 from tsis.cli._progress import FAILED, progress_bar
 from tsis.cli._store import PHANTOM, StoreDatabase, StoreFolder, StoreKind, opened
 from tsis.errors import InputError, TsisError
-from tsis.present.terminal import people, print_notice
+from tsis.present.terminal import people, print_notice, rich_table
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -98,11 +96,7 @@ def _show(console: Console, target: Target, recomputation: Recomputation) -> Non
         console.print(f"- {note}", markup=False, soft_wrap=True)
     if recomputation.same:
         return
-    shifts = tsis.present.records.shift_table(recomputation)
-    table = Table(*shifts.headings)
-    for row in shifts.rows:
-        table.add_row(*(escape(cell) for cell in row))
-    console.print(table)
+    console.print(rich_table(tsis.present.records.shift_table(recomputation)))
     console.print(tsis.present.records.recomputation_message(recomputation), markup=False)
 
 

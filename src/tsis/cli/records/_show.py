@@ -5,14 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.markup import escape
-from rich.table import Table
 
 import tsis
 from tsis.cli._options import AsJson
-from tsis.cli._output import estimate_table, print_json
+from tsis.cli._output import print_json
 from tsis.cli._store import PHANTOM, StoreDatabase, StoreFolder, StoreKind, TargetNumber, opened
-from tsis.present.terminal import people, print_notice
+from tsis.present.page import Column, Table
+from tsis.present.terminal import people, print_notice, rich_table
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -40,12 +39,18 @@ def list_targets(
         )
         return
     console = people()
-    table = Table("number", "name", "presses", "estimates", "last press (UTC)", title=escape(f"Targets ({kind}s)"))
-    for item in result:
-        last = "never" if item.last is None else f"{item.last:%Y-%m-%d %H:%M}"
-        cells = (str(item.target.number), item.target.name, str(item.presses), str(item.estimates), last)
-        table.add_row(*(escape(cell) for cell in cells))
-    console.print(table if result else "The store is empty; tsis records import and --save fill it.")
+    table = Table(
+        title=f"Targets ({kind}s)",
+        columns=("number", "name", Column(label="presses"), Column(label="estimates"), "last press (UTC)"),
+        values=tuple(
+            (
+                *(item.target.number, item.target.name, item.presses, item.estimates),
+                "never" if item.last is None else f"{item.last:%Y-%m-%d %H:%M}",
+            )
+            for item in result
+        ),
+    )
+    console.print(rich_table(table) if result else "The store is empty; tsis records import and --save fill it.")
     console.print(f"Store: {position}", markup=False, soft_wrap=True)
     print_notice(console)
 
@@ -90,11 +95,12 @@ def show(
     console.print(f"Target {target.number}{name} ({target.kind}), version {target.version}", markup=False)
     if target.note:
         console.print(target.note, markup=False)
-    console.print(_presses(presses, total, offset))
+    console.print(rich_table(_presses(presses, total, offset)))
     for stored in sorted(record.active_estimates, key=lambda item: item.made, reverse=True):
         result = stored.estimate
         truth = target.truth if set(result.names) <= set(target.truth) else None
-        console.print(estimate_table(result, title=f"Current estimate: {stored.kind}, {stored.probe}", truth=truth))
+        title = f"Current estimate: {stored.kind}, {stored.probe}"
+        console.print(rich_table(tsis.present.inclusion.estimate_table(result, title=title, truth=truth)))
         for estimate_message in tsis.present.document.estimate_messages(result):
             console.print(f"- {estimate_message}", markup=False)
         console.print(f"Flags: {', '.join(result.flags) or 'none'}", markup=False)
@@ -107,28 +113,33 @@ def show(
             f"Calibration {calibration.name} ({identity[:12]}), good until {_until(calibration)}", markup=False
         )
     if estimates:
-        console.print(_history(estimates))
+        console.print(rich_table(_history(estimates)))
     print_notice(console)
 
 
 def _presses(presses: Sequence[StoredPress], total: int, offset: int) -> Table:
     shown = f"{offset + 1} to {offset + len(presses)} of {total}" if presses else f"none shown of {total}"
-    table = Table("press", "role", "taken (UTC)", "force (N)", "name", "flags", title=f"Presses, {shown}")
-    for press in presses:
-        force = "" if press.force_n is None else f"{press.force_n:.3g}"
-        cells = (press.id[:SHORT], press.role, f"{press.taken:%Y-%m-%d %H:%M:%S}", force, press.name)
-        table.add_row(*(escape(cell) for cell in (*cells, ", ".join(press.flags))))
-    return table
+    rows = tuple(
+        (
+            *(press.id[:SHORT], press.role, f"{press.taken:%Y-%m-%d %H:%M:%S}"),
+            *(press.force_n, press.name, ", ".join(press.flags)),
+        )
+        for press in presses
+    )
+    force = Column(label="force", unit="N", form=".3g")
+    columns = ("press", "role", "taken (UTC)", force, "name", "flags")
+    return Table(title=f"Presses, {shown}", columns=columns, values=rows)
 
 
 def _history(estimates: Sequence[StoredEstimate]) -> Table:
-    table = Table("estimate", "kind", "made (UTC)", "code", "trusted", "supersedes", title="Estimates")
+    rows = []
     for stored in estimates:
         code = str(stored.environment.get("code_sha256", ""))[:SHORT]
         trusted = "yes" if stored.estimate.trusted else "no"
         created = f"{stored.made:%Y-%m-%d %H:%M:%S}"
-        table.add_row(stored.id[:SHORT], stored.kind, created, code, trusted, (stored.supersedes or "")[:SHORT])
-    return table
+        rows.append((stored.id[:SHORT], stored.kind, created, code, trusted, (stored.supersedes or "")[:SHORT]))
+    columns = ("estimate", "kind", "made (UTC)", "code", "trusted", "supersedes")
+    return Table(title="Estimates", columns=columns, values=tuple(rows))
 
 
 def _until(calibration: ProbeCalibration) -> str:

@@ -150,7 +150,9 @@ class OwnImagesPage:
         with self._results, ui.element("div").classes("panel stack"):
             for finding in findings[0]:
                 name = finding.image.name
-                kit.table(Table(title=f"Contact in {name}", headings=("quantity", "value"), rows=finding_rows(finding)))
+                kit.table(
+                    Table(title=f"Contact in {name}", columns=("quantity", "value"), values=finding_rows(finding))
+                )
                 kit.message_list(finding_notes(finding))
             for message in findings[1]:
                 ui.label(message).classes("flag")

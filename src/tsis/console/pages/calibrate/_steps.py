@@ -243,7 +243,7 @@ def result_content(page: Page, sources: Sequence[str]) -> None:
 def calibration_content(calibration: ProbeCalibration) -> None:
     """Contents of the file of an earlier calibration."""
     kit.muted("It was computed before. Compute it again from the same frames to see the residuals of its fits.")
-    kit.table(Table(title="Measured", headings=("quantity", "value", "95 % interval"), rows=content_rows(calibration)))
+    kit.table(Table(title="Measured", columns=("quantity", "value", "95 % interval"), values=content_rows(calibration)))
 
 
 class MakePanel:

@@ -13,7 +13,8 @@ from tsis.calibration.guard import GUARD_FLAGS
 from tsis.console.pages import components as kit
 from tsis.console.pages.records._context import fault_of, flags_of
 from tsis.errors import StaleRecordError
-from tsis.present.target import SHORT, measure, parameter_label
+from tsis.present.labels import quantity_of
+from tsis.present.target import SHORT, measure
 from tsis.records import DAMAGED, ROLE_NAMES, parse_force, parse_truth
 from tsis.records.store import ARCHIVED, DELETED, EDITABLE, UNDO_DAYS
 
@@ -266,7 +267,7 @@ def about_target(page: TargetContext, view: TargetView) -> None:
         "name": target.name or "none",
         "note": "not shown of a subject" if view.private else target.note or "none",
         **{
-            f"true {parameter_label(name)[0]}": measure(value, parameter_label(name)[1])
+            f"true {quantity_of(name).title}": measure(value, quantity_of(name).unit)
             for name, value in target.truth.items()
         },
         "entered": kit.time_label(target.made),

@@ -13,6 +13,7 @@ from tsis.console.pages.records._context import AT_ONCE, TargetView, flags_of, f
 from tsis.console.pages.records._edit import open_press
 from tsis.present.hardness import estimate_messages_of
 from tsis.present.images import comparison
+from tsis.present.labels import quantity_of
 from tsis.present.records import recomputation_message, recomputation_notes, shift_table
 from tsis.present.target import (
     IDENTITY_NOTE,
@@ -21,7 +22,6 @@ from tsis.present.target import (
     measure,
     newest_first,
     origin,
-    parameter_label,
     target_cards,
 )
 from tsis.records import ESTIMATES, ROLE_NAMES
@@ -239,8 +239,8 @@ async def compare_targets(instrument: Instrument, viewer: kit.Viewer, pair: str)
             name = f": {view.target.name}" if view.target.name else ""
             kit.panel_title(f"Target {view.target.number}{name}").classes("target-title")
             ui.link("Open", f"/records/{view.target.number}").classes("link")
-            truth = {parameter_label(key): value for key, value in view.target.truth.items()}
-            facts = {f"true {label}": measure(value, unit) for (label, unit), value in truth.items()}
+            truth = {quantity_of(key): value for key, value in view.target.truth.items()}
+            facts = {f"true {item.title}": measure(value, item.unit) for item, value in truth.items()}
             kit.FactList().show({"presses": f"{view.total}", **facts}.items())
             estimates(view)
             with ui.element("div").classes("compared"):

@@ -1,0 +1,53 @@
+"""Name, symbol, unit and rounding of every estimated quantity, wherever it is shown."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from tsis.model import NO_UNIT, label_of, unit_of
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Quantity:
+    """How a quantity is named, and to how many decimals an error of it is shown."""
+
+    label: str
+    symbol: str = ""
+    unit: str = ""
+    decimals: int = 2
+
+    @property
+    def title(self) -> str:
+        """Name and symbol, for the head of a main result."""
+        return f"{self.label[:1].upper()}{self.label[1:]} {self.symbol}".strip()
+
+    @property
+    def heading(self) -> str:
+        """Name over unit."""
+        return f"{self.label} / {self.unit}" if self.unit else self.label
+
+    @property
+    def axis(self) -> str:
+        """Name and symbol over unit."""
+        name = f"{self.label} {self.symbol}".strip()
+        return f"{name} / {self.unit}" if self.unit else name
+
+
+KNOWN = {
+    "diameter_mm": Quantity(label="diameter", symbol="d", unit="mm"),
+    "depth_mm": Quantity(label="depth", symbol="h", unit="mm"),
+    "young_kpa": Quantity(label="modulus", symbol="E", unit="kPa", decimals=1),
+    "score": Quantity(label="score"),
+}
+
+
+def quantity_of(name: str) -> Quantity:
+    """The quantity of a parameter; that of a plug-in is named after its parameter.
+
+    Examples
+    --------
+    >>> quantity_of("depth_mm").axis, quantity_of("depth_mm").heading, quantity_of("young_kpa").title
+    ('depth h / mm', 'depth / mm', 'Modulus E')
+    """
+    unit = unit_of(name)
+    return KNOWN.get(name) or Quantity(label=label_of(name), unit="" if unit == NO_UNIT else unit)
