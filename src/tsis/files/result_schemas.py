@@ -30,7 +30,7 @@ _RESULTS = {
     "network": ("apply", "train"),
     "optics": ("angles", "modes", "propagate", "trace"),
     "protocol": ("",),
-    "records": ("backup", "edit", "export", "import", "list", "recompute", "restore", "send", "show", "verify"),
+    "records": ("backup", "edit", "export", "import", "list", "recompute", "restore", "show", "verify"),
     "sensor": ("check", "frames", "new", "show"),
     "simulate": ("", "gel", "list"),
     "study": (

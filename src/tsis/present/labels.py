@@ -8,7 +8,7 @@ from tsis.model import NO_UNIT, label_of, unit_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Quantity:
+class QuantityLabel:
     """How a quantity is named, and to how many decimals an error of it is shown."""
 
     label: str
@@ -34,14 +34,14 @@ class Quantity:
 
 
 KNOWN = {
-    "diameter_mm": Quantity(label="diameter", symbol="d", unit="mm"),
-    "depth_mm": Quantity(label="depth", symbol="h", unit="mm"),
-    "young_kpa": Quantity(label="modulus", symbol="E", unit="kPa", decimals=1),
-    "score": Quantity(label="score"),
+    "diameter_mm": QuantityLabel(label="diameter", symbol="d", unit="mm"),
+    "depth_mm": QuantityLabel(label="depth", symbol="h", unit="mm"),
+    "young_kpa": QuantityLabel(label="modulus", symbol="E", unit="kPa", decimals=1),
+    "score": QuantityLabel(label="score"),
 }
 
 
-def quantity_of(name: str) -> Quantity:
+def quantity_of(name: str) -> QuantityLabel:
     """The quantity of a parameter; that of a plug-in is named after its parameter.
 
     Examples
@@ -50,4 +50,4 @@ def quantity_of(name: str) -> Quantity:
     ('depth h / mm', 'depth / mm', 'Modulus E')
     """
     unit = unit_of(name)
-    return KNOWN.get(name) or Quantity(label=label_of(name), unit="" if unit == NO_UNIT else unit)
+    return KNOWN.get(name) or QuantityLabel(label=label_of(name), unit="" if unit == NO_UNIT else unit)
