@@ -350,7 +350,7 @@ class SizeErrors:
         return float(np.abs(self.read - self.true).max())
 
 
-def size_errors(device_results: DeviceResults) -> tuple[SizeErrors, ...]:
+def _size_errors(device_results: DeviceResults) -> tuple[SizeErrors, ...]:
     """Errors of every quantity on the inclusions that the device detected."""
     return tuple(errors for quantity in QUANTITIES if (errors := _errors_of(device_results, quantity)) is not None)
 
@@ -483,7 +483,7 @@ def device_analysis(
         reliability=reliability,
         brier_interval=brier,
         recalibration=recalibrated,
-        errors=size_errors(device_results),
+        errors=_size_errors(device_results),
         strata=strata(device_results),
         agreements=agreements(device_results, readings),
         missing=missing,

@@ -75,7 +75,7 @@ class Study:
 
     def threshold_of(self, device: str) -> float:
         """The threshold of a device, fixed before the unblinding."""
-        for entry in before_unblinding(self.chain):
+        for entry in _before_unblinding(self.chain):
             if entry.action == IMPORTED and entry.content.get("device") == device:
                 return _threshold(entry, device)
         return self.plan.threshold
@@ -100,12 +100,12 @@ def open_study(folder: str | os.PathLike[str]) -> Study:
     """
     root = as_path(folder)
     if not os.path.isfile(root / PLAN):  # noqa: PTH113 - Path.is_file raises for names that no file can have
-        raise RecordsError(no_study(root))
+        raise RecordsError(_no_study(root))
     plan, chain = parse_study_plan(read_bytes(root / PLAN), PLAN), read_log(root)
     return Study(folder=root, plan=plan, chain=chain, readings=_readings(chain, plan))
 
 
-def no_study(path: Path) -> str:
+def _no_study(path: Path) -> str:
     """The message for a folder without a study."""
     return f"{printable_path(path)} must be the folder of a study; it holds no {PLAN} (tsis study new makes one)"
 
@@ -154,7 +154,7 @@ def enter_readings(
             raise RecordsError(
                 "readings must be entered before a study is unblinded; this one is unblinded, so nothing was entered"
             )
-        require_plan_unchanged(study.folder, chain)
+        _require_plan_unchanged(study.folder, chain)
         codes = frozenset(study.plan.codes)
         entered = {reading.key for reading in _readings(chain, study.plan, study)}
         for reading in readings:
@@ -173,7 +173,7 @@ def enter_readings(
     return replace(study, chain=chain, readings=_readings(chain, study.plan, study))
 
 
-def require_plan_unchanged(folder: Path, chain: LogChain) -> None:
+def _require_plan_unchanged(folder: Path, chain: LogChain) -> None:
     """Refuse a study whose plan differs from the log's first line."""
     first = chain.entries[0] if chain.entries else None
     if first is None or first.content.get("study_sha256") != commitment(read_bytes(folder / PLAN)):
@@ -182,7 +182,7 @@ def require_plan_unchanged(folder: Path, chain: LogChain) -> None:
         )
 
 
-def before_unblinding(chain: LogChain) -> tuple[LogEntry, ...]:
+def _before_unblinding(chain: LogChain) -> tuple[LogEntry, ...]:
     """The entries up to the first unblinding."""
     lines = chain.entries
     end = next((index for index, entry in enumerate(lines) if entry.action == UNBLINDED), len(lines))
@@ -207,7 +207,7 @@ def _readings(chain: LogChain, plan: StudyPlan, study: Study | None = None) -> t
         by_key = {reading.key: reading for reading in study.readings}
     else:
         start = 0
-    for entry in before_unblinding(chain)[start:]:
+    for entry in _before_unblinding(chain)[start:]:
         if entry.action == READING:
             try:
                 reading = parse_reading(entry.content)
@@ -297,7 +297,7 @@ def verify_study(folder: str | os.PathLike[str], *, head: str | None = None) -> 
     """
     root = as_path(folder)
     if not any(os.path.lexists(root / name) for name in (PLAN, LOG_FILE)):
-        raise RecordsError(no_study(root))
+        raise RecordsError(_no_study(root))
     chain = read_log(root)
     faults = [StudyFault(file=LOG_FILE, line=line, what=what) for line, what in sorted(chain.breaks.items())]
     faults += _file_faults(root, chain)

@@ -49,21 +49,21 @@ def sphere_mould(diameter_mm: float) -> NDArray[np.float64]:
     angle = np.linspace(0, np.pi / 2, ARC + 1)
     top = radius + FLOOR_MM
     cavity = np.stack([radius * np.sin(angle), top - radius * np.cos(angle)], axis=1)  # from the axis to the rim
-    return revolved([(0.0, 0.0), *map(tuple, cavity[:1]), *map(tuple, cavity[1:]), *_outer(radius + WALL_MM, top)])
+    return _revolved([(0.0, 0.0), *map(tuple, cavity[:1]), *map(tuple, cavity[1:]), *_outer(radius + WALL_MM, top)])
 
 
 def cup(diameter_mm: float, height_mm: float) -> NDArray[np.float64]:
     """A cup for tissue or a test cylinder: inner ``diameter_mm`` and ``height_mm``, as triangles (n, 3, 3) in mm."""
     radius = require_number("diameter_mm", diameter_mm, 1.0, 300.0, hint="millimetres") / 2
     top = require_number("height_mm", height_mm, 1.0, 300.0, hint="millimetres") + FLOOR_MM
-    return revolved([(0.0, 0.0), (0.0, FLOOR_MM), (radius, FLOOR_MM), (radius, top), *_outer(radius + WALL_MM, top)])
+    return _revolved([(0.0, 0.0), (0.0, FLOOR_MM), (radius, FLOOR_MM), (radius, top), *_outer(radius + WALL_MM, top)])
 
 
 def _outer(radius: float, top: float) -> list[tuple[float, float]]:
     return [(radius, top), (radius, 0.0)]
 
 
-def revolved(profile: list[tuple[float, float]]) -> NDArray[np.float64]:
+def _revolved(profile: list[tuple[float, float]]) -> NDArray[np.float64]:
     """Turn a closed profile about the axis: outward triangles, shape (n, 3, 3).
 
     The profile runs clockwise in (radius, height), seen with the radius to the right.

@@ -42,7 +42,7 @@ REPORT_EVERY = 1000  # targets
 
 def read_log(folder: Path, *, disk: Disk = DISK) -> LogChain:
     """Read the log of a study, damaged or not; `FileInputError` when it is missing or unreadable."""
-    with log_lock(folder):  # never reads half of an entry
+    with _log_lock(folder):  # never reads half of an entry
         return read_chain_file(folder / LOG_FILE, disk=disk)
 
 
@@ -59,7 +59,7 @@ def append_log(
     `RecordsError` when the log is damaged, or cannot be written.
     """
     path = folder / LOG_FILE
-    with log_lock(folder):
+    with _log_lock(folder):
         try:
             return append_entries(
                 path, drafts_after, datetime.now(UTC), log_chain=log_chain, damaged=damaged, cure=CURE, disk=disk
@@ -71,7 +71,7 @@ def append_log(
 
 
 @contextmanager
-def log_lock(path: Path, *, wait: bool = True) -> Iterator[None]:
+def _log_lock(path: Path, *, wait: bool = True) -> Iterator[None]:
     """Exclusive access to the log in the folder ``path``."""
     with ExitStack() as stack:
         try:
@@ -88,7 +88,7 @@ def log_lock(path: Path, *, wait: bool = True) -> Iterator[None]:
 
 def run_lock(plan: Path) -> AbstractContextManager[None]:
     """Refuse while another run reads the targets of this ``plan``, a file that is never replaced."""
-    return log_lock(plan, wait=False)
+    return _log_lock(plan, wait=False)
 
 
 FORMAT, VERSION = "tsis-study-truth", 1

@@ -196,14 +196,14 @@ class Reproducibility:
         """
         if self.repeat_sd == 0:
             raise InputError("readings must differ between repeats for an interval; got equal ones: record more digits")
-        low, high = modified_large_samples(self._terms(), checked_level(level))
+        low, high = _modified_large_samples(self._terms(), checked_level(level))
         return Interval(
             low=REPEATABILITY_SD * low, high=REPEATABILITY_SD * high, level=level, method="modified large samples"
         )
 
     def _terms(self) -> tuple[tuple[float, float, int], ...]:
         """Weight, mean square and degrees of freedom of the components of a reading on a given target."""
-        return reproducibility_terms(self.shape, self.mean_squares[1:])
+        return _reproducibility_terms(self.shape, self.mean_squares[1:])
 
 
 def degrees_of_freedom(shape: tuple[int, int, int]) -> tuple[int, int, int, int]:
@@ -212,7 +212,7 @@ def degrees_of_freedom(shape: tuple[int, int, int]) -> tuple[int, int, int, int]
     return n - 1, k - 1, (n - 1) * (k - 1), n * k * (r - 1)
 
 
-def reproducibility_terms(
+def _reproducibility_terms(
     shape: tuple[int, int, int], mean_squares: Sequence[float]
 ) -> tuple[tuple[float, float, int], ...]:
     """Weight, mean square and degrees of freedom of operators, interaction and repeats in the variance of a reading."""
@@ -221,7 +221,7 @@ def reproducibility_terms(
     return tuple(zip(weights, mean_squares, degrees_of_freedom(shape)[1:], strict=True))
 
 
-def modified_large_samples(terms: Sequence[tuple[float, float, int]], level: float) -> tuple[float, float]:
+def _modified_large_samples(terms: Sequence[tuple[float, float, int]], level: float) -> tuple[float, float]:
     """Graybill and Wang's interval of the root of a sum of weighted mean squares, as (low, high)."""
     tail = (1 - level) / 2
     middle = sum(weight * square for weight, square, _ in terms)
@@ -493,6 +493,6 @@ def _upper_limits(
     *_, repeats = degrees_of_freedom(shape)
     within = math.sqrt(repeats / float(scipy.special.chdtri(repeats, 0.5 + level / 2))) - 1
     interaction = 1 + r * interaction_sd**2
-    terms = reproducibility_terms(shape, (interaction + n * r * operator_sd**2, interaction, 1.0))
-    _, high = modified_large_samples(terms, level)
+    terms = _reproducibility_terms(shape, (interaction + n * r * operator_sd**2, interaction, 1.0))
+    _, high = _modified_large_samples(terms, level)
     return within, high / math.sqrt(1 + operator_sd**2 + interaction_sd**2) - 1

@@ -74,7 +74,7 @@ def brier_score(probabilities: ArrayLike, present: ArrayLike, *, groups: ArrayLi
     >>> round(parts.score, 3), round(parts.reliability, 3), round(parts.resolution, 3), round(parts.uncertainty, 3)
     (0.16, 0.027, 0.107, 0.24)
     """
-    values, truth = probabilities_and_truth(probabilities, present)
+    values, truth = _probabilities_and_truth(probabilities, present)
     together = values if groups is None else np.asarray(groups)
     if together.shape != values.shape:
         raise InputError(f"groups must have one number a target, {len(values)} in all; got shape {together.shape}")
@@ -120,7 +120,7 @@ def brier_interval(
     >>> low < 0.126 < high
     True
     """
-    values, truth = probabilities_and_truth(probabilities, present)
+    values, truth = _probabilities_and_truth(probabilities, present)
     checked_level(level)
     draws = checked_draws(rng, draws)
     squares = (values - truth) ** 2
@@ -136,11 +136,8 @@ def brier_interval(
     return percentiles(drawn, level)
 
 
-def probabilities_and_truth(probabilities: ArrayLike, present: ArrayLike) -> tuple[NDArray[Any], NDArray[np.bool_]]:
-    """Check probabilities and truth, one of each per target.
-
-    Raises `InputError` when a probability lies outside [0, 1], the truth is not boolean, or the lengths differ.
-    """
+def _probabilities_and_truth(probabilities: ArrayLike, present: ArrayLike) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+    """Checked probabilities and truth, one of each per target."""
     values, truth = scored(probabilities, present, name="probabilities")
     outside = (values < 0) | (values > 1)
     if outside.any():
@@ -224,7 +221,7 @@ def reliability_curve(
     >>> round(curve.expected_calibration_error, 3)
     0.167
     """
-    values, truth = probabilities_and_truth(probabilities, present)
+    values, truth = _probabilities_and_truth(probabilities, present)
     fractions = np.linspace(0.0, 1.0, require_integer("bins", bins, 1, MOST_BINS) + 1)
     widths = choice("widths", widths, ("equal-count", "equal-width"))
     ends = fractions if widths == "equal-width" else np.quantile(values, fractions)
@@ -304,7 +301,7 @@ def recalibration(probabilities: ArrayLike, present: ArrayLike) -> Recalibration
     >>> fitted.slope.value < 1  # too bold
     True
     """
-    values, truth = probabilities_and_truth(probabilities, present)
+    values, truth = _probabilities_and_truth(probabilities, present)
     both_classes(truth, needed_by="a recalibration")
     certain = (values == 0) | (values == 1)
     if certain.any():

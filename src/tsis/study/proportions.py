@@ -308,11 +308,11 @@ class ProportionRatio:
         """Largest ratio of first to second that the score test does not reject."""
         start = first.value / second.value or SMALLEST_RATIO
         end = start
-        while end < LARGEST_RATIO * max(start, 1) and score_of_ratio(first, second, end) < z:
+        while end < LARGEST_RATIO * max(start, 1) and _score_of_ratio(first, second, end) < z:
             end *= 2
 
         def beyond(log: float) -> float:
-            return score_of_ratio(first, second, math.exp(log)) - z
+            return _score_of_ratio(first, second, math.exp(log)) - z
 
         return math.exp(scipy.optimize.brentq(beyond, math.log(start), math.log(end), xtol=1e-13, rtol=1e-14))
 
@@ -355,7 +355,7 @@ class ProportionDifference:
         return Interval(low=self.value - below, high=self.value + above, level=level, method="newcombe")
 
 
-def score_of_ratio(first: Proportion, second: Proportion, ratio: float) -> float:
+def _score_of_ratio(first: Proportion, second: Proportion, ratio: float) -> float:
     """Score statistic of independent proportions under a true ratio of first to second, in standard errors."""
     m, n, x, y = first.trials, second.trials, first.successes, second.successes
     # The likelihood under that ratio is largest at a root of a quadratic in the first proportion.

@@ -140,7 +140,9 @@ def checked_draws(rng: object, draws: int) -> int:
 MOST_TARGETS = 10**9
 
 
-def doubled_placements(scores: NDArray[Any], present: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _doubled_placements(
+    scores: NDArray[Any], present: NDArray[np.bool_]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Twice the number of correctly ranked pairs of each target with the other class, for targets with and without.
 
     Whole numbers make equal rankings exactly equal. One sort replaces all pairs (Sun and Xu, IEEE Signal Process. Lett.
@@ -154,7 +156,7 @@ def doubled_placements(scores: NDArray[Any], present: NDArray[np.bool_]) -> tupl
 
 def area(scores: NDArray[Any], present: NDArray[np.bool_]) -> float:
     """Area under the curve of checked scores, from Mann and Whitney's count, ties counted half."""
-    inside, outside = doubled_placements(scores, present)
+    inside, outside = _doubled_placements(scores, present)
     return int(inside.sum()) / (2 * len(inside) * len(outside))
 
 
@@ -266,7 +268,7 @@ def auc_covariance(scores: ArrayLike, present: ArrayLike) -> AucCovariance:
     )
 
 
-def delong_interval(scores: NDArray[np.float64], present: NDArray[np.bool_], level: float = LEVEL) -> Interval:
+def _delong_interval(scores: NDArray[np.float64], present: NDArray[np.bool_], level: float = LEVEL) -> Interval:
     """DeLong's interval of one area, cut to [0, 1].
 
     Raises `InputError` when a class has fewer than two targets, or the variance is estimated as 0, as it is for areas
@@ -274,7 +276,7 @@ def delong_interval(scores: NDArray[np.float64], present: NDArray[np.bool_], lev
 
     Examples
     --------
-    >>> interval = delong_interval(np.array([1.0, 3.0, 2.0, 4.0]), np.array([False, False, True, True]), 0.5)
+    >>> interval = _delong_interval(np.array([1.0, 3.0, 2.0, 4.0]), np.array([False, False, True, True]), 0.5)
     >>> [round(end, 3) for end in interval]
     [0.512, 0.988]
     """
@@ -290,14 +292,14 @@ def delong_interval(scores: NDArray[np.float64], present: NDArray[np.bool_], lev
     return Interval(low=max(auc - half, 0.0), high=min(auc + half, 1.0), level=level, method="delong")
 
 
-def difference_variance(scores: NDArray[np.float64], present: NDArray[np.bool_]) -> float:
+def _difference_variance(scores: NDArray[np.float64], present: NDArray[np.bool_]) -> float:
     """Variance of the difference of two areas, from scores of shape (2, targets); exactly 0 where nothing varies."""
     inside, outside = _placed(scores, present)
     return float(_covariance(inside[:1] - inside[1:], outside[:1] - outside[1:])[0, 0])
 
 
 def _placed(scores: NDArray[np.float64], present: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    pairs = [doubled_placements(row, present) for row in scores]
+    pairs = [_doubled_placements(row, present) for row in scores]
     return np.stack([inside for inside, _ in pairs]), np.stack([outside for _, outside in pairs])
 
 
@@ -310,12 +312,12 @@ def _covariance(inside: NDArray[np.int64], outside: NDArray[np.int64]) -> NDArra
     return both
 
 
-def is_normal(auc: float, present: int, absent: int) -> bool:
+def _is_normal(auc: float, present: int, absent: int) -> bool:
     """Whether DeLong's interval of an area covers as it says, as measured by ``benchmarks/detection_intervals.py``.
 
     Examples
     --------
-    >>> is_normal(0.8, 40, 40), is_normal(0.8, 8, 8), is_normal(0.98, 40, 40)
+    >>> _is_normal(0.8, 40, 40), _is_normal(0.8, 8, 8), _is_normal(0.98, 40, 40)
     (True, False, False)
     """
     smaller = min(present, absent)
@@ -456,9 +458,9 @@ class Roc:
             For the bootstrap: random generator, number of draws, and a function called with (done, total).
         """
         if method is None:
-            method = "delong" if is_normal(self.auc, self.targets, self.blanks) else "newcombe"
+            method = "delong" if _is_normal(self.auc, self.targets, self.blanks) else "newcombe"
         if choice("method", method, METHODS) == "delong":
-            return delong_interval(self.scores, self.present, level)
+            return _delong_interval(self.scores, self.present, level)
         if method == "newcombe":
             return newcombe_interval(self.auc, self.targets, self.blanks, level)
         if rng is None:
@@ -527,7 +529,7 @@ def compare_detectors(first: ArrayLike, second: ArrayLike, present: ArrayLike, *
     scores, truth = _pair(first, second, present)
     both_classes(truth, least=2, needed_by="a paired test")
     half = float(scipy.special.ndtri(0.5 + checked_level(level) / 2))
-    spread = math.sqrt(difference_variance(scores, truth))
+    spread = math.sqrt(_difference_variance(scores, truth))
     difference = area(scores[0], truth) - area(scores[1], truth)
     low, high = max(difference - half * spread, -1.0), min(difference + half * spread, 1.0)
     return _compared(scores, truth, spread, Interval(low=low, high=high, level=level, method="delong"))
