@@ -130,11 +130,12 @@ def test_an_interrupt_says_how_to_go_on(plan: Path) -> None:
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        start_new_session=True,
     )
     assert sweep.stdout is not None
     while sweep.stdout.readline() == "0 files are there\n":  # until the first file is
         pass
-    sweep.send_signal(signal.SIGINT)
+    os.killpg(sweep.pid, signal.SIGINT)  # as a terminal does, so that workers get it too
     out, err = sweep.communicate()
     assert sweep.returncode == 130
     assert set(out.split("\n")) <= {f"{count} files are there" for count in range(8193)} | {""}

@@ -253,6 +253,28 @@ def test_a_killed_sweep_is_resumed_with_real_presses(tmp_path: Path) -> None:
     assert read_data_set(peaceful)["pressure_kpa"].min() > 0
 
 
+@pytest.mark.system
+def test_a_script_without_its_guard_is_told_of_it(tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(
+        "from tests.sweep.conftest import small_plan\n"
+        "from tests.sweep.stand_ins import quick\n"
+        "from tsis.sweep.run import run_sweep\n"
+        f"run_sweep(small_plan(), {str(tmp_path / 'data')!r}, workers=1, press=quick)\n"
+    )
+    path = os.pathsep.join(filter(None, [str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH")]))
+    environment = os.environ | {"PYTHONPATH": path}
+    finished = subprocess.run(
+        [sys.executable, str(script)],
+        env=os.environ | {"PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert finished.returncode == 1
+    assert 'a script must call run_sweep under if __name__ == "__main__"' in finished.stderr.splitlines()[-1]
+
+
 @pytest.mark.slow
 def test_the_finite_strain_model_is_swept(tmp_path: Path) -> None:
     plan = small_plan(strain="finite", count=2, batch=1)
