@@ -263,7 +263,6 @@ def test_a_script_without_its_guard_is_told_of_it(tmp_path: Path) -> None:
         f"run_sweep(small_plan(), {str(tmp_path / 'data')!r}, workers=1, press=quick)\n"
     )
     path = os.pathsep.join(filter(None, [str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH")]))
-    environment = os.environ | {"PYTHONPATH": path}
     finished = subprocess.run(
         [sys.executable, str(script)],
         env=os.environ | {"PYTHONPATH": path},
