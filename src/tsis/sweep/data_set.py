@@ -210,9 +210,9 @@ def _fault(path: Path, entry: dict[str, Any]) -> str:
     return "" if sha256(content) == entry["sha256"] else "damaged"
 
 
-def _extra(destination: Path, manifest: dict[str, Any]) -> list[str]:
+def _extra(root: Path, manifest: dict[str, Any]) -> list[str]:
     expected = {MANIFEST_FILE, *(entry["file"] for entry in manifest["shards"])}
-    return sorted(path.name for path in destination.iterdir() if path.name not in expected)
+    return sorted(path.name for path in root.iterdir() if path.name not in expected)
 
 
 def as_folder(folder: str | os.PathLike[str]) -> Path:
@@ -269,9 +269,9 @@ def _refuse_other(folder: Path, start: Mapping[str, Any]) -> None:
         raise file_error(folder, "must hold no other data set; got one of another kind")
 
 
-def _differences(document: Mapping[str, Any], requested: Mapping[str, Any]) -> list[str]:
-    keys = dict.fromkeys((*requested, *document))
-    return [key for key in keys if document.get(key) != requested.get(key)]
+def _differences(present: Mapping[str, Any], asked: Mapping[str, Any]) -> list[str]:
+    keys = dict.fromkeys((*asked, *present))
+    return [key for key in keys if present.get(key) != asked.get(key)]
 
 
 def _refuse_content(folder: Path, start: Mapping[str, Any]) -> None:

@@ -507,9 +507,9 @@ def _probe(value: Any) -> Probe:
 
 def _layer(value: Any) -> Layer:
     table = _table("layers", value)
-    existing = [item.name for item in fields(Layer)]
+    known = [field.name for field in fields(Layer)]
     for key in table:
-        require_one_of("key of a layer", key, existing)
+        require_one_of("key of a layer", key, known)
     if not {"thickness_mm", "young_kpa"} <= set(table):
         raise InputError(f"a layer must give thickness_mm and young_kpa; got {', '.join(table) or 'nothing'}")
     return Layer(**table)

@@ -153,11 +153,11 @@ def press_all(plan: Plan, batch: SweepBatch, press: PressFunction) -> Rows:
         for row in range(count):
             values = {name: float(column[row]) for name, column in numbers.items()}
             try:
-                document = _output_values(plan, values, press)
+                found = _output_values(plan, values, press)
             except REFUSALS as reason:
                 error[row] = f"{type(reason).__name__}: {reason}"[:LONGEST_ERROR]
                 continue
-            for name, value in document.items():
+            for name, value in found.items():
                 outputs[name][row] = value
     sample = np.repeat(np.arange(batch.first, batch.first + batch.samples), forces)
     return Rows(sample=sample, numbers=numbers | outputs, error=error)
@@ -168,15 +168,15 @@ def _output_values(
 ) -> dict[str, float | NDArray[np.float64]]:
     phantom, force = plan.phantom(values), values["force_n"]
     field = press(plan.probe, phantom, force_n=force, strain=plan.strain)
-    document: dict[str, float | NDArray[np.float64]] = {}
+    found: dict[str, float | NDArray[np.float64]] = {}
     for name in plan.columns:
         if name == "change_by_inclusion_mm":
             reference = press(plan.probe, phantom.without_inclusion(), force_n=force, strain=plan.strain)
             value = field.face_displacement_mm - reference.face_displacement_mm
         else:
             value = getattr(field, name)
-        document[name] = np.interp(plan.radii_mm, field.radius_mm, value) if name in PROFILES else value
-    return document
+        found[name] = np.interp(plan.radii_mm, field.radius_mm, value) if name in PROFILES else value
+    return found
 
 
 NAME = re.compile(r"part-\d{6}\.parquet")

@@ -179,13 +179,13 @@ class DirectContactRig:
 
     def _fields(self, sphere: SoftSphere, forces_n: NDArray[np.float64]) -> list[PressField]:
         # Dividing all moduli and the force by the probe's stiffness factor gives the nominal probe.
-        stiffer = self.stiffness
-        softer = replace(sphere, young_kpa=sphere.young_kpa / stiffer)
-        ascending, position = np.unique(forces_n, return_inverse=True)
-        fields = self._solve(self.probe, softer, forces_n=(ascending / stiffer).tolist(), resolution=self._resolution)
+        stiffness = self.stiffness
+        softer = replace(sphere, young_kpa=sphere.young_kpa / stiffness)
+        ascending, order = np.unique(forces_n, return_inverse=True)
+        fields = self._solve(self.probe, softer, forces_n=(ascending / stiffness).tolist(), resolution=self._resolution)
         return [
-            replace(fields[i], pressure_kpa=stiffer * fields[i].pressure_kpa, force_n=stiffer * fields[i].force_n)
-            for i in position
+            replace(fields[i], pressure_kpa=stiffness * fields[i].pressure_kpa, force_n=stiffness * fields[i].force_n)
+            for i in order
         ]
 
     def _lit(self, field: PressField) -> NDArray[np.float64]:

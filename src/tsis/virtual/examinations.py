@@ -156,5 +156,5 @@ def coverage_counts(cases: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 def stored_coverage() -> dict[str, Any]:
     """The result of ``tsis demo --seeds 100`` that ships with the package, with its command and version."""
-    document: dict[str, Any] = json.loads((files("tsis") / "catalog" / STORED).read_text(encoding="utf-8"))
-    return document
+    counts: dict[str, Any] = json.loads((files("tsis") / "catalog" / STORED).read_text(encoding="utf-8"))
+    return counts

@@ -136,11 +136,11 @@ class GigEServer:
 
     def _prepare(self, fake: int) -> None:
         (mode,) = self._camera.modes()
-        for position, text in ((MAKER_AT, MAKER), (MODEL_AT, MODEL)):
+        for address, text in ((MAKER_AT, MAKER), (MODEL_AT, MODEL)):
             self._aravis.call(
-                "fake_camera_write_memory", fake, position, NAME_BYTES, text.encode().ljust(NAME_BYTES, b"\0")
+                "fake_camera_write_memory", fake, address, NAME_BYTES, text.encode().ljust(NAME_BYTES, b"\0")
             )
-        for position, value in {
+        for address, value in {
             SENSOR_WIDTH: mode.width_px,
             SENSOR_HEIGHT: mode.height_px,
             WIDTH: mode.width_px,
@@ -148,7 +148,7 @@ class GigEServer:
             EXPOSURE_US: round(1000 * USUAL_MS),
             PERIOD_US: self._period_us,
         }.items():
-            self._aravis.call("fake_camera_write_register", fake, position, value)
+            self._aravis.call("fake_camera_write_register", fake, address, value)
         self._callback = _FILL(self._fill)
         self._aravis.call("fake_camera_set_fill_pattern", fake, self._callback, None)
 
@@ -166,11 +166,11 @@ class GigEServer:
             self.failure = error
 
     def _region(self) -> tuple[slice, slice]:
-        fake, position = self._fake, ctypes.c_uint32()
+        fake, value = self._fake, ctypes.c_uint32()
         results = []
         for register in (FIRST_ROW, HEIGHT, FIRST_COLUMN, WIDTH):
-            self._aravis.call("fake_camera_read_register", fake, register, ctypes.byref(position))
-            results.append(position.value)
+            self._aravis.call("fake_camera_read_register", fake, register, ctypes.byref(value))
+            results.append(value.value)
         first_row, rows, first_column, columns = results
         return slice(first_row, first_row + rows), slice(first_column, first_column + columns)
 

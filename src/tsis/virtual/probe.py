@@ -182,14 +182,14 @@ class VirtualProbe:
                 "inclusion must be a sphere or spheroid on the probe's axis, and the only one, for strain='finite'; "
                 f"got {phantom.inclusions!r:.200} (VirtualProbe(strain='small') accepts others)"
             )
-        stiffer = self._stiffness
+        stiffness = self._stiffness
         result = press_solid(
             self.probe,
-            _stiffened(phantom, 1 / stiffer),
-            force_n=force_n / stiffer,
+            _stiffened(phantom, 1 / stiffness),
+            force_n=force_n / stiffness,
             reference_resolution=self._resolution,
         )
-        result = replace(result, pressure_kpa=stiffer * result.pressure_kpa, force_n=force_n)
+        result = replace(result, pressure_kpa=stiffness * result.pressure_kpa, force_n=force_n)
         # The grid blurs the rim and the axisymmetric reference press does not, so the grid gives only the change.
         reference = self._round_press(phantom.without_inclusion(), force_n)
         change = self._rendered(result) - self._rendered(reference.on_grid(result.x_mm, result.y_mm))
@@ -201,13 +201,13 @@ class VirtualProbe:
         Dividing all moduli and the force by the probe's stiffness factor gives the nominal probe, so that one condensed
         probe serves all virtual probes.
         """
-        stiffer = self._stiffness
-        slab, force = _stiffened(phantom, 1 / stiffer), force_n / stiffer
+        stiffness = self._stiffness
+        slab, force = _stiffened(phantom, 1 / stiffness), force_n / stiffness
         if isinstance(self._resolution, FiniteResolution) and force > 0:
             field = _series(self.probe.unlit(), self._resolution).press(slab, force_n=force)
         else:
             field = press(self.probe, slab, force_n=force, strain=self._strain, resolution=self._resolution)
-        return replace(field, pressure_kpa=stiffer * field.pressure_kpa, force_n=force_n)
+        return replace(field, pressure_kpa=stiffness * field.pressure_kpa, force_n=force_n)
 
     def _rendered(self, field: PressField | PressMap) -> NDArray[np.float64]:
         light = self._light_on(field)
