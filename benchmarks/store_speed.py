@@ -27,20 +27,12 @@ from benchmarks.tables import show
 from sqlalchemy import insert
 
 from tsis.model import TactileImage
-from tsis.records import StoredPress, Target
-from tsis.records.store import (
-    AuditChange,
-    Store,
-    append_audit,
-    frame_bytes,
-    frame_table,
-    locked_head,
-    open_store,
-    press_row,
-    press_table,
-    target_row,
-    target_table,
-)
+from tsis.records.audit import AuditChange, append_audit, locked_head
+from tsis.records.blobs import frame_bytes
+from tsis.records.rows import press_row, target_row
+from tsis.records.schema import frame_table, press_table, target_table
+from tsis.records.store import Store, open_store
+from tsis.records.values import StoredPress, Target
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator

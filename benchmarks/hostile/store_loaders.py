@@ -29,14 +29,15 @@ from tsis.instrument.recording import (
     RECORDING_VERSION,
 )
 from tsis.model import TactileImage
-from tsis.records.export.bundle import read_bundle, write_bundle
-from tsis.records.importing import ImportOptions, find_import_batches
-from tsis.records.store import open_store, samples_bytes, samples_of
+from tsis.records.blobs import samples_bytes, samples_of
+from tsis.records.sources import ImportOptions, find_import_batches
+from tsis.records.store import open_store
+from tsis.records.target import read_bundle, write_bundle
 
 if TYPE_CHECKING:
     from collections.abc import Hashable
 
-    from tsis.records.importing import ImportBatch
+    from tsis.records.sources import ImportBatch
 
 MADE = datetime(2026, 11, 22, 10, 0, tzinfo=UTC)
 HEAD = 80  # bytes of a samples file before what its hash covers

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from tsis.instrument import Setting
-    from tsis.records import TargetRecord
+    from tsis.records.values import TargetRecord
 
 
 class RampCamera:

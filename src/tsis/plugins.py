@@ -30,7 +30,7 @@ PLUGIN_KINDS: Mapping[str, str] = MappingProxyType(  # by the end of the group's
         "probes": "a function without arguments that returns a tsis.Probe",
         "gauges": "a function of the text after 'NAME:' that returns a tsis.instrument.gauge.Gauge",
         "matching": "a function as tsis.matching.MatchMethod",
-        "exporters": "a function of a tsis.records.TargetRecord and the path of a new file, which it writes",
+        "exporters": "a function of a tsis.records.values.TargetRecord and the path of a new file, which it writes",
     }
 )
 _NEEDS: Mapping[str, tuple[str, ...]] = MappingProxyType(

@@ -12,7 +12,7 @@ from tests.records.sample import WHEN, levels, sample_calibration
 
 from tsis.inclusion import InclusionPrior
 from tsis.model import Estimate, Inclusion, TactileImage
-from tsis.records import environment
+from tsis.records.provenance import environment
 from tsis.records.store import open_store
 from tsis.study.classifier import (
     ClassifierSettings,

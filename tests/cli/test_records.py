@@ -118,7 +118,7 @@ def test_an_anchor_that_lags_is_told(run_tsis: RunTsis, records: Path, monkeypat
         raise OSError(28, "No space left on device")
 
     with open_store(records) as store:
-        monkeypatch.setattr("tsis.records.store._store.write_anchor", full)
+        monkeypatch.setattr("tsis.records.store.write_anchor", full)
         for _ in range(3):
             store.add_target()
     result = run_tsis("records", "verify", *STORE, "--json")
@@ -337,7 +337,7 @@ def test_ctrl_c_in_an_import_says_what_is_stored(
 def test_calibrations_that_snapshots_cite_open_the_store_once(
     run_tsis: RunTsis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    importing: Any = sys.modules["tsis.cli.records._import"]
+    importing: Any = sys.modules["tsis.cli.records"]
     known = sample_calibration()
     for number in range(4):
         save(tmp_path, number, calibration={"name": "bench", "sha256": calibration_sha256(known)})

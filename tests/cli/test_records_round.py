@@ -21,9 +21,9 @@ from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.catalog import load_phantom
 from tsis.cli.acquire._snapshots import ROLES
 from tsis.present.records import ENDINGS
-from tsis.records import _values as values
-from tsis.records.export.bundle import read_bundle
+from tsis.records import values
 from tsis.records.store import open_store, verify_store
+from tsis.records.target import read_bundle
 from tsis.virtual.direct_contact import DirectContactRig
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from playwright.sync_api import Browser, Page
 
-    from tsis.records import StoredEstimate, StoredPress, Target
+    from tsis.records.values import StoredEstimate, StoredPress, Target
 
 pytestmark = [pytest.mark.system, needs_browser]
 

@@ -11,8 +11,8 @@ from tsis.console.pages.records._context import AT_ONCE, UNKNOWN_FLAG, flags_of,
 from tsis.console.pages.records._edit import changed, edit_press, edit_target, truth_text
 from tsis.errors import InputError
 from tsis.model import TactileImage
-from tsis.records import parse_force, parse_truth
 from tsis.records.store import open_store, verify_store
+from tsis.records.values import parse_force, parse_truth
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

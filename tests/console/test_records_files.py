@@ -27,8 +27,8 @@ from tsis.errors import MissingExtraError
 from tsis.present.html import html_bytes
 from tsis.present.records import ENDINGS, PAGE_FORMS
 from tsis.present.target import target_page
-from tsis.records.export.bundle import read_bundle
 from tsis.records.store import open_store
+from tsis.records.target import read_bundle
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

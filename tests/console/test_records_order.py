@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tsis.console.pages.records._listing import ESTIMATED, KINDS, NOT_ESTIMATED, SHEETS, Order, sheet_of
-from tsis.records import Target
-from tsis.records.store import TargetState, TargetSummary
+from tsis.records.reader import TargetState, TargetSummary
+from tsis.records.values import Target
 
 BEGUN = datetime(2026, 1, 1, tzinfo=UTC)
 COLUMNS = ("number", "name", "presses", "estimates", "last")

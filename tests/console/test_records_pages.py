@@ -15,8 +15,8 @@ from tests.console.running import RunningConsole, running_console
 from tests.records.sample import WHEN, levels, sample_record
 
 from tsis.model import TactileImage
-from tsis.records.export.bundle import read_bundle, write_bundle
 from tsis.records.store import open_store
+from tsis.records.target import read_bundle, write_bundle
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -15,7 +15,7 @@ import pytest
 import tsis.files.atomic as atomic
 from tsis.errors import InputError
 from tsis.files import exclusive_lock, require_file_stem
-from tsis.records.export.bundle import _layout as bundle
+from tsis.records import target as bundle
 from tsis.sweep import shards
 
 if TYPE_CHECKING:

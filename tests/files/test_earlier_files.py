@@ -13,7 +13,7 @@ import numpy as np
 from tests.calibration.file.bench import bench
 
 from tsis.calibration.file import calibration_bytes, calibration_sha256, read_calibration
-from tsis.records.export.bundle import read_bundle, write_bundle
+from tsis.records.target import read_bundle, write_bundle
 from tsis.sweep.data_set import manifest_sha256, read_manifest
 
 EARLIER = Path(__file__).parent / "earlier"

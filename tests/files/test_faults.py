@@ -24,8 +24,8 @@ from tsis.errors import RecordsError, TsisError
 from tsis.files import UNFINISHED, Disk
 from tsis.model import TactileImage
 from tsis.records.export import write_csv
-from tsis.records.export.bundle import read_bundle, write_bundle
 from tsis.records.store import open_store, verify_store
+from tsis.records.target import read_bundle, write_bundle
 from tsis.study.drift import CheckPlan, begin_checks, read_checks
 from tsis.study.folder import enter_readings, open_study, verify_study
 from tsis.study.plan import DeviceReading
@@ -215,7 +215,7 @@ def test_a_clock_that_jumps_spoils_no_store(tmp_path: Path) -> None:
     with open_store(tmp_path / "store") as store:
         target = store.add_target(name="a")
         for number, jump in enumerate(jumps):
-            with mock.patch("tsis.records.store._audit.datetime") as clock:
+            with mock.patch("tsis.records.audit.datetime") as clock:
                 clock.now.return_value = now + jump
                 frame = TactileImage(grey=levels(number), full_scale=255.0, force_n=1.0)
                 store.add_press(target, frame, taken=WHEN + jump)

@@ -21,7 +21,7 @@ from tsis.inclusion.network_training import train_network
 from tsis.inclusion.relative import RelativeReading
 from tsis.instrument import Frame
 from tsis.model import Calibration, Estimate, LightMap, PressField, Relaxation, TactileImage
-from tsis.records import StoredPress, Target
+from tsis.records.values import StoredPress, Target
 from tsis.study.classifier import TargetEvidence, TrainingSet
 from tsis.study.plan import DeviceReading
 

@@ -20,7 +20,7 @@ from tsis.model import Estimate
 from tsis.present.html import html_bytes
 from tsis.present.pdf import pdf_bytes
 from tsis.present.target import target_page
-from tsis.records import StoredEstimate, TargetRecord
+from tsis.records.values import StoredEstimate, TargetRecord
 
 if TYPE_CHECKING:
     from pathlib import Path

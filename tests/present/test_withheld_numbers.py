@@ -42,11 +42,11 @@ from tsis.present.pdf import pdf_bytes
 from tsis.present.records import recomputation_document, shift_table
 from tsis.present.target import target_page
 from tsis.present.terminal import rich_table
-from tsis.records import Recomputation, deidentified
-from tsis.records._recompute import _shifts
+from tsis.records.arrays import write_netcdf, write_zarr
+from tsis.records.deidentification import deidentified
 from tsis.records.dicom import dicom_files
 from tsis.records.export import csv_files
-from tsis.records.export.arrays import write_netcdf, write_zarr
+from tsis.records.recomputation import Recomputation, _shifts
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -56,11 +56,10 @@ NAMES = ("diameter_mm", "depth_mm", "young_kpa")
 # Packages of code that read withheld numbers: none of it prints them.
 READS_WITHHELD = {
     "model/estimate.py",  # the values themselves
-    "records/_estimate_json.py",  # the store and its copies, from which estimates come back
-    "records/store/_files.py",
-    "records/_deidentify_estimate.py",  # another estimate of the same samples
-    "records/_recompute.py",  # equality bit for bit, and shifts of trusted estimates
-    "records/export/arrays.py",  # samples for programs, in a group that is called untrusted
+    "records/blobs.py",  # the store and its copies, from which estimates come back
+    "records/deidentification.py",  # another estimate of the same samples
+    "records/recomputation.py",  # equality bit for bit, and shifts of trusted estimates
+    "records/arrays.py",  # samples for programs, in a group that is called untrusted
     "virtual/examinations.py",  # whether an interval holds a known truth, and no number of it
     "study/classifier.py",  # evidence on presence, whose trust is its own
 }

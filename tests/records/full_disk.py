@@ -15,7 +15,7 @@ from tests.records.sample import WHEN, levels, sample_calibration, sample_estima
 from tsis.errors import RecordsError
 from tsis.files import UNFINISHED, Disk
 from tsis.model import TactileImage
-from tsis.records.store import _engines as engines
+from tsis.records import database as engines
 from tsis.records.store import open_store, verify_store
 
 if TYPE_CHECKING:

@@ -17,8 +17,8 @@ from tests.records.sample import WHEN, levels, sample_calibration, sample_estima
 from tsis.errors import RecordsError, TsisError
 from tsis.files import UNFINISHED, Disk
 from tsis.model import TactileImage
+from tsis.records.audit import has_entry, read_anchor
 from tsis.records.store import open_store, verify_store
-from tsis.records.store._audit import has_entry, read_anchor
 
 if TYPE_CHECKING:
     from pathlib import Path

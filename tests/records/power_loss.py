@@ -21,7 +21,7 @@ from typing import IO, TYPE_CHECKING, Any
 from unittest import mock
 
 from tsis.files import Disk
-from tsis.records.store import Database
+from tsis.records.database import Database
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

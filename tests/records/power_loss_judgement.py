@@ -15,9 +15,10 @@ from tests.records.power_loss_scenarios import PLACE, image
 from tests.records.sample import WHEN
 
 from tsis.errors import RecordsError
-from tsis.records import StoredEstimate, StoredPress, Target, estimate_to_json
-from tsis.records.store import DATABASE_FILE, open_store, verify_store
-from tsis.records.store._audit import ANCHOR_FILE as ANCHOR
+from tsis.records.audit import ANCHOR_FILE as ANCHOR
+from tsis.records.database import DATABASE_FILE
+from tsis.records.store import open_store, verify_store
+from tsis.records.values import StoredEstimate, StoredPress, Target, estimate_to_json
 
 if TYPE_CHECKING:
     import random

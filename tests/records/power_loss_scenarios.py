@@ -20,9 +20,10 @@ from tests.records.sample import WHEN, levels, sample_calibration, sample_estima
 
 from tsis.calibration.file import calibration_bytes
 from tsis.model import TactileImage
-from tsis.records.store import Store, frame_bytes, open_store
-from tsis.records.store import _engines as engines
-from tsis.records.store._audit import read_anchor
+from tsis.records import database as engines
+from tsis.records.audit import read_anchor
+from tsis.records.blobs import frame_bytes
+from tsis.records.store import Store, open_store
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

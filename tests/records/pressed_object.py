@@ -13,15 +13,15 @@ from tests.records.sample import WHEN
 from tsis.calibration.file import ProbeCalibration
 from tsis.catalog import load_probe, load_sphere
 from tsis.hardness import estimate
-from tsis.records import environment
+from tsis.records.provenance import environment
 from tsis.virtual.direct_contact import DirectContactRig
 
 if TYPE_CHECKING:
     from datetime import datetime
 
     from tsis.model import Estimate, TactileImage
-    from tsis.records import Target
     from tsis.records.store import Store
+    from tsis.records.values import Target
 
 PROBE, SPHERE = "tsis-direct", "cl2000x"
 OPTIONS = {"radius_mm": 3.0, "radius_sd_mm": 0.02}

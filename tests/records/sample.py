@@ -10,7 +10,7 @@ import numpy as np
 
 from tsis.calibration.file import ProbeCalibration, calibration_sha256
 from tsis.model import Calibration, Estimate
-from tsis.records import StoredEstimate, StoredPress, Target, TargetRecord
+from tsis.records.values import StoredEstimate, StoredPress, Target, TargetRecord
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -21,8 +21,8 @@ from tests.records.power_loss_scenarios import image
 from tests.records.sample import WHEN
 
 from tsis.errors import RecordsError
+from tsis.records.audit import ANCHOR_FILE as ANCHOR
 from tsis.records.store import open_store, verify_store
-from tsis.records.store._audit import ANCHOR_FILE as ANCHOR
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator

@@ -11,16 +11,16 @@ from tests.records.sample import WHEN, levels, sample_calibration, sample_estima
 
 from tsis.errors import InputError
 from tsis.model import TactileImage
-from tsis.records.store import Database
-from tsis.records.store import _store as store_module
+from tsis.records import store as store_module
+from tsis.records.database import Database
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from tests.records.place import Place
 
-    from tsis.records import StoredEstimate, Target
     from tsis.records.store import Store
+    from tsis.records.values import StoredEstimate, Target
 
 
 def estimated(store: Store, target: Target, seed: int, supersedes: StoredEstimate | None = None) -> StoredEstimate:

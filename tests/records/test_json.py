@@ -16,14 +16,8 @@ from tests.records.sample import sample_record
 from tsis.errors import FileInputError, InputError
 from tsis.files import free_to_json, from_json_value, to_json_value
 from tsis.model import Estimate
-from tsis.records import (
-    StoredEstimate,
-    StoredPress,
-    Target,
-    estimate_to_json,
-)
-from tsis.records._estimate_json import estimate_from_json
-from tsis.records.store import samples_bytes, samples_of
+from tsis.records.blobs import samples_bytes, samples_of
+from tsis.records.values import StoredEstimate, StoredPress, Target, estimate_from_json, estimate_to_json
 
 SETTINGS = settings(max_examples=80)
 WORDS = st.text(st.characters(exclude_categories=("C", "Z")), max_size=12)

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import pytest
 from tests.records.sample import WHEN, sample_record
 
-from tsis.records.store._reader import in_lineage
+from tsis.records.reader import in_lineage
 
 if TYPE_CHECKING:
-    from tsis.records import StoredEstimate
+    from tsis.records.values import StoredEstimate
 
 
 def made(name: str, minutes: int, supersedes: str | None = None) -> StoredEstimate:

@@ -10,16 +10,16 @@ from tests.records.sample import WHEN, levels
 
 from tsis.errors import RecordsError
 from tsis.model import TactileImage
-from tsis.records.store import DATABASE_FILE, open_store, verify_store
-from tsis.records.store._files import Blobs
-from tsis.records.store._store import FILES
+from tsis.records.blobs import Blobs
+from tsis.records.database import DATABASE_FILE
+from tsis.records.store import FILES, open_store, verify_store
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
 
-    from tsis.records import StoredPress, Target
     from tsis.records.store import Store
+    from tsis.records.values import StoredPress, Target
 
 MOVED = r"the store in '.*opened' was moved or replaced since it was opened; nothing was stored"
 

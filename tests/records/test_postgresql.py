@@ -18,7 +18,7 @@ from tests.records.sample import WHEN, levels
 
 from tsis.errors import MissingExtraError, RecordsError
 from tsis.model import TactileImage
-from tsis.records.store import _engines as engines
+from tsis.records import database as engines
 from tsis.records.store import open_store, verify_store
 
 if TYPE_CHECKING:

@@ -12,21 +12,21 @@ from tests.records.sample import WHEN, levels, sample_record
 from tsis.errors import RecordsError
 from tsis.model import TactileImage
 from tsis.records import schema as tables
-from tsis.records._deidentify import hidden_identity, pseudonym, public_identity
+from tsis.records.arrays import write_netcdf, write_zarr
+from tsis.records.database import TERM, read_secret
+from tsis.records.deidentification import hidden_identity, pseudonym, public_identity
 from tsis.records.dicom import dicom_files
 from tsis.records.export import csv_files
-from tsis.records.export.arrays import write_netcdf, write_zarr
-from tsis.records.export.bundle import read_bundle, write_bundle
 from tsis.records.store import open_store, verify_store
-from tsis.records.store._database import TERM, read_secret
+from tsis.records.target import read_bundle, write_bundle
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from tests.records.place import Place
 
-    from tsis.records import TargetRecord
     from tsis.records.store import Store
+    from tsis.records.values import TargetRecord
 
 
 def filled(store: Store) -> TargetRecord:

@@ -23,7 +23,7 @@ ROOT = Path(__file__).parents[2]
 READ = """
 import json, sys
 from tsis.errors import RecordsError
-from tsis.records.export.bundle import write_bundle
+from tsis.records.target import write_bundle
 from tsis.records.store import open_store, verify_store
 try:
     with open_store(sys.argv[1], create=False) as store:
@@ -53,7 +53,7 @@ def sealed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A store of which the program is told that nothing can be written there."""
     with open_store(tmp_path / "store") as store:
         fill(store, 1)
-    monkeypatch.setattr("tsis.records.store._opening.only_readable", lambda _: True)
+    monkeypatch.setattr("tsis.records.store.only_readable", lambda _: True)
     return tmp_path / "store"
 
 
@@ -84,7 +84,7 @@ def test_tampering_shows_there_as_well(sealed: Path) -> None:
 def test_what_is_in_the_log_is_seen(sealed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Somebody else writes there meanwhile."""
     with monkeypatch.context() as allowed:
-        allowed.setattr("tsis.records.store._opening.only_readable", lambda _: False)
+        allowed.setattr("tsis.records.store.only_readable", lambda _: False)
         writing = open_store(sealed)
     with writing:
         target = writing.add_target(name="logged")

@@ -15,8 +15,8 @@ import tsis.hardness
 from tsis.errors import InputError, RecordsError
 from tsis.hardness import BLUR_MM, DRIFT_SD, HardnessPrior
 from tsis.model import Estimate, TactileImage
-from tsis.records import environment, recompute
-from tsis.records._estimation import migrate_options
+from tsis.records.provenance import environment
+from tsis.records.recomputation import migrate_options, recompute
 from tsis.records.store import open_store, verify_store
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ def changed_estimator(monkeypatch: pytest.MonkeyPatch, *, by_kpa: float, flag: s
 
 
 def of_another_time(monkeypatch: pytest.MonkeyPatch, **different: Any) -> None:
-    monkeypatch.setattr("tsis.records._recompute.environment", lambda: environment() | different)
+    monkeypatch.setattr("tsis.records.recomputation.environment", lambda: environment() | different)
 
 
 def test_right_away_it_is_the_same_bit_for_bit_and_nothing_is_stored(store: Store) -> None:
@@ -193,7 +193,7 @@ def test_a_calibration_that_expired_since_is_used_and_said(store: Store) -> None
             return later
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("tsis.records._recompute.datetime", Clock)
+        patch.setattr("tsis.records.recomputation.datetime", Clock)
         (again,) = recompute(store, target)
     assert again.same
     assert before.made < later

@@ -13,7 +13,8 @@ from tests.records.sample import WHEN, levels, sample_record
 
 from tsis.errors import InputError, RecordsError
 from tsis.model import TactileImage
-from tsis.records.store import ARCHIVED, DELETED, UNDO_DAYS, verify_store
+from tsis.records.reader import ARCHIVED, DELETED
+from tsis.records.store import UNDO_DAYS, verify_store
 
 if TYPE_CHECKING:
     from tsis.records.store import Store

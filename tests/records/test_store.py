@@ -22,11 +22,12 @@ from tsis.errors import InputError, RecordsError
 from tsis.model import TactileImage
 from tsis.present.html import html_bytes
 from tsis.present.target import target_page
-from tsis.records import environment
+from tsis.records import database as engines
+from tsis.records import reader as _reader
 from tsis.records import schema as tables
-from tsis.records.store import DELETED, UNDO_DAYS, _reader, open_store, verify_store
-from tsis.records.store import _engines as engines
-from tsis.records.store._reader import target_summaries
+from tsis.records.provenance import environment
+from tsis.records.reader import DELETED, target_summaries
+from tsis.records.store import UNDO_DAYS, open_store, verify_store
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -35,7 +36,8 @@ if TYPE_CHECKING:
     from sqlalchemy import Connection
     from tests.records.place import Place
 
-    from tsis.records.store import Store, TargetSummary
+    from tsis.records.reader import TargetSummary
+    from tsis.records.store import Store
 
 
 HOUR = timedelta(hours=1)
@@ -287,7 +289,7 @@ def test_a_folder_that_cannot_be_is_one_sentence(tmp_path: Path) -> None:
 def test_two_who_begin_a_file_at_the_same_moment_wait_for_each_other(monkeypatch: pytest.MonkeyPatch) -> None:
     """SQLite refuses one of them at once; seen in about 1 of 150 openings by four programs at the same moment."""
     waited: list[float] = []
-    monkeypatch.setattr("tsis.records.store._engines.time.sleep", waited.append)
+    monkeypatch.setattr("tsis.records.database.time.sleep", waited.append)
 
     class Locked:
         def execute(self, statement: str) -> None:

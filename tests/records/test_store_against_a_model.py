@@ -21,7 +21,7 @@ from tsis.model import TactileImage
 from tsis.records.store import open_store, verify_store
 
 if TYPE_CHECKING:
-    from tsis.records import StoredEstimate, StoredPress, Target
+    from tsis.records.values import StoredEstimate, StoredPress, Target
 
 WORDS = st.text(st.characters(categories=("L", "N", "P", "S")), max_size=8)
 CALIBRATIONS = tuple(replace(sample_calibration(), name=name) for name in ("one", "two"))

@@ -13,16 +13,16 @@ from tests.records.sample import sample_record
 
 from tsis.errors import RecordsError
 from tsis.files import to_json_value
-from tsis.records import estimate_to_json
 from tsis.records import schema as tables
-from tsis.records.export.bundle import read_bundle, write_bundle
 from tsis.records.store import open_store, verify_store
+from tsis.records.target import read_bundle, write_bundle
+from tsis.records.values import estimate_to_json
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tsis.records import TargetRecord
     from tsis.records.store import Store
+    from tsis.records.values import TargetRecord
 
 
 def require_equal(one: TargetRecord, other: TargetRecord, *, but_frames: bool = False) -> None:
@@ -85,13 +85,13 @@ def test_frames_that_another_library_packed_otherwise_are_the_same(
     store.edit_press(store.presses(target)[0], note="edited")  # two presses of one frame, one of them only in the store
     write_bundle(store.record(target), tmp_path / "bundle")
     given = read_bundle(tmp_path / "bundle")
-    monkeypatch.setattr("tsis.records.store._files.QUICK_PNG", 9)
+    monkeypatch.setattr("tsis.records.blobs.QUICK_PNG", 9)
     taken = store.import_target(given)
     assert (taken.new, taken.presses, taken.present, taken.differing) == (False, 0, 5, 0)
     assert verify_store(store).unnamed == 0
     with open_store(tmp_path / "other") as other:
         first = other.import_target(given)
-        monkeypatch.setattr("tsis.records.store._files.QUICK_PNG", 1)
+        monkeypatch.setattr("tsis.records.blobs.QUICK_PNG", 1)
         assert {press.frame for press in other.presses(first.target)}.isdisjoint(
             press.frame for press in store.presses(target)
         )
@@ -164,7 +164,7 @@ def test_an_identity_that_is_another_targets_here_is_refused(store: Store) -> No
 def test_presses_are_found_by_their_frames_however_many_are_asked_for(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("tsis.records.store._reader.MOST_AT_ONCE", 3)
+    monkeypatch.setattr("tsis.records.reader.MOST_AT_ONCE", 3)
     store.import_target(sample_record())
     presses = store.presses(store.target(3))
     unknown = [f"{number:064x}" for number in range(5)]

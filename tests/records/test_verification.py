@@ -19,8 +19,8 @@ from tests.records.tampered import Judgement, fill, judged, make_stores, tampere
 from tests.records.tamperings import KINDS
 
 from tsis.errors import RecordsError, TsisError
+from tsis.records.audit import has_entry
 from tsis.records.store import open_store, verify_store
-from tsis.records.store._audit import has_entry
 
 if TYPE_CHECKING:
     from pathlib import Path

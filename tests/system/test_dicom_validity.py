@@ -17,7 +17,7 @@ from tsis.records.dicom import write_dicom
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tsis.records import TargetRecord
+    from tsis.records.values import TargetRecord
 
 pytestmark = pytest.mark.system
 PLAIN = sample_record()

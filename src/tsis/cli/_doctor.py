@@ -153,7 +153,7 @@ def _places() -> Iterator[Finding]:
 
 def _store() -> Finding:
     folder = tsis.records.store.default_folder("phantom")
-    if not (folder / tsis.records.store.DATABASE_FILE).is_file():
+    if not (folder / tsis.records.database.DATABASE_FILE).is_file():
         return Finding(what="store", state=OK, detail=f"{folder}, not yet made: tsis demo --save")
     try:
         with tsis.records.store.open_store(folder, kind="phantom", create=False) as store:

@@ -194,7 +194,7 @@ def examine(
         )
         reference_frames = read_frames(reference_presses, reference_force, scale)
         if save:
-            from tsis.records import require_savable  # loads the libraries of records
+            from tsis.records.importing import require_savable  # loads the libraries of records
 
             require_savable([*frames, *reference_frames])
         destination = chosen_destination(save, store, kind, number)

@@ -166,7 +166,7 @@ def hardness(
         raise InputError(f"--ball-force-n must be given once for each --ball; got it {len(ball_force_n or ())} times")
     raw_balls = read_frames(balls, ball_force_n or (), scale)
     if save:
-        from tsis.records import require_savable  # loads the libraries of records
+        from tsis.records.importing import require_savable  # loads the libraries of records
 
         require_savable([*raw, *raw_balls])
     destination = chosen_destination(save, store, kind, number)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from typing import Any
 
     from tsis.cli._output import CommandOutcome
-    from tsis.records import SavableResult
+    from tsis.records.importing import SavableResult
     from tsis.records.store import Store
 
 
@@ -84,8 +84,8 @@ def chosen_destination(
 
 
 def savable_result(**entries: Any) -> SavableResult:
-    """`tsis.records.SavableResult`, which loads the libraries of records."""
-    from tsis.records import SavableResult
+    """`tsis.records.importing.SavableResult`, which loads the libraries of records."""
+    from tsis.records.importing import SavableResult
 
     return SavableResult(**entries)
 
@@ -106,7 +106,7 @@ def publish_and_save(
     if destination is None:
         publish(outcome, out, as_json=as_json)
         return
-    from tsis.records import save_results, saved_notes  # loads the libraries of records
+    from tsis.records.importing import save_results, saved_notes  # loads the libraries of records
 
     folder = write_outcome(outcome, out)
     try:

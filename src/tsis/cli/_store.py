@@ -47,7 +47,8 @@ def opened(folder: Path | None, kind: str, database: str | None, *, create: bool
 
 def is_there(folder: Path | None, kind: str, database: str | None) -> bool:
     """Whether the store exists, intact or not."""
-    from tsis.records.store import DATABASE_FILE, Database, default_folder
+    from tsis.records.database import DATABASE_FILE, Database
+    from tsis.records.store import default_folder
 
     position = default_folder(kind) if folder is None else folder
     if not database:

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from tsis.model import Inclusion
-    from tsis.records import TargetRecord
     from tsis.records.store import Store
+    from tsis.records.values import TargetRecord
     from tsis.study.classifier import Classifier, ClassifierSettings, ClassSplit, TargetEvidence, Validation
 
 

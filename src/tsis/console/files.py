@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from starlette.types import Receive, Scope, Send
 
     from tsis.console.studies import StudyRepository
-    from tsis.records import StoredPress, Target
     from tsis.records.store import Store
+    from tsis.records.values import StoredPress, Target
 
 
 MOST_DIGITS = 20  # that are turned into a number at all

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from tsis.hardness import ContactTable
     from tsis.model import Estimate, TactileImage
-    from tsis.records import StoredEstimate
+    from tsis.records.values import StoredEstimate
 
 
 def hardness_page(

@@ -15,8 +15,10 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-    from tsis.records import Recomputation, Target, TargetRecord
-    from tsis.records.store import ImportedTarget, StoreVerification
+    from tsis.records.recomputation import Recomputation
+    from tsis.records.store import StoreVerification
+    from tsis.records.transfer import ImportedTarget
+    from tsis.records.values import Target, TargetRecord
 
 
 ENDINGS = {  # of default names
@@ -70,7 +72,7 @@ def write_form(form: str, record: TargetRecord, path: Path, *, identified: bool)
     elif form not in ENDINGS:
         _write_by_plugin(form, record, path)
     elif form == "bundle":
-        from tsis.records.export.bundle import write_bundle
+        from tsis.records.target import write_bundle
 
         return write_bundle(record, path)
     elif form == "csv":
@@ -78,7 +80,7 @@ def write_form(form: str, record: TargetRecord, path: Path, *, identified: bool)
 
         write_csv(record, path)
     else:
-        from tsis.records.export.arrays import write_netcdf, write_zarr
+        from tsis.records.arrays import write_netcdf, write_zarr
 
         {"netcdf": write_netcdf, "zarr": write_zarr}[form](record, path)
     return ""

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from tsis.model import Estimate, TactileImage
     from tsis.present.page import Picture
-    from tsis.records import StoredEstimate, StoredPress, TargetRecord
+    from tsis.records.values import StoredEstimate, StoredPress, TargetRecord
 
 
 MOST_FRAMES, MOST_PROFILES = 12, 10  # in a figure
@@ -184,7 +184,7 @@ def without_identity(record: TargetRecord) -> TargetRecord:
     """The record of a phantom, or the de-identified record of a subject with label, number and times."""
     if record.target.kind != "subject":
         return record
-    from tsis.records import deidentified  # slow to import
+    from tsis.records.deidentification import deidentified  # slow to import
 
     result = deidentified(record)
     presses = {press.id: f"press {number}" for number, press in enumerate(result.presses, 1)}
@@ -223,7 +223,7 @@ def count_of(number: int, what: str) -> str:
 
 def roles(presses: Sequence[StoredPress]) -> str:
     """Number of presses of each role."""
-    from tsis.records import ROLE_NAMES  # slow to import
+    from tsis.records.values import ROLE_NAMES  # slow to import
 
     counts = Counter(press.role for press in presses)
     return ", ".join(f"{counts[role]} {text}" for role, text in ROLE_NAMES.items() if counts[role])

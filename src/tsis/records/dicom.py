@@ -23,8 +23,8 @@ from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.errors import RecordsError, import_extra
 from tsis.files import add_files
 from tsis.model import INTERVAL_LEVEL
-from tsis.records._deidentify import deidentified, from_camera, public_identity
-from tsis.records._values import ROLE_NAMES, ROLES
+from tsis.records.deidentification import deidentified, from_camera, public_identity
+from tsis.records.values import ROLE_NAMES, ROLES
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -34,8 +34,7 @@ if TYPE_CHECKING:
     from pydicom.dataset import Dataset
 
     from tsis.model import Estimate
-    from tsis.records._target_record import TargetRecord
-    from tsis.records._values import StoredEstimate, StoredPress, Target
+    from tsis.records.values import StoredEstimate, StoredPress, Target, TargetRecord
 
 
 def _pydicom(part: str = "") -> Any:
@@ -610,7 +609,7 @@ def dicom_files(record: TargetRecord, *, identified: bool = False) -> tuple[Dico
         The target with its presses and estimates.
     identified
         Whether to include the label of the target, the names of frames and the times. Otherwise the record is
-        de-identified (`tsis.records._deidentify`). Notes and camera settings are never exported.
+        de-identified (`tsis.records.deidentification`). Notes and camera settings are never exported.
 
     Raises
     ------

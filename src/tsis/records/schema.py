@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
     from sqlalchemy import Connection
 
+
 SCHEMA = ("schema", "1")  # name and value in the store table; a store of another schema is refused
 metadata = MetaData()
 

@@ -218,7 +218,7 @@ class _Rig:
         except (InputError, MechanicsError) as error:
             return replace(blank, reason=one_line(error), evidence=evidence)
         if store is not None:
-            from tsis.records import SavableResult, save_results
+            from tsis.records.importing import SavableResult, save_results
 
             savable = SavableResult(
                 kind="inclusion",

@@ -14,7 +14,7 @@ from tsis.console.api._application import api_app
 from tsis.console.api._models_camera import CamerasResponse, SettingsResponse
 from tsis.console.api._models_records import PressesResponse, TargetResponse
 from tsis.instrument import CameraInfo, Setting
-from tsis.records import StoredPress, Target
+from tsis.records.values import StoredPress, Target
 
 WHEN = datetime(2026, 11, 22, tzinfo=UTC)
 

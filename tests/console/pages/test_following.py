@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     import pytest
 
-    from tsis.records import Target
+    from tsis.records.values import Target
 
 
 def timers(monkeypatch: pytest.MonkeyPatch) -> list[Callable[[], Awaitable[None]]]:

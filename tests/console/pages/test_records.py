@@ -13,8 +13,8 @@ from tests.console.pages.simulated import at_console
 from tests.console.services.instruments import lit_instrument
 from tests.records.sample import sample_record
 
-from tsis.records.export.bundle import read_bundle, write_bundle
 from tsis.records.store import open_store
+from tsis.records.target import read_bundle, write_bundle
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

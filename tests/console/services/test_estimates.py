@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from tsis.console.services import Instrument, Job, SavedPress
-    from tsis.records import StoredPress, TargetRecord
+    from tsis.records.values import StoredPress, TargetRecord
 
 SAMPLE = sample_record()
 FIRST = SAMPLE.presses[0]

@@ -10,7 +10,7 @@ from PIL import Image
 
 from tsis.console.services import OwnImage, measure_images, open_images, save_images
 from tsis.errors import InputError
-from tsis.records.importing import ImportOptions
+from tsis.records.sources import ImportOptions
 from tsis.records.store import open_store
 
 if TYPE_CHECKING:

@@ -24,9 +24,11 @@ from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.errors import CameraError, ControlError, FileInputError, GaugeError, InputError, RecordsError
 from tsis.files import DISK
 from tsis.instrument.gauge._alignment import LONGEST_GAP_S
-from tsis.records.importing import ImportOptions, find_import_batches, import_batches
-from tsis.records.store import DATABASE_FILE, open_store, verify_store
-from tsis.records.store import _engines as engines
+from tsis.records import database as engines
+from tsis.records.database import DATABASE_FILE
+from tsis.records.importing import import_batches
+from tsis.records.sources import ImportOptions, find_import_batches
+from tsis.records.store import open_store, verify_store
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -15,7 +15,7 @@ from tsis.catalog import list_spheres
 from tsis.console._worker import WorkerProcess
 from tsis.console.services import CameraChoice, VirtualSubject, _subject
 from tsis.errors import ControlError, InputError, MechanicsError
-from tsis.records import REFERENCE_ROLES
+from tsis.records.recomputation import REFERENCE_ROLES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

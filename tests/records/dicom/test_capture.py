@@ -20,7 +20,7 @@ from tsis.records.dicom import dicom_files
 if TYPE_CHECKING:
     from pydicom.dataset import Dataset
 
-    from tsis.records import TargetRecord
+    from tsis.records.values import TargetRecord
 
 SINGLE = "1.2.840.10008.5.1.4.1.1.7"
 BYTES, WORDS = f"{SINGLE}.2", f"{SINGLE}.3"

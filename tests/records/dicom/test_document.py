@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from pydicom.dataset import Dataset
 
-    from tsis.records import TargetRecord
+    from tsis.records.values import TargetRecord
 
 MEAN, SD, LOW, HIGH = "373098007", "386136009", "371888009", "371889001"
 

@@ -10,7 +10,7 @@ from tests.records.dicom.variants import FRAME, NAME, NOTE, SECRETS, SETTING, TA
 from tests.records.sample import WHEN, sample_record
 
 from tsis.errors import RecordsError
-from tsis.records._deidentify import public_identity
+from tsis.records.deidentification import public_identity
 from tsis.records.dicom import dicom_files
 
 DATES = ("20261122", "2026-11-22", "0930", "20261122093", "00003")

@@ -12,7 +12,7 @@ from tests.records.sample import SECRET, WHEN, sample_estimate, sample_record
 
 from tsis.calibration.file import ProbeCalibration, calibration_sha256
 from tsis.model import Calibration, Estimate, PosteriorSamples
-from tsis.records import StoredEstimate, StoredPress, Target, TargetRecord
+from tsis.records.values import StoredEstimate, StoredPress, Target, TargetRecord
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -7,12 +7,11 @@ import json
 from typing import TYPE_CHECKING, Any
 
 from tsis.files import to_json_value
-from tsis.records import estimate_to_json
-from tsis.records.export.bundle._layout import sealed_bytes
-from tsis.records.export.bundle._writing import _write
+from tsis.records.target import _write, sealed_bytes
+from tsis.records.values import estimate_to_json
 
 if TYPE_CHECKING:
-    from tsis.records import TargetRecord
+    from tsis.records.values import TargetRecord
 
 
 class Memory:

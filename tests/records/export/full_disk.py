@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Any
 from tests.records.dicom.variants import framed, noise
 
 from tsis.errors import TsisError
+from tsis.records.arrays import write_netcdf, write_zarr
 from tsis.records.dicom import write_dicom
 from tsis.records.export import write_csv
-from tsis.records.export.arrays import write_netcdf, write_zarr
-from tsis.records.export.bundle import write_bundle
+from tsis.records.target import write_bundle
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -13,8 +13,8 @@ from tests.records.sample import sample_record
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.calibration.file import calibration_bytes
 from tsis.errors import FileInputError, InputError, RecordsError
-from tsis.records import TargetRecord
-from tsis.records.export.bundle import read_bundle, write_bundle
+from tsis.records.target import read_bundle, write_bundle
+from tsis.records.values import TargetRecord
 
 
 @pytest.mark.parametrize("name", ["out", "out.zip"])

@@ -17,9 +17,7 @@ from tests.records.sample import sample_record
 
 from tsis.errors import FileInputError
 from tsis.files import LARGEST_PIXELS
-from tsis.records.export.bundle import read_bundle, write_bundle
-from tsis.records.export.bundle._layout import largest
-from tsis.records.export.bundle._reading import read_picture, read_source
+from tsis.records.target import largest, read_bundle, read_picture, read_source, write_bundle
 
 WHOLE = files_of(sample_record())
 FRAMES = sorted(name for name in WHOLE if name.startswith("frames/"))

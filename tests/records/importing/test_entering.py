@@ -17,14 +17,9 @@ from tests.records.sample import sample_calibration, sample_estimate
 from tsis.calibration.file import calibration_sha256
 from tsis.errors import RecordsError
 from tsis.files import Disk
-from tsis.records._estimation import EstimationResult
-from tsis.records.importing import (
-    ImportOptions,
-    ImportProgress,
-    find_import_batches,
-    import_batches,
-    stored_calibration,
-)
+from tsis.records.importing import ImportProgress, import_batches
+from tsis.records.recomputation import EstimationResult
+from tsis.records.sources import ImportOptions, find_import_batches, stored_calibration
 from tsis.records.store import open_store, verify_store
 
 if TYPE_CHECKING:
@@ -43,7 +38,7 @@ def store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Store]:
     def estimated(_: Any, wanted: Any) -> EstimationResult:
         return EstimationResult(estimate=sample_estimate(), options=wanted.options)
 
-    monkeypatch.setattr("tsis.records._estimation.estimate_stored", estimated)
+    monkeypatch.setattr("tsis.records.recomputation.estimate_stored", estimated)
     with open_store(tmp_path / "phantoms") as opened:
         yield opened
 
@@ -177,7 +172,7 @@ def test_another_packing_of_the_same_file_is_the_same_press(
     paths = [*two, tmp_path / "snapshots"]
     before = import_batches(store, find_import_batches(paths, ImportOptions()))
     frames = {press.frame for each in before for press in each.presses}
-    monkeypatch.setattr("tsis.records.store._files.QUICK_PNG", 9)
+    monkeypatch.setattr("tsis.records.blobs.QUICK_PNG", 9)
     looked = find_import_batches(paths, ImportOptions())
     assert not frames & {each.frame for batch in looked for each in batch.presses}
     after = import_batches(store, looked)

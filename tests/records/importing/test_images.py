@@ -13,7 +13,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tsis.errors import FileInputError, InputError
-from tsis.records.importing import ImportOptions, find_import_batches, import_batches
+from tsis.records.importing import import_batches
+from tsis.records.sources import ImportOptions, find_import_batches
 from tsis.records.store import open_store
 
 if TYPE_CHECKING:

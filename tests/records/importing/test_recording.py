@@ -18,7 +18,8 @@ from tests.waiting import HANGS_S
 from tsis.errors import FileInputError
 from tsis.instrument.acquisition import Acquisition
 from tsis.instrument.recording import FrameFolder, FurtherColumns, LosslessVideo, record
-from tsis.records.importing import ImportOptions, find_import_batches, import_batches
+from tsis.records.importing import import_batches
+from tsis.records.sources import ImportOptions, find_import_batches
 from tsis.records.store import open_store
 
 if TYPE_CHECKING:

@@ -10,7 +10,8 @@ import pytest
 from tests.records.importing.result_folder import levels, make_demo, write
 
 from tsis.errors import FileInputError, InputError
-from tsis.records.importing import ImportOptions, find_import_batches, import_batches
+from tsis.records.importing import import_batches
+from tsis.records.sources import ImportOptions, find_import_batches
 from tsis.records.store import open_store
 
 if TYPE_CHECKING:

@@ -14,7 +14,8 @@ from tests.records.sample import sample_calibration
 
 from tsis.calibration.file import calibration_sha256
 from tsis.errors import FileInputError, InputError, RecordsError, TsisError
-from tsis.records.importing import ImportOptions, ImportProgress, find_import_batches, import_batches
+from tsis.records.importing import ImportProgress, import_batches
+from tsis.records.sources import ImportOptions, find_import_batches
 from tsis.records.store import open_store, verify_store
 
 if TYPE_CHECKING:

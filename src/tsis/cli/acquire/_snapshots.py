@@ -133,7 +133,7 @@ def _print(
     for flag in flags:
         console.print(f"- {flag.name}: {flag.advice}", markup=False, soft_wrap=True)
     if "saved" in about:
-        from tsis.records import saved_notes  # loads the libraries of records
+        from tsis.records.importing import saved_notes  # loads the libraries of records
 
         for note in saved_notes(about["saved"]):
             console.print(note, markup=False, soft_wrap=True)

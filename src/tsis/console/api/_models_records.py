@@ -13,7 +13,7 @@ from tsis.console.api._value_schemas import CameraInfoItem, PressItem, ShiftItem
 from tsis.console.services import LONGEST_SEQUENCE_S, MOST_SEQUENCE_FRAMES, RESULTS, SHORTEST_SEQUENCE_S, JobState
 from tsis.imaging import COLOUR_MAPS
 from tsis.instrument.recording import RecordingReport
-from tsis.records import LONGEST_NAME, LONGEST_NOTE
+from tsis.records.values import LONGEST_NAME, LONGEST_NOTE
 
 
 class SnapshotRequest(RequestModel):

@@ -16,13 +16,14 @@ from tsis.console.services import Instrument
 from tsis.instrument import CameraListing
 from tsis.instrument.recording import RecordingReport
 from tsis.present.document import estimate_document
-from tsis.records import Recomputation, StoredEstimate, estimate_to_json
+from tsis.records.recomputation import Recomputation
+from tsis.records.values import StoredEstimate, estimate_to_json
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from tsis.records import StoredPress, Target
     from tsis.records.store import Store
+    from tsis.records.values import StoredPress, Target
 
 
 def estimate_item(stored: StoredEstimate, truth: Mapping[str, float] | None = None) -> models.EstimateItem:

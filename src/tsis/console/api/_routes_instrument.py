@@ -26,7 +26,7 @@ from tsis.errors import CameraError, InputError
 from tsis.files import QUICK_PNG, encode_picture
 from tsis.instrument import whole_levels
 from tsis.model import require_one_of
-from tsis.records import require_label
+from tsis.records.values import require_label
 
 if TYPE_CHECKING:
     from tsis.instrument.acquisition import ReceivedFrame

@@ -43,7 +43,8 @@ from tsis.console.api._responses import (
 )
 from tsis.errors import InputError
 from tsis.files import QUICK_PNG, encode_picture
-from tsis.records import PRIORS, environment
+from tsis.records.provenance import environment
+from tsis.records.recomputation import PRIORS
 
 if TYPE_CHECKING:
     from tsis.console.services import Instrument, Job

@@ -16,7 +16,8 @@ from tsis.files import free_to_json
 from tsis.imaging.depth import GelReading
 from tsis.instrument import CameraInfo, Setting
 from tsis.instrument.recording import RecordingReport
-from tsis.records import Shift, StoredPress, Target
+from tsis.records.recomputation import Shift
+from tsis.records.values import StoredPress, Target
 
 
 class Fields:

@@ -10,7 +10,7 @@ from nicegui import ui
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.console.pages import components as kit
-from tsis.records import environment
+from tsis.records.provenance import environment
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

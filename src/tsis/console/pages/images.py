@@ -25,8 +25,8 @@ from tsis.errors import InputError
 from tsis.model import require_number, require_pixel_scale
 from tsis.present.images import finding_notes, finding_rows
 from tsis.present.page import Table
-from tsis.records import ROLE_NAMES
-from tsis.records.importing import ImportOptions
+from tsis.records.sources import ImportOptions
+from tsis.records.values import ROLE_NAMES
 
 if TYPE_CHECKING:
     from collections.abc import Callable

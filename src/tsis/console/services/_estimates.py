@@ -12,15 +12,17 @@ from tsis.catalog import load_phantom, load_probe
 from tsis.errors import InputError, RecordsError
 from tsis.inclusion import InclusionPrior, estimate, prior_on_tissue, stated_strain
 from tsis.model import require_integer, require_one_of
-from tsis.records import ESTIMATES, REFERENCE_ROLES, EstimationRequest, environment, estimate_stored, require_options
+from tsis.records.provenance import environment
+from tsis.records.recomputation import REFERENCE_ROLES, EstimationRequest, estimate_stored, require_options
+from tsis.records.values import ESTIMATES
 from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from tsis.console.services._subject import TissueReading
-    from tsis.records import StoredEstimate, StoredPress, TargetRecord
     from tsis.records.store import Store
+    from tsis.records.values import StoredEstimate, StoredPress, TargetRecord
 
 NO_PRESS = "target {} must have a press on the target to be estimated; it has none (press it, save a snapshot)"
 
@@ -46,7 +48,7 @@ def estimate_target(
     presses
         Identities of the presses to use; those of `newest_presses` when None.
     options
-        As of `tsis.records.EstimationRequest`.
+        As of `tsis.records.recomputation.EstimationRequest`.
     tissue
         That the prior of an inclusion is moved to, where ``options`` has none.
     progress

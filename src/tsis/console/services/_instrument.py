@@ -38,7 +38,7 @@ from tsis.errors import ControlError
 from tsis.imaging import COLOUR_MAPS
 from tsis.instrument import connect
 from tsis.model import require_integer, require_one_of
-from tsis.records import recompute
+from tsis.records.recomputation import recompute
 from tsis.records.store import open_store
 
 if TYPE_CHECKING:
@@ -53,8 +53,8 @@ if TYPE_CHECKING:
     from tsis.instrument import Camera
     from tsis.instrument.acquisition import ReceivedFrame
     from tsis.instrument.gauge import ForceLog
-    from tsis.records import Target
     from tsis.records.store import Store
+    from tsis.records.values import Target
 
 
 class Instrument:

@@ -14,7 +14,8 @@ from tsis.instrument import connect
 from tsis.instrument.drivers import IMAGE_ENDINGS, VIDEO_ENDINGS
 from tsis.model import require_one_of
 from tsis.present.images import analyse_image
-from tsis.records.importing import ImportOptions, find_import_batches, import_batches
+from tsis.records.importing import import_batches
+from tsis.records.sources import ImportOptions, find_import_batches
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -134,7 +135,7 @@ def save_images(
     """Save the frames as presses of target ``number``, of the next free one when None; gives (target, presses added).
 
     ``options`` has scale, calibration and probe of all; role and force are those of each frame. Nothing is saved when a
-    file cannot be. Raises as `tsis.records.importing.find_import_batches` and `import_batches`.
+    file cannot be. Raises as `tsis.records.sources.find_import_batches` and `import_batches`.
     """
     if not images:
         raise InputError("a target needs at least one image; open some first")

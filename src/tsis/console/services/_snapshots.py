@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from tsis.instrument import Snapshot
     from tsis.instrument.acquisition import ReceivedFrame
     from tsis.model import TactileImage
-    from tsis.records import StoredPress, Target
     from tsis.records.store import Store
+    from tsis.records.values import StoredPress, Target
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

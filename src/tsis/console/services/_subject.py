@@ -24,7 +24,7 @@ from tsis.imaging import Sensor
 from tsis.inclusion import protocol_forces, tissue_modulus
 from tsis.instrument import STORED_SOURCES, live_sources
 from tsis.model import Phantom, SoftSphere, TactileImage, require_integer, require_number, require_one_of, require_type
-from tsis.records import KINDS, ROLES
+from tsis.records.values import KINDS, ROLES
 from tsis.virtual.camera import LARGEST_FORCE_N, VirtualCamera, camera_settings, virtual_mode
 from tsis.virtual.direct_contact import DirectContactRig
 from tsis.virtual.probe import VirtualProbe
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.console._worker import WorkerProcess
-    from tsis.records import TargetRecord
+    from tsis.records.values import TargetRecord
 
 
 VIRTUAL, VIRTUAL_GEL, OPENCV = "virtual", "virtual-gel", "opencv"

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
 from nicegui import run
 
 from tsis.present.target import time_text
-from tsis.records import ROLE_NAMES
+from tsis.records.values import ROLE_NAMES
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from datetime import datetime
 
     from tsis.console.services import Instrument, InstrumentState
-    from tsis.records import StoredPress
+    from tsis.records.values import StoredPress
 
 
 def force_text(force_n: float | None) -> str:

@@ -15,8 +15,8 @@ from tsis.present.hardness import estimate_cards, estimate_messages_of
 from tsis.present.inclusion import estimate_pictures
 from tsis.present.page import address
 from tsis.present.target import time_text
-from tsis.records import ESTIMATES, ROLE_NAMES
 from tsis.records.importing import target_by_number
+from tsis.records.values import ESTIMATES, ROLE_NAMES
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from tsis.console.services import Instrument, InstrumentState, JobState, TissueReading
     from tsis.model import Estimate
     from tsis.present.page import Picture
-    from tsis.records import StoredEstimate, StoredPress, Target
     from tsis.records.store import Store
+    from tsis.records.values import StoredEstimate, StoredPress, Target
 
 
 SHOWN = 8  # presses, the newest

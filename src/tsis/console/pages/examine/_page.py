@@ -14,7 +14,7 @@ from tsis.console.pages.examine._estimate import EstimatePanel, TissueRow, WorkO
 from tsis.console.pages.examine._settings import SettingsPanel
 from tsis.console.services import MOST_SEQUENCE_FRAMES
 from tsis.model import require_integer
-from tsis.records import ROLE_NAMES
+from tsis.records.values import ROLE_NAMES
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable

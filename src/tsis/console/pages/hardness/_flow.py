@@ -18,8 +18,8 @@ from tsis.records.importing import target_by_number
 if TYPE_CHECKING:
     from tsis.console.services import InstrumentState
     from tsis.present.page import Page
-    from tsis.records import StoredEstimate, StoredPress, TargetRecord
     from tsis.records.store import Store
+    from tsis.records.values import StoredEstimate, StoredPress, TargetRecord
 
 
 HARDNESS, TARGET, BALL = "hardness", "target", "ball"

@@ -30,7 +30,7 @@ from tsis.model import require_number
 
 if TYPE_CHECKING:
     from tsis.console.services import Instrument, InstrumentState, Job, JobState, SavedPress
-    from tsis.records import StoredPress
+    from tsis.records.values import StoredPress
 
 
 BARE = "tsis-direct"  # the probe of the catalog that touches objects without tissue between

@@ -21,8 +21,9 @@ if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable
 
     from tsis.console.services import Instrument, Job
-    from tsis.records import StoredPress, Target, TargetRecord
-    from tsis.records.store import Store, TargetState
+    from tsis.records.reader import TargetState
+    from tsis.records.store import Store
+    from tsis.records.values import StoredPress, Target, TargetRecord
 
 
 AT_ONCE = 24  # presses of a sheet

@@ -15,15 +15,18 @@ from tsis.console.pages.records._context import fault_of, flags_of
 from tsis.errors import StaleRecordError
 from tsis.present.labels import quantity_of
 from tsis.present.target import SHORT, measure
-from tsis.records import DAMAGED, ROLE_NAMES, parse_force, parse_truth
-from tsis.records.store import ARCHIVED, DELETED, EDITABLE, UNDO_DAYS
+from tsis.records.deidentification import DAMAGED
+from tsis.records.reader import ARCHIVED, DELETED
+from tsis.records.rows import EDITABLE
+from tsis.records.store import UNDO_DAYS
+from tsis.records.values import ROLE_NAMES, parse_force, parse_truth
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from tsis.console.pages.records._context import TargetContext, TargetView
-    from tsis.records import StoredPress, Target
     from tsis.records.store import Store
+    from tsis.records.values import StoredPress, Target
 
 
 MOST_SHOWN = 120  # letters of a value

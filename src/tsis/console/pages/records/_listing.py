@@ -17,8 +17,9 @@ from tsis.console.pages.records._context import follow_job, follow_store
 from tsis.errors import FileInputError, InputError
 from tsis.present.records import import_message, verdict, verification_notes
 from tsis.present.target import time_text
-from tsis.records.export.bundle import read_bundle
-from tsis.records.store import ARCHIVED, DELETED, back_up_store, verify_store
+from tsis.records.reader import ARCHIVED, DELETED
+from tsis.records.store import back_up_store, verify_store
+from tsis.records.target import read_bundle
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -26,7 +27,9 @@ if TYPE_CHECKING:
     from nicegui.events import GenericEventArguments, UploadEventArguments
 
     from tsis.console.services import Instrument, Job
-    from tsis.records.store import ImportedTarget, StoreVerification, TargetSummary
+    from tsis.records.reader import TargetSummary
+    from tsis.records.store import StoreVerification
+    from tsis.records.transfer import ImportedTarget
 
 
 ALL, ESTIMATED, NOT_ESTIMATED = "all", "estimated", "not estimated"

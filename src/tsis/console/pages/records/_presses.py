@@ -24,7 +24,7 @@ from tsis.present.target import (
     origin,
     target_cards,
 )
-from tsis.records import ESTIMATES, ROLE_NAMES
+from tsis.records.values import ESTIMATES, ROLE_NAMES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -34,8 +34,9 @@ if TYPE_CHECKING:
     from tsis.console.pages.records._context import TargetContext
     from tsis.console.services import Instrument
     from tsis.present.page import Page
-    from tsis.records import Recomputation, StoredEstimate, StoredPress, Target
+    from tsis.records.recomputation import Recomputation
     from tsis.records.store import Store
+    from tsis.records.values import StoredEstimate, StoredPress, Target
 
 
 SMALL_PX = 240

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from importlib.resources.abc import Traversable
 
-    from tsis.records._values import StoredEstimate
+    from tsis.records.values import StoredEstimate
 
 
 LIBRARIES = ("numpy", "scipy", "numba", "scikit-image", "pillow")
@@ -64,7 +64,7 @@ def changes(before: StoredEstimate, after: StoredEstimate) -> tuple[str, ...]:
 
     Examples
     --------
-    >>> from tsis.records._provenance import environment_changes
+    >>> from tsis.records.provenance import environment_changes
     >>> list(environment_changes(
     ...     {"tsis": "0.1.0", "libraries": {"numpy": "2.4.5"}}, {"tsis": "0.1.0", "libraries": {"numpy": "2.4.6"}}))
     ['numpy 2.4.5 -> 2.4.6']

@@ -1,21 +1,27 @@
-"""The values of a store: targets, presses and estimates."""
+"""Values of records: targets, presses, estimates, and a target with all of these as one value."""
 
 from __future__ import annotations
 
 import re
+import secrets
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from tsis.__about__ import LARGEST_TARGET
-from tsis.errors import InputError
-from tsis.files import SHA256
+from tsis.errors import InputError, RecordsError
+from tsis.files import SHA256, from_json_value, to_json_value
+from tsis.inclusion import presence_caveats
 from tsis.model import (
+    ABSENCE_FLAG,
     INCLUSION_RANGES,
     ContentValue,
     Estimate,
+    TactileImage,
     freeze_mappings,
     require_image_numbers,
     require_integer,
@@ -25,7 +31,11 @@ from tsis.model import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Callable, Iterable
+
+    from numpy.typing import NDArray
+
+    from tsis.calibration.file import ProbeCalibration
 
 
 KINDS = ("phantom", "subject")  # of stores; their data never mix
@@ -310,3 +320,137 @@ def parse_force(text: str, *, called: str = "force_n", nothing: str = "none") ->
         instead = nothing or "nothing"
         raise InputError(f"{called} must be a number of newtons, or {instead}; got {text!r:.40}") from error
     return require_number(called, value, 0.0, LARGEST_FORCE_N)
+
+
+LATER = ("log_bayes_factor", "presence_trusted")  # fields that the first estimates did not have
+
+
+def estimate_to_json(stored: StoredEstimate) -> dict[str, Any]:
+    """JSON values of a stored estimate without its samples, which `samples_bytes` writes.
+
+    Raises
+    ------
+    InputError
+        When its options, environment or provenance have no JSON form.
+    """
+    estimate = stored.estimate
+    prior_sd = {name: float(sd) for name, sd in estimate.prior_sd.items()}
+    result = {"prior_sd": prior_sd} | to_json_value(estimate, without=("untrusted", *LATER))
+    # Earlier estimates lack these; their hash must not change.
+    if estimate.log_bayes_factor is not None:
+        result["log_bayes_factor"] = float(estimate.log_bayes_factor)
+    if estimate.presence_trusted != _presence_trusted(estimate.trusted, estimate.flags):
+        result["presence_trusted"] = estimate.presence_trusted
+    return to_json_value(stored, without=("estimate",)) | {"estimate": result}
+
+
+def _presence_trusted(trusted: Any, flags: Any) -> Any:
+    """Whether the presence of an estimate may be used that does not say so: "no inclusion" alone is an answer."""
+    listed = flags if isinstance(flags, (list, tuple)) else ()  # whoever forged them is refused when they are read
+    return trusted or (ABSENCE_FLAG in listed and not presence_caveats(map(str, listed)))
+
+
+def estimate_from_json(
+    document: Any, samples: Mapping[str, NDArray[np.float64]], where: str = "estimate"
+) -> StoredEstimate:
+    """The stored estimate that `estimate_to_json` wrote, with its samples: name -> shape (n,).
+
+    `InputError` when ``document`` is no estimate or does not fit the samples; ``where`` names it in the message.
+    """
+    if isinstance(document, dict) and isinstance(result := document.get("estimate"), dict):
+        if "samples" in result:
+            raise InputError(f"{where}.estimate must hold no samples, which have a file of their own")
+        later = {
+            "log_bayes_factor": None,
+            "presence_trusted": _presence_trusted(result.get("trusted"), result.get("flags")),
+        }
+        posterior = {"samples": dict(samples), "prior_sd": result.get("prior_sd")}
+        others = {name: value for name, value in result.items() if name != "prior_sd"}
+        document = document | {"estimate": later | others | {"untrusted": posterior}}
+    return from_json_value(StoredEstimate, document, where, complete=True)
+
+
+def active_estimates(estimates: Iterable[StoredEstimate]) -> tuple[StoredEstimate, ...]:
+    """The active estimates of a target: the last of each kind. ``estimates`` are in the order of time."""
+    last = {stored.kind: stored for stored in estimates}
+    return tuple(last[kind] for kind in ESTIMATES if kind in last)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TargetRecord:
+    """A target with its presses, estimates and calibrations.
+
+    Parameters
+    ----------
+    target
+        The target.
+    presses
+        Its presses in the order of time.
+    estimates
+        Its estimates in the order of time; the last of each kind is active.
+    calibrations
+        Calibrations that presses and estimates cite, by SHA-256.
+    read
+        Reads and checks the grey levels of a stored frame: its SHA-256 -> shape (rows, columns), uint8 or uint16.
+    damaged
+        A message for each estimate and calibration that is omitted because its file is damaged.
+    secret
+        64 hexadecimal digits from which the pseudonym of the target follows (`tsis.records.deidentification`); no
+        export contains them. A store derives them from its own secret, so they never change. A record without a store,
+        e.g. from a bundle, has random ones: its pseudonym changes with each reading.
+    """
+
+    target: Target
+    presses: tuple[StoredPress, ...]
+    read: Callable[[str], NDArray[Any]]
+    estimates: tuple[StoredEstimate, ...] = ()
+    calibrations: Mapping[str, ProbeCalibration] = field(default_factory=dict)
+    damaged: tuple[str, ...] = ()
+    secret: str = field(default_factory=lambda: secrets.token_hex(32), repr=False)
+
+    def __post_init__(self) -> None:
+        freeze_mappings(self, "calibrations")
+
+    @property
+    def estimate(self) -> StoredEstimate | None:
+        """The last of all estimates."""
+        return self.estimates[-1] if self.estimates else None
+
+    @property
+    def active_estimates(self) -> tuple[StoredEstimate, ...]:
+        """The active estimates: the last of each kind, in the order of `tsis.records.values.ESTIMATES`."""
+        return active_estimates(self.estimates)
+
+    def require_whole(self) -> None:
+        """Raise `RecordsError` when a part is damaged."""
+        if self.damaged:
+            raise RecordsError(self.damaged[0])
+
+    def press(self, identity: str) -> StoredPress:
+        """The press of that identity, or KeyError."""
+        return {press.id: press for press in self.presses}[identity]
+
+    def levels(self, press: StoredPress) -> NDArray[Any]:
+        """Grey levels as the camera gave them, shape (rows, columns), uint8 or uint16.
+
+        `RecordsError` when size or type of the stored frame do not match the press.
+        """
+        result = self.read(press.frame)
+        if result.shape != (press.rows, press.columns) or result.dtype not in (np.uint8, np.uint16):
+            raise RecordsError(
+                f"frame {press.frame:.12} must hold {press.rows} x {press.columns} grey levels of 8 or 16 bits, as its "
+                f"press says; got shape {result.shape} of {result.dtype}"
+            )
+        return result
+
+    def image(self, press: StoredPress) -> TactileImage:
+        """The frame as an image for estimates."""
+        return TactileImage(
+            grey=self.levels(press).astype(np.float64),
+            mm_per_pixel=press.mm_per_pixel,
+            full_scale=press.full_scale,
+            force_n=press.force_n,
+            axis_px=press.axis_px,
+            name=press.name,
+            settings=press.settings,
+        )

@@ -14,12 +14,12 @@ from tsis.__about__ import LARGEST_TARGET
 from tsis.calibration.file import parse_calibration
 from tsis.errors import FileInputError, InputError, RecordsError
 from tsis.model import require_integer
+from tsis.records import rows
 from tsis.records import schema as tables
-from tsis.records._target_record import TargetRecord
-from tsis.records.store import _rows as rows
-from tsis.records.store._audit import AuditHead, has_entry
-from tsis.records.store._files import frame_levels, samples_of
-from tsis.records.store._rows import target_of_row
+from tsis.records.audit import AuditHead, has_entry
+from tsis.records.blobs import frame_levels, samples_of
+from tsis.records.rows import target_of_row
+from tsis.records.values import TargetRecord
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Sequence
@@ -29,9 +29,9 @@ if TYPE_CHECKING:
     from sqlalchemy import Connection
 
     from tsis.calibration.file import ProbeCalibration
-    from tsis.records._values import StoredEstimate, StoredPress, Target
-    from tsis.records.store._database import Database
-    from tsis.records.store._files import Blobs
+    from tsis.records.blobs import Blobs
+    from tsis.records.database import Database
+    from tsis.records.values import StoredEstimate, StoredPress, Target
 
 
 MOST_AT_ONCE = 500  # names in a query
@@ -87,7 +87,7 @@ class StoreReader:
 
     def press(self, target: Target, identity: str) -> StoredPress:
         """The press of this identity, or `InputError`."""
-        query = press_query().where(tables.press_table.c.id == identity, tables.press_table.c.target == target.id)
+        query = rows.press_query().where(tables.press_table.c.id == identity, tables.press_table.c.target == target.id)
         with self.database.reading() as connection:
             row = connection.execute(query).first()
         if row is None:
@@ -102,7 +102,7 @@ class StoreReader:
                 some = tables.frame_table.c.id.in_(frames[at : at + MOST_AT_ONCE])
                 stored = list(connection.execute(select(tables.frame_table.c.id).where(some)).scalars())
                 if stored:
-                    result += connection.execute(press_query().where(tables.press_table.c.frame.in_(stored)))
+                    result += connection.execute(rows.press_query().where(tables.press_table.c.frame.in_(stored)))
         return tuple(rows.press_of_row(row._asdict()) for row in result)
 
     def estimates(self, target: Target) -> tuple[StoredEstimate, ...]:
@@ -169,7 +169,7 @@ def _presses_of(
     page = select(table.id).where(table.target == target.id).order_by(table.taken, table.id)
     # The index gives the identities; only their own rows are read.
     result = connection.execute(
-        press_query().where(table.id.in_(page.limit(limit).offset(offset))).order_by(table.taken, table.id)
+        rows.press_query().where(table.id.in_(page.limit(limit).offset(offset))).order_by(table.taken, table.id)
     )
     names, values = tuple(result.keys()), result.all()
     return tuple(rows.press_of_row(dict(zip(names, row, strict=True))) for row in values)
@@ -179,14 +179,6 @@ def _estimate_rows(connection: Connection, target: Target) -> list[rows.Row]:
     table = tables.estimate_table
     query = select(table).where(table.c.target == target.id).order_by(table.c.made, table.c.id)
     return [row._asdict() for row in connection.execute(query)]
-
-
-def press_query() -> Any:
-    """Presses with the size of their frames, as `press_of_row` expects them."""
-    sizes = (tables.frame_table.c.rows, tables.frame_table.c.columns)
-    return select(tables.press_table, *sizes).join(
-        tables.frame_table, tables.press_table.c.frame == tables.frame_table.c.id
-    )
 
 
 def in_lineage(estimates: Sequence[StoredEstimate]) -> tuple[StoredEstimate, ...]:

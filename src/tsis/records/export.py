@@ -1,24 +1,66 @@
-"""Export of a target record as CSV tables and PNG frames."""
+"""Atomic exports of a target as tables and pictures."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import math
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.files import free_to_json, json_bytes, table_bytes
+from tsis.files import (
+    QUICK_PNG,
+    as_path,
+    atomic_file,
+    atomic_folder,
+    encode_picture,
+    file_error,
+    free_to_json,
+    json_bytes,
+    table_bytes,
+)
 from tsis.model import INTERVAL_LEVEL, NO_UNIT, label_of, unit_of
-from tsis.records.export._whole import export_folder, frame_png
 
 if TYPE_CHECKING:
     import os
     from collections.abc import Iterator, Sequence
+    from pathlib import Path
 
     from tsis.model import Estimate
-    from tsis.records._target_record import TargetRecord
-    from tsis.records._values import StoredEstimate, Target
+    from tsis.records.values import StoredEstimate, StoredPress, Target, TargetRecord
+
+
+@contextmanager
+def export_file(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """As `tsis.files.atomic_file`; `FileInputError` when the name is taken, or it cannot be written."""
+    requested = as_path(path)
+    with _refusing(requested), atomic_file(requested) as draft:
+        yield draft
+
+
+@contextmanager
+def export_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """As `tsis.files.atomic_folder`; `FileInputError` when the name is taken, or it cannot be written."""
+    requested = as_path(path)
+    with _refusing(requested), atomic_folder(requested) as draft:
+        yield draft
+
+
+@contextmanager
+def _refusing(requested: Path) -> Iterator[None]:
+    try:
+        yield
+    except FileExistsError as error:
+        raise file_error(requested, "must be a new name; there is such a file or folder (choose another)") from error
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise file_error(requested, f"must be a place that can be written; got: {reason}") from error
+
+
+def frame_png(record: TargetRecord, press: StoredPress) -> bytes:
+    """The frame of a press as a grey PNG file of 8 or 16 bits; `RecordsError` when it does not match its press."""
+    return encode_picture(record.levels(press), level=QUICK_PNG)
 
 
 PRESS_HEADINGS = (

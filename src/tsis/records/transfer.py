@@ -12,28 +12,28 @@ from sqlalchemy import func, select
 from tsis.__about__ import LARGEST_TARGET
 from tsis.calibration.file import calibration_bytes
 from tsis.errors import InputError, RecordsError
+from tsis.records import rows
 from tsis.records import schema as tables
+from tsis.records.blobs import frame_bytes, frame_levels, samples_bytes
+from tsis.records.reader import MOST_AT_ONCE, in_lineage
+from tsis.records.rows import insert_row, insert_row_once
 from tsis.records.schema import target_table
-from tsis.records.store import _rows as rows
-from tsis.records.store._editing import insert_row, insert_row_once
-from tsis.records.store._files import frame_bytes, frame_levels, samples_bytes
-from tsis.records.store._reader import MOST_AT_ONCE, in_lineage
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from sqlalchemy import Connection, Table
 
-    from tsis.records._target_record import TargetRecord
-    from tsis.records._values import StoredPress, Target
-    from tsis.records.store._audit import AuditChange
-    from tsis.records.store._files import Blobs
+    from tsis.records.audit import AuditChange
+    from tsis.records.blobs import Blobs
+    from tsis.records.values import StoredPress, Target, TargetRecord
 
 
 _number = target_table.c.number
 
 
 def is_taken(connection: Connection, number: int) -> bool:
+    """Whether a target has this number."""
     return connection.execute(select(_number).where(_number == number)).first() is not None
 
 

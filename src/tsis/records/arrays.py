@@ -21,14 +21,14 @@ import numpy as np
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.errors import FileInputError, RecordsError, import_extra
 from tsis.model import INTERVAL_LEVEL, unit_of
-from tsis.records.export._whole import export_file, export_folder
+from tsis.records.export import export_file, export_folder
 
 if TYPE_CHECKING:
     import os
 
     from tsis.model import Estimate
-    from tsis.records._target_record import TargetRecord
-    from tsis.records._values import StoredEstimate, StoredPress
+    from tsis.records.values import StoredEstimate, StoredPress, TargetRecord
+
 
 GZIP_LEVEL = 4  # of the grey levels in both formats
 

@@ -1,0 +1,681 @@
+"""``tsis records``: list, show, verify, back up, restore, import, recompute, edit and export targets.
+
+The store's own libraries are imported when a command runs, so that the program starts quickly.
+"""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from dataclasses import replace
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Self
+
+import typer
+
+import tsis
+from tsis.__about__ import RESEARCH_USE_ONLY
+from tsis.cli._options import AsJson, scale_of
+from tsis.cli._output import print_json
+from tsis.cli._progress import FAILED, progress_bar, stop_interrupted, waiting
+from tsis.cli._store import (
+    PHANTOM,
+    StoreDatabase,
+    StoreFolder,
+    StoreKind,
+    TargetNumber,
+    is_there,
+    opened,
+    target_number,
+)
+from tsis.errors import InputError, TsisError
+from tsis.present.page import Column, Table
+from tsis.present.terminal import people, print_notice, rich_table
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from rich.console import Console
+
+    from tsis.calibration.file import ProbeCalibration
+    from tsis.records.importing import ImportedBatch
+    from tsis.records.reader import TargetSummary
+    from tsis.records.recomputation import Recomputation
+    from tsis.records.store import Store, StoreVerification
+    from tsis.records.values import StoredEstimate, StoredPress, Target, TargetRecord
+
+
+def list_targets(
+    *,
+    store: StoreFolder = None,
+    kind: StoreKind = PHANTOM,
+    database: StoreDatabase = None,
+    as_json: AsJson = False,
+) -> None:
+    """List the targets of a store: numbers of presses and estimates, and the last press."""
+    with opened(store, kind, database) as records:
+        result, position = records.targets(), str(records.folder.resolve())
+    if as_json:
+        print_json(
+            tsis.present.document.envelope(
+                "records list", store=position, kind=kind, targets=[_summary_document(item) for item in result]
+            )
+        )
+        return
+    console = people()
+    table = Table(
+        title=f"Targets ({kind}s)",
+        columns=("number", "name", Column(label="presses"), Column(label="estimates"), "last press (UTC)"),
+        values=tuple(
+            (
+                *(item.target.number, item.target.name, item.presses, item.estimates),
+                "never" if item.last is None else f"{item.last:%Y-%m-%d %H:%M}",
+            )
+            for item in result
+        ),
+    )
+    console.print(rich_table(table) if result else "The store is empty; tsis records import and --save fill it.")
+    console.print(f"Store: {position}", markup=False, soft_wrap=True)
+    print_notice(console)
+
+
+def _summary_document(summary: TargetSummary) -> dict[str, Any]:
+    target = summary.target
+    return {
+        "number": target.number,
+        "name": target.name,
+        "id": target.id,
+        "presses": summary.presses,
+        "estimates": summary.estimates,
+        "last": None if summary.last is None else summary.last.isoformat(),
+    }
+
+
+SHORT = 8  # letters of an identity that are shown
+MOST_SHOWN, MOST_OFFSET = 100_000, 10**12
+
+
+def show(
+    number: TargetNumber,
+    *,
+    limit: Annotated[int, typer.Option(help="Most presses to show.", min=1, max=MOST_SHOWN)] = 50,
+    offset: Annotated[int, typer.Option(help="Presses to skip before.", min=0, max=MOST_OFFSET)] = 0,
+    store: StoreFolder = None,
+    kind: StoreKind = PHANTOM,
+    database: StoreDatabase = None,
+    as_json: AsJson = False,
+) -> None:
+    """Show a target: its presses, the current estimates with their intervals, calibrations and history."""
+    with opened(store, kind, database) as records:
+        target = records.target(number)
+        total = records.press_count(target)
+        record = records.record(target, limit=limit, offset=offset)
+    presses, estimates = record.presses, record.estimates
+    if as_json:
+        print_json(_target_document(record, total))
+        return
+    console = people()
+    name = f" {target.name}" if target.name else ""
+    console.print(f"Target {target.number}{name} ({target.kind}), version {target.version}", markup=False)
+    if target.note:
+        console.print(target.note, markup=False)
+    console.print(rich_table(_presses(presses, total, offset)))
+    for stored in sorted(record.active_estimates, key=lambda item: item.made, reverse=True):
+        result = stored.estimate
+        truth = target.truth if set(result.names) <= set(target.truth) else None
+        title = f"Current estimate: {stored.kind}, {stored.probe}"
+        console.print(rich_table(tsis.present.inclusion.estimate_table(result, title=title, truth=truth)))
+        for estimate_message in tsis.present.document.estimate_messages(result):
+            console.print(f"- {estimate_message}", markup=False)
+        console.print(f"Flags: {', '.join(result.flags) or 'none'}", markup=False)
+    for estimate_message in record.damaged:
+        console.print(f"- Left out: {estimate_message}", markup=False)
+    if not estimates:
+        console.print("No estimate yet.")
+    for identity, calibration in record.calibrations.items():
+        console.print(
+            f"Calibration {calibration.name} ({identity[:12]}), good until {_until(calibration)}", markup=False
+        )
+    if estimates:
+        console.print(rich_table(_history(estimates)))
+    print_notice(console)
+
+
+def _presses(presses: Sequence[StoredPress], total: int, offset: int) -> Table:
+    shown = f"{offset + 1} to {offset + len(presses)} of {total}" if presses else f"none shown of {total}"
+    rows = tuple(
+        (
+            *(press.id[:SHORT], press.role, f"{press.taken:%Y-%m-%d %H:%M:%S}"),
+            *(press.force_n, press.name, ", ".join(press.flags)),
+        )
+        for press in presses
+    )
+    force = Column(label="force", unit="N", form=".3g")
+    columns = ("press", "role", "taken (UTC)", force, "name", "flags")
+    return Table(title=f"Presses, {shown}", columns=columns, values=rows)
+
+
+def _history(estimates: Sequence[StoredEstimate]) -> Table:
+    rows = []
+    for stored in estimates:
+        code = str(stored.environment.get("code_sha256", ""))[:SHORT]
+        trusted = "yes" if stored.estimate.trusted else "no"
+        created = f"{stored.made:%Y-%m-%d %H:%M:%S}"
+        rows.append((stored.id[:SHORT], stored.kind, created, code, trusted, (stored.supersedes or "")[:SHORT]))
+    columns = ("estimate", "kind", "made (UTC)", "code", "trusted", "supersedes")
+    return Table(title="Estimates", columns=columns, values=tuple(rows))
+
+
+def _until(calibration: ProbeCalibration) -> str:
+    return "it is replaced (simulated)" if calibration.expires is None else f"{calibration.expires:%Y-%m-%d}"
+
+
+def _target_document(record: TargetRecord, total: int) -> dict[str, Any]:
+    truth = dict(record.target.truth)
+    created = [
+        _estimate(stored, truth if set(stored.estimate.names) <= set(truth) else None) for stored in record.estimates
+    ]
+    return tsis.present.document.envelope(
+        "records show",
+        target=tsis.files.to_json_value(record.target),
+        presses=[tsis.files.to_json_value(press) for press in record.presses],
+        presses_in_all=total,
+        estimate=created[-1] if created else None,
+        in_force=[stored.id for stored in record.active_estimates],
+        history=created[:-1],
+        calibrations=[
+            {"sha256": identity, "name": calibration.name, "until": _until(calibration)}
+            for identity, calibration in record.calibrations.items()
+        ],
+        damaged=list(record.damaged),
+    )
+
+
+def _estimate(stored: StoredEstimate, truth: Mapping[str, float] | None) -> dict[str, Any]:
+    from tsis.records.values import estimate_to_json
+
+    reference = estimate_to_json(stored)
+    created = reference.pop("estimate")
+    return {
+        **reference,
+        **tsis.present.document.estimate_document(stored.estimate, truth),
+        "provenance": created["provenance"],
+    }
+
+
+def recompute(
+    number: Annotated[int | None, typer.Argument(metavar="[N]", help="Number of the target.")] = None,
+    *,
+    every: Annotated[bool, typer.Option("--all", help="Every target that has an estimate.")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Report changes and store nothing.")] = False,
+    store: StoreFolder = None,
+    kind: StoreKind = PHANTOM,
+    database: StoreDatabase = None,
+    as_json: AsJson = False,
+) -> None:
+    """Recompute estimates from the stored frames, report what changed and why, and store changed estimates.
+
+    The old estimate stays, superseded by the new one. A calibration that has expired since is used as it
+    was then.
+    """
+    if (number is None) != every:
+        raise InputError("give the number of a target, or --all for every one")
+    with opened(store, kind, database) as records:
+        requested = _requested(records) if number is None else [records.target(number)]
+        result, failed = _recomputed(records, requested, dry_run=dry_run, single=not every)
+    if as_json:
+        documents = [tsis.present.records.recomputation_document(target, item) for target, item in result]
+        failures = [{"target": number, "reason": reason} for number, reason in failed]
+        print_json(
+            tsis.present.document.envelope("records recompute", dry_run=dry_run, estimates=documents, failed=failures)
+        )
+    else:
+        console = people()
+        for target, item in result:
+            _show_recomputation(console, target, item)
+        for number, reason in failed:
+            console.print(f"Target {number} could not be estimated again: {reason}", markup=False, soft_wrap=True)
+        if not result and not failed:
+            console.print("No target of this store has an estimate.")
+        print_notice(console)
+    if failed:
+        raise typer.Exit(FAILED)
+
+
+def _requested(records: Store) -> list[Target]:
+    return [target.target for target in records.targets() if target.estimates]
+
+
+def _recomputed(
+    records: Store, targets: list[Target], *, dry_run: bool, single: bool
+) -> tuple[list[tuple[Target, Recomputation]], list[tuple[int, str]]]:
+    """Recomputations, and the targets that failed; a single target raises its error."""
+    from tsis.records.recomputation import recompute as again
+
+    result: list[tuple[Target, Recomputation]] = []
+    failed: list[tuple[int, str]] = []
+    what = "solving the press for this probe (cached for next time)" if single else "estimating again"
+    with progress_bar(what) as advance:
+        for done, target in enumerate(targets):
+            if not single:
+                advance(done, len(targets))
+            try:
+                created = again(records, target, dry_run=dry_run, progress=advance if single else None)
+            except TsisError as error:
+                if single:
+                    raise
+                failed.append((target.number, str(error)))
+            else:
+                result += [(target, item) for item in created]
+    return result, failed
+
+
+def _show_recomputation(console: Console, target: Target, recomputation: Recomputation) -> None:
+    console.print(
+        f"Target {target.number}, {recomputation.before.kind}: {recomputation.message}", markup=False, soft_wrap=True
+    )
+    for note in tsis.present.records.recomputation_notes(recomputation):
+        console.print(f"- {note}", markup=False, soft_wrap=True)
+    if recomputation.same:
+        return
+    console.print(rich_table(tsis.present.records.shift_table(recomputation)))
+    console.print(tsis.present.records.recomputation_message(recomputation), markup=False)
+
+
+def verify(
+    *,
+    store: StoreFolder = None,
+    kind: StoreKind = PHANTOM,
+    database: StoreDatabase = None,
+    as_json: AsJson = False,
+) -> None:
+    """Compare every row and file of a store with its audit; exit code 1 and a list of faults when they differ."""
+    from tsis.records.store import verify_store as verification
+
+    with opened(store, kind, database) as records, progress_bar("reading every file") as advance:
+        result = verification(records, progress=advance)
+    if as_json:
+        print_json(
+            tsis.present.document.envelope("records verify", **tsis.present.records.store_verification_document(result))
+        )
+    else:
+        console = people()
+        for fault in result.faults:
+            console.print(f"- {fault}", markup=False, soft_wrap=True)
+        console.print(tsis.present.records.verdict(result))
+        for note in tsis.present.records.verification_notes(result):
+            console.print(note, markup=False, soft_wrap=True)
+        print_notice(console)
+    if not result.sound:
+        raise typer.Exit(FAILED)
+
+
+def backup(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="New folder for the copy.")],
+    *,
+    store: StoreFolder = None,
+    kind: StoreKind = PHANTOM,
+    as_json: AsJson = False,
+) -> None:
+    """Copy a store into a new folder and verify the copy; others may save meanwhile."""
+    with opened(store, kind, None) as records:
+        result, position = _copied(records, folder), str(folder.resolve())
+    if as_json:
+        document = tsis.present.records.store_verification_document(result)
+        print_json(tsis.present.document.envelope("records backup", store=position, **document))
+    else:
+        _show_copy(result, position)
+
+
+def restore(
+    folder: Annotated[Path, typer.Argument(metavar="BACKUP", help="Folder that tsis records backup wrote.")],
+    *,
+    store: StoreFolder = None,
+    kind: StoreKind = PHANTOM,
+    as_json: AsJson = False,
+) -> None:
+    """Copy a backup to where a store shall be, and verify the copy; a store that is there is never replaced."""
+    from tsis.records.store import default_folder
+
+    with opened(folder, kind, None) as records:
+        requested = default_folder(kind) if store is None else store
+        result, position = _copied(records, requested), str(requested.resolve())
+    if as_json:
+        document = tsis.present.records.store_verification_document(result)
+        print_json(tsis.present.document.envelope("records restore", store=position, **document))
+    else:
+        _show_copy(result, position)
+
+
+def _copied(records: Store, folder: Path) -> StoreVerification:
+    from tsis.records.store import back_up_store
+
+    with progress_bar("copying every file, and reading it again") as advance:
+        return back_up_store(records, folder, progress=advance)
+
+
+def _show_copy(result: StoreVerification, position: str) -> None:
+    console = people()
+    console.print(tsis.present.records.verdict(result))
+    console.print(f"The store is in {position}", markup=False, soft_wrap=True)
+    print_notice(console)
+
+
+NEW = "new"
+
+
+def import_(
+    paths: Annotated[list[Path], typer.Argument(help="Folders that tsis wrote, bundles, sidecars, image files.")],
+    *,
+    target: Annotated[
+        str | None,
+        typer.Option(help="Number of the target, or new.", show_default="that of the files, else new"),
+    ] = None,
+    role: Annotated[str, typer.Option(help="What was pressed: target, plain, untouched or ball.")] = "target",
+    force_n: Annotated[
+        list[float] | None, typer.Option(help="Force in newtons of image files: one for all, or one for each.")
+    ] = None,
+    scale_mm: Annotated[
+        str | None, typer.Option(help="Millimetres per pixel on the face: one number, or x,y when they differ.")
+    ] = None,
+    calibration: Annotated[Path | None, typer.Option(help="Calibration file of the frames.")] = None,
+    probe: Annotated[str, typer.Option(help="Name of the probe.", show_default="the calibration's")] = "",
+    taken: Annotated[
+        datetime | None, typer.Option(help="When image files were taken.", show_default="when each was written")
+    ] = None,
+    store: StoreFolder = None,
+    kind: StoreKind = PHANTOM,
+    database: StoreDatabase = None,
+    as_json: AsJson = False,
+) -> None:
+    """Import frames into a store, each once; their files are verified before anything is stored.
+
+    Frames that the store has are skipped, so repeating an interrupted import completes it. The estimate of
+    a demo folder is recomputed from its frames; a bundle contains its own.
+    """
+    from tsis.calibration.file import read_calibration
+    from tsis.records.importing import ImportProgress, import_batches, require_importable
+    from tsis.records.sources import ImportOptions, find_import_batches
+
+    number = None if target in (None, NEW) else target_number(str(target))
+    options = ImportOptions(
+        role=role,
+        force_n=tuple(force_n or ()),
+        mm_per_pixel=None if scale_mm is None else scale_of(scale_mm),
+        probe=probe,
+        calibration=None if calibration is None else read_calibration(calibration),
+        taken=None if taken is None else taken.astimezone(),
+    )
+    with _Calibrations(store, kind, database) as calibrations, waiting("reading the files"):
+        batches = find_import_batches(paths, replace(options, calibration_of=calibrations.of))
+    require_importable(batches, kind, number)  # before a store is created
+    with opened(store, kind, database, create=True) as records:
+        tally = ImportProgress()
+        try:
+            with progress_bar("storing") as advance:
+                entered = import_batches(
+                    records, batches, target=number, difference=target == NEW, tally=tally, progress=advance
+                )
+        except KeyboardInterrupt:
+            stop_interrupted(f"; {tally.message}.")
+        position = str(records.folder.resolve())
+    if as_json:
+        print_json(
+            tsis.present.document.envelope(
+                "records import", store=position, imported=[_imported_document(item) for item in entered]
+            )
+        )
+        return
+    console = people()
+    for item in entered:
+        console.print(_imported_line(item), markup=False, soft_wrap=True)
+        for note in item.batch.notes:
+            console.print(f"- {note}", markup=False, soft_wrap=True)
+    console.print(f"Store: {position}", markup=False, soft_wrap=True)
+    print_notice(console)
+
+
+class _Calibrations:
+    """Calibrations that files cite, from a store that is opened at the first request, if it exists."""
+
+    def __init__(self, folder: Path | None, kind: str, database: str | None) -> None:
+        self._chosen = folder, kind, database
+        self._store: Store | None = None
+        self._by_name: dict[str, ProbeCalibration | None] = {}
+        self._until = ExitStack()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._until.close()
+
+    def of(self, cited: str) -> ProbeCalibration | None:
+        """The calibration of an identity; None where the store has none, `RecordsError` when it is damaged."""
+        from tsis.records.sources import stored_calibration
+
+        if cited not in self._by_name:
+            if self._store is None and is_there(*self._chosen):
+                self._store = self._until.enter_context(opened(*self._chosen))
+            self._by_name[cited] = None if self._store is None else stored_calibration(self._store, cited)
+        return self._by_name[cited]
+
+
+def _imported_line(entered: ImportedBatch) -> str:
+    text = tsis.present.records.entered_text(
+        entered.target, new=entered.new, added=entered.added, present=entered.present, estimates=entered.estimates
+    )
+    return f"{entered.batch.kind} in {entered.batch.source}: {text}"
+
+
+def _imported_document(entered: ImportedBatch) -> dict[str, Any]:
+    return {
+        "source": str(entered.batch.source),
+        "kind": entered.batch.kind,
+        "target": entered.target.number,
+        "new": entered.new,
+        "added": entered.added,
+        "present": entered.present,
+        "estimates": entered.estimates,
+        "notes": list(entered.batch.notes),
+    }
+
+
+FEWEST_LETTERS = 4  # of an identity
+NONE = "none"
+
+
+def edit(
+    number: TargetNumber,
+    *,
+    name: Annotated[str | None, typer.Option(help="New name of the target.")] = None,
+    note: Annotated[str | None, typer.Option(help="Note on the target, or on the press with --press.")] = None,
+    truth: Annotated[
+        list[str] | None,
+        typer.Option(help="True value of a phantom, e.g. diameter_mm=10; repeatable, replaces all; none for none."),
+    ] = None,
+    press: Annotated[
+        str | None, typer.Option(help="Change this press instead: its identity or the first letters of it.")
+    ] = None,
+    force_n: Annotated[str | None, typer.Option(help="Force of the press in newtons, or none where unknown.")] = None,
+    role: Annotated[str | None, typer.Option(help="What was pressed: target, plain, untouched or ball.")] = None,
+    flags: Annotated[
+        list[str] | None, typer.Option("--flag", help="Flag of the press; repeatable, replaces all; none for none.")
+    ] = None,
+    version: Annotated[
+        int | None,
+        typer.Option(
+            help="Version that you saw; refused when the record has changed since.",
+            min=1,
+            max=2**31,
+            show_default="the last",
+        ),
+    ] = None,
+    store: StoreFolder = None,
+    kind: StoreKind = PHANTOM,
+    database: StoreDatabase = None,
+    as_json: AsJson = False,
+) -> None:
+    """Change the entries of a target or a press; frames and estimates never change.
+
+    The audit records what changed, when and by whom. After a change of force or role, recompute the estimate.
+    """
+    changes: dict[str, Any] = {} if note is None else {"note": note}
+    if press is None:
+        if force_n is not None or role is not None or flags:
+            raise InputError("--force-n, --role and --flag need --press, the press to change")
+        changes |= ({} if name is None else {"name": name}) | ({} if truth is None else {"truth": _truth(truth)})
+    else:
+        if name is not None or truth is not None:
+            raise InputError("--name and --truth belong to the target; leave out --press")
+        changes |= _of_a_press(force_n, role, flags)
+    if not changes:
+        raise InputError(
+            "give what to change: --name, --note or --truth; with --press --note, --force-n, --role or --flag"
+        )
+    with opened(store, kind, database) as records:
+        target = records.target(number)
+        if press is None:
+            edited: Target | StoredPress = records.edit_target(_require_version(target, version), **changes)
+        else:
+            edited = records.edit_press(_require_version(_press(records, target, press), version), **changes)
+    what = f"target {number}" if press is None else f"press {edited.id[:8]} of target {number}"
+    if as_json:
+        print_json(
+            tsis.present.document.envelope(
+                "records edit", target=number, press=None if press is None else edited.id, **_now(edited)
+            )
+        )
+        return
+    console = people()
+    console.print(f"Changed {', '.join(changes)} of {what}; it is version {edited.version} now.", markup=False)
+    print_notice(console)
+
+
+def _of_a_press(force_n: str | None, role: str | None, flags: Sequence[str] | None) -> dict[str, Any]:
+    changes: dict[str, Any] = {} if role is None else {"role": role}
+    if flags:
+        changes["flags"] = () if _is_none("--flag", flags) else tuple(flags)
+    if force_n is not None:
+        from tsis.records.values import parse_force
+
+        changes["force_n"] = parse_force(force_n, called="--force-n", nothing=NONE)
+    return changes
+
+
+def _is_none(option: str, given: Sequence[str]) -> bool:
+    if NONE in given and len(given) > 1:
+        raise InputError(f"{option} must be only none, or only values; got {', '.join(given)!r:.80}")
+    return list(given) == [NONE]
+
+
+def _truth(given: Sequence[str]) -> dict[str, float]:
+    from tsis.records.values import parse_truth
+
+    return {} if _is_none("--truth", given) else parse_truth(given, called="--truth")
+
+
+def _require_version(record: Any, version: int | None) -> Any:
+    """The record with the given version: the store refuses an edit of another version."""
+    return record if version is None else replace(record, version=version)
+
+
+def _press(records: Store, target: Target, prefix: str) -> StoredPress:
+    results = [press for press in records.presses(target) if press.id.startswith(prefix)]
+    if len(prefix) < FEWEST_LETTERS or len(results) != 1:
+        raise InputError(
+            f"--press must be {FEWEST_LETTERS} or more letters of the identity of one press of target {target.number}; "
+            f"{prefix!r:.40} fits {len(results)} (tsis records show {target.number})"
+        )
+    return results[0]
+
+
+def _now(edited: Any) -> dict[str, Any]:
+    return {"record": edited.id, "version": edited.version}
+
+
+Identified = Annotated[
+    bool, typer.Option("--identified", help="Include label, names and true times in dicom; masked otherwise.")
+]
+
+
+def export(
+    number: TargetNumber,
+    *,
+    forms: Annotated[
+        list[str],
+        typer.Option("--format", help="Form: html, pdf, csv, netcdf, zarr, dicom, bundle, or a plug-in's; repeatable."),
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="New file or folder; for several forms a new folder of them.", show_default="target-N with its ending"
+        ),
+    ] = None,
+    identified: Identified = False,
+    store: StoreFolder = None,
+    kind: StoreKind = PHANTOM,
+    database: StoreDatabase = None,
+    as_json: AsJson = False,
+) -> None:
+    """Export a target; no file is overwritten.
+
+    Several forms appear together or not at all. html and pdf are reports; csv, netcdf, zarr and bundle contain notes
+    and names too; dicom masks names and times.
+    """
+    requested = list(dict.fromkeys(part for form in forms for part in form.split(",")))
+    endings = tsis.present.records.export_endings()
+    for form in requested:
+        tsis.model.require_one_of("form of export", form, endings)
+    if identified and not set(requested) & set(tsis.present.records.MASKED):
+        masked = " and ".join(tsis.present.records.MASKED)
+        raise InputError(f"--identified belongs to {masked}; the other forms mask nothing (leave it out)")
+    stem = f"target-{number}"
+    destination = out or Path(stem if len(requested) > 1 else f"{stem}{endings[requested[0]]}")
+    tsis.files.require_absent(destination)
+    with opened(store, kind, database) as records, waiting("writing"), ExitStack() as together:
+        record = records.record(records.target(number))
+        if set(requested) - set(tsis.present.records.PAGE_FORMS):  # they name missing libraries
+            record.require_whole()
+        if len(requested) == 1:
+            seal = tsis.present.records.write_form(requested[0], record, destination, identified=identified)
+        else:
+            from tsis.records.export import export_folder
+
+            draft, seal = together.enter_context(export_folder(destination)), ""
+            for form in requested:
+                seal += tsis.present.records.write_form(
+                    form, record, draft / f"{stem}{endings[form]}", identified=identified
+                )
+    single = len(requested) == 1
+    files = {
+        form: str((destination if single else destination / f"{stem}{endings[form]}").resolve()) for form in requested
+    }
+    if as_json:
+        print_json(
+            tsis.present.document.envelope("records export", target=number, files=files, bundle_sha256=seal or None)
+        )
+        return
+    console = people()
+    for form, file in files.items():
+        console.print(f"{form}: {file}", markup=False, soft_wrap=True)
+    if seal:
+        console.print(f"SHA-256 of the bundle, for its receiver: {seal}", markup=False, soft_wrap=True)
+    print_notice(console)
+
+
+app = typer.Typer(
+    name="records",
+    help=f"Targets with their presses and estimates: list, verify, back up, recompute, export. {RESEARCH_USE_ONLY}",
+    epilog="Start with: tsis demo --save, then tsis records list",
+    no_args_is_help=True,
+)
+app.command("list", epilog="Example: tsis records list")(list_targets)
+app.command("show", epilog="Example: tsis records show 1 --limit 20")(show)
+app.command("verify", epilog="Example: tsis records verify")(verify)
+app.command("backup", epilog="Example: tsis records backup records-backup")(backup)
+app.command("restore", epilog="Example: tsis records restore records-backup --store restored-records")(restore)
+app.command("import", epilog="Example: tsis records import first-press")(import_)
+app.command("recompute", epilog="Example: tsis records recompute --all --dry-run")(recompute)
+app.command("edit", epilog="Example: tsis records edit 1 --name 'soft, 8 mm' --note 'second row, left'")(edit)
+app.command("export", epilog="Example: tsis records export 1 --format pdf --format csv --out target-1")(export)
