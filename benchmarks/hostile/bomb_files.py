@@ -186,7 +186,7 @@ def _map_bomb(*names: str) -> bytes:
 
 
 def _text_bombs() -> tuple[Bomb, ...]:
-    start = b'{"format": "tsis-calibration", "version": 3, "calibration": '
+    start = b'{"format": "tsis-calibration", "version": 1, "calibration": '
     return (
         Bomb(
             name="three maps of 128 MB in 0.5 MB",

@@ -43,8 +43,8 @@ def test_the_demo_writes_what_it_prints_and_its_frames_give_the_same(run_tsis: R
     assert "Shore 00 (converted)" in page
     radius = printed["estimate"]["provenance"]["radius"]
     again = run_tsis(
-        *("hardness", *IMAGES, *KNOWN, "--force", "0.7", "--force", "1.2", "--json"),
-        *("--radius", str(radius["radius_mm"]), "--radius-sd-mm", str(radius["sd_mm"])),
+        *("hardness", *IMAGES, *KNOWN, "--force-n", "0.7", "--force-n", "1.2", "--json"),
+        *("--radius-mm", str(radius["radius_mm"]), "--radius-sd-mm", str(radius["sd_mm"])),
     )
     assert again.code == 0, again.err
     assert json.loads(again.out)["estimate"]["parameters"]["young_kpa"]["mean"] == pytest.approx(found["mean"])
@@ -62,12 +62,12 @@ def test_people_read_a_table(run_tsis: RunTsis) -> None:
 def test_a_rigid_ball_is_taken_as_reference(run_tsis: RunTsis) -> None:
     assert run_tsis("hardness", "--demo", "--seed", "2", "--out", "demo").code == 0
     refused = run_tsis(
-        *("hardness", *IMAGES, *KNOWN, "--force", "0.7", "--force", "1.2", "--radius", "3", "--ball", IMAGES[0]),
+        *("hardness", *IMAGES, *KNOWN, "--force-n", "0.7", "--force-n", "1.2", "--radius-mm", "3", "--ball", IMAGES[0]),
     )
     assert refused.code == 2
     assert "--ball-force-n must be given once for each --ball" in refused.err
     refused = run_tsis(
-        *("hardness", IMAGES[1], *KNOWN, "--force", "1.2", "--radius", "3"),
+        *("hardness", IMAGES[1], *KNOWN, "--force-n", "1.2", "--radius-mm", "3"),
         *("--ball", IMAGES[0], "--ball-force-n", "0.7"),
     )
     assert refused.code == 2
@@ -81,7 +81,7 @@ def test_a_rigid_ball_is_taken_as_reference(run_tsis: RunTsis) -> None:
         (("a.png",), "--calibration"),
         (("a.png", "--demo"), "simulate the presses"),
         (("--virtual", "cl2004x"), "did you mean 'cl2003x'"),
-        (("--demo", "--force", "-1"), "forces_n must lie in"),
+        (("--demo", "--force-n", "-1"), "forces_n must lie in"),
         (("--demo", "--probe", "tsis-2012"), "no probe is called"),
     ],
 )

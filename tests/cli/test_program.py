@@ -12,7 +12,7 @@ import pytest
 import typer.main
 
 import tsis
-from tsis.cli._app import COMMANDS, OLD_OPTIONS, app
+from tsis.cli._app import COMMANDS, app
 from tsis.records.store import open_store
 
 if TYPE_CHECKING:
@@ -50,44 +50,6 @@ def test_a_wrong_option_is_one_sentence(run_tsis: RunTsis, arguments: list[str],
     assert finished.err.startswith("Error: ")
     assert sentence in finished.err
     assert finished.err.count("\n") == 1
-
-
-@pytest.mark.parametrize(
-    ("arguments", "old", "new", "values"),
-    [
-        (["demo", "--probe", "mine.toml"], "--keep", "--save", []),
-        (["hardness", "--demo", "--probe", "mine.toml"], "--keep", "--save", []),
-        (["examine", "press.png"], "--keep", "--save", []),
-        (["acquire", "--frames", "2"], "--keep", "--save", []),
-        (["study", "run", "absent"], "--keep", "--save", ["records"]),
-        (["examine", "press.png"], "--plain", "--reference-press", ["reference.png"]),
-        (["hardness", "press.png"], "--force", "--force-n", ["1"]),
-        (["hardness", "press.png"], "--radius", "--radius-mm", ["12"]),
-        (["track", "press.png"], "--plain", "--reference-press", ["reference.png"]),
-        (
-            ["network", "apply", "absent.json", "press.png", "--calibration", "absent.json", "--force-n", "1"],
-            "--plain",
-            "--reference-press",
-            ["reference.png"],
-        ),
-        (["examine", "press.png"], "--plain-force-n", "--reference-force-n", ["1"]),
-        (["calibrate", "guide"], "--gauge-share", "--gauge-uncertainty", ["0.9"]),
-        (["study", "plan", "--width-mm", "20", "--height-mm", "20"], "--reach", "--detection-range", ["absent.csv"]),
-        (["study", "plan", "--width-mm", "20", "--height-mm", "20"], "--reach-mm", "--detection-range-mm", ["-1"]),
-    ],
-)
-def test_a_renamed_option_works_by_its_old_name_too(
-    run_tsis: RunTsis, arguments: list[str], old: str, new: str, values: list[str]
-) -> None:
-    renamed = run_tsis(*arguments, new, *values)
-    assert renamed.code == (1 if arguments == ["study", "run", "absent"] else 2)  # of which there is no folder
-    assert "No such option" not in renamed.err
-    assert "Missing" not in renamed.err
-    assert run_tsis(*arguments, old, *values) == renamed
-    assert old.removeprefix("--") in OLD_OPTIONS
-    words = run_tsis(*arguments[: 2 if arguments[0] in ("study", "network", "calibrate") else 1], "--help").out.split()
-    assert new in words
-    assert old not in words
 
 
 def test_an_interrupt_is_said(run_tsis: RunTsis, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

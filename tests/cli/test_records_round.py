@@ -130,7 +130,7 @@ def test_a_hardness_is_kept_and_made_again(run: RunTsis, tmp_path: Path, monkeyp
     told(run, "hardness", "--demo", "--save", *store, "--out", tmp_path / "touch")
     frames = [tmp_path / "touch" / f"press-{force}N.png" for force in (0.7, 1.2)]
     known = ("--calibration", tmp_path / "touch" / "calibration.json", "--scale-mm", "0.0336,0.0392")
-    radius = ("--force", "0.7", "--force", "1.2", "--radius", "3", "--radius-sd-mm", "0.02")
+    radius = ("--force-n", "0.7", "--force-n", "1.2", "--radius-mm", "3", "--radius-sd-mm", "0.02")
     told(run, "hardness", *frames, *known, *radius, "--save", *store, "--out", tmp_path / "again")
     shown = [told(run, "records", "show", number, *store)["estimate"] for number in ("1", "2")]
     assert [each["kind"] for each in shown] == ["hardness", "hardness"]

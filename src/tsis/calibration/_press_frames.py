@@ -203,7 +203,7 @@ def _of_demo(folder: Path, source: Path) -> Iterator[_SavedFrame]:
             image = read_image(file, mm_per_pixel=scale, force_n=force)
             if grey_sha256(image.grey) != entry["sha256"]:
                 raise file_error(file, "must be the frame that was estimated; its grey levels are others")
-            strain = from_json_value(str, entry["settings"].get("strain", "small"), "strain")  # older demos state none
+            strain = from_json_value(str, entry["settings"]["strain"], "strain")
             image = replace(image, settings={**image.settings, "strain": strain})
             yield _SavedFrame(file=file, role=role, target=None, image=image, probe=probe)
     untouched = own_file(folder, UNTOUCHED_FILE)

@@ -145,23 +145,6 @@ COMMANDS = {
     ),
 }
 
-OLD_OPTIONS = {  # each still works, and no help shows it
-    "keep": "save",
-    "plain": "reference-press",
-    "plain-force-n": "reference-force-n",
-    "gauge-share": "gauge-uncertainty",
-    "force": "force-n",
-    "radius": "radius-mm",
-    "reach": "detection-range",
-    "reach-mm": "detection-range-mm",
-}
-
-
-def current_name(option: str) -> str:
-    """The name of an option that was renamed, any other as it is."""
-    return OLD_OPTIONS.get(option, option)
-
-
 HELP = f"""Usage: tsis COMMAND [ARGUMENTS] [OPTIONS]        Start with: tsis demo
 
 Open software for optical tactile imaging.
@@ -187,7 +170,7 @@ app = typer.Typer(
     name="tsis",
     cls=LazyCommands.of(COMMANDS, HELP),
     pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"], "token_normalize_func": current_name},
+    context_settings={"help_option_names": ["-h", "--help"]},
 )
 
 

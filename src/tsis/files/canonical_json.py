@@ -42,17 +42,9 @@ def parse_canonical(text: str, what: str) -> Any:
         ) from error
 
 
-def content_sha256(value: Any, *, spaced: bool = False, escaped: bool = False) -> str:
-    """SHA-256 of a JSON value in its canonical form: equal content has an equal hash on every machine.
-
-    ``spaced`` puts a space after each separator and ``escaped`` escapes letters beyond ASCII, as in the hashes of
-    formats that are older than the canonical form.
-    """
-    if not spaced and not escaped:
-        return hashlib.sha256(canonical(value).encode()).hexdigest()
-    separators = (", ", ": ") if spaced else (",", ":")
-    text = json.dumps(value, sort_keys=True, separators=separators, allow_nan=False, ensure_ascii=escaped)
-    return hashlib.sha256(text.encode()).hexdigest()
+def content_sha256(value: Any) -> str:
+    """SHA-256 of a JSON value in its canonical form: equal content has an equal hash on every machine."""
+    return hashlib.sha256(canonical(value).encode()).hexdigest()
 
 
 def digest(values: Mapping[str, Any]) -> str:

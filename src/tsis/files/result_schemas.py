@@ -61,8 +61,6 @@ RESULT_SCHEMAS: Mapping[str, int] = MappingProxyType(
 def require_known_schema(document: Mapping[str, Any], source: str) -> None:
     """Refuse a JSON result of a newer version than this program reads; ``source`` names it in the message.
 
-    Results without a schema are those of version 0.1.0, which had none.
-
     Raises
     ------
     FileInputError
@@ -76,8 +74,6 @@ def require_known_schema(document: Mapping[str, Any], source: str) -> None:
     tsis.errors.FileInputError: result.json must be of tsis-demo up to version 1; got version 9: update tsis to read it
     """
     schema = document.get("schema")
-    if schema is None:
-        return
     fields = schema if isinstance(schema, dict) else {}
     name, version = str(fields.get("name")), fields.get("version")
     if name not in RESULT_SCHEMAS or type(version) is not int or version < 1:

@@ -244,11 +244,8 @@ def _covered(probe: Probe, prior: InclusionPrior) -> FullContactSurrogate:
 
 
 def stated_strain(settings: Iterable[Mapping[str, Any]]) -> str:
-    """Strain at which frames with these settings are estimated: small where a virtual probe made all of them so.
-
-    Frames of virtual cameras of earlier releases do not state it; they were pressed at small strain.
-    """
-    stated = {item.get("strain", "small" if item.get("source") == "virtual" else "finite") for item in settings}
+    """Strain at which frames with these settings are estimated: small where a virtual probe made all of them so."""
+    stated = {item.get("strain", "finite") for item in settings}
     return "small" if stated == {"small"} else "finite"
 
 

@@ -15,7 +15,7 @@ from tsis.hardness import HARDNESS_FLAGS as HARDNESS_FLAGS
 from tsis.inclusion import INCLUSION_FLAGS as INCLUSION_FLAGS
 from tsis.model import INTERVAL_LEVEL, NOT_TRUSTED, UNITS, PosteriorSamples
 from tsis.records.database import derived
-from tsis.records.provenance import EARLIER_LIBRARY, LIBRARIES
+from tsis.records.provenance import LIBRARIES
 from tsis.records.recomputation import OPTIONS, PRIORS
 
 if TYPE_CHECKING:
@@ -150,9 +150,7 @@ def _environment(environment: Mapping[str, Any]) -> dict[str, Any]:
     if isinstance(code := environment.get("code_sha256"), str) and SHA256.fullmatch(code):
         document["code_sha256"] = code
     if isinstance(libraries := environment.get("libraries"), Mapping):
-        document["libraries"] = {
-            name: libraries[name] for name in (*LIBRARIES, EARLIER_LIBRARY) if _is_version(libraries.get(name))
-        }
+        document["libraries"] = {name: libraries[name] for name in LIBRARIES if _is_version(libraries.get(name))}
     return document
 
 

@@ -479,14 +479,14 @@ def require_savable(frames: Sequence[TactileImage]) -> None:
         if len(frame.name) > LONGEST_NAME:
             raise InputError(
                 f"the name of a file must have at most {LONGEST_NAME} characters, to be saved; {frame.name[:40]!r}... "
-                f"has {len(frame.name)} (give it a shorter one, or leave out --keep)"
+                f"has {len(frame.name)} (give it a shorter one, or leave out --save)"
             )
         try:
             whole_levels(frame.grey, frame.full_scale)
         except InputError as error:
             raise InputError(
                 f"{frame.name!r} must hold the grey levels that the camera gave, to be saved; got levels between them, "
-                "as of a colour picture (save it as a grey PNG file and use that everywhere, or leave out --keep)"
+                "as of a colour picture (save it as a grey PNG file and use that everywhere, or leave out --save)"
             ) from error
 
 

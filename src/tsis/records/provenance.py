@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 
 LIBRARIES = ("numpy", "scipy", "numba", "scikit-image", "pillow")
-EARLIER_LIBRARY = "opencv-python-headless"  # in the environment of earlier estimates
 
 
 def environment() -> dict[str, Any]:

@@ -500,7 +500,7 @@ def _batch(folder: Path, document: dict[str, Any], progress: Callable[[], None])
     inclusion = phantom.get("inclusion")
     names = () if inclusion is None else TRUTH
     truth = {name: from_json_value(float, inclusion[name], f"inclusion.{name}") for name in names}
-    options = {"prior": dict(reported["prior"]), "strain": reported.get("strain", "small")}  # older demos state none
+    options = {"prior": dict(reported["prior"]), "strain": from_json_value(str, reported["strain"], "strain")}
     requested = RequestedEstimate(kind="inclusion", probe=probe, calibration=calibration, options=options)
     _require_estimable(requested)
     return ImportBatch(

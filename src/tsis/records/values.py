@@ -15,9 +15,7 @@ import numpy as np
 from tsis.__about__ import LARGEST_TARGET
 from tsis.errors import InputError, RecordsError
 from tsis.files import SHA256, from_json_value, to_json_value
-from tsis.inclusion import presence_caveats
 from tsis.model import (
-    ABSENCE_FLAG,
     INCLUSION_RANGES,
     ContentValue,
     Estimate,
@@ -322,9 +320,6 @@ def parse_force(text: str, *, called: str = "force_n", nothing: str = "none") ->
     return require_number(called, value, 0.0, LARGEST_FORCE_N)
 
 
-LATER = ("log_bayes_factor", "presence_trusted")  # fields that the first estimates did not have
-
-
 def estimate_to_json(stored: StoredEstimate) -> dict[str, Any]:
     """JSON values of a stored estimate without its samples, which `samples_bytes` writes.
 
@@ -335,19 +330,8 @@ def estimate_to_json(stored: StoredEstimate) -> dict[str, Any]:
     """
     estimate = stored.estimate
     prior_sd = {name: float(sd) for name, sd in estimate.prior_sd.items()}
-    result = {"prior_sd": prior_sd} | to_json_value(estimate, without=("untrusted", *LATER))
-    # Earlier estimates lack these; their hash must not change.
-    if estimate.log_bayes_factor is not None:
-        result["log_bayes_factor"] = float(estimate.log_bayes_factor)
-    if estimate.presence_trusted != _presence_trusted(estimate.trusted, estimate.flags):
-        result["presence_trusted"] = estimate.presence_trusted
+    result = {"prior_sd": prior_sd} | to_json_value(estimate, without=("untrusted",))
     return to_json_value(stored, without=("estimate",)) | {"estimate": result}
-
-
-def _presence_trusted(trusted: Any, flags: Any) -> Any:
-    """Whether the presence of an estimate may be used that does not say so: "no inclusion" alone is an answer."""
-    listed = flags if isinstance(flags, (list, tuple)) else ()  # whoever forged them is refused when they are read
-    return trusted or (ABSENCE_FLAG in listed and not presence_caveats(map(str, listed)))
 
 
 def estimate_from_json(
@@ -360,13 +344,9 @@ def estimate_from_json(
     if isinstance(document, dict) and isinstance(result := document.get("estimate"), dict):
         if "samples" in result:
             raise InputError(f"{where}.estimate must hold no samples, which have a file of their own")
-        later = {
-            "log_bayes_factor": None,
-            "presence_trusted": _presence_trusted(result.get("trusted"), result.get("flags")),
-        }
         posterior = {"samples": dict(samples), "prior_sd": result.get("prior_sd")}
         others = {name: value for name, value in result.items() if name != "prior_sd"}
-        document = document | {"estimate": later | others | {"untrusted": posterior}}
+        document = document | {"estimate": others | {"untrusted": posterior}}
     return from_json_value(StoredEstimate, document, where, complete=True)
 
 

@@ -111,7 +111,7 @@ START = ("format", "version", "tsis", "libraries", "plan_sha256", "plan")
 
 def manifest_sha256(document: Mapping[str, Any]) -> str:
     """SHA-256 of a part of a manifest, from its JSON."""
-    return content_sha256(document, spaced=True, escaped=True)
+    return content_sha256(document)
 
 
 MOST_NAMED = 5

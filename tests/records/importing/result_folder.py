@@ -46,10 +46,11 @@ def make_demo(
     response = Calibration(gain_grey_per_kpa=2.0, saturation_kpa=100.0, name="virtual", probe="tsis-domed")
     known = ProbeCalibration(name="virtual", probe="tsis-domed", response=response)
     (folder / "calibration.json").write_bytes(calibration_bytes(known))
-    result: dict[str, Any] = {"probe": {"name": "tsis-domed"}, "prior": asdict(InclusionPrior())}
+    result: dict[str, Any] = {"probe": {"name": "tsis-domed"}, "prior": asdict(InclusionPrior()), "strain": "small"}
     for seed, (kind, names) in zip((pressed, 10), NAMES.items(), strict=True):
         result[kind] = [entry(folder, name, seed + at) for at, name in enumerate(names)]
     cv2.imwrite(str(folder / "untouched.png"), levels(99))
     simulated = {"phantom": {"name": phantom, "inclusion": dict(truth or SIZE_8)}}
-    write(folder, {"command": "demo", "simulated": simulated, "estimate": {"provenance": result}})
+    schema = {"name": "tsis-demo", "version": 1}
+    write(folder, {"schema": schema, "command": "demo", "simulated": simulated, "estimate": {"provenance": result}})
     return folder

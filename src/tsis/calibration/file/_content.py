@@ -27,22 +27,20 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
-CALIBRATION_FORMAT, CALIBRATION_VERSION = "tsis-calibration", 3
+CALIBRATION_FORMAT, CALIBRATION_VERSION = "tsis-calibration", 1
 LARGEST_BYTES = 128 * 2**20  # maps of a camera of 8 million pixels
-# Parts that earlier versions did not know: where they are absent, the file and its hash are as before.
-LATER: dict[str, Any] = {"tissue": None, "soft_ratio": None, "factor": []}
 
 
 def calibration_sha256(calibration: ProbeCalibration) -> str:
     """SHA-256 of the content, by which results cite the calibration."""
-    sha256 = document_sha256(_without_later(to_json_value(calibration, pack=False)))
+    sha256 = document_sha256(to_json_value(calibration, pack=False))
     assert sha256 is not None  # values contain neither NaN nor endless nesting
     return sha256
 
 
 def calibration_bytes(calibration: ProbeCalibration) -> bytes:
     """Content of the calibration file; `InputError` when it exceeds `LARGEST_BYTES`."""
-    content = _without_later(to_json_value(calibration))
+    content = to_json_value(calibration)
     require_bounded_arrays(content, "calibration")
     document = {
         "format": CALIBRATION_FORMAT,
@@ -105,8 +103,7 @@ def _parsed(document: dict[str, Any], name: str) -> ProbeCalibration:
         raise FileInputError(f"{name} must be a file of {CALIBRATION_FORMAT}; got {document.get('format')!r:.60}")
     if document.get("version") != CALIBRATION_VERSION:
         raise FileInputError(
-            f"{name} must be of version {CALIBRATION_VERSION}; got {document.get('version')!r:.20} "
-            "(calibrate again, or read it with the release of tsis that wrote it)"
+            f"{name} must be of version {CALIBRATION_VERSION}; got {document.get('version')!r:.20} (calibrate again)"
         )
     content = document.get("calibration")
     expected = document_sha256(content)
@@ -127,18 +124,9 @@ def _parsed(document: dict[str, Any], name: str) -> ProbeCalibration:
 def document_sha256(content: Any) -> str | None:
     """SHA-256 of a calibration's JSON values; None for NaN or endless nesting."""
     try:
-        return content_sha256(_as_floats(without_packed_arrays(content)), escaped=True)  # as in all existing files
+        return content_sha256(_as_floats(without_packed_arrays(content)))
     except (ValueError, OverflowError, RecursionError):
         return None
-
-
-def _without_later(content: Any) -> Any:
-    """The values without absent parts that earlier versions did not know."""
-    if isinstance(content, dict):
-        return {
-            name: _without_later(item) for name, item in content.items() if not (name in LATER and item == LATER[name])
-        }
-    return content
 
 
 def _as_floats(content: Any) -> Any:

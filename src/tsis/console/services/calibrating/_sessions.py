@@ -136,7 +136,7 @@ class CalibrationSessions:
         return VirtualCalibrationRig(terms, seed, before=sum(folder.done(step) for step in folder.plan()))
 
     def _virtual(self, terms: SessionSetup) -> SessionSetup:
-        rig = virtual_bench(terms, np.random.default_rng(0), of_probe=True)
+        rig = virtual_bench(terms, np.random.default_rng(0))
         return replace(terms, patch_px=rig.patch_px, settings=rig.settings, pad_sd=PROBE_PAD_SD)
 
     def _with_camera(self, terms: SessionSetup) -> SessionSetup:
@@ -176,12 +176,9 @@ def _summary(folder: SessionFolder) -> SessionSummary:
     )
 
 
-def virtual_bench(terms: SessionSetup, rng: np.random.Generator, *, of_probe: bool) -> VirtualBench:
-    """The virtual rig of a session: that of the virtual probe of its seed, or one of its own as in older sessions."""
-    probe = load_probe(terms.probe)
-    if not of_probe:
-        return VirtualBench(probe, rng=rng, pitch_mm=terms.pitch_mm)
-    rig = VirtualProbe(probe, rng=np.random.default_rng(bench_seed(terms.camera)), strain="small")
+def virtual_bench(terms: SessionSetup, rng: np.random.Generator) -> VirtualBench:
+    """The virtual rig of a session: that of the virtual probe of its seed."""
+    rig = VirtualProbe(load_probe(terms.probe), rng=np.random.default_rng(bench_seed(terms.camera)), strain="small")
     return VirtualBench.of(rig, rng=rng, pitch_mm=terms.pitch_mm)
 
 
@@ -211,15 +208,14 @@ class VirtualCalibrationRig:
     def shots(self, step: CalibrationStep, over: Callable[[], bool]) -> Iterator[CalibrationFrame]:
         """Yield a step's frames."""
         if self._rig is None:
-            of_probe = bool(self._terms.settings)
-            source = np.random.PCG64([self._seed, 1] if of_probe else self._seed)  # the probe itself has its seed
-            self._rig = virtual_bench(self._terms, np.random.Generator(source), of_probe=of_probe)
+            source = np.random.PCG64([self._seed, 1])  # the probe itself has its seed
+            self._rig = virtual_bench(self._terms, np.random.Generator(source))
             source.advance(self._before * FAR)
         return self._rig.shots(step)
 
     def finished(self, measured: ProbeCalibration) -> ProbeCalibration:
         """The calibration at the exposure of the virtual probe, on which it is used."""
-        return tissue_calibration(measured, Sensor()) if measured.settings else measured
+        return tissue_calibration(measured, Sensor())
 
     def frame(self, force_n: float) -> CalibrationFrame:
         """Never: it loads by itself."""
