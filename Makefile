@@ -26,7 +26,7 @@ test: $(VENV)/.dev  ## install, then run the quick tests and all doctests: in pr
 
 peers: $(VENV)/.peers  ## real cameras' libraries for test-system; .ci/run lists Debian's packages
 
-test-system: $(VENV)/.dev  ## the tests that start programs, browsers, cameras, PostgreSQL or a DICOM archive
+test-system: $(VENV)/.dev  ## the tests that start programs, browsers, cameras, PostgreSQL or judges of DICOM files
 	$(BIN)/pytest $(PYTEST_FLAGS) -m "system and not slow and not benchmark and not release" tests docs
 
 test-slow: $(VENV)/.dev  ## the tests that take minutes

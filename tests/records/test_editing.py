@@ -7,7 +7,7 @@ from datetime import timedelta
 from typing import TYPE_CHECKING
 
 import pytest
-from tests.records.sample import WHEN, levels, sample_record
+from tests.records.sample import WHEN, levels
 
 from tsis.errors import InputError, StaleRecordError
 from tsis.model import TactileImage
@@ -84,15 +84,3 @@ def test_names_are_one_line_and_notes_may_be_more(store: Store) -> None:
     with pytest.raises(InputError, match="name must be one line"):
         store.edit_target(target, name="two\nlines")
     assert store.edit_target(target, note="three\nof\nthem").name == "one line"
-
-
-def test_what_earlier_releases_accepted_stays_readable_and_can_be_mended(store: Store) -> None:
-    record = sample_record()
-    odd = replace(record.target, name="two\nlines", truth={"diameter_mm": -1.0})
-    store.import_target(replace(record, target=odd))
-    read = store.target(odd.number)
-    assert (read.name, dict(read.truth)) == ("two\nlines", {"diameter_mm": -1.0})
-    noted = store.edit_target(read, note="mend its truth")
-    mended = store.edit_target(noted, truth={"diameter_mm": 1.0}, name="one line")
-    assert (mended.note, mended.name) == ("mend its truth", "one line")
-    assert verify_store(store).sound

@@ -15,7 +15,7 @@ from tsis.files import canonical, digest_or_none, from_json_value, parse_canonic
 from tsis.model import require_one_of
 from tsis.records import schema as tables
 from tsis.records.audit import AuditChange, last_content
-from tsis.records.values import StoredPress, Target, estimate_from_json, estimate_to_json, validated_entries
+from tsis.records.values import StoredPress, Target, estimate_from_json, estimate_to_json
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -171,7 +171,7 @@ EDITABLE = {"target": ("name", "note", "truth"), "press": ("role", "force_n", "f
 
 def target_edit(target: Target, changes: Mapping[str, Any]) -> Callable[[Connection], tuple[Target, list[AuditChange]]]:
     """A function that applies changes to a target; `InputError` when a value is invalid or cannot be changed."""
-    changed = _columns(target_row(validated_entries(_edited(target, "target", changes), changes)), changes)
+    changed = _columns(target_row(_edited(target, "target", changes)), changes)
 
     def enter(connection: Connection) -> tuple[Target, list[AuditChange]]:
         change = update_row(connection, tables.target_table, target, changed)

@@ -79,7 +79,6 @@ from tsis.records.values import (
     Target,
     require_label,
     require_moment,
-    validated_entries,
 )
 
 if TYPE_CHECKING:
@@ -259,7 +258,7 @@ class Store(StoreReader):
             if number is not None and is_taken(connection, number):
                 raise InputError(f"number must be that of no target of this store; {number} is taken")
             target = replace(requested, number=next_number(connection)) if number is None else requested
-            return target, [insert_row(connection, tables.target_table, rows.target_row(validated_entries(target)))]
+            return target, [insert_row(connection, tables.target_table, rows.target_row(target))]
 
         return self._write(enter)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import secrets
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from types import MappingProxyType
@@ -115,6 +115,8 @@ class Target(ContentValue):
         require_integer("number", self.number, 1, LARGEST_TARGET, hint="number of the target")
         require_one_of("kind", self.kind, KINDS)
         require_text("name", self.name, LONGEST_NAME)
+        if "\n" in self.name:
+            raise InputError(f"name must be one line; got {self.name!r:.80} (a note may have several)")
         require_text("note", self.note, LONGEST_NOTE)
         require_moment("made", self.made)
         require_integer("version", self.version, 1, LARGEST_VERSION)
@@ -123,21 +125,11 @@ class Target(ContentValue):
             raise InputError(f"truth must be empty for a subject, of whom nothing is known; got {dict(self.truth)}")
         for name in self.truth:
             require_label("a name in truth", name)
-        truth = {name: require_number(f"truth[{name!r}]", value, *TRUTH_RANGE) for name, value in self.truth.items()}
+        truth = {
+            name: require_number(f"truth[{name!r}]", value, *INCLUSION_RANGES.get(name, TRUTH_RANGE))
+            for name, value in self.truth.items()
+        }
         object.__setattr__(self, "truth", MappingProxyType(truth))
-
-
-def validated_entries(target: Target, names: Collection[str] = ("name", "truth")) -> Target:
-    """The target, after a check of new values in these fields; `InputError` when one is invalid.
-
-    `Target` itself allows more, because stores of earlier releases must stay readable.
-    """
-    if "name" in names and "\n" in target.name:
-        raise InputError(f"name must be one line; got {target.name!r:.80} (a note may have several)")
-    if "truth" in names:
-        for name, value in target.truth.items():
-            require_number(f"truth[{name!r}]", value, *INCLUSION_RANGES.get(name, TRUTH_RANGE))
-    return target
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
