@@ -346,8 +346,8 @@ CUT_SHORT = "the recording was cut short before its report was written; its fram
 def recording(folder: Path, given: ImportOptions, progress: Callable[[], None]) -> ImportBatch:
     """The frames of a recording, with the force of a gauge.
 
-    A recording has its start time and the delay of each frame. Without the start time, in an interrupted recording or
-    one of an old release, the modification time of the index is that of the last frame.
+    A recording has its start time and the delay of each frame. In an interrupted recording, which has no start
+    time, the modification time of the index is that of the last frame.
 
     `FileInputError` when it is no such folder, is a video, or its index does not fit its frames.
     """
@@ -445,7 +445,7 @@ def _full_scale(summary: dict[str, Any] | None) -> float | None:
 
 def _clock(folder: Path, summary: dict[str, Any] | None, *, last_s: float) -> tuple[datetime, float]:
     """A time of day, and ``arrived_s`` at that time."""
-    if summary is None or "begun" not in summary:
+    if summary is None:
         return modification_time(folder / RECORDING_INDEX), last_s
     try:
         begun = from_json_value(datetime, summary["begun"], f"{RECORDING_SUMMARY}.begun")
