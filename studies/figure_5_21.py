@@ -16,12 +16,13 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
+from benchmarks.matching.distort import Distortion, distort
+from benchmarks.matching.trials import matching_error
 from skimage import data
 from skimage.feature import corner_peaks, corner_shi_tomasi
 from studies.shown import Shown
 
 from tsis.matching import match_points
-from tsis.matching.trials import Distortion, distort, matching_error
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -20,17 +20,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from benchmarks.matching.figures import curves_over_levels
+from benchmarks.matching.methods import BenchmarkMethod
+from benchmarks.matching.runs import run_trials
+from benchmarks.matching.summary import summarise
+from benchmarks.matching.trials import LEVEL_LABELS, PUBLIC_FILE, distorted_set
 from studies.shown import Shown
-
-from tsis.matching.trials import LEVEL_LABELS, PUBLIC_FILE, BenchmarkMethod, distorted_set, run_trials, summarise
-from tsis.present.figures import curves_over_levels
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from benchmarks.matching.distort import Family
+    from benchmarks.matching.summary import TrialSummary
     from matplotlib.figure import Figure
-
-    from tsis.matching.trials import Family, TrialSummary
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data" / "matching"
 METHODS = {"tprl": "TPRL", "shape-context": "SC", "tps-rpm": "TPS-RPM", "rpm-lns": "RPM-LNS", "cpd": "CPD"}

@@ -18,10 +18,11 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
+from benchmarks.matching.methods import BenchmarkMethod
+from benchmarks.matching.runs import run_trials
+from benchmarks.matching.trials import HIDDEN_FRACTIONS, SEPARATIONS, SEQUENCE_FILE, hotel_trials
 from studies.figures_5_14_to_5_18 import DATA, METHODS
 from studies.shown import Shown
-
-from tsis.matching.trials import HIDDEN_FRACTIONS, SEPARATIONS, SEQUENCE_FILE, BenchmarkMethod, hotel_trials, run_trials
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

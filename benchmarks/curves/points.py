@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from benchmarks.curves.curve import Curve, Line
-from benchmarks.matching import speed_trial
-
-from tsis.matching.trials import BenchmarkMethod
+from benchmarks.matching.__main__ import speed_trial
+from benchmarks.matching.methods import BenchmarkMethod
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -12,19 +12,19 @@ import numpy as np
 from benchmarks.hostile.bytes_changed import damaged
 from benchmarks.hostile.loader import Loader
 from benchmarks.hostile.picture_loaders import token
+from benchmarks.matching.runs import TRIAL_ROW_HEAD, read_trial_rows
+from benchmarks.matching.trials import PUBLIC_FILE, public_trials
 
 from tsis.files import cached_arrays, cached_sha256
 from tsis.instrument.gauge import RecordedGauge
 from tsis.matching import csv_text, read_points
-from tsis.matching.trials import PUBLIC_FILE, TRIAL_ROW_HEAD, public_trials, read_trial_rows
 
 if TYPE_CHECKING:
     from collections.abc import Hashable
     from pathlib import Path
 
+    from benchmarks.matching.distort import Trial
     from numpy.typing import NDArray
-
-    from tsis.matching.trials import Trial
 
 CACHE, KEY = "fits", "0123456789abcdef"
 

@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from benchmarks.hot.place import version
-from benchmarks.matching import speed_trial
+from benchmarks.matching.__main__ import speed_trial
+from benchmarks.matching.methods import BenchmarkMethod
+from benchmarks.matching.trials import matching_error
 from benchmarks.peers.placement_matrix import area_and_variance
 from benchmarks.posterior_speed import DENSE, PROTOCOLS, Bench, grid_within_reach
 from benchmarks.store_speed import BEGUN, frame, kept_plainly, plain_database
@@ -18,7 +20,6 @@ from benchmarks.turns import Contest, Side, timed
 from sklearn.metrics import roc_auc_score
 
 from tsis.inclusion.posterior import explore_inclusion
-from tsis.matching.trials import BenchmarkMethod, matching_error
 from tsis.records.store import open_store
 from tsis.study.roc import auc_covariance
 
@@ -26,8 +27,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from benchmarks.hot.place import Place
+    from benchmarks.matching.distort import Trial
 
-    from tsis.matching.trials import Trial
     from tsis.model import TactileImage
 
 POINTS = (105, 1000)

@@ -3,10 +3,11 @@
 from pathlib import Path
 
 import numpy as np
+from benchmarks.matching.distort import Distortion, distort, strokes
+from benchmarks.matching.trials import matching_error
 from matplotlib.figure import Figure
 
 from tsis.matching import register
-from tsis.matching.trials import Distortion, distort, matching_error, strokes
 from tsis.present.figures import point_sets
 
 

@@ -6,11 +6,12 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
-from benchmarks.matching_trust import best_peers, draw_reliability, ratio_table, tenths, trust_table
-from benchmarks.matching_trust_shapes import trust_trial
+from benchmarks.matching.summary import TrustCase, trust_cases
+from benchmarks.matching.trials import matching_error
+from benchmarks.matching.trust import best_peers, draw_reliability, ratio_table, tenths, trust_table
+from benchmarks.matching.trust_shapes import trust_trial
 
 from tsis.matching import match_points
-from tsis.matching.trials import TrustCase, matching_error, trust_cases
 
 if TYPE_CHECKING:
     from pathlib import Path

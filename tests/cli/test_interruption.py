@@ -146,7 +146,6 @@ def changes(before: dict[str, str], after: dict[str, str]) -> dict[str, str]:
 
 LEFT = {  # what an interrupted command may leave, each file complete: the same command continues with it
     "calibrate guide": r"tsis-calibration-frames(/.*)?",
-    "match bench": r"matching(/rows\.csv)?",
     "sweep run": r"data(/.*\.parquet|/manifest\.json)?",
     "login add": r"user",  # the empty folder of the user's logins
     "records import": r"records(/.*)?",
@@ -161,7 +160,7 @@ RECORDING = "acquire"  # Ctrl-C ends a recording, which is complete as it is
 NEEDED = {  # by the commands after it
     *("demo", "acquire", "calibrate make", "detect train", "network train", "login add", "sweep example"),
     *("study new", "study run", "study export", "study import"),
-    *("calibrate guide", "match bench", "sweep run", "records import", "study analyse"),  # they continue
+    *("calibrate guide", "sweep run", "records import", "study analyse"),  # they continue
 }
 
 

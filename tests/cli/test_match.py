@@ -1,30 +1,22 @@
 from __future__ import annotations
 
-import io
 import json
-import shutil
-import sys
-from contextlib import redirect_stdout
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from benchmarks.matching import DATA
+from benchmarks.matching.trials import generated_trials
 from matplotlib.figure import Figure
 from PIL import Image
 
-from tsis.cli import main
 from tsis.matching import UNMATCHED, read_points, register
-from tsis.matching.trials import read_trial_rows
-from tsis.matching.trials._trials import generated_trials
 from tsis.present.matching import draw_poses, draw_registration
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from benchmarks.matching.distort import Trial
     from tests.cli.conftest import RunTsis
-
-    from tsis.matching.trials import Trial
 
 
 def words(text: str) -> str:
@@ -63,7 +55,6 @@ def test_json_is_the_whole_result(run_tsis: RunTsis, pair: Trial) -> None:
     assert found["matched"] == sum(match != UNMATCHED for match in found["matches"])
     assert found["rms_after"] < 0.05 < found["rms_before"]
     assert 0 <= found["confidence"] <= 1
-    assert json.loads(run_tsis("match", "points", "a.csv", "b.npy", "--method", "cpd", "--json").out) == found
 
 
 def test_the_page_shows_sets_grid_and_poses(run_tsis: RunTsis, pair: Trial, tmp_path: Path) -> None:
@@ -132,11 +123,6 @@ def test_points_of_space_and_another_format(run_tsis: RunTsis, tmp_path: Path) -
     assert (tmp_path / "match.png").stat().st_size > 10_000
 
 
-def test_a_file_called_as_a_command_is_named_by_its_folder(run_tsis: RunTsis, pair: Trial, tmp_path: Path) -> None:
-    (tmp_path / "a.csv").rename(tmp_path / "bench")
-    assert "bench (60 points)" in run_tsis("match", "./bench", "b.npy", "--method", "cpd").out
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -181,117 +167,5 @@ def test_bad_input_is_one_sentence(
     assert sorted(path.name for path in tmp_path.iterdir()) == before
 
 
-def test_help_of_all_three_ends_with_examples(run_tsis: RunTsis) -> None:
-    assert "Example: tsis match before.csv after.csv" in words(run_tsis("match", "--help").out)
-    assert words(run_tsis("match").out) == words(run_tsis("match", "-h").out)
-    assert "Example: tsis match before.csv after.ply" in words(run_tsis("match", "points", "--help").out)
-    assert "Example: tsis match bench" in words(run_tsis("match", "bench", "--help").out)
-
-
-BENCH = ("match", "bench", "--methods", "cpd,shape-context", "--levels", "1", "--families", "noise,outliers")
-
-
-@pytest.fixture(scope="module")
-def benched(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
-    """The folder of a finished benchmark on generated shapes, and what it printed."""
-    folder = tmp_path_factory.mktemp("benched")
-    printed = io.StringIO()
-    with pytest.MonkeyPatch.context() as patch, redirect_stdout(printed):
-        patch.chdir(folder)
-        patch.setattr(sys, "argv", ["tsis", *BENCH, "--trials", "1", "--out", "bench"])
-        with pytest.raises(SystemExit) as stop:
-            main()
-    assert not stop.value.code
-    return folder / "bench", printed.getvalue()
-
-
-@pytest.mark.slow
-def test_bench_on_generated_shapes(benched: tuple[Path, str]) -> None:
-    folder, printed = benched
-    assert "noise: 2 trials" in words(printed)
-    assert "1.00 [1.00, 1.00]" in printed  # cpd is the best of itself
-    assert "Research use only" in printed
-    names = sorted(path.name for path in folder.iterdir())
-    assert names == ["noise.png", "outliers.png", "result.json", "rows.csv", "summary.csv"]
-    result = json.loads((folder / "result.json").read_text())
-    assert len(result["pooled"]) == 4
-    assert len(result["levels"]) == 2 * 2 * 2
-    rows = read_trial_rows(folder / "rows.csv")
-    assert len(rows) == 2 * 2 * 2
-    means = {(each["group"], each["method"]): each["mean"] for each in result["pooled"]}
-    errors = [row.error for row in rows if row.group.endswith("/noise") and row.method == "cpd"]
-    assert means["noise", "cpd"] == pytest.approx(np.mean(errors))
-
-
-def test_bench_goes_on_where_it_was_interrupted(
-    run_tsis: RunTsis, benched: tuple[Path, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("tsis.cli.match._bench._figure", lambda *_: Figure())  # drawn in the test above
-    shutil.copytree(benched[0], tmp_path / "bench")
-    file = tmp_path / "bench" / "rows.csv"
-    whole = file.read_text().splitlines(keepends=True)
-    file.write_text("".join(whole[:6]) + whole[6][:10])
-    assert "must be new" in run_tsis(*BENCH, "--trials", "1", "--out", "bench").err
-    assert run_tsis(*BENCH, "--trials", "1", "--out", "bench", "--resume").code == 0
-    again = file.read_text().splitlines(keepends=True)
-    assert again[:6] == whole[:6]
-    assert [line.rsplit(",", 3)[0] for line in again] == [line.rsplit(",", 3)[0] for line in whole]
-
-
-def test_an_interrupted_bench_says_how_to_go_on(
-    run_tsis: RunTsis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def interrupted(*_: object, **__: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("tsis.matching.trials._runs.evaluate_trial", interrupted)
-    finished = run_tsis(*BENCH, "--out", "bench")
-    assert finished.code == 130
-    assert "Resume with: tsis match bench" in finished.err
-    assert finished.err.endswith("--out bench --resume\n")  # as one types it
-
-
-def test_absent_libraries_are_named(run_tsis: RunTsis, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(
-        "tsis.matching.trials._methods.Peer.absent", lambda self: f"{self.library} is not installed", raising=True
-    )
-    finished = run_tsis("match", "bench", "--methods", "cpd,pycpd,pycpd-raw,probreg", "--levels", "1", "--trials", "1")
-    assert "pycpd is not installed; left out: pycpd, pycpd-raw." in words(finished.out)
-    assert "probreg is not installed; left out: probreg." in words(finished.out)
-    assert "must name one that can run here" in run_tsis("match", "bench", "--methods", "pycpd").err
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not DATA.is_dir(), reason="the public trials are not on this machine")
-def test_bench_on_public_trials_and_the_hotel(run_tsis: RunTsis, tmp_path: Path) -> None:
-    finished = run_tsis(
-        *("match", "bench", "--data", DATA, "--families", "noise,hotel", "--levels", "1", "--trials", "1"),
-        *("--methods", "cpd", "--out", "bench", "--json"),
-    )
-    found = json.loads(finished.out)
-    assert {each["group"] for each in found["pooled"]} == {
-        "noise",
-        *(f"hidden {share}" for share in (0, 0.1, 0.2, 0.3)),
-    }
-    assert (tmp_path / "bench" / "hotel.png").stat().st_size > 10_000
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("--levels", "9"), r"level must lie in [1, 6]; got 9"),
-        (("--levels", "1;2"), "whole numbers with commas"),
-        (("--families", "nois"), "did you mean 'noise'"),
-        (("--families", "hotel"), "needs --data"),
-        (("--methods", "tprll"), "did you mean 'tprl'"),
-        (("--shapes", "fish"), "no shape is called 'fish'"),
-        (("--data", "nowhere"), "does not exist; check the name and the folder"),
-        (("--resume",), "--resume needs --out"),
-        (("--trials", "0"), "--trials"),
-    ],
-)
-def test_bad_orders_to_bench_are_one_sentence(run_tsis: RunTsis, arguments: tuple[str, ...], message: str) -> None:
-    finished = run_tsis("match", "bench", *arguments)
-    assert finished.code == 2
-    assert message in words(finished.err)
-    assert finished.err.count("\n") == 1
+def test_help_ends_with_an_example(run_tsis: RunTsis) -> None:
+    assert "Example: tsis match before.csv after.ply" in words(run_tsis("match", "--help").out)

@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from benchmarks.matching.distort import tactile_surface
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -22,7 +23,6 @@ from tsis.matching._posterior import (
     probability_right,
     trust_measures,
 )
-from tsis.matching.trials._distort import tactile_surface
 
 WRONG = 0.245  # 0.1 of the unit box, in root-mean-square radii
 MANY = settings(max_examples=15, derandomize=True, deadline=None)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from benchmarks.matching.distort import even_texture, strokes
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -11,7 +12,6 @@ from scipy.spatial.transform import Rotation
 from tsis.matching._fit import NormalFrame
 from tsis.matching._posterior import pose_posterior
 from tsis.matching._relaxation import Pose, agreed, poses, rotations
-from tsis.matching.trials import even_texture, strokes
 
 FOUND = 0.15  # root-mean-square radii from where the points belong, from which soft pairs find the rest
 

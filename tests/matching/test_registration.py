@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from benchmarks.matching.distort import even_texture, tactile_surface
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -16,8 +17,6 @@ from tsis.matching import METHODS, UNMATCHED, Registration, match_points, regist
 from tsis.matching import _fit as fit
 from tsis.matching import _registration as registration
 from tsis.matching._fit import MatchFit
-from tsis.matching.trials import even_texture
-from tsis.matching.trials._distort import tactile_surface
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

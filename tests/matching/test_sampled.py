@@ -6,16 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from benchmarks.matching.distort import even_texture, fourier_curve, tactile_surface
 from scipy.spatial.distance import cdist
 
 from tsis.matching import UNMATCHED, register
 from tsis.matching import _fit as sampled
 from tsis.matching._fit import drawn, mutual_nearest
-from tsis.matching.trials import even_texture
-from tsis.matching.trials._distort import fourier_curve, tactile_surface
 
 if TYPE_CHECKING:
-    from tsis.matching.trials._distort import Shape
+    from benchmarks.matching.distort import Shape
 
 STATED = 0.05  # of the extent of the shape: what the transform of a sample may be wrong by at most
 FEWEST_RIGHT = 0.5  # of the matches, where the sample of the target holds all of it

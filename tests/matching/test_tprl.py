@@ -6,19 +6,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from benchmarks.matching import DATA
+from benchmarks.matching.distort import even_texture, strokes
+from benchmarks.matching.trials import DATA, matching_error, public_trials
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tsis.matching import _posterior as tprl
 from tsis.matching import register
-from tsis.matching.trials import even_texture, matching_error, public_trials, strokes
 
 if TYPE_CHECKING:
+    from benchmarks.matching.distort import Family, Shape
     from tests.matching.conftest import Warped
-
-    from tsis.matching.trials import Family
-    from tsis.matching.trials._distort import Shape
 
 
 def test_finds_a_smooth_deformation(warped: Warped) -> None:

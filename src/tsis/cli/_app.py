@@ -108,10 +108,10 @@ COMMANDS = {
     ),
     "login": CommandEntry("tsis.cli._console", "login", "Names and passwords for a console that listens on a network."),
     "match": CommandEntry(
-        "tsis.cli.match",
-        "app",
-        "Match two point files: tsis match A B. Write ./bench for a file with the name of a command below. "
-        f"{RESEARCH_USE_ONLY}",
+        "tsis.cli._match",
+        "match",
+        "Match the points of two files and transform the first onto the second.",
+        "tsis match before.csv after.ply --out moved.csv --figure moved.png",
     ),
     "detect": CommandEntry(
         "tsis.cli.detect",

@@ -26,7 +26,7 @@ _RESULTS = {
     "force": ("",),
     "hardness": ("", "contacts"),
     "logins": ("",),
-    "match": ("", "bench"),
+    "match": ("",),
     "network": ("apply", "train"),
     "optics": ("angles", "modes", "propagate", "trace"),
     "protocol": ("",),

@@ -2,7 +2,7 @@
 
 The posterior over poses is a model's; it does not know of the poses that a search missed, nor of deformations that its
 prior does not hold. A logistic regression on its log odds and on how well the best map explains the sets turns it into
-a frequency. `benchmarks.matching_trust --calibrate` fits the weights on the calibration generator.
+a frequency. `benchmarks.matching.trust --calibrate` fits the weights on the calibration generator.
 """
 
 from __future__ import annotations

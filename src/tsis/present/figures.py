@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import textwrap
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from tsis.inclusion.mobility import Mobility
     from tsis.inclusion.relative import Repeats
     from tsis.matching import Alternative
-    from tsis.matching.trials import TrialSummary
     from tsis.model import Estimate, Led, PressField, Probe, TactileImage
     from tsis.optics import GuidedModes
     from tsis.optics.propagation import Propagation
@@ -614,9 +613,6 @@ def repeated_readings(
 
 
 SOURCE, TARGET, PAIR = "#0072b2", "#d55e00", "0.65"  # distinct without red-green vision
-CURVE_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#000000", "#56b4e9", "#e69f00")
-CURVE_MARKS = "ovs^Dp*Xhd<>"
-NAMES = {"failures": "share of failures", "seconds": "median time / s"}
 FEW, LARGE, SMALL = 300, 18.0, 4.0  # points up to which the dots are large
 MOST_DRAWN = 5000  # points of each set
 GRID, GRID_LINES, GRID_SAMPLES, GRID_MARGIN = "0.8", 16, 60, 0.05
@@ -681,52 +677,6 @@ def alternative_pose(alternative: Alternative, target: ArrayLike, ax: Axes) -> A
     if (legend := ax.get_legend()) is not None:
         legend.remove()  # it would hide points of a small panel
     ax.set_title(f"rotation {alternative.rotation_deg:.0f}°, probability {alternative.probability:.3g}")
-    return ax
-
-
-def curves_over_levels(
-    summaries: Sequence[TrialSummary],
-    ax: Axes,
-    *,
-    quantity: Literal["error", "failures", "seconds"],
-    positions: Mapping[str, float],
-    level_label: str,
-    unit: str = "",
-) -> Axes:
-    """Draw the error of each method over the levels of a distortion (figures 5.14 to 5.18 and 5.20).
-
-    Parameters
-    ----------
-    summaries
-        Of one group, the result of `tsis.matching.trials.summarise`.
-    quantity
-        ``"error"`` draws the median as a line and the mean as a separate mark, ``"failures"`` and ``"seconds"`` a
-        line.
-    positions
-        Where each level lies on the axis.
-    level_label
-        Name and unit of the axis.
-    unit
-        Of the error, where it has one.
-    """
-    styles = zip(itertools.cycle(CURVE_COLOURS), itertools.cycle(CURVE_MARKS), strict=False)
-    methods = dict.fromkeys(summary.method for summary in summaries)
-    for order, (method, (colour, mark)) in enumerate(zip(methods, styles, strict=False)):
-        own = [summary for summary in summaries if summary.method == method]
-        position = [positions[item.level] for item in own]
-        line = "-" if order < len(CURVE_COLOURS) else "--"
-        middle = [item.median if quantity == "error" else getattr(item, quantity) for item in own]
-        ax.plot(position, middle, line, color=colour, marker=mark, markersize=4, linewidth=1.2, label=method)
-        if quantity == "error":
-            ax.plot(position, [item.mean for item in own], mark, color=colour, markerfacecolor="none", markersize=8)
-    ending = f" / {unit}" if unit and quantity == "error" else ""
-    label = "RMS error: median (line), mean (open mark)" if quantity == "error" else NAMES[quantity]
-    ax.set(xlabel=level_label, ylabel=label + ending)
-    if quantity == "failures":
-        ax.set_ylim(-0.02, 1.02)
-    else:
-        ax.set_yscale("log")
-    ax.grid(visible=True, alpha=0.3)
     return ax
 
 

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from benchmarks.matching import (
+from benchmarks.matching.__main__ import (
     SPEED_POINTS,
     distorted_targets,
     exponent,
@@ -12,9 +12,10 @@ from benchmarks.matching import (
     texture_trials,
     time_targets,
 )
+from benchmarks.matching.runs import TrialRow
+from benchmarks.matching.summary import summarise, summarise_pooled
 
 from tsis.matching import UNMATCHED
-from tsis.matching.trials import TrialRow, summarise, summarise_pooled
 
 
 def rows_of(name: str, method: str, errors: list[float], *, seconds: float = 0.1) -> list[TrialRow]:

@@ -4,18 +4,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from benchmarks.matching.runs import TRIAL_ROW_HEAD, MatchOutcome, TrialRow, read_trial_rows, run_trials
+from benchmarks.matching.trials import generated_trials, matching_error
 
 from tsis.errors import FileInputError, InputError
-from tsis.matching.trials import TRIAL_ROW_HEAD, TrialRow, matching_error, read_trial_rows, run_trials
-from tsis.matching.trials._runs import MatchOutcome
-from tsis.matching.trials._trials import generated_trials
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from benchmarks.matching.distort import Trial
     from numpy.typing import NDArray
-
-    from tsis.matching.trials import Trial
 
 
 def still(source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.random.Generator) -> MatchOutcome:

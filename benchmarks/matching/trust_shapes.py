@@ -1,4 +1,4 @@
-"""Two independent generators of trials for `benchmarks.matching_trust`: one to calibrate with, the other to test on.
+"""Two independent generators of trials for `benchmarks.matching.trust`: one to calibrate with, the other to test on.
 
 The calibration generator draws Fourier outlines and bends them by Gaussian bumps; the test generator draws teeth, eggs,
 splines and patches and bends them by sines and stretches. They have no shape and no deformation in common.
@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
+from benchmarks.matching.distort import SHAPES, Distortion, Trial, distort
 from scipy.interpolate import CubicSpline
 
 from tsis.matching import UNMATCHED
-from tsis.matching.trials import SHAPES, Distortion, Trial, distort
 
 if TYPE_CHECKING:
     from collections.abc import Callable

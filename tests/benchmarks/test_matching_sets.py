@@ -3,10 +3,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import pytest
-from benchmarks.matching import DATA
+from benchmarks.matching.trials import DATA, distorted_set, hotel_set
 
 from tsis.errors import InputError
-from tsis.matching.trials import distorted_set, hotel_set
 
 if TYPE_CHECKING:
     from pathlib import Path

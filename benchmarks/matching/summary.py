@@ -9,20 +9,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
+from benchmarks.matching.trials import matching_error
 
 from tsis.matching._fit import NormalFrame
 from tsis.matching._posterior import RELIABLE, probability_right, trust_features
 from tsis.matching._registration import fit_and_measures
-from tsis.matching.trials._trials import matching_error
 from tsis.model import require_number
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Sequence
 
+    from benchmarks.matching.distort import Trial
+    from benchmarks.matching.runs import TrialRow
+
     from tsis.matching._fit import Floats
     from tsis.matching._posterior import PosePosterior
-    from tsis.matching.trials._distort import Trial
-    from tsis.matching.trials._runs import TrialRow
 
 
 FAILURE_RMS = 0.1  # least root-mean-square error of a failure, for a shape that about fills the unit box
@@ -100,7 +101,7 @@ def summarise(
     Parameters
     ----------
     rows
-        As `tsis.matching.trials.run_trials` returns them.
+        As `benchmarks.matching.runs.run_trials` returns them.
     rivals
         Methods; all methods are compared with the best of these.
     failure

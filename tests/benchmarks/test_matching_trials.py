@@ -5,27 +5,26 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 import scipy.io
-from benchmarks.matching import DATA
-
-from tsis.errors import FileInputError, InputError
-from tsis.matching import UNMATCHED
-from tsis.matching.trials import (
+from benchmarks.matching.distort import PUBLIC_LEVELS, Trial
+from benchmarks.matching.trials import (
+    DATA,
     FAMILIES,
     LEVEL_LABELS,
     PUBLIC_FILE,
     SEQUENCE_FILE,
-    Trial,
+    generated_trials,
     hotel_trials,
     matching_error,
     public_trials,
 )
-from tsis.matching.trials._distort import PUBLIC_LEVELS
-from tsis.matching.trials._trials import generated_trials
+
+from tsis.errors import FileInputError, InputError
+from tsis.matching import UNMATCHED
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tsis.matching.trials import Family
+    from benchmarks.matching.distort import Family
 
 with_data = pytest.mark.skipif(not DATA.is_dir(), reason="the public trials are not on this machine")
 

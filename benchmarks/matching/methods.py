@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+from benchmarks.matching.runs import MatchOutcome
 
 from tsis.errors import MissingExtraError
 from tsis.matching._registration import METHODS, match_points
-from tsis.matching.trials._runs import MatchOutcome
 from tsis.model import require_one_of
 
 if TYPE_CHECKING:
@@ -126,7 +126,7 @@ class BenchmarkMethod:
     Attributes
     ----------
     name
-        One of `OWN_METHODS`, or of `tsis.matching.trials.PEERS`.
+        One of `OWN_METHODS`, or of `benchmarks.matching.methods.PEERS`.
     """
 
     name: str

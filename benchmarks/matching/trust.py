@@ -1,11 +1,11 @@
 """How often each matching method is confidently wrong, or withholds a right answer, on shapes of a second generator.
 
-    python -m benchmarks.matching_trust --seed 1001 --cases 40 --rows trust.jsonl --peers pycpd --figure trust.png
+    python -m benchmarks.matching.trust --seed 1001 --cases 40 --rows trust.jsonl --peers pycpd --figure trust.png
 
 runs ``--cases`` trials of each family and degradation, and prints the tables. A run that was stopped continues with the
-rows in the file. ``--peers`` are programs of `tsis.matching.trials.PEERS`; with ``--chosen-by FILE``, rows of the
-calibration generator, each cell is compared with the peer that erred least there. ``--figure`` draws the reliability
-diagram. ``--rate`` computes the confidence of rows again, of a version with the same search and other weights.
+rows in the file. ``--peers`` are programs of `benchmarks.matching.methods.PEERS`; with ``--chosen-by FILE``, rows of
+the calibration generator, each cell is compared with the peer that erred least there. ``--figure`` draws the
+reliability diagram. ``--rate`` computes the confidence of rows again, of a version with the same search and other weights.
 ``--generator calibration --calibrate`` prints the weights of `tsis.matching._posterior` instead, how well the
 present ones fit, and how often answers above a log odds of being right were wrong, with weights of the other trials.
 ``--clutter 30`` matches as many shapes among three outliers an inlier instead, uniform and in clusters.
@@ -19,26 +19,23 @@ import time
 from collections import defaultdict
 from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-from benchmarks.matching_trust_shapes import DEGRADATIONS, FAMILIES, Generator, clutter_trial, trust_trial
+from benchmarks.matching.methods import BenchmarkMethod
+from benchmarks.matching.summary import TrustCase, fit_trust, ratio_of_means, trust_cases
+from benchmarks.matching.trials import matching_error
+from benchmarks.matching.trust_shapes import DEGRADATIONS, FAMILIES, Generator, clutter_trial, trust_trial
 from matplotlib.figure import Figure
 from scipy.optimize import minimize
 from scipy.stats import beta
 
 from tsis.compiled import one_blas_thread
 from tsis.matching import METHODS
-from tsis.matching.trials import (
-    BenchmarkMethod,
-    Trial,
-    TrustCase,
-    fit_trust,
-    matching_error,
-    ratio_of_means,
-    trust_cases,
-    trust_features,
-    trust_log_odds,
-)
+from tsis.matching._posterior import trust_features, trust_log_odds
+
+if TYPE_CHECKING:
+    from benchmarks.matching.distort import Trial
 
 WRONG, RIGHT, RIVALRY = 0.1, 0.02, 0.01  # errors, and the probability of other poses above which withholding is right
 OURS = "tprl"

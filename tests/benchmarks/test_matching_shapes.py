@@ -2,11 +2,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from benchmarks.matching.distort import LONGEST_SIDE, SHAPES, even_texture, fourier_curve, scattered_texture
 from scipy.spatial.distance import pdist
 
 from tsis.errors import InputError
-from tsis.matching.trials import SHAPES, even_texture
-from tsis.matching.trials._distort import LONGEST_SIDE, fourier_curve, scattered_texture
 
 
 @pytest.mark.parametrize("name", SHAPES)

@@ -4,15 +4,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from benchmarks.matching import DATA
+from benchmarks.matching.distort import PUBLIC_LEVELS, Distortion, Trial, distort, public_distortion
+from benchmarks.matching.trials import DATA, public_trials
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.distance import pdist
 
 from tsis.errors import InputError
 from tsis.matching import UNMATCHED
-from tsis.matching.trials import Distortion, Trial, distort, public_distortion, public_trials
-from tsis.matching.trials._distort import PUBLIC_LEVELS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -2,11 +2,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from benchmarks.matching.distort import public_distortion
+from benchmarks.matching.methods import PEERS, Peer, peer
+from benchmarks.matching.trials import generated_trials, matching_error
 
 from tsis.errors import InputError, MissingExtraError
-from tsis.matching.trials import PEERS, matching_error, public_distortion
-from tsis.matching.trials._methods import Peer, peer
-from tsis.matching.trials._trials import generated_trials
 
 
 @pytest.mark.parametrize("name", PEERS)

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from tsis.matching import Registration
 
 
-def points(
+def match(
     source: Annotated[Path, typer.Argument(metavar="A", help="Source points: CSV, NPY, PLY or an image.")],
     target: Annotated[Path, typer.Argument(metavar="B", help="Target points: CSV, NPY, PLY or an image.")],
     *,

@@ -2,10 +2,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from benchmarks.matching.runs import TrialRow
+from benchmarks.matching.summary import ratio_of_means, summarise, summarise_pooled
 
 from tsis.errors import InputError
-from tsis.matching.trials import TrialRow, summarise, summarise_pooled
-from tsis.matching.trials._summary import ratio_of_means
 
 
 def rows_of(group: str, level: int, method: str, errors: list[float], *, reliable: str = "") -> list[TrialRow]:

@@ -15,19 +15,20 @@ from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
+from benchmarks.matching.distort import Distortion, distort, scattered_texture, tactile_surface
+from benchmarks.matching.trials import matching_error
 
 from tsis.errors import FileInputError
 from tsis.files import one_line, printable_path, read_bytes
-from tsis.matching.trials._distort import Distortion, distort, scattered_texture, tactile_surface
-from tsis.matching.trials._trials import matching_error
 from tsis.model import require_integer
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
+    from benchmarks.matching.distort import Trial
+
     from tsis.matching._fit import Floats
-    from tsis.matching.trials._distort import Trial
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

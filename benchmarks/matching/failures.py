@@ -1,8 +1,8 @@
 """Draw seven shapes that the search for poses once turned or squeezed, as they are matched now.
 
-    python -m benchmarks.matching_failures matching-failures.png
+    python -m benchmarks.matching.failures matching-failures.png
 
-The shapes are trials of `benchmarks.matching_trust_shapes` (calibration generator, seed 60001) that the search without
+The shapes are trials of `benchmarks.matching.trust_shapes` (calibration generator, seed 60001) that the search without
 pieces of the outline (version 1d4112c3) put in a wrong pose with posterior log odds of 2 to 40.
 """
 
@@ -11,11 +11,11 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from benchmarks.matching_trust_shapes import trust_trial
+from benchmarks.matching.trials import matching_error
+from benchmarks.matching.trust_shapes import trust_trial
 from matplotlib.figure import Figure
 
 from tsis.matching import match_points
-from tsis.matching.trials import matching_error
 from tsis.present.figures import point_sets
 
 SEED = 60001

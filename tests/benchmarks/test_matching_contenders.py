@@ -2,11 +2,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from benchmarks.matching.methods import OWN_METHODS, RIVAL_METHODS, BenchmarkMethod
+from benchmarks.matching.trials import generated_trials
 
 from tsis.errors import InputError
 from tsis.matching import register
-from tsis.matching.trials import OWN_METHODS, RIVAL_METHODS, BenchmarkMethod
-from tsis.matching.trials._trials import generated_trials
 
 
 @pytest.mark.parametrize("name", OWN_METHODS)

@@ -21,33 +21,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from benchmarks.matching.distort import SHAPES, Distortion, distort, even_texture, public_distortion
+from benchmarks.matching.methods import OWN_METHODS, PEERS, RIVAL_METHODS, BenchmarkMethod
+from benchmarks.matching.runs import run_trials
+from benchmarks.matching.summary import FAILURE_RMS, summarise, summarise_pooled
+from benchmarks.matching.trials import DATA, distorted_set, hotel_set
 from benchmarks.tables import show
 
 import tsis
-from tsis.matching.trials import (
-    FAILURE_RMS,
-    OWN_METHODS,
-    PEERS,
-    RIVAL_METHODS,
-    SHAPES,
-    BenchmarkMethod,
-    Distortion,
-    distort,
-    distorted_set,
-    even_texture,
-    hotel_set,
-    public_distortion,
-    run_trials,
-    summarise,
-    summarise_pooled,
-)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from tsis.matching.trials import Trial, TrialRow, TrialSummary
+    from benchmarks.matching.distort import Trial
+    from benchmarks.matching.runs import TrialRow
+    from benchmarks.matching.summary import TrialSummary
 
-DATA = Path(__file__).resolve().parents[2] / "shared" / "data" / "matching"
 JUDGED = "tprl"
 PARTS = ("distorted", "hotel", "textures", "speed")
 HOTEL_FAILURE_PX = 5.0

@@ -4,26 +4,26 @@ from __future__ import annotations
 
 import hashlib
 import io
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy
+from benchmarks.matching.distort import PUBLIC_LEVELS, SHAPES, Trial, distort, public_distortion, shuffled, visible
 
 from tsis.errors import FileInputError, InputError
 from tsis.files import one_line, printable_path, read_arrays, read_bytes
 from tsis.matching._fit import UNMATCHED, Floats
-from tsis.matching.trials._distort import PUBLIC_LEVELS, SHAPES, Trial, distort, public_distortion, shuffled, visible
 from tsis.model import require_array, require_integer, require_number, require_one_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
-    from pathlib import Path
 
+    from benchmarks.matching.distort import Family
     from numpy.typing import ArrayLike
 
-    from tsis.matching.trials._distort import Family
 
-
+DATA = Path(__file__).resolve().parents[3] / "shared" / "data" / "matching"
 PUBLIC_FILE, SEQUENCE_FILE = "chui_rangarajan_trials1-70.npz", "cmum.mat"
 # SciPy's compiled reader of MATLAB files ends the process on some damaged ones: it reads only this file.
 SEQUENCE_SHA256 = "d428f3a01bee927dfeb71deaeb5229dbcf0cd2da07d3842e820a84f23ec50091"
@@ -164,8 +164,8 @@ def generated_trials(
 ) -> Iterator[Trial]:
     """Trials like the public ones on generated shapes, each trial with a shape of its own of ``points`` points.
 
-    ``shape`` is a name of `tsis.matching.trials.SHAPES`; ``family`` and ``level`` are those of `public_trials`. A trial
-    does not depend on their number.
+    ``shape`` is a name of `benchmarks.matching.distort.SHAPES`; ``family`` and ``level`` are those of `public_trials`.
+    A trial does not depend on their number.
     """
     make = SHAPES[require_one_of("shape", shape, SHAPES)]
     distortion = public_distortion(family, level)
