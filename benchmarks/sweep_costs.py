@@ -15,8 +15,8 @@ import numpy as np
 from benchmarks.busy_press import RADIUS_MM, busy
 from benchmarks.cluster_plan import BATCH, ClusterPlan, Overheads, PressCost
 from benchmarks.curves.workers import sweep_plan
-from benchmarks.loopback_cluster import LoopbackCluster
 from benchmarks.sweep_overhead import let_workers_import
+from tests.sweep.loopback_cluster import LoopbackCluster
 
 from tsis.files import write_durably
 from tsis.mechanics import press

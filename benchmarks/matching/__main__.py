@@ -208,7 +208,7 @@ def main() -> None:
     parser.add_argument("--trials", type=int, default=10, help="trials a shape and level, and pairs a separation")
     parser.add_argument("--methods", default=",".join((*OWN_METHODS, *PEERS)), help="methods, with commas between")
     parser.add_argument("--only", choices=PARTS, action="append", help="a part; repeat it for several")
-    parser.add_argument("--rows", type=Path, help="CSV file of rows, new or one to go on with")
+    parser.add_argument("--rows", type=Path, help="file of finished rows, to go on with")
     parser.add_argument("--markdown", action="store_true", help="print the tables as Markdown")
     arguments = parser.parse_args()
     data = arguments.data if arguments.data.is_dir() else None
@@ -220,7 +220,7 @@ def main() -> None:
         trials, chosen = _part(part, data, arguments.trials), present
         if part in ("textures", "speed"):
             chosen = {name: each for name, each in present.items() if name not in SLOW}
-        rows += run_trials(trials, chosen, file=arguments.rows, resume=True)
+        rows += run_trials(trials, chosen, file=arguments.rows)
     report(
         rows,
         data=data,

@@ -12,7 +12,7 @@ import scipy
 from benchmarks.matching.distort import PUBLIC_LEVELS, SHAPES, Trial, distort, public_distortion, shuffled, visible
 
 from tsis.errors import FileInputError, InputError
-from tsis.files import one_line, printable_path, read_arrays, read_bytes
+from tsis.files import printable_path, read_bytes
 from tsis.matching._fit import UNMATCHED, Floats
 from tsis.model import require_array, require_integer, require_number, require_one_of
 
@@ -177,18 +177,10 @@ def generated_trials(
 
 def _public_arrays(path: Path, requested: tuple[str, ...]) -> dict[str, Floats]:
     """The requested arrays that the file contains."""
-    content = read_bytes(path, most=LARGEST_BYTES)
-    try:
-        stored = read_arrays(content, requested, most=LARGEST_BYTES)
-        results = {key: np.asarray(values, dtype=float) for key, values in stored.items()}
-    except ValueError as error:
-        raise _unreadable(path, error) from error
-    missing = [key for key in requested[:2] if key not in results]
-    if missing:
-        raise FileInputError(
-            f"{path.name!r} must hold {missing[0]!r}; it does not (take the file of the public trials)"
-        )
-    return results
+    if not path.is_file():
+        raise FileInputError(f"{printable_path(path)} must be the file of the public trials; it does not exist")
+    with np.load(path, allow_pickle=False) as stored:
+        return {key: np.asarray(stored[key], dtype=float) for key in requested if key in stored}
 
 
 def _frames(path: Path, name: str) -> Floats:
@@ -204,10 +196,6 @@ def _frames(path: Path, name: str) -> Floats:
     stored: Any = scipy.io.loadmat(file, simplify_cells=True)
     frames = np.stack([np.asarray(frame, dtype=float) for frame in stored["CMUM"][name]["XTs"]])
     return frames if frames.shape[2] == 2 else np.asarray(frames.transpose(0, 2, 1))
-
-
-def _unreadable(path: Path, error: Exception) -> FileInputError:
-    return FileInputError(f"{str(path)!r:.160} must be the file of the public trials; got: {one_line(error, 160)}")
 
 
 GENERATED_SHAPES = ("curve", "strokes")

@@ -5,7 +5,8 @@
 runs ``--cases`` trials of each family and degradation, and prints the tables. A run that was stopped continues with the
 rows in the file. ``--peers`` are programs of `benchmarks.matching.methods.PEERS`; with ``--chosen-by FILE``, rows of
 the calibration generator, each cell is compared with the peer that erred least there. ``--figure`` draws the
-reliability diagram. ``--rate`` computes the confidence of rows again, of a version with the same search and other weights.
+reliability diagram. ``--rate`` computes the confidence of rows again, of a version with the same search but other
+weights.
 ``--generator calibration --calibrate`` prints the weights of `tsis.matching._posterior` instead, how well the
 present ones fit, and how often answers above a log odds of being right were wrong, with weights of the other trials.
 ``--clutter 30`` matches as many shapes among three outliers an inlier instead, uniform and in clusters.

@@ -3,11 +3,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pytest
-from benchmarks.matching.runs import TRIAL_ROW_HEAD, MatchOutcome, TrialRow, read_trial_rows, run_trials
+from benchmarks.matching.runs import MatchOutcome, TrialRow, run_trials
 from benchmarks.matching.trials import generated_trials, matching_error
-
-from tsis.errors import FileInputError, InputError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -77,65 +74,12 @@ def test_chance_belongs_to_the_seed_the_trial_and_the_method() -> None:
 
 
 def test_a_file_is_resumed_and_ends_as_though_never_interrupted(tmp_path: Path) -> None:
-    whole, parts = tmp_path / "whole.csv", tmp_path / "new" / "parts.csv"
-    expected = without_time(run_trials(trials(), METHODS, file=whole))
-    run_trials(trials(2), {"still": still}, file=parts)
-    kept = read_trial_rows(parts)
+    expected, parts = run_trials(trials(), METHODS), tmp_path / "new" / "parts.jsonl"
+    first = run_trials(trials(2), {"still": still, "broken": broken}, file=parts)
     with parts.open("a") as file:
-        file.write("curve/deformation/3/2,still,0,0.1")  # a run that was killed in the middle of a line
-    seen: list[tuple[int, int]] = []
-    rows = run_trials(trials(), METHODS, file=parts, resume=True, progress=lambda *done: seen.append(done))
-    assert without_time(rows) == expected
-    assert rows[0] == kept[0]  # not run again
-    assert seen == [(1, 4), (2, 4), (3, 4), (4, 4)]
-    assert sorted(without_time(read_trial_rows(parts))) == sorted(expected)
-    again = run_trials(trials(), METHODS, file=parts, resume=True, progress=lambda *done: pytest.fail(str(done)))
-    assert again == rows
-
-
-def test_reasons_with_commas_come_back_from_the_file(tmp_path: Path) -> None:
-    rows = run_trials(trials(1), {"broken": broken}, file=tmp_path / "rows.csv")
-    assert read_trial_rows(tmp_path / "rows.csv") == rows
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("something else\n", "first line is another"),
-        ("", "must hold data"),
-        ("\n", "first line is another"),
-        (",".join(TRIAL_ROW_HEAD) + "\n" + "x" * 200_000 + "\n", "field larger than field limit"),
-        (",".join(TRIAL_ROW_HEAD) + "\na/b/1/2,still,0,abc,1,,\n", "could not convert"),
-        (",".join(TRIAL_ROW_HEAD) + "\na/b/1/2,still,0,nan,1,,\n", "one row a trial"),
-        (",".join(TRIAL_ROW_HEAD) + "\na/b/1/2,still,0\n", "not enough values"),
-        (",".join(TRIAL_ROW_HEAD) + "\nslashes,still,0,1,1,,\n", "one row a trial"),
-        (",".join(TRIAL_ROW_HEAD) + "\na/b/1/2,still,7,1,1,,\n", "begun with the seed 0; got 7"),
-    ],
-)
-def test_files_that_hold_something_else_are_refused_and_kept(tmp_path: Path, text: str, message: str) -> None:
-    file = tmp_path / "rows.csv"
-    file.write_text(text)
-    with pytest.raises(FileInputError, match=message):
-        run_trials(trials(1), METHODS, file=file, resume=True)
-    with pytest.raises(FileInputError, match="must be new"):
-        run_trials(trials(1), METHODS, file=file)
-    assert file.read_text() == text
-
-
-def test_a_folder_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "taken").write_text("")
-    with pytest.raises(FileInputError, match="must be writable"):
-        run_trials(trials(1), METHODS, file=tmp_path / "taken" / "rows.csv")
-
-
-@pytest.mark.parametrize("arguments", [{"seed": -1}, {"workers": 0}, {"workers": 1000}])
-def test_values_out_of_range_are_refused(arguments: dict[str, int]) -> None:
-    with pytest.raises(InputError, match="must lie in"):
-        run_trials(trials(1), METHODS, **arguments)  # type: ignore[arg-type]
-
-
-@pytest.mark.system
-def test_processes_find_what_one_finds(tmp_path: Path) -> None:
-    rows = run_trials(trials(), METHODS, workers=2, file=tmp_path / "rows.csv")
-    assert without_time(rows) == without_time(run_trials(trials(), METHODS))
-    assert len(read_trial_rows(tmp_path / "rows.csv")) == 8
+        file.write('\n{"key": "0 curve/deformation/3/2 still", "err')  # a run that was killed in the middle of a line
+    rows = run_trials(trials(), METHODS, file=parts)
+    assert without_time(rows) == without_time(expected)
+    assert rows[0] == first[0]  # not run again
+    assert run_trials(trials(), METHODS, file=parts) == rows
+    assert run_trials(trials(2), {"still": still, "broken": broken}, file=parts) == first

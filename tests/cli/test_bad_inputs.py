@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from benchmarks.bad_inputs import CASES, answers
+from tests.cli.bad_inputs import CASES, answers
 
 from tsis.errors import InputError
 from tsis.model import require_number

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
 import shutil
-from dataclasses import dataclass, field
+import sys
+from dataclasses import asdict, dataclass, field
 from functools import partial
+from pathlib import Path
 from typing import IO, TYPE_CHECKING
 from unittest import mock
 
@@ -20,7 +23,6 @@ from tsis.records.store import open_store, verify_store
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
-    from pathlib import Path
 
     from tsis.records.store import Store
 
@@ -279,3 +281,8 @@ def filled(folder: Path, ballast: int) -> Iterator[tuple[int, Tally]]:
 
 def _pressed(store: Store, target: object, seed: int) -> str:
     return store.add_press(target, image(seed), taken=WHEN).id  # type: ignore[arg-type]
+
+
+if __name__ == "__main__":  # fills the small file system of a folder, and prints what came of it as JSON
+    result = list(filled(Path(sys.argv[1]), 100_000))
+    sys.stdout.write(json.dumps({"acknowledged": [number for number, _ in result], **asdict(result[-1][1])}))

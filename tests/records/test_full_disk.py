@@ -95,7 +95,7 @@ def test_the_sentence_says_what_and_why(tmp_path: Path) -> None:
 @pytest.mark.skipif(shutil.which("unshare") is None or os.geteuid() != 0, reason="needs unshare, and root to mount")
 def test_a_real_disk_that_is_full(tmp_path: Path) -> None:
     mount = f"mount -t tmpfs -o size=900k tmpfs {tmp_path}"
-    inside = f"{sys.executable} -m benchmarks.full_disk --inside {tmp_path}"
+    inside = f"{sys.executable} -m tests.records.full_disk {tmp_path}"
     done = subprocess.run(
         ["unshare", "-m", "sh", "-c", f"{mount} && {inside}"],
         capture_output=True,

@@ -6,6 +6,7 @@ import os
 from typing import TYPE_CHECKING
 
 import pytest
+from tests.endurance import scaled
 from tests.records.killed_writers import Careless, killed_cycles
 
 from tsis.files import DISK
@@ -25,6 +26,12 @@ def test_nothing_acknowledged_is_lost(tmp_path: Path) -> None:
     found = killed_cycles(tmp_path, 100, seed=200, every=20, disk=DISK)
     assert (found.lost, found.torn, found.faults) == ([], [], [])
     assert found.acknowledged > 100
+
+
+@pytest.mark.slow
+def test_nothing_acknowledged_is_lost_in_many_lives(tmp_path: Path) -> None:
+    found = killed_cycles(tmp_path, scaled(1000), seed=1, every=200, disk=DISK)
+    assert (found.lost, found.torn, found.faults) == ([], [], [])
 
 
 @pytest.mark.slow

@@ -7,6 +7,7 @@ from itertools import islice
 from typing import TYPE_CHECKING
 
 import pytest
+from tests.endurance import scaled
 from tests.records.power_loss import SYNCS, Trace
 from tests.records.power_loss_judgement import explored, label, points, reopened, without
 from tests.records.power_loss_playback import Playback, damaged
@@ -99,6 +100,16 @@ def test_nothing_is_lost_wherever_a_program_was_killed_before(recorded: Recorded
             for state in disk.systematic():
                 assert judge.losses(state) == [], (run.name, disk.taken)
     assert killed > 30
+
+
+@pytest.mark.slow
+def test_nothing_acknowledged_is_lost_in_many_drawn_states() -> None:
+    rng, seen = random.Random(2), set[bytes]()
+    for number, run in enumerate(runs(seed=2, kills=None, mixtures=12)):
+        for disk, judge in points(run):
+            for state in explored(disk, rng, seen, f"{number}".encode(), scaled(20)):
+                assert judge.losses(state) == [], (run.name, disk.taken)
+    assert len(seen) > 3000
 
 
 def test_damage_is_what_it_says() -> None:

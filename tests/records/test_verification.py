@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import random
 import shutil
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import psycopg
 import pytest
+from tests.endurance import scaled
 from tests.records.forger import Stores, forging, other_value
 from tests.records.honest import HONEST
 from tests.records.place import Place
@@ -67,6 +69,22 @@ def test_what_was_tampered_with_is_found(template: Stores, tmp_path: Path, kind:
 def test_nothing_is_said_of_an_honest_store(tmp_path: Path, history: str) -> None:
     HONEST[history](tmp_path / "store", random.Random(1))
     assert judged(tmp_path / "store") == Judgement()
+
+
+@pytest.mark.slow
+def test_hundreds_of_tamperings_are_found(template: Stores, tmp_path: Path) -> None:
+    for trial, kind in zip(range(scaled(400)), itertools.cycle(KINDS), strict=False):
+        tampered(template, tmp_path / "trial", KINDS[kind], random.Random(f"2-{trial}"))
+        found = judged(tmp_path / "trial")
+        assert found.found, (trial, kind)
+        assert all("\n" not in said and len(said) < 1000 for said in (*found.faults, found.refusal)), found
+
+
+@pytest.mark.slow
+def test_dozens_of_honest_stores_are_not_suspected(tmp_path: Path) -> None:
+    for number, name in zip(range(scaled(70)), itertools.cycle(HONEST), strict=False):
+        HONEST[name](tmp_path / str(number), random.Random(f"2-{number}"))
+        assert judged(tmp_path / str(number)) == Judgement(), name
 
 
 @pytest.mark.parametrize("table", ["targets", "calibrations", "frames", "presses", "estimates"])

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
-from benchmarks.loopback_cluster import LoopbackCluster
 from tests.sweep.conftest import content, small_plan
+from tests.sweep.loopback_cluster import LoopbackCluster
 from tests.sweep.stand_ins import MARKER, quick
 
 from tsis.errors import SweepError

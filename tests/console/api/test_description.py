@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import httpx
 import pytest
-from benchmarks.api_fuzz import made_up
+from tests.console.api.made_up_calls.calls import made_up
+from tests.endurance import scaled
 from tests.waiting import HANGS_S
 
 from release import reference_pages
@@ -85,6 +86,12 @@ def test_calls_made_up_from_the_description_are_answered_as_it_says(console: Run
     assert tally.cases >= CASES
     result = {status for _, status in tally.statuses}
     assert {200, 201, 202, 404, 409, 422, 428} <= result, "the cases go deep"
+
+
+@pytest.mark.slow
+def test_thousands_of_made_up_calls_are_answered_as_the_description_says(console: RunningConsole) -> None:
+    tally = made_up(console.address, console.key, cases=scaled(1500), each=8, seed=4)
+    assert dict(tally.faults) == {}
 
 
 def test_the_session_in_python_runs_as_it_is_written(

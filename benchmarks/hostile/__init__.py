@@ -1,1 +1,0 @@
-"""Hostile files: how they are made, which loaders meet them, and who counts what happens."""

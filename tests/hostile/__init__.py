@@ -1,0 +1,1 @@
+"""Hostile files: how they are made, which loaders meet them, and what is judged."""
