@@ -59,7 +59,6 @@ benchmark: $(VENV)/.dev  ## speed and accuracy beside those of other programs, o
 	$(BIN)/python -m benchmarks.camera
 	$(BIN)/python -m benchmarks.sweep_overhead
 	$(BIN)/python -m benchmarks.matching
-	$(BIN)/python -m benchmarks.acquisition --minutes 10 --reconnects 50 --hours 24
 	$(BIN)/python -m benchmarks.calibration_force --runs 500
 	$(BIN)/python -m benchmarks.calibration_scale --runs 500
 	$(BIN)/python -m benchmarks.press_guard
@@ -68,25 +67,12 @@ benchmark: $(VENV)/.dev  ## speed and accuracy beside those of other programs, o
 	$(BIN)/python -m benchmarks.gel_hardness
 	$(BIN)/python -m benchmarks.detection_intervals
 	$(BIN)/python -m benchmarks.detection_study --targets 2000 --seed 1
-	$(BIN)/python -m benchmarks.tampering --trials 1000 --honest 70 --seed 2
-	$(BIN)/python -m benchmarks.bombs
-	$(BIN)/python -m benchmarks.bad_inputs
-	$(BIN)/python -m benchmarks.mutated_files --files 20000 --seed 2
-	$(BIN)/python -m benchmarks.power_loss --states 20000 --seed 2
-	$(BIN)/python -m benchmarks.killed_writers --cycles 1000
-	$(BIN)/python -m benchmarks.full_disk
 	$(BIN)/python -m benchmarks.store_speed
-	$(BIN)/python -m benchmarks.crowd
-	$(BIN)/python -m benchmarks.console_database || test $$? = 2  # 2: PostgreSQL is not on this machine
-	$(BIN)/python -m benchmarks.login_timing
 	$(BIN)/python -m benchmarks.throughput
-	$(BIN)/python -m benchmarks.peak_memory
-	$(BIN)/python -m benchmarks.api_fuzz --cases 10000
 	$(BIN)/python -m benchmarks.live_view
 	$(BIN)/python -m benchmarks.console_start
 	$(BIN)/python -m benchmarks.first_report
 	$(BIN)/python -m benchmarks.records_page
-	$(BIN)/python -m benchmarks.console_growth --hours 8
 	$(BIN)/python benchmarks/real_frames.py || test $$? = 2  # 2: the real frames are not on this machine
 
 studies: $(VENV)/.dev $(VENV)/.docs  ## every figure and table of the dissertation anew, beside the printed ones
