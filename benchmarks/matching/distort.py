@@ -17,13 +17,15 @@ import numpy as np
 import scipy
 
 from tsis.errors import InputError
-from tsis.matching._fit import UNMATCHED, Floats, Integers
+from tsis.matching import UNMATCHED
 from tsis.model import require_array, require_integer, require_number, require_one_of
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
+    from numpy.typing import ArrayLike, NDArray
 
 
+Floats: TypeAlias = "NDArray[np.float64]"
+Integers: TypeAlias = "NDArray[np.int64]"
 BUMP_WIDTH = 0.3  # a bump falls to 1/e over it
 BUMP_SPACING = 0.12  # least distance of two bumps; gives about as many as in the public shapes, 12 and 18
 ROUNDING = 1e-9  # of a fraction times a count, which should be whole

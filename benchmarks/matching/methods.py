@@ -14,11 +14,11 @@ import numpy as np
 from benchmarks.matching.runs import MatchOutcome
 
 from tsis.errors import MissingExtraError
-from tsis.matching._registration import METHODS, match_points
+from tsis.matching import METHODS, match_points
 from tsis.model import require_one_of
 
 if TYPE_CHECKING:
-    from tsis.matching._fit import Floats
+    from benchmarks.matching.distort import Floats
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

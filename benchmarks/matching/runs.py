@@ -17,9 +17,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
     from pathlib import Path
 
-    from benchmarks.matching.distort import Trial
+    from benchmarks.matching.distort import Floats, Trial
 
-    from tsis.matching._fit import Floats
 
 LONGEST_REASON = 120
 

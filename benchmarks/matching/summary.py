@@ -11,19 +11,16 @@ import numpy as np
 import scipy
 from benchmarks.matching.trials import matching_error
 
-from tsis.matching._fit import NormalFrame
-from tsis.matching._posterior import RELIABLE, probability_right, trust_features
-from tsis.matching._registration import fit_and_measures
+from tsis.matching import RELIABLE, NormalFrame, fit_and_measures, probability_right, trust_features
 from tsis.model import require_number
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Sequence
 
-    from benchmarks.matching.distort import Trial
+    from benchmarks.matching.distort import Floats, Trial
     from benchmarks.matching.runs import TrialRow
 
-    from tsis.matching._fit import Floats
-    from tsis.matching._posterior import PosePosterior
+    from tsis.matching import PosePosterior
 
 
 FAILURE_RMS = 0.1  # least root-mean-square error of a failure, for a shape that about fills the unit box

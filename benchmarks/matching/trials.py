@@ -13,13 +13,13 @@ from benchmarks.matching.distort import PUBLIC_LEVELS, SHAPES, Trial, distort, p
 
 from tsis.errors import FileInputError, InputError
 from tsis.files import printable_path, read_bytes
-from tsis.matching._fit import UNMATCHED, Floats
+from tsis.matching import UNMATCHED
 from tsis.model import require_array, require_integer, require_number, require_one_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from benchmarks.matching.distort import Family
+    from benchmarks.matching.distort import Family, Floats
     from numpy.typing import ArrayLike
 
 

@@ -32,8 +32,7 @@ from scipy.optimize import minimize
 from scipy.stats import beta
 
 from tsis.compiled import one_blas_thread
-from tsis.matching import METHODS
-from tsis.matching._posterior import trust_features, trust_log_odds
+from tsis.matching import METHODS, trust_features, trust_log_odds
 
 if TYPE_CHECKING:
     from benchmarks.matching.distort import Trial

@@ -1,29 +1,37 @@
 """Non-rigid point matching: correspondences of two point sets, and the map between them."""
 
-from typing import TYPE_CHECKING
-
-import lazy_loader
-
-from tsis.matching._fit import UNMATCHED, MatchFit, MatchMethod
+from tsis.matching._fit import UNMATCHED, MatchFit, MatchMethod, NormalFrame
 from tsis.matching._point_files import csv_text, read_points
-from tsis.matching._registration import METHODS, Alternative, Registration, match_points, register
+from tsis.matching._posterior import RELIABLE, PosePosterior, probability_right, trust_features, trust_log_odds
+from tsis.matching._registration import (
+    METHODS,
+    Alternative,
+    Registration,
+    fit_and_measures,
+    match_points,
+    register,
+)
 from tsis.matching._spline import ThinPlateSpline, fit_spline, spread_out
 
 __all__ = [
     "METHODS",
+    "RELIABLE",
     "UNMATCHED",
     "Alternative",
     "MatchFit",
     "MatchMethod",
+    "NormalFrame",
+    "PosePosterior",
     "Registration",
     "ThinPlateSpline",
     "csv_text",
+    "fit_and_measures",
     "fit_spline",
     "match_points",
+    "probability_right",
     "read_points",
     "register",
     "spread_out",
+    "trust_features",
+    "trust_log_odds",
 ]
-
-if not TYPE_CHECKING:  # subpackages load when they are first used
-    __getattr__ = lazy_loader.attach(__name__, ["trials"])[0]
