@@ -89,6 +89,7 @@ def asking(console: RunningConsole, times: list[float]) -> Iterator[None]:
     finally:
         ended.set()
         thread.join()
+        script.close()
 
 
 def saved(script: Script, presses: int) -> tuple[int, int]:

@@ -30,7 +30,7 @@ def test_nothing_acknowledged_is_lost(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_nothing_acknowledged_is_lost_in_many_lives(tmp_path: Path) -> None:
-    found = killed_cycles(tmp_path, scaled(1000), seed=1, every=200, disk=DISK)
+    found = killed_cycles(tmp_path, scaled(300), seed=1, every=100, disk=DISK)
     assert (found.lost, found.torn, found.faults) == ([], [], [])
 
 
