@@ -73,7 +73,6 @@ benchmark: $(VENV)/.dev  ## speed and accuracy beside those of other programs, o
 	$(BIN)/python -m benchmarks.console_start
 	$(BIN)/python -m benchmarks.first_report
 	$(BIN)/python -m benchmarks.records_page
-	$(BIN)/python benchmarks/real_frames.py || test $$? = 2  # 2: the real frames are not on this machine
 
 studies: $(VENV)/.dev $(VENV)/.docs  ## every figure and table of the dissertation anew, beside the printed ones
 	$(BIN)/python -m studies.gallery

@@ -1,6 +1,6 @@
 """What each nuisance of an inclusion estimate costs in width, and what leaving it out costs in coverage.
 
-    python -m benchmarks.ablation --world prior --cases 24 --seed 86001 --markdown
+    python -m benchmarks.ablation --world prior --cases 24 --seed 86001
 
 The same frames are estimated by the full model, and by models that each take one nuisance as known. Printed are the
 mean standard deviations over the full model's, and how many 90 % intervals held. Frames are those of
@@ -9,15 +9,15 @@ mean standard deviations over the full model's, and how many 90 % intervals held
 
 from __future__ import annotations
 
-import argparse
+import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from benchmarks.harness import Bench, Choice
 from benchmarks.press_bank import PressBank
 from benchmarks.simulated_presses import DEFAULT, PROTOCOLS
-from benchmarks.tables import show
 from benchmarks.worlds import WORLDS
 
 from tsis.cli import progress_bar
@@ -92,26 +92,20 @@ def spread(bank: PressBank, index: int, tables: PressTables) -> list[tuple[NDArr
     return found
 
 
-def main() -> None:
+def main() -> int:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--world", choices=WORLDS, default="prior")
-    parser.add_argument("--cases", type=int, default=24)
-    parser.add_argument("--seed", type=int, default=86001)
-    parser.add_argument("--frames", type=Path, help="folder to keep the frames in, and to read them from")
-    parser.add_argument("--markdown", action="store_true", help="print the table as Markdown")
-    options = parser.parse_args()
-    prior, protocol, world = InclusionPrior(), PROTOCOLS[DEFAULT], WORLDS[options.world]
-    bank = PressBank(protocol=protocol, prior=prior, seed=options.seed, world=world, folder=options.frames)
+    bench = Bench(__doc__, world=Choice(WORLDS, "prior"), cases=24, seed=86001, frames=Path)
+    prior, protocol, world = InclusionPrior(), PROTOCOLS[DEFAULT], WORLDS[bench.world]
+    bank = PressBank(protocol=protocol, prior=prior, seed=bench.seed, world=world, folder=bench.frames)
     tables = press_tables(protocol.probe, prior, bank.strain)
     found = []
     with progress_bar("estimating") as progress:
-        for index in range(options.cases):
+        for index in range(bench.cases):
             try:
                 found.append(spread(bank, index, tables))
             except TsisError as error:
                 print(f"case {index}: {error}")
-            progress(index + 1, options.cases)
+            progress(index + 1, bench.cases)
     sd = np.array([[one[0] for one in case] for case in found]).mean(axis=0)
     held = np.array([[one[1] for one in case] for case in found]).sum(axis=0)
     rows = [
@@ -119,13 +113,13 @@ def main() -> None:
         for model, width, counts in zip(MODELS, sd / sd[0], held, strict=True)
     ]
     width = ", ".join(f"{name} {value:.3g}" for name, value in zip(PARAMETERS, sd[0], strict=True))
-    show(
-        f"world {options.world}, seed {options.seed}; mean sd of the full model: {width}",
+    bench.table(
+        f"world {bench.world}, seed {bench.seed}; mean sd of the full model: {width}",
         ("known", "mean sd over the full model's, d / h / E", f"90 % holds, of {len(found)}"),
         rows,
-        markdown=options.markdown,
     )
+    return bench.end()
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

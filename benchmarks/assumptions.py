@@ -1,6 +1,6 @@
 """What an estimate of an inclusion gets wrong where one of its assumptions fails, and whether it says so.
 
-    python -m benchmarks.assumptions --cases 6 --seed 61 --markdown
+    python -m benchmarks.assumptions --cases 6 --seed 61
 
 Presses of the domed protocol (the flat one off the axis) on a sphere of 9 mm, 6 mm deep, 80 kPa in 5 kPa, made by
 `benchmarks.worlds` (finer mesh, other order, traced lamps, all nuisances of the virtual probe drawn anew in each case).
@@ -10,15 +10,14 @@ untrusted. A superficial layer is made to first order in the log of its modulus,
 
 from __future__ import annotations
 
-import argparse
-import json
+import sys
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from benchmarks.harness import Bench
 from benchmarks.judgement import compared
 from benchmarks.simulated_presses import DEFAULT, PROTOCOLS
-from benchmarks.tables import show
 from benchmarks.worlds import UnevenProbe
 
 import tsis
@@ -154,30 +153,14 @@ def rows_of(found: list[dict[str, Any]]) -> list[list[str]]:
     return rows
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--cases", type=int, default=6, help="of each failure")
-    parser.add_argument("--seed", type=int, default=61)
-    parser.add_argument("--only", help="failures whose names contain this")
-    parser.add_argument("--json", action="store_true")
-    parser.add_argument("--markdown", action="store_true")
-    options = parser.parse_args()
-    chosen = [failure for failure in FAILURES if options.only is None or options.only in failure.name]
-    found = []
-    for failure in chosen:
-        for index in range(options.cases):
-            found.append(judged(failure, seed=options.seed, index=index))
-            if options.json:
-                print(json.dumps(found[-1]), flush=True)
-    if not options.json:
-        heads = ("fails", "diameter", "depth", "modulus", "untrusted", "flags")
-        show(
-            f"{options.cases} cases each, seed {options.seed}, tsis {tsis.__version__}",
-            heads,
-            rows_of(found),
-            markdown=options.markdown,
-        )
+def main() -> int:
+    bench = Bench(__doc__, cases=6, seed=61, only=str)
+    chosen = [failure for failure in FAILURES if bench.only is None or bench.only in failure.name]
+    found = [judged(failure, seed=bench.seed, index=index) for failure in chosen for index in range(bench.cases)]
+    heads = ("fails", "diameter", "depth", "modulus", "untrusted", "flags")
+    bench.table(f"{bench.cases} cases each, seed {bench.seed}, tsis {tsis.__version__}", heads, rows_of(found))
+    return bench.end()
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -13,12 +13,13 @@ the tips, under the lamps of the untouched frames. It bends a little with satura
 
 from __future__ import annotations
 
-import argparse
 import math
+import sys
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from benchmarks.harness import Bench, Choice, Goal
 
 import tsis
 from tsis.calibration.force import (
@@ -172,27 +173,27 @@ def coverage(trials: Iterable[Trial]) -> dict[str, tuple[float, int, float]]:
     }
 
 
-def main() -> None:
+def main() -> int:
     """Print the coverage of every interval."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--runs", type=int, default=500)
-    parser.add_argument("--seed", type=int, default=71)
-    parser.add_argument("--repeats", type=int, default=1, help="loadings of each tip")
-    parser.add_argument("--no-patch", action="store_true", help="without the reference patch that tells the lamps")
-    parser.add_argument("--method", default="threshold", choices=("threshold", "canny"))
-    arguments = parser.parse_args()
+    bench = Bench(
+        __doc__, runs=500, seed=71, repeats=1, no_patch=False, method=Choice(("threshold", "canny"), "threshold")
+    )
     trials: list[Trial] = []
-    for seed in np.random.SeedSequence(arguments.seed).spawn(arguments.runs):
+    for seed in np.random.SeedSequence(bench.seed).spawn(bench.runs):
         rng = np.random.default_rng(seed)
-        trials += one_run(rng, patch=not arguments.no_patch, repeats=arguments.repeats, method=arguments.method)
-    print(f"{arguments.runs} machines, {'no ' if arguments.no_patch else ''}reference patch, {arguments.method}")
-    print(f"{'quantity':>22} {'held':>7} {'+-':>6} {'median half width':>18}")
-    for name, (share, _, width) in coverage(trials).items():
-        chance = math.sqrt(0.95 * 0.05 / arguments.runs)
-        text = "open above" if math.isinf(width) else f"{width:.2%}"
-        print(f"{name:>22} {share:7.1%} {chance:6.1%} {text:>18}")
-    print("Research use only")
+        trials += one_run(rng, patch=not bench.no_patch, repeats=bench.repeats, method=bench.method)
+    chance = math.sqrt(0.95 * 0.05 / bench.runs)
+    found = coverage(trials)
+    rows = [
+        (name, f"{chance:.1%}", "open above" if math.isinf(width) else f"{width:.2%}")
+        for name, (_, _, width) in found.items()
+    ]
+    bench.table(f"{bench.runs} machines, {bench.method}", ("quantity", "chance", "median half width"), rows)
+    return bench.end(
+        Goal(name=f"{name}: 95 % interval holds, %", value=100 * share, least=93, most=97)
+        for name, (share, _, _) in found.items()
+    )
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -10,14 +10,13 @@ two translucent-gel sensors (9DTact) are set beside what their makers published.
 
 from __future__ import annotations
 
-import argparse
 import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from benchmarks.tables import show
+from benchmarks.harness import Bench
 from scipy.optimize import root
 
 from tsis.calibration.scale import axis_ratio_from_ball, scale_from_ball, scale_from_dots
@@ -180,26 +179,19 @@ def real_sensor(folder: Path) -> dict[str, str]:
 
 def main() -> int:
     """Print the tables; the exit code is 2 where the folder of real frames is absent."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--runs", type=int, default=500)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--lens", type=float, default=LENS, help="largest distortion at the corner, a share of one")
-    parser.add_argument("--ball", action="store_true", help="press a ball and not a dot board")
-    parser.add_argument("--real", type=Path, help="folder of the sensors' folders, as shared/data/real/9dtact")
-    parser.add_argument("--markdown", action="store_true")
-    asked = parser.parse_args()
-    if asked.real is not None:
-        if not asked.real.is_dir():
-            print(f"{asked.real} must be the folder of real frames; it does not exist", file=sys.stderr)
+    bench = Bench(__doc__, runs=500, seed=1, lens=LENS, ball=False, real=Path)
+    if bench.real is not None:
+        if not bench.real.is_dir():
+            print(f"{bench.real} must be the folder of real frames; it does not exist", file=sys.stderr)
             return 2
-        sensors = {name: real_sensor(asked.real / name) for name in ("sensor_1", "sensor_2")}
+        sensors = {name: real_sensor(bench.real / name) for name in ("sensor_1", "sensor_2")}
         rows = [[what, *(numbers[what] for numbers in sensors.values())] for what in sensors["sensor_1"]]
-        show("Real frames", ["", *sensors], rows, markdown=asked.markdown)
-        return 0
-    numbers = covered(asked.runs, asked.seed, ball=asked.ball, lens=asked.lens)
-    title = f"Scale from {'a ball at three depths' if asked.ball else 'a dot board'}, intervals of {LEVEL:.0%}"
-    show(title, ["", "found"], [[what, str(value)] for what, value in numbers.items()], markdown=asked.markdown)
-    return 0
+        bench.table("Real frames", ["", *sensors], rows)
+        return bench.end()
+    numbers = covered(bench.runs, bench.seed, ball=bench.ball, lens=bench.lens)
+    title = f"Scale from {'a ball at three depths' if bench.ball else 'a dot board'}, intervals of {LEVEL:.0%}"
+    bench.table(title, ["", "found"], [[what, str(value)] for what, value in numbers.items()])
+    return bench.end()
 
 
 if __name__ == "__main__":

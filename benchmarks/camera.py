@@ -1,6 +1,6 @@
 """How long a frame of the virtual camera takes, stage by stage, beside other programs, in one run.
 
-    python -m benchmarks.camera [--markdown]
+    python -m benchmarks.camera
 
 One thread. A full frame is 768 x 492 pixels under an uneven map of light that also answers to the dent's depth and
 slope. Every time is the least of several repetitions; a peer that is not installed is named and left out
@@ -9,17 +9,15 @@ slope. Every time is the least of several repetitions; a peer that is not instal
 
 from __future__ import annotations
 
-import argparse
-import os
-import platform
+import sys
 from importlib import import_module, metadata, util
 from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
-from benchmarks.mechanics import Row, duration, least
+from benchmarks.harness import Bench, duration
+from benchmarks.mechanics import Row, least
 from rich.console import Console
-from rich.table import Table
 from scipy.ndimage import gaussian_filter
 
 import tsis
@@ -130,28 +128,15 @@ def galsim_noise(picture: NDArray[np.float64]) -> Iterator[tuple[str, Callable[[
     yield f"GalSim {metadata.version('galsim')}", lambda: image.copy().addNoise(noise)
 
 
-def main() -> None:
+def main() -> int:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--markdown", action="store_true", help="print the table as Markdown")
-    arguments = parser.parse_args()
+    bench = Bench(__doc__)
     cv2.setNumThreads(1)
     found = list(rows())
-    machine = (
-        f"{os.cpu_count()} cores, {platform.machine()}, Python {platform.python_version()}, NumPy {np.__version__}"
-    )
-    heads = ("stage", "program", "time", "over the first")
-    if arguments.markdown:
-        print(f"Machine: {machine}; tsis {tsis.__version__}.\n")
-        print(f"| {' | '.join(heads)} |\n| --- | --- | --- | --- |")
-        for row in found:
-            print(f"| {row.task} | {row.program} | {duration(row.seconds)} | {row.outcome} |")
-        return
-    table = Table(*heads, title=machine)
-    for row in found:
-        table.add_row(row.task, row.program, duration(row.seconds), row.outcome)
-    Console().print(table)
+    cells = [(row.task, row.program, duration(row.seconds), row.outcome) for row in found]
+    bench.table("A frame", ("stage", "program", "time", "over the first"), cells)
+    return bench.end()
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

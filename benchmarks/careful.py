@@ -1,6 +1,6 @@
 """What more presses of one examination tell: intervals by the forces and repeats, under the estimate's model.
 
-    python -m benchmarks.careful --markdown
+    python -m benchmarks.careful
 
 The information of each protocol at inclusions spread over the default prior, with all nuisances, a superficial layer
 that is hardly one, and tissue of three degrees of unevenness. Printed is the expected standard deviation of diameter,
@@ -9,11 +9,11 @@ depth and modulus over that of the usual protocol, the geometric mean over the i
 
 from __future__ import annotations
 
-import argparse
+import sys
 from typing import TYPE_CHECKING
 
 import numpy as np
-from benchmarks.tables import show
+from benchmarks.harness import Bench
 from rich.progress import track
 
 import tsis
@@ -53,13 +53,10 @@ def expected_sd(
     return np.sqrt(np.diagonal(np.linalg.inv(information + precision), axis1=1, axis2=2))
 
 
-def main() -> None:
+def main() -> int:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--inclusions", type=int, default=12, help="spread over the prior")
-    parser.add_argument("--markdown", action="store_true", help="print the table as Markdown")
-    options = parser.parse_args()
-    inclusions = even_inclusions(InclusionPrior(), options.inclusions)
+    bench = Bench(__doc__, inclusions=12)
+    inclusions = even_inclusions(InclusionPrior(), bench.inclusions)
     usual = [expected_sd(USUAL, sd, length, inclusions) for sd, length in UNEVEN]
     rows = []
     for name, forces in track(PROTOCOLS.items(), transient=True):
@@ -70,8 +67,9 @@ def main() -> None:
         cells = [" / ".join(f"{value:.2f}" for value in ratio) for ratio in ratios]
         rows.append([name, str(len(forces)), f"{operator_time_s(len(forces)) / 60:.0f} min", *cells])
     heads = ("protocol", "presses a site", "time", *(f"uneven by {100 * sd:g} %" for sd, _ in UNEVEN))
-    show("expected widths of d / h / E over the usual protocol's", heads, rows, markdown=options.markdown)
+    bench.table("expected widths of d / h / E over the usual protocol's", heads, rows)
+    return bench.end()
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

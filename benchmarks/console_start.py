@@ -1,6 +1,6 @@
 """The console's start and one guided examination, in a browser.
 
-    python -m benchmarks.console_start [--times 3] [--markdown]
+    python -m benchmarks.console_start [--times 3]
 
 Timed are the command until its page shows a heading, and *Start* until frames are shown, in a program that has not
 shown one. Clicks and keys are counted by the page itself, from the first page to the report of a target, pressed
@@ -9,16 +9,14 @@ on and off its inclusion, as the filled buttons lead. The server's processor tim
 
 from __future__ import annotations
 
-import argparse
 import sys
 import tempfile
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from benchmarks.goals import Goal, missed_goals
+from benchmarks.harness import Bench, Goal
 from benchmarks.live.processor import CoreShare
-from benchmarks.tables import show
 from tests.console.browser import chromium
 from tests.console.running import running_console
 
@@ -72,13 +70,10 @@ def counted(folder: Path, browser: Browser) -> dict[str, int]:
 
 def main() -> int:
     """Print the table; the exit code is 1 where a number is missed."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--times", type=int, default=3)
-    parser.add_argument("--markdown", action="store_true")
-    options = parser.parse_args()
+    bench = Bench(__doc__, times=3)
     figures = []
     with chromium() as browser:
-        for number in range(options.times):
+        for number in range(bench.times):
             with tempfile.TemporaryDirectory(prefix="tsis-console-start-") as folder:
                 first_s, image_s, first_work_s, image_work_s = timed(Path(folder), browser)
             run = f"run {number + 1}"
@@ -93,8 +88,8 @@ def main() -> int:
     figures.append(Goal(name="clicks from first page to report", value=acts["click"], form=COUNT))
     figures.append(Goal(name="keys from first page to report", value=acts["keydown"], form=COUNT))
     rows = (item.row for item in figures)
-    show("Start of the console, and one examination", ("what", "is", "wanted"), rows, markdown=options.markdown)
-    return missed_goals(figures)
+    bench.table("Start of the console, and one examination", ("what", "is", "wanted"), rows)
+    return bench.end(figures)
 
 
 if __name__ == "__main__":

@@ -10,9 +10,7 @@ that a run which was cut off goes on where it stopped; cases of another seed, pr
 
 from __future__ import annotations
 
-import argparse
 import hashlib
-import json
 import os
 import sys
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -21,12 +19,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from benchmarks.finished_lines import append_line, read_lines
+from benchmarks.harness import Bench, Choice, append_line, read_lines
 from benchmarks.informed import informed_spread
 from benchmarks.judgement import LEVELS, Judgement, compared, rows_of
 from benchmarks.press_bank import PressBank
 from benchmarks.simulated_presses import DEFAULT, PROTOCOLS
-from benchmarks.tables import show
 from benchmarks.worlds import WORLDS
 
 import tsis
@@ -150,31 +147,26 @@ def counted(names: Mapping[str, int]) -> str:
 
 def main() -> int:
     """Print the table; the exit code is 1 when coverage misses 88 to 92 % by more than chance explains."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--protocol", choices=PROTOCOLS, default=DEFAULT)
-    parser.add_argument("--presses", type=int, default=2000)
-    parser.add_argument("--world", choices=WORLDS, default="as-model", help="what differs from the estimator's model")
-    parser.add_argument("--blanks", type=int, default=0, help="cases without an inclusion, of the same world")
-    parser.add_argument(
-        "--heterogeneity-sd", type=float, default=InclusionPrior().heterogeneity_sd, help="of the estimator's prior"
+    bench = Bench(
+        __doc__,
+        protocol=Choice(PROTOCOLS, DEFAULT),
+        presses=2000,
+        world=Choice(WORLDS, "as-model"),
+        blanks=0,
+        heterogeneity_sd=InclusionPrior().heterogeneity_sd,
+        seed=1,
+        frames=Path,
+        kept=cache_folder() / "coverage",
+        workers=int,
+        strain=Choice(("finite", "small")),
+        informed=False,
     )
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--frames", type=Path, help="folder to keep the frames in, and to read them from")
-    parser.add_argument("--out", type=Path, default=cache_folder() / "coverage", help="folder of finished cases")
-    parser.add_argument("--workers", type=int, help="processes; all cores by default")
-    parser.add_argument("--strain", choices=("finite", "small"), help="of the estimator; by default the presses' own")
-    parser.add_argument(
-        "--informed", action="store_true", help="estimate also as one who knows the world: twice as long"
-    )
-    parser.add_argument("--json", action="store_true")
-    parser.add_argument("--markdown", action="store_true", help="print the table as Markdown")
-    options = parser.parse_args()
     bank = PressBank(
-        protocol=PROTOCOLS[options.protocol],
-        prior=InclusionPrior(heterogeneity_sd=options.heterogeneity_sd),
-        seed=options.seed,
-        world=WORLDS[options.world],
-        folder=options.frames,
+        protocol=PROTOCOLS[bench.protocol],
+        prior=InclusionPrior(heterogeneity_sd=bench.heterogeneity_sd),
+        seed=bench.seed,
+        world=WORLDS[bench.world],
+        folder=bench.frames,
     )
     blanks = replace(bank, blank=True)
     with progress_bar("judging") as progress:
@@ -182,13 +174,13 @@ def main() -> int:
             run(
                 each,
                 count,
-                out=kept_at(options.out, each, options.strain, informed=options.informed),
-                workers=options.workers,
+                out=kept_at(bench.kept, each, bench.strain, informed=bench.informed),
+                workers=bench.workers,
                 progress=progress,
-                strain=options.strain,
-                informed=options.informed,
+                strain=bench.strain,
+                informed=bench.informed,
             )
-            for each, count in ((blanks, options.blanks), (bank, options.presses))
+            for each, count in ((blanks, bench.blanks), (bank, bench.presses))
         )
     found = Judgement.of(lines)
     if not len(found.truth):
@@ -197,31 +189,19 @@ def main() -> int:
     numbers = found.summary(bank.prior)
     of_trusted = [line for line in lines if line.get("trusted")]
     trusted = Judgement.of(of_trusted) if of_trusted else None
-    if options.json:
-        document = {"protocol": options.protocol, "presses": options.presses, "seed": options.seed}
-        results = {
-            "parameters": numbers,
-            "distrusted": found.distrusted,
-            "trusted_coverage_90": None if trusted is None else trusted.coverage(0.9).tolist(),
-            "flags": dict(found.flags),
-            "refused": dict(found.refused),
-            "presence": presences(lines, without),
-        }
-        print(json.dumps(document | results, indent=2))
-    else:
-        pressed = replace(bank.protocol, strain=bank.strain).described
-        title = f"{len(found.truth)} cases of world {bank.world.name}, seed {options.seed}: {pressed}"
-        rows = rows_of(numbers) + beside_informed(lines)
-        show(title, (options.protocol, *numbers), rows, markdown=options.markdown)
-        print(f"not trusted by the estimate itself: {found.distrusted} of {len(found.truth)}")
-        if trusted is not None:
-            shares = " / ".join(f"{100 * share:.0f}" for share in trusted.coverage(0.9))
-            print(f"90 % intervals of the {len(trusted.truth)} trusted: {shares} % hold")
-        identified = np.mean([line["identified"] for line in lines if "identified" in line], axis=0)
-        print("identified: " + " / ".join(f"{100 * share:.0f}" for share in identified) + " %")
-        print(f"flags: {counted(found.flags)}\nrefused: {counted(found.refused)}")
-        print("; ".join(f"{name} {value:.3g}" for name, value in presences(lines, without).items()))
-    return 0 if found.keeps_the_claim() else 1
+    pressed = replace(bank.protocol, strain=bank.strain).described
+    title = f"{len(found.truth)} cases of world {bank.world.name}, seed {bench.seed}: {pressed}"
+    rows = rows_of(numbers) + beside_informed(lines)
+    bench.table(title, (bench.protocol, *numbers), rows)
+    print(f"not trusted by the estimate itself: {found.distrusted} of {len(found.truth)}")
+    if trusted is not None:
+        shares = " / ".join(f"{100 * share:.0f}" for share in trusted.coverage(0.9))
+        print(f"90 % intervals of the {len(trusted.truth)} trusted: {shares} % hold")
+    identified = np.mean([line["identified"] for line in lines if "identified" in line], axis=0)
+    print("identified: " + " / ".join(f"{100 * share:.0f}" for share in identified) + " %")
+    print(f"flags: {counted(found.flags)}\nrefused: {counted(found.refused)}")
+    print("; ".join(f"{name} {value:.3g}" for name, value in presences(lines, without).items()))
+    return bench.end() or int(not found.keeps_the_claim())
 
 
 if __name__ == "__main__":

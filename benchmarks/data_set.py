@@ -28,9 +28,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from benchmarks.data_set_score import COLUMNS, HEADS, NUMBERS, read_rows, scores
 from benchmarks.data_set_sheet import codemeta, datacite, sheet
+from benchmarks.harness import show
 from benchmarks.press_bank import believed
 from benchmarks.simulated_presses import DEFAULT, PROTOCOLS, Protocol
-from benchmarks.tables import show
 from benchmarks.worlds import WORLDS, simulate_world
 
 import tsis

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from benchmarks.detection_judgement import DEPTHS_MM, DIAMETERS_MM
-from benchmarks.detection_tables import pairs
+from benchmarks.detection_report import pairs
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.study.probabilities import reliability_curve

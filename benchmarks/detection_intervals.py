@@ -8,13 +8,12 @@ whose 95 % interval holds the true area; a method that gives no interval for a s
 
 from __future__ import annotations
 
-import argparse
 import math
 import sys
 from typing import TYPE_CHECKING
 
 import numpy as np
-from benchmarks.tables import show
+from benchmarks.harness import Bench
 from scipy.special import ndtri
 
 from tsis.cli import progress_bar
@@ -67,20 +66,15 @@ def run(
 
 def main() -> int:
     """Print the table; the exit code is 1 when the default method covers less than is tolerated anywhere."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--studies", type=int, default=2000)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--draws", type=int, default=500, help="of the bootstrap")
-    parser.add_argument("--markdown", action="store_true", help="print the table as Markdown")
-    options = parser.parse_args()
+    bench = Bench(__doc__, studies=2000, seed=1, draws=500)
     with progress_bar("drawing studies") as progress:
-        found = run(options.studies, seed=options.seed, draws=options.draws, progress=progress)
+        found = run(bench.studies, seed=bench.seed, draws=bench.draws, progress=progress)
     rows = [
         (f"{size} + {size}", f"{area:g}", *(f"{held:.3f} ({length:.2f})" for held, length in cell.values()))
         for (size, area), cell in found.items()
     ]
-    title = f"coverage (mean length) of 95 % intervals, {options.studies} studies each, seed {options.seed}"
-    show(title, ("targets", "true area", *METHODS), rows, markdown=options.markdown)
+    title = f"coverage (mean length) of 95 % intervals, {bench.studies} studies each, seed {bench.seed}"
+    bench.table(title, ("targets", "true area", *METHODS), rows)
     worst = min(cell["default"][0] for cell in found.values())
     print(f"least coverage of the default: {worst:.3f}")
     return 0 if worst >= LEAST else 1

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from benchmarks.detection_judgement import (
@@ -18,8 +19,7 @@ from benchmarks.detection_judgement import (
     detection_limit,
     reaches,
 )
-from benchmarks.detection_tables import Printed, area, area_cells, pairs, share
-from benchmarks.goals import Goal, missed_goals
+from benchmarks.harness import Goal, show
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.errors import InputError
@@ -29,9 +29,12 @@ from tsis.study.classifier import ClassifierSettings, ClassSplit, TargetEvidence
 from tsis.study.probabilities import brier_interval, brier_score, recalibration, reliability_curve
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from benchmarks.detection_judgement import DetectionLimit
+
+    from tsis.study.proportions import Proportion
+    from tsis.study.roc import Roc
 
 
 AREA = 0.95
@@ -39,6 +42,13 @@ SPLIT = ClassSplit(young_kpa=60.0, diameter_mm=5.0)
 REACHED = 0.9
 NUISANCES = ("uneven_sd", "offset_mm", "young_kpa", "tissue_kpa", "thickness_mm", "poisson")
 MOST_CLASSED = 5000
+
+
+class Table(Protocol):
+    """Prints a table, as `benchmarks.harness.Bench.table` does."""
+
+    def __call__(self, title: str, heads: Sequence[str], rows: Iterable[Sequence[str]], /) -> None:
+        """Print it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -49,21 +59,20 @@ class Answer:
     ----------
     document
         Numbers for programs.
-    code
-        Exit code: 1 where the area is below what is wanted.
+    goals
+        The wanted area.
     limits, searched
         What the figure shows.
     """
 
     document: dict[str, Any]
-    code: int
+    goals: list[Goal]
     limits: tuple[DetectionLimit, ...]
     searched: Searched
 
 
-def report(lines: Sequence[Mapping[str, Any]], *, study: str, markdown: bool, quiet: bool) -> Answer:
+def report(lines: Sequence[Mapping[str, Any]], *, study: str, table: Table = show) -> Answer:
     """Print the tables of a study, and of the targets that were pressed in both ways."""
-    out = Printed(markdown=markdown, quiet=quiet)
     every = [line for line in lines if line["protocol"] == study and line["way"] == "moved"]
     kept = [line for line in every if "refused" not in line]
     searched = Searched.of(kept)
@@ -73,32 +82,31 @@ def report(lines: Sequence[Mapping[str, Any]], *, study: str, markdown: bool, qu
         "targets": len(every),
         "present": int(searched.present.sum()),
     }
-    document["refused"] = _refused(every, out)
+    document["refused"] = _refused(every, table)
     document["flags"] = {
         kind: counted(line["flags"] for line in kept if line["present"] == here)
         for kind, here in (("inclusions", True), ("blanks", False))
     }
-    document["areas"] = _areas(searched, out)
+    document["areas"] = _areas(searched, table)
     limits = tuple(detection_limit(searched, expected) for expected in SPECIFICITIES)
-    document["limits"] = [_limit(one, out) for one in limits]
+    document["limits"] = [_limit(one, table) for one in limits]
     document["reach"] = [
         {"diameter_mm": d, "depth_mm": h, "reach_mm": r}
         for d, h, r in reaches(searched, limits[0], probability=REACHED)
     ]
-    document["probability"] = _probability(searched, out)
-    document["bold_blanks"] = _bold_blanks(kept, out)
-    document["nuisances"] = _nuisances(searched, out)
-    document["classes"] = _classes(kept, out)
-    document["both_ways"] = _both_ways(lines, out)
+    document["probability"] = _probability(searched, table)
+    document["bold_blanks"] = _bold_blanks(kept, table)
+    document["nuisances"] = _nuisances(searched, table)
+    document["classes"] = _classes(kept, table)
+    document["both_ways"] = _both_ways(lines, table)
     least = f"area, d >= {WITHIN[0]:g} mm, h <= {WITHIN[1]:g} mm, by evidence"
     expected = [Goal(name=least, value=document["areas"]["wanted"]["auc"], least=AREA, form="{:.4f}")]
-    code = int(not all(one.met for one in expected)) if quiet else missed_goals(expected)
-    return Answer(document=document, code=code, limits=limits, searched=searched)
+    return Answer(document=document, goals=expected, limits=limits, searched=searched)
 
 
-def _refused(every: Sequence[Mapping[str, Any]], out: Printed) -> dict[str, Any]:
+def _refused(every: Sequence[Mapping[str, Any]], table: Table) -> dict[str, Any]:
     refused = [line for line in every if "refused" in line]
-    out.line(f"refused: {len(refused)} of {len(every)}, {sum(line['present'] for line in refused)} of them inclusions")
+    print(f"refused: {len(refused)} of {len(every)}, {sum(line['present'] for line in refused)} of them inclusions")
     return {
         "inclusions": sum(line["present"] for line in refused),
         "blanks": sum(not line["present"] for line in refused),
@@ -106,7 +114,7 @@ def _refused(every: Sequence[Mapping[str, Any]], out: Printed) -> dict[str, Any]
     }
 
 
-def _areas(searched: Searched, out: Printed) -> dict[str, Any]:
+def _areas(searched: Searched, table: Table) -> dict[str, Any]:
     found: dict[str, Any] = {
         "all": area(searched.curve()),
         "wanted": area(searched.curve(searched.wanted)),
@@ -120,14 +128,14 @@ def _areas(searched: Searched, out: Printed) -> dict[str, Any]:
         "wanted_by_presence": f"d >= {WITHIN[0]:g} mm, h <= {WITHIN[1]:g} mm, by probability as it is told",
     }
     rows = [[names[key], *area_cells(one)] for key, one in found.items()]
-    out.table("Area under the curve", ("targets", "inclusions, blanks", "area", "95 % interval", "method"), rows)
+    table("Area under the curve", ("targets", "inclusions, blanks", "area", "95 % interval", "method"), rows)
     for kind, here in (("inclusions", searched.present), ("blanks", ~searched.present)):
         found[f"{kind}_rounded_to_1"] = int(np.count_nonzero(searched.presence[here] == 1.0))
-        out.line(f"{kind} whose probability is rounded to 1: {found[f'{kind}_rounded_to_1']} of {int(here.sum())}")
+        print(f"{kind} whose probability is rounded to 1: {found[f'{kind}_rounded_to_1']} of {int(here.sum())}")
     return found
 
 
-def _limit(limit: DetectionLimit, out: Printed) -> dict[str, Any]:
+def _limit(limit: DetectionLimit, table: Table) -> dict[str, Any]:
     ends = limit.specificity.interval()
     title = (
         f"Sensitivity at a specificity of {limit.wanted:g} chosen on other blanks, where it was "
@@ -138,7 +146,7 @@ def _limit(limit: DetectionLimit, out: Printed) -> dict[str, Any]:
         [f"{low:g} to {high:g}", *map(share, row)]
         for (low, high), row in zip(pairs(DIAMETERS_MM), limit.found, strict=True)
     ]
-    out.table(title, heads, rows)
+    table(title, heads, rows)
     return {
         "wanted": limit.wanted,
         "specificity": limit.specificity.value,
@@ -149,7 +157,7 @@ def _limit(limit: DetectionLimit, out: Printed) -> dict[str, Any]:
     }
 
 
-def _probability(searched: Searched, out: Printed) -> dict[str, Any]:
+def _probability(searched: Searched, table: Table) -> dict[str, Any]:
     """Brier score, reliability and slope of the logits."""
     said, there = searched.presence, searched.present
     within = brier_interval(said, there, rng=np.random.default_rng(0), draws=1000)
@@ -159,49 +167,45 @@ def _probability(searched: Searched, out: Printed) -> dict[str, Any]:
          f"{one.observed.interval().high:.3f})", str(one.observed.trials)]
         for one in curve.bins
     ]  # fmt: skip
-    out.table("Of those told so probable, how many hold an inclusion", ("probability", "share", "targets"), rows)
+    table("Of those told so probable, how many hold an inclusion", ("probability", "share", "targets"), rows)
     found: dict[str, Any] = {
         "brier": brier_score(said, there).score,
         "brier_interval": [within.low, within.high],
         "calibration_error": curve.expected_calibration_error,
         "bins": [[one.probability, one.observed.successes, one.observed.trials] for one in curve.bins],
     }
-    out.line(f"Brier score {found['brier']:.4f} ({within.low:.4f} to {within.high:.4f})")
+    print(f"Brier score {found['brier']:.4f} ({within.low:.4f} to {within.high:.4f})")
     try:
         fitted = recalibration(clipped(said), there)
     except InputError as error:
-        out.line(f"no calibration slope: {error}")
+        print(f"no calibration slope: {error}")
         return found
     found |= {"slope": fitted.slope.value, "slope_interval": list(fitted.slope.interval())}
     found |= {"in_the_large": fitted.in_the_large.value}
-    out.line(f"calibration slope {fitted.slope.value:.3f}, in the large {fitted.in_the_large.value:+.3f}")
+    print(f"calibration slope {fitted.slope.value:.3f}, in the large {fitted.in_the_large.value:+.3f}")
     return found
 
 
-def _bold_blanks(kept: Sequence[Mapping[str, Any]], out: Printed) -> dict[str, int]:
+def _bold_blanks(kept: Sequence[Mapping[str, Any]], table: Table) -> dict[str, int]:
     """Blanks that are told to hold an inclusion, and how many of them no flag doubts."""
     blanks = [line for line in kept if not line["present"]]
     bold = [line for line in blanks if line["presence"] > NEARLY_CERTAIN]
     undoubted = sum((UNTRUSTED_FLAGS - {ABSENCE_FLAG}).isdisjoint(line["flags"]) for line in bold)
-    out.line(
-        f"blanks told more than {NEARLY_CERTAIN:g}: {len(bold)} of {len(blanks)}, {undoubted} of them without a flag"
-    )
+    print(f"blanks told more than {NEARLY_CERTAIN:g}: {len(bold)} of {len(blanks)}, {undoubted} of them without a flag")
     return {"told": len(bold), "undoubted": undoubted, "blanks": len(blanks)}
 
 
-def _nuisances(searched: Searched, out: Printed) -> list[dict[str, Any]]:
+def _nuisances(searched: Searched, table: Table) -> list[dict[str, Any]]:
     found, rows = [], []
     for name in NUISANCES:
         for label, curve in areas_by(searched, name):
             found.append({"part": label, **area(curve)})
             rows.append([label, *area_cells(found[-1])])
-    out.table(
-        "Area by thirds of what was drawn", ("part", "inclusions, blanks", "area", "95 % interval", "method"), rows
-    )
+    table("Area by thirds of what was drawn", ("part", "inclusions, blanks", "area", "95 % interval", "method"), rows)
     return found
 
 
-def _classes(kept: Sequence[Mapping[str, Any]], out: Printed) -> dict[str, Any] | None:
+def _classes(kept: Sequence[Mapping[str, Any]], table: Table) -> dict[str, Any] | None:
     """Three classes by measured properties, out of fold."""
     used = kept[:MOST_CLASSED]
     readings = [TargetEvidence(samples=np.array(line["samples"]), log_ratio=line["evidence"]) for line in used]
@@ -209,21 +213,21 @@ def _classes(kept: Sequence[Mapping[str, Any]], out: Printed) -> dict[str, Any] 
     try:
         found = cross_validate(readings, truth, SPLIT, ClassifierSettings())
     except InputError as error:
-        out.line(f"no classes: {error}")
+        print(f"no classes: {error}")
         return None
     rows = [
         [SPLIT.names[row], *(share(found.proportion(row, column)) for column in range(3))] for row in range(3)
     ]  # fmt: skip
-    out.table("Classes out of fold: truth by row, likeliest by column", ("", *SPLIT.names), rows)
+    table("Classes out of fold: truth by row, likeliest by column", ("", *SPLIT.names), rows)
     at_mean = float(-np.log(np.maximum(found.at_mean[np.arange(len(used)), found.labels], 1e-15)).mean())
-    out.line(
+    print(
         f"log loss {found.log_loss:.3f} (of posteriors' means alone {at_mean:.3f}), Brier {found.brier:.3f}, right "
         f"{found.accuracy.value:.3f}; both probabilities differ by {np.median(found.differences):.3f} in the median"
     )
     some = Searched.of(used)
     of_none = {name: area(some.curve(among, 1 - found.probabilities[:, 0])) for name, among in
             (("all", None), ("wanted", some.wanted))}  # fmt: skip
-    out.line(f"area by the class 'none': {of_none['all']['auc']:.4f}, where wanted {of_none['wanted']['auc']:.4f}")
+    print(f"area by the class 'none': {of_none['all']['auc']:.4f}, where wanted {of_none['wanted']['auc']:.4f}")
     return {
         "names": SPLIT.names,
         "confusion": found.confusion.tolist(),
@@ -240,7 +244,7 @@ def _inclusion(truth: Sequence[float]) -> Inclusion:
     return Inclusion(diameter_mm=truth[0], depth_mm=truth[1], young_kpa=truth[2])
 
 
-def _both_ways(lines: Sequence[Mapping[str, Any]], out: Printed) -> dict[str, Any] | None:
+def _both_ways(lines: Sequence[Mapping[str, Any]], table: Table) -> dict[str, Any] | None:
     """Targets pressed by a flat probe in three dimensions and by moved changes, with the same errors."""
     by = {(line["way"], line["index"]): line for line in lines if "refused" not in line and line["protocol"] == "flat"}
     both = [(by["moved", index], by["solid", index]) for way, index in by if way == "solid" and ("moved", index) in by]
@@ -255,8 +259,8 @@ def _both_ways(lines: Sequence[Mapping[str, Any]], out: Printed) -> dict[str, An
     found["correlation"] = float(np.corrcoef(logs.T)[0, 1])
     found["same_side"] = int(np.count_nonzero((logs[:, 0] > 0) == (logs[:, 1] > 0)))
     heads = ("flat probe, pressed", "inclusions, blanks", "area", "95 % interval", "method")
-    out.table("The same targets in three dimensions and by moved changes", heads, rows)
-    out.line(
+    table("The same targets in three dimensions and by moved changes", heads, rows)
+    print(
         f"evidence of both (its asinh) correlates by {found['correlation']:.3f}; {found['same_side']} of {len(both)} "
         "lie on the same side of even odds"
     )
@@ -264,3 +268,34 @@ def _both_ways(lines: Sequence[Mapping[str, Any]], out: Printed) -> dict[str, An
 
 
 __all__ = ["Answer", "report"]
+
+
+def area(curve: Roc) -> dict[str, Any]:
+    """Area with its interval, as plain values."""
+    within = curve.auc_interval()
+    return {
+        "auc": curve.auc,
+        "interval": [within.low, within.high],
+        "method": within.method,
+        "inclusions": curve.targets,
+        "blanks": curve.blanks,
+    }
+
+
+def area_cells(one: Mapping[str, Any]) -> list[str]:
+    """The same for a table."""
+    low, high = one["interval"]
+    return [f"{one['inclusions']}, {one['blanks']}", f"{one['auc']:.4f}", f"{low:.4f} to {high:.4f}", one["method"]]
+
+
+def pairs(ends: tuple[float, ...]) -> list[tuple[float, float]]:
+    """Ends of neighbouring cells."""
+    return list(pairwise(ends))
+
+
+def share(one: Proportion | None) -> str:
+    """A share with Wilson's interval and the number of targets."""
+    if one is None:
+        return "-"
+    low, high = one.interval()
+    return f"{one.value:.2f} ({low:.2f}-{high:.2f}), {one.trials}"

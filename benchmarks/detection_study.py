@@ -12,9 +12,7 @@ under the curve is below 0.95 for inclusions of at least 5 mm at most 8 mm deep.
 
 from __future__ import annotations
 
-import argparse
 import hashlib
-import json
 import os
 import sys
 import time
@@ -26,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from benchmarks.detection_figure import write_results
 from benchmarks.detection_report import report
-from benchmarks.finished_lines import append_line, read_lines
+from benchmarks.harness import Bench, Choice, append_line, read_lines
 from benchmarks.searched_presses import COVERING_N, PRIOR, UNEVEN_SD, draw, examine
 from benchmarks.simulated_presses import PROTOCOLS
 from benchmarks.uneven_tissue import lump_changes
@@ -146,7 +144,7 @@ def code() -> str:
     return digest.hexdigest()
 
 
-def tasks_of(options: argparse.Namespace) -> list[Task]:
+def tasks_of(options: Any) -> list[Task]:
     """The study, and the targets that are pressed in both ways."""
     shared = {"seed": options.seed, "uneven_most": options.uneven}
     study = [Task(protocol=options.protocol, way="moved", index=index, **shared) for index in range(options.targets)]
@@ -158,37 +156,27 @@ def tasks_of(options: argparse.Namespace) -> list[Task]:
     return both + study
 
 
-def parsed() -> argparse.Namespace:
-    """Options of the command."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--protocol", choices=("domed", "flat", "flat-alone"), default="domed")
-    parser.add_argument("--targets", type=int, default=2000, help="half of them hold an inclusion")
-    parser.add_argument("--solid", type=int, default=0, help="how many are pressed in three dimensions too")
-    parser.add_argument("--uneven", type=float, default=UNEVEN_SD, help="largest sd of the lumps' log moduli")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--workers", type=int, default=os.cpu_count(), help="processes; all cores by default")
-    parser.add_argument("--bank", type=Path, default=cache_folder() / "detection", help="folder of finished targets")
-    parser.add_argument("--out", type=Path, help="folder for the figure, the tables and the reaches")
-    parser.add_argument("--json", action="store_true")
-    parser.add_argument("--markdown", action="store_true", help="print tables as Markdown")
-    return parser.parse_args()
-
-
 def main() -> int:
     """Run what is missing, print the tables; 1 when the wanted area is missed."""
-    options = parsed()
-    decided_by = {"seed": options.seed, "uneven": options.uneven, "tsis": tsis.__version__, "code": code()}
-    kept_in = options.bank / f"{content_key(decided_by)}.jsonl"
-    began = time.perf_counter()
+    bench = Bench(
+        __doc__,
+        protocol=Choice(("domed", "flat", "flat-alone"), "domed"),
+        targets=2000,
+        solid=0,
+        uneven=UNEVEN_SD,
+        seed=1,
+        workers=os.cpu_count(),
+        bank=cache_folder() / "detection",
+    )
+    decided_by = {"seed": bench.seed, "uneven": bench.uneven, "tsis": tsis.__version__, "code": code()}
+    kept_in = bench.bank / f"{content_key(decided_by)}.jsonl"
     with progress_bar("searching") as progress:
-        lines = run(tasks_of(options), out=kept_in, workers=options.workers, progress=progress)
-    took = time.perf_counter() - began
-    answer = report(lines, study=options.protocol, markdown=options.markdown, quiet=options.json)
-    document = answer.document | {"seed": options.seed, "uneven": options.uneven, "took_s": round(took, 1)}
-    if options.out is not None:
-        write_results(options.out, answer, document)
-    print(json.dumps(document, indent=2) if options.json else f"took {took:.0f} s; targets kept in {kept_in}")
-    return answer.code
+        lines = run(tasks_of(bench.options), out=kept_in, workers=bench.workers, progress=progress)
+    answer = report(lines, study=bench.protocol, table=bench.table)
+    if bench.options.out is not None:
+        document = answer.document | {"seed": bench.seed, "uneven": bench.uneven}
+        write_results(bench.options.out, answer, document)
+    return bench.end(answer.goals)
 
 
 if __name__ == "__main__":

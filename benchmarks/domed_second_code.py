@@ -12,16 +12,15 @@ and without contrast on one mesh.
 
 from __future__ import annotations
 
-import argparse
 import importlib
 import json
+import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from rich.console import Console
-from rich.table import Table
+from benchmarks.harness import Bench
 
 import tsis
 from tsis.mechanics import press
@@ -272,11 +271,11 @@ def deviations(found: dict[str, Any], reference: dict[str, Any]) -> dict[str, fl
     return {name: float(np.abs(one - other).max() / np.abs(other).max()) for name, (one, other) in pairs.items()}
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description="Domed contact at small strain by another code.")
-    parser.add_argument("--compute", action="store_true", help="solve with NGSolve and store; minutes")
+def main() -> int:
+    """Print the deviations from the stored contacts, computed anew with ``--compute`` (minutes)."""
+    bench = Bench(__doc__, compute=False)
     stored: dict[str, Any] = json.loads(STORED.read_text(encoding="utf-8")) if STORED.exists() else {}
-    if parser.parse_args().compute:
+    if bench.compute:
         importlib.import_module("netgen.meshing").SetMessageImportance(0)
         cases = computed(Fineness())
         coarse = computed(Fineness(face=0.25, rim=0.05, sphere=1.0, layer=1.7, softness=2e-4))
@@ -293,7 +292,17 @@ def main() -> None:
         STORED.parent.mkdir(exist_ok=True)
         STORED.write_text(json.dumps(stored) + "\n", encoding="utf-8")
     cases = stored["small_strain"]["cases"]
-    show(cases, [deviations(kernel(case), case) for case in cases])
+    heads = ("d, h, E", "F (N)", "approach plain", "with", "w plain", "p plain", "dw", "dp")
+    rows = [
+        (
+            f"{case['diameter_mm']:g}, {case['depth_mm']:g}, {case['young_kpa']:g}",
+            f"{case['force_n']:g}",
+            *(f"{100 * value:.3f}" for value in deviations(kernel(case), case).values()),
+        )
+        for case in cases
+    ]
+    bench.table("tsis against the stored values, largest deviation over the largest value, %", heads, rows)
+    return bench.end()
 
 
 def rounded(case: dict[str, Any]) -> dict[str, Any]:
@@ -305,16 +314,5 @@ def rounded(case: dict[str, Any]) -> dict[str, Any]:
     return {name: short(value) for name, value in case.items()}
 
 
-def show(cases: list[dict[str, Any]], apart: list[dict[str, float]]) -> None:
-    """One line a case."""
-    table = Table(title="tsis against the stored values, largest deviation over the largest value, %")
-    for heading in ("d, h, E", "F (N)", "approach plain", "with", "w plain", "p plain", "dw", "dp"):
-        table.add_column(heading, justify="right")
-    for case, shares in zip(cases, apart, strict=True):
-        name = f"{case['diameter_mm']:g}, {case['depth_mm']:g}, {case['young_kpa']:g}"
-        table.add_row(name, f"{case['force_n']:g}", *(f"{100 * value:.3f}" for value in shares.values()))
-    Console(width=110).print(table)
-
-
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -12,7 +12,6 @@ signal within 0.95 of the face's radius.
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 from dataclasses import asdict, dataclass, replace
@@ -21,8 +20,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from benchmarks.harness import Bench, Choice, Goal, Several
 from benchmarks.peers.ngsolve_dome_mesh import Fineness
-from benchmarks.tables import show
 from rich.console import Console
 from rich.progress import Progress, TextColumn, TimeElapsedColumn
 
@@ -210,27 +209,27 @@ def _setting(text: str) -> tuple[str, Any]:
 
 def main() -> int:
     """Print a table; the exit code is 1 when a signal deviates by more than 1 % of its peak."""
-    parser = argparse.ArgumentParser(description="Domed contact at finite strain by another code.")
-    parser.add_argument("--states", nargs="+", choices=CASES, default=list(CASES), metavar="STATE")
-    parser.add_argument("--mesh", choices=MESHES, default="usual", help="of the other code")
-    parser.add_argument("--again", action="store_true", help="solve stored states again")
-    parser.add_argument("--resolution", nargs="+", metavar="NAME=VALUE", help="tsis by load paths on another mesh")
-    parser.add_argument("--beside", choices=MESHES, help="compare with another mesh of the other code, not with tsis")
-    options = parser.parse_args()
-    stored = completed(options.states, options.mesh, again=options.again)
-    beside = completed(options.states, options.beside, again=False) if options.beside else {}
-    finer = FiniteResolution(**dict(map(_setting, options.resolution))) if options.resolution else None
+    bench = Bench(
+        __doc__,
+        states=[*list(CASES)],
+        mesh=Choice(MESHES, "usual"),
+        again=False,
+        resolution=Several(),
+        beside=Choice(MESHES),
+    )
+    stored = completed(bench.states, bench.mesh, again=bench.again)
+    beside = completed(bench.states, bench.beside, again=False) if bench.beside else {}
+    finer = FiniteResolution(**dict(map(_setting, bench.resolution))) if bench.resolution else None
     rows, worst = [], 0.0
-    for name in options.states:
+    for name in bench.states:
         ours = beside[name] if beside else own(name, finer)
         for one, other in zip(ours, stored[name], strict=True):
             rows.append(row(name, one, other))
             fields = ("pressure_kpa", "displacement_mm")
             worst = max(worst, *(deviation(one, other, field).largest for field in fields))
             print(*rows[-1], sep=" | ", file=sys.stderr, flush=True)
-    show("deviations of the signals, of their peak", HEADINGS, rows, markdown=True)
-    print(f"largest: {100 * worst:.2f} % of the peak signal")
-    return int(worst > 0.01)
+    bench.table("deviations of the signals, of their peak", HEADINGS, rows)
+    return bench.end([Goal(name="largest deviation, % of the peak signal", value=100 * worst, most=1.0, form="{:.2f}")])
 
 
 if __name__ == "__main__":

@@ -8,7 +8,6 @@ begins without the mechanics and light that earlier runs have solved and kept.
 
 from __future__ import annotations
 
-import argparse
 import math
 import os
 import sys
@@ -16,8 +15,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from benchmarks.goals import Goal, missed_goals
-from benchmarks.tables import show
+from benchmarks.harness import Bench, Goal
 from tests.console.browser import chromium
 from tests.console.first_report import first_report
 from tests.console.operator import tab
@@ -39,23 +37,19 @@ def timed(folder: Path) -> tuple[float, float, int]:
 
 def main() -> int:
     """Print the table; the exit code is 1 where it takes longer than wanted."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--times", type=int, default=3)
-    parser.add_argument("--cold", action="store_true", help="without what earlier runs have solved")
-    parser.add_argument("--markdown", action="store_true")
-    options = parser.parse_args()
+    bench = Bench(__doc__, times=3, cold=False)
     rows, took = [], []
-    for number in range(options.times):
+    for number in range(bench.times):
         with tempfile.TemporaryDirectory(prefix="tsis-first-report-") as folder:
-            if options.cold:
+            if bench.cold:
                 os.environ["TSIS_CACHE_DIR"] = str(Path(folder) / "cache")
             listening, whole, size = timed(Path(folder))
-        most_s = math.inf if options.cold else MOST_S
+        most_s = math.inf if bench.cold else MOST_S
         took.append(Goal(name=f"run {number + 1}, report saved", value=whole, most=most_s, form="{:.1f} s"))
         rows.append((str(number + 1), f"{listening:.1f} s", took[-1].shown, took[-1].goal, f"{size / 1000:.0f} kB"))
-    heading = f"From nothing to a saved report, {'cold' if options.cold else 'mechanics kept'}"
-    show(heading, ("run", "console listens", "report saved", "wanted", "PDF"), rows, markdown=options.markdown)
-    return missed_goals(took)
+    heading = f"From nothing to a saved report, {'cold' if bench.cold else 'mechanics kept'}"
+    bench.table(heading, ("run", "console listens", "report saved", "wanted", "PDF"), rows)
+    return bench.end(took)
 
 
 if __name__ == "__main__":

@@ -13,12 +13,12 @@ of the contact: under a ball, which is steeper than Hertz's paraboloid, it lies 
 
 from __future__ import annotations
 
-import argparse
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from benchmarks.harness import Bench
 from rich.console import Console
 from rich.table import Table
 
@@ -184,24 +184,25 @@ def _row(rows: Sequence[tuple[float, ...]]) -> list[str]:
 
 def main() -> int:
     """Print the tables."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--data", type=Path, default=Path(__file__).parents[1] / ".." / "shared" / "data" / "real")
-    parser.add_argument("--seed", type=int, default=2026)
-    parser.add_argument("--rendered", type=int, default=60, help="presses a sensor")
-    parser.add_argument("--finite", type=int, default=0, help="gels a sensor at finite strain; about 40 s each")
-    parser.add_argument("--sensors", nargs="+", choices=FINITE_SENSORS, default=FINITE_SENSORS, help="at finite strain")
-    options = parser.parse_args()
+    bench = Bench(
+        __doc__,
+        data=Path(__file__).parents[1] / ".." / "shared" / "data" / "real",
+        seed=2026,
+        rendered=60,
+        finite=0,
+        sensors=[*FINITE_SENSORS],
+    )
     console = Console(width=140)
-    if options.data.is_dir():
-        console.print(taxim(options.data / "taxim_ball" / "dataPack_small.npz"))
-        console.print(nine_d_tact(options.data / "9dtact"))
+    if bench.data.is_dir():
+        console.print(taxim(bench.data / "taxim_ball" / "dataPack_small.npz"))
+        console.print(nine_d_tact(bench.data / "9dtact"))
     else:
-        print(f"{options.data} does not exist: real frames are left out", file=sys.stderr)
-    if options.rendered:
-        console.print(rendered(options.rendered, options.seed))
-    if options.finite:
-        console.print(finite(options.finite, options.seed, options.sensors))
-    return 0
+        print(f"{bench.data} does not exist: real frames are left out", file=sys.stderr)
+    if bench.rendered:
+        console.print(rendered(bench.rendered, bench.seed))
+    if bench.finite:
+        console.print(finite(bench.finite, bench.seed, bench.sensors))
+    return bench.end()
 
 
 if __name__ == "__main__":

@@ -10,12 +10,12 @@ on nine presses; five others are measured against the true face, inside the cont
 
 from __future__ import annotations
 
-import argparse
 import sys
 import time
 from pathlib import Path
 
 import numpy as np
+from benchmarks.harness import Bench
 from rich.console import Console
 from rich.table import Table
 
@@ -92,20 +92,17 @@ def _numbers(errors: list[float]) -> tuple[str, ...]:
 
 def main() -> int:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--data", type=Path, default=Path(__file__).parents[1] / ".." / "shared" / "data" / "real")
-    parser.add_argument("--seed", type=int, default=2026)
-    options = parser.parse_args()
+    bench = Bench(__doc__, data=Path(__file__).parents[1] / ".." / "shared" / "data" / "real", seed=2026)
     table = Table("depth", "method", "presses", "RMS / mm", "median / mm", "largest / mm")
-    file = options.data / "taxim_ball" / "dataPack_small.npz"
+    file = bench.data / "taxim_ball" / "dataPack_small.npz"
     if file.exists():
         real(file, table)
     else:
         print(f"{file} does not exist: real frames are left out", file=sys.stderr)
     for name in ("gelsight-mini", "9dtact"):
-        rendered(name, options.seed, table)
+        rendered(name, bench.seed, table)
     Console(width=140).print(table)
-    return 0
+    return bench.end()
 
 
 if __name__ == "__main__":

@@ -8,10 +8,11 @@ face slides along them, and their pressure has no peak that a mesh could tell, s
 
 from __future__ import annotations
 
-import argparse
+import sys
 
 import numpy as np
 from benchmarks.gel_shear import WIDE_MM, Layer
+from benchmarks.harness import Bench
 from scipy.interpolate import RegularGridInterpolator
 
 import tsis
@@ -76,18 +77,14 @@ def _sensor(thickness: float, young: float, poisson: float) -> GelSensor:
     )
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seed", type=int, default=2028)
-    parser.add_argument("--gels", type=int, default=3)
-    parser.add_argument("--punches", type=int, default=6)
-    arguments = parser.parse_args()
-    rng = np.random.default_rng(arguments.seed)
+def main() -> int:
+    bench = Bench(__doc__, seed=2028, gels=3, punches=6)
+    rng = np.random.default_rng(bench.seed)
     print("gel kPa  nu     t mm  ball mm  force N  depth/t  a/t    force ratio  pressure RMS/peak  in 90 %")
     ratios, rms, held = [], [], []
     y, x = (np.mgrid[:ROWS, :COLUMNS] - np.array([(ROWS - 1) / 2, (COLUMNS - 1) / 2])[:, None, None]) * PIXEL_MM
     radius = np.hypot(x, y)
-    for _ in range(arguments.gels):
+    for _ in range(bench.gels):
         young, poisson = float(np.exp(rng.uniform(*np.log([60, 300])))), float(rng.uniform(0.46, 0.49))
         thickness, ball = float(rng.uniform(3, 5)), float(rng.uniform(2.5, 6))
         gel = tsis.Layer(thickness_mm=thickness, young_kpa=young, poisson=poisson)
@@ -125,8 +122,9 @@ def main() -> None:
     print(f"force: largest error {off.max():.3f}, median {np.median(off):.3f}; goal 0.10")
     print(f"pressure: largest RMS {max(rms):.3f}, median {np.median(rms):.3f}; goal 0.15")
     print(f"interval (gel known): holds {sum(held)} of {len(held)}")
-    punches(np.random.default_rng([arguments.seed, 1]), arguments.punches)
+    punches(np.random.default_rng([bench.seed, 1]), bench.punches)
+    return bench.end()
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -11,12 +11,13 @@ With `--small-strain` the estimate's own layer presses at small strain: only the
 
 from __future__ import annotations
 
-import argparse
+import sys
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+from benchmarks.harness import Bench, Choice
 from benchmarks.soft_cylinder import Solid, cylinder_presses
 from rich.progress import track
 
@@ -169,20 +170,21 @@ def row(name: str, cases: Sequence[Case]) -> str:
     return f"| {name} | {len(cases)} | {trusted} | {len(result)} | {held} | {given} | {middle} |"
 
 
-def main() -> None:
+def main() -> int:
     """Run the cases and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seed", type=int, default=20)
-    parser.add_argument("--cases", type=int, default=60)
-    parser.add_argument("--object", choices=("sphere", "cylinder"), default="sphere")
-    parser.add_argument("--gripper", action="store_true", help="two sensors, each with a gel of its own")
-    parser.add_argument("--small-strain", action="store_true", help="errors of the readings alone")
-    parser.add_argument("--each", action="store_true", help="a line for each case")
-    arguments = parser.parse_args()
-    options = Options(shape=arguments.object, fingers=2 if arguments.gripper else 1, small=arguments.small_strain)
-    rng, dents = np.random.default_rng(arguments.seed), np.random.default_rng([arguments.seed, 1])
+    bench = Bench(
+        __doc__,
+        seed=20,
+        cases=60,
+        object=Choice(("sphere", "cylinder"), "sphere"),
+        gripper=False,
+        small_strain=False,
+        each=False,
+    )
+    options = Options(shape=bench.object, fingers=2 if bench.gripper else 1, small=bench.small_strain)
+    rng, dents = np.random.default_rng(bench.seed), np.random.default_rng([bench.seed, 1])
     found: dict[str, list[Case]] = {name: [] for name in KNOWN}
-    for _ in track(range(arguments.cases), "pressing"):
+    for _ in track(range(bench.cases), "pressing"):
         try:
             made = one(rng, dents, options)
         except (MechanicsError, RuntimeError) as error:  # the mesh did not converge: no case
@@ -190,14 +192,13 @@ def main() -> None:
             continue
         for name, case in made.items():
             found[name].append(case)
-            if arguments.each:
+            if bench.each:
                 low, high = case.ends_kpa
                 print(f"{name}: {case.young_kpa:.1f} kPa: {case.median_kpa:.1f} [{low:.1f}, {high:.1f}]", *case.flags)
-    print("| known | cases | trusted | identified | holds, all | holds, identified | median error | bias |")
-    print("| --- | --- | --- | --- | --- | --- | --- | --- |")
-    for name, cases in found.items():
-        print(row(name, cases))
+    heads = ("known", "cases", "trusted", "identified", "holds, all", "holds, identified", "median error", "bias")
+    bench.table("Modulus from contacts", heads, [row(name, cases) for name, cases in found.items()])
+    return bench.end()
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -10,12 +10,13 @@ seed; the gel's values are known to the estimate, the contact is not. ngsolve is
 
 from __future__ import annotations
 
-import argparse
+import sys
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import ngsolve as ng
 import numpy as np
+from benchmarks.harness import Bench
 from netgen.geom2d import SplineGeometry
 
 from tsis.mechanics.gel import gel_force, layer_contact
@@ -208,16 +209,13 @@ def _by_layer(body: Body, truth: Truth, sensor: GelSensor) -> str:
     return f"  layer's model at half a width of {half:.3f} mm: {float(model.force) / 1000.0 / truth.force:.3f}"
 
 
-def main() -> None:
+def main() -> int:
     """Print one row a press."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seed", type=int, default=3202)
-    parser.add_argument("--gels", type=int, default=2)
-    arguments = parser.parse_args()
-    rng = np.random.default_rng(arguments.seed)
+    bench = Bench(__doc__, seed=3202, gels=2)
+    rng = np.random.default_rng(bench.seed)
     print("gel kPa  nu     t mm  body                  depth/t  force (N, N/mm)  force ratio  pressure RMS/peak")
     rows: list[tuple[str, float, float]] = []
-    for _ in range(arguments.gels):
+    for _ in range(bench.gels):
         young, poisson = float(np.exp(rng.uniform(*np.log([60, 300])))), float(rng.uniform(0.45, 0.485))
         thickness = float(rng.uniform(3, 5))
         sensor = GelSensor(
@@ -243,7 +241,8 @@ def main() -> None:
         ratios, off = np.array([row[1:] for row in rows if row[0] == kind]).T
         print(f"{kind}: force largest error {np.abs(ratios - 1).max():.3f}, pressure largest RMS {off.max():.3f}")
     print("goals: force 0.10, pressure 0.15")
+    return bench.end()
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

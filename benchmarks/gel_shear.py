@@ -11,11 +11,12 @@ error of 5 µm. Linear elasticity; the gel's values are known to the estimate.
 
 from __future__ import annotations
 
-import argparse
+import sys
 from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+from benchmarks.harness import Bench, Choice
 from scipy.sparse import coo_matrix
 from scipy.sparse.linalg import splu
 
@@ -137,17 +138,13 @@ def on_tetrahedra(drag: Drag, gel: tuple[float, float, float], points: np.ndarra
     return np.array([moved(mesh(x, y, 0.0))[:2] for x, y in points]), np.array(force)
 
 
-def main() -> None:
+def main() -> int:
     """Print one row a press."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seed", type=int, default=2031)
-    parser.add_argument("--gels", type=int, default=8)
-    parser.add_argument("--elements", choices=("tetrahedra", "bricks"), default="tetrahedra")
-    arguments = parser.parse_args()
-    rng = np.random.default_rng(arguments.seed)
+    bench = Bench(__doc__, seed=2031, gels=8, elements=Choice(("tetrahedra", "bricks"), "tetrahedra"))
+    rng = np.random.default_rng(bench.seed)
     print("gel kPa  nu     t mm  contact mm  shear N  estimate N        error  in 90 %")
     errors, held = [], []
-    for number in range(arguments.gels):
+    for number in range(bench.gels):
         young, poisson = float(np.exp(rng.uniform(*np.log([60, 300])))), float(rng.uniform(0.45, 0.49))
         thickness, radius = float(rng.uniform(2.5, 4.5)), float(rng.uniform(1.5, 3.0))
         centre = rng.uniform(-1.5, 1.5, 2)
@@ -158,7 +155,7 @@ def main() -> None:
         )  # fmt: skip
         places = np.arange(-7.2, 7.3, MARKER_MM)
         points = np.stack(np.meshgrid(places, places), axis=-1).reshape(-1, 2)
-        if arguments.elements == "bricks":
+        if bench.elements == "bricks":
             points = np.rint(points / CELL_MM) * CELL_MM
             moved, truth = on_bricks(drag, Layer(thickness, young, poisson), points)
         else:
@@ -184,7 +181,8 @@ def main() -> None:
         )
     print(f"shear: largest error {max(errors):.3f}, median {np.median(errors):.3f}; goal {GOAL}")
     print(f"interval (gel known): holds {sum(held)} of {len(held)} components")
+    return bench.end()
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -14,8 +14,6 @@ goes on where it stopped.
 
 from __future__ import annotations
 
-import argparse
-import json
 import sys
 import time
 from dataclasses import dataclass
@@ -24,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from benchmarks.hardness_bank import SolvedSphere
+from benchmarks.harness import Bench
 from scipy.stats import norm
 
 import tsis
@@ -198,57 +197,48 @@ def _both(cases: Sequence[Case]) -> dict[str, Any]:
     return result | ({"with_ball": summary(truths, with_ball)} if with_ball else {})
 
 
-def show(told: dict[str, Any]) -> None:
-    """Print the judgement as a Markdown table."""
-    print(f"{told['probe']}: presses of {FORCES_N[0]:g} and {FORCES_N[1]:g} N, seed {told['seed']}")
-    print(f"spheres that the fine model does not reach: {told['unsolved']}")
-    print(f"seconds an estimate (median): {told['seconds_an_estimate']:.2f}")
-    print(
-        "| spheres | ball | cases | trusted | mean error | bias | 50 % interval holds | 90 % interval holds | flags |"
-    )
-    print("|---|---|---|---|---|---|---|---|---|")
+def rows_of(told: dict[str, Any]) -> list[tuple[str, ...]]:
+    """Rows of the table."""
+    rows = []
     for name, both in told.items():
         if not isinstance(both, dict):
             continue
         printed = f" (printed {100 * both['printed_relative_error']:.2f} %)" if "printed_relative_error" in both else ""
-        for ball in ("alone", "with_ball"):
-            if ball in both:
-                print(_row(f"{name}{printed}", ball, both[ball]))
+        rows += [_row(f"{name}{printed}", ball, both[ball]) for ball in ("alone", "with_ball") if ball in both]
+    return rows
 
 
-def _row(name: str, ball: str, one: dict[str, Any]) -> str:
+def _row(name: str, ball: str, one: dict[str, Any]) -> tuple[str, ...]:
+    flags = ", ".join(f"{flag} {count}" for flag, count in one["flags"].items()) or "none"
+    begun = (name, "yes" if ball == "with_ball" else "no", str(one["cases"]), str(one["trusted"]))
     if "bias" not in one:
-        return f"| {name} | {ball} | {one['cases']} | {one['trusted']} | | | | | {one['flags']} |"
+        return *begun, "", "", "", "", flags
 
     def held(level: str) -> str:
         low, high = one[f"coverage_{level}_wilson"]
         return f"{100 * one[f'coverage_{level}']:.1f} % ({100 * low:.1f} to {100 * high:.1f})"
 
-    flags = ", ".join(f"{flag} {count}" for flag, count in one["flags"].items()) or "none"
     error, bias = (f"{100 * one[key]:+.2f} %" for key in ("mean_relative_error", "bias"))
-    result = (name, "yes" if ball == "with_ball" else "no", one["cases"], one["trusted"], error[1:], bias)
-    return "| " + " | ".join(str(part) for part in (*result, held("50"), held("90"), flags)) + " |"
+    return *begun, error[1:], bias, held("50"), held("90"), flags
 
 
 def main() -> int:
     """Print the judgement."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--probe", default="tsis-direct")
-    parser.add_argument("--spheres", type=int, default=40)
-    parser.add_argument("--rigs", type=int, default=5)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--ball", action="store_true", help="estimate with presses of a rigid ball as well")
-    parser.add_argument("--json", action="store_true")
-    options = parser.parse_args()
+    bench = Bench(__doc__, probe="tsis-direct", spheres=40, rigs=5, seed=1, ball=False)
     with progress_bar("pressing spheres") as progress:
-        probe = tsis.load_probe(options.probe)
-        ball = ball_on(probe) if options.ball else None
-        result = run(probe, options.spheres, options.rigs, options.seed, ball, progress)
-    if options.json:
-        print(json.dumps(result, indent=2))
-    else:
-        show(result)
-    return 0
+        probe = tsis.load_probe(bench.probe)
+        ball = ball_on(probe) if bench.ball else None
+        result = run(probe, bench.spheres, bench.rigs, bench.seed, ball, progress)
+    heads = (
+        *("spheres", "ball", "cases", "trusted", "mean error", "bias"),
+        *("50 % interval holds", "90 % interval holds", "flags"),
+    )
+    bench.table(
+        f"{bench.probe}, presses of {FORCES_N[0]:g} and {FORCES_N[1]:g} N, seed {bench.seed}", heads, rows_of(result)
+    )
+    print(f"spheres that the fine model does not reach: {result['unsolved']}")
+    print(f"seconds an estimate (median): {result['seconds_an_estimate']:.2f}")
+    return bench.end()
 
 
 if __name__ == "__main__":

@@ -2,14 +2,14 @@
 
 A benchmark is a module with its measurement and a `main` that begins and ends a `Bench`:
 
-    bench = Bench(__doc__, seed=1, presses=500, protocol=("domed", "flat"))
+    bench = Bench(__doc__, seed=1, presses=500, protocol=Choice(PROTOCOLS, "domed"))
     bench.table("Errors", ("press", "error, %"), rows)
     return bench.end([Goal(name="median error, %", value=2.1, most=2.5)])
 
-Options are named by keyword; a default of False is a switch, a tuple of texts lists the choices, the default first, a
-list takes several values, and a type stands for a value that is absent by default. Every benchmark takes
-``--markdown``, which prints tables as the pages have them, and ``--out FOLDER``, which writes each table as a CSV file
-and ``result.json`` with the options, the machine, all tables and the goals. The exit code is 1 when a goal is missed.
+Options are named by keyword. A default of False is a switch, `Choice` lists names, a list or `Several` takes several
+values, and a type stands for a value that is absent by default. Every benchmark takes ``--markdown``, which prints
+tables as the pages have them, and ``--out FOLDER``, which writes each table as a CSV file and ``result.json`` with the
+options, the machine, all tables and the goals. The exit code is 1 when a goal is missed.
 """
 
 from __future__ import annotations
@@ -133,13 +133,32 @@ class Bench:
         (folder / "result.json").write_text(json.dumps(document, indent=1, default=str) + "\n", encoding="utf-8")
 
 
+@dataclass(frozen=True, slots=True)
+class Several:
+    """An option that may be given several values, of ``names`` where there are any; empty by default."""
+
+    names: Iterable[str] | None = None
+    kind: type = str
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """An option that takes one of ``names``."""
+
+    names: Iterable[str]
+    default: str | None = None
+
+
 def _argument(default: Any) -> dict[str, Any]:
+    if isinstance(default, Several):
+        choices = None if default.names is None else list(default.names)
+        return {"nargs": "+", "action": "extend", "choices": choices, "type": default.kind, "default": []}
     if default is False:
         return {"action": "store_true"}
     if isinstance(default, type):
         return {"type": default, "default": None}
-    if isinstance(default, tuple):
-        return {"choices": default, "default": default[0]}
+    if isinstance(default, Choice):
+        return {"choices": list(default.names), "default": default.default}
     if isinstance(default, list):
         return {"nargs": "+", "type": type(default[0]) if default else str, "default": default}
     return {"type": type(default), "default": default}
@@ -199,15 +218,28 @@ def version(name: str) -> str | None:
         return None
 
 
-def missing(module: str) -> str:
+def missing(package: str, module: str | None = None) -> str:
     """Why a peer cannot take part; empty where it can."""
     try:
-        importlib.import_module(module)
+        importlib.import_module(module or package)
     except ModuleNotFoundError as error:
         return f"{error.name} is not installed"
-    except ImportError as error:  # a library of the system is missing
-        return f"{module} cannot be loaded: {error}"
+    except Exception as error:  # libraries that want other libraries fail in any way
+        return f"{package} cannot be loaded: {error!s:.80}"
     return ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Place:
+    """A folder for files, on the disk that is measured, and the Python of peers that run by themselves."""
+
+    folder: Path
+    peer_python: str
+
+    @property
+    def cores(self) -> int:
+        """Number of processors that may be used."""
+        return int(machine()["cores"])
 
 
 def duration(seconds: float) -> str:

@@ -1,6 +1,6 @@
 """What the estimate says where its model does not hold: a flag, a refusal, or a wrong number?
 
-    python -m benchmarks.held_out [--protocol domed] [--seed 1] [--markdown]
+    python -m benchmarks.held_out [--protocol domed] [--seed 1]
 
 Each condition is one examination of tissue of 5 kPa, 30 mm thick, by a virtual probe with all its errors; what is wrong
 about it stands in its name. Conditions in three dimensions need NGSolve, and flat probes.
@@ -8,15 +8,14 @@ about it stands in its name. Conditions in three dimensions need NGSolve, and fl
 
 from __future__ import annotations
 
-import argparse
 import sys
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
+from benchmarks.harness import Bench, Several
 from benchmarks.simulated_presses import PROTOCOLS, SMALL, Protocol, SimulatedCase
-from benchmarks.tables import show
 
 from tsis.catalog import load_probe
 from tsis.cli import progress_bar
@@ -198,22 +197,18 @@ def row(answer: Answer) -> list[str]:
 
 def main() -> int:
     """Print a table a protocol; the exit code is 1 when the estimator broke instead of refusing."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--protocol", choices=[one.name for one in SMALL], action="append", help="all three by default")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--markdown", action="store_true", help="print the tables as Markdown")
-    options = parser.parse_args()
+    bench = Bench(__doc__, protocol=Several([one.name for one in SMALL]), seed=1)
     broke = False
-    for name in options.protocol or [one.name for one in SMALL]:
+    for name in bench.protocol or [one.name for one in SMALL]:
         rows: list[list[str]] = []
         with progress_bar(name) as progress:
-            for answer in run(PROTOCOLS[name], options.seed):
+            for answer in run(PROTOCOLS[name], bench.seed):
                 rows.append(row(answer))
                 progress(len(rows), len(CONDITIONS))
         broke |= any(line[-1].startswith(BROKE) for line in rows)
         title = f"{PROTOCOLS[name].described}; truth: posterior mean (90 % interval)"
-        show(title, ("condition", "d mm", "h mm", "E kPa", "said"), rows, markdown=options.markdown)
-    return int(broke)
+        bench.table(title, ("condition", "d mm", "h mm", "E kPa", "said"), rows)
+    return bench.end() or int(broke)
 
 
 if __name__ == "__main__":

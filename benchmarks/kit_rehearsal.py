@@ -1,6 +1,6 @@
 """The first physical validation, rehearsed whole: kit, phantoms, bench tests, calibration, blinded readings, score.
 
-    python -m benchmarks.kit_rehearsal FOLDER --law absorbing --seed 71
+    python -m benchmarks.kit_rehearsal --folder FOLDER --law absorbing --seed 71
 
 The virtual instrument stands in for all that would be physical, and hides what nobody would know there:
 
@@ -19,14 +19,14 @@ FOLDER holds the kit, the studies and the score; an interrupted run goes on wher
 
 from __future__ import annotations
 
-import argparse
+import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from benchmarks.harness import Bench, Choice
 from benchmarks.lamp_laws import LAMP_LAWS, calibrated_probe
-from benchmarks.tables import show
 from benchmarks.worlds import UnevenProbe
 from numpy.polynomial import polynomial
 from scipy.special import roots_legendre
@@ -234,24 +234,24 @@ def _require_same_codes(first: Study, second: Study) -> None:
     assert labels[0] == labels[1], "remove the folder: its studies are of other seeds"
 
 
-def main() -> None:
+def main() -> int:
     """Rehearse and print the tables."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--law", choices=[law for law in LAMP_LAWS if law != "traced"], default="absorbing")
-    parser.add_argument("--probe", default="tsis-domed")
-    parser.add_argument("--seed", type=int, default=1, help="of phantoms, bench tests, codes and readings")
-    parser.add_argument("--repeats", type=int, default=3, help="readings of a phantom by each of two operators")
-    parser.add_argument("--strain", choices=("finite", "small"), default="finite", help="of presses and estimates")
-    parser.add_argument("--markdown", action="store_true", help="print the tables as Markdown")
-    options = parser.parse_args()
+    bench = Bench(
+        __doc__,
+        folder=Path("rehearsal"),
+        law=Choice([law for law in LAMP_LAWS if law != "traced"], "absorbing"),
+        probe="tsis-domed",
+        seed=1,
+        repeats=3,
+        strain=Choice(("finite", "small"), "finite"),
+    )
     made, score = rehearse(
-        options.folder,
-        law=options.law,
-        probe_name=options.probe,
-        seed=options.seed,
-        repeats=options.repeats,
-        strain=options.strain,
+        bench.folder,
+        law=bench.law,
+        probe_name=bench.probe,
+        seed=bench.seed,
+        repeats=bench.repeats,
+        strain=bench.strain,
     )
     tested = {name: next(item.label for item in KIT if item.batch == name) for name in ("A", "B")} | {
         "tissue": "tissue"
@@ -261,17 +261,13 @@ def main() -> None:
         + [f"{found.by_kind[kind]:.2f}" for kind in ("indentation", "compression")]
         for name, found in ((name, score.moduli[label]) for name, label in tested.items())
     ]
-    show(
-        "bench tests, kPa",
-        ("batch", "true", "measured", "under the ball", "between plates"),
-        rows,
-        markdown=options.markdown,
-    )
-    title = f"readings under the law {options.law}, {options.probe}, strain {options.strain}, seed {options.seed}"
+    bench.table("bench tests, kPa", ("batch", "true", "measured", "under the ball", "between plates"), rows)
+    title = f"readings under the law {bench.law}, {bench.probe}, strain {bench.strain}, seed {bench.seed}"
     page = score_page(score)
-    show(title, page.tables[0].headings, page.tables[0].rows, markdown=options.markdown)
+    bench.table(title, page.tables[0].headings, page.tables[0].rows)
     print(f"{page.cards[0].title}: {page.cards[0].value}; {page.cards[0].detail}", *page.notes, sep="\n")
+    return bench.end()
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -1,6 +1,6 @@
 """Estimates on tissue with a superficial layer that all sites have in common: do they hold, or say why not?
 
-    python -m benchmarks.layers --cases 6 --seed 91 --markdown
+    python -m benchmarks.layers --cases 6 --seed 91
 
 Every press is solved with the layer in it, by finite elements on a finer mesh of another order than the estimator's
 table, whose effect of a layer is linear in the logarithm of its modulus. Inclusion, tissue and all errors of the
@@ -11,17 +11,16 @@ small strain is added.
 
 from __future__ import annotations
 
-import argparse
-import json
+import sys
 from collections import Counter
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from benchmarks.harness import Bench, Choice, Several
 from benchmarks.judgement import compared
 from benchmarks.simulated_presses import DEFAULT, PROTOCOLS
 from benchmarks.solved_data import solved_data
-from benchmarks.tables import show
 from benchmarks.worlds import FINE_MESH, UnevenProbe
 
 import tsis
@@ -132,29 +131,24 @@ def row_of(layer: tuple[float, float], lines: Sequence[dict[str, Any]]) -> list[
     ]
 
 
-def main() -> None:
+def main() -> int:
     """Print the table, and the share that held or was untrusted with the cause."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--cases", type=int, default=6, help="of each layer")
-    parser.add_argument("--seed", type=int, default=91)
-    parser.add_argument("--strain", choices=("small", "finite"), default="small")
-    parser.add_argument("--mm", type=float, nargs="+", help="thicknesses; all by default")
-    parser.add_argument("--factor", type=float, nargs="+", help="moduli over the tissue's; all by default")
-    parser.add_argument("--json", action="store_true", help="print every case when it is done")
-    parser.add_argument("--markdown", action="store_true", help="print the table as Markdown")
-    options = parser.parse_args()
+    bench = Bench(
+        __doc__,
+        cases=6,
+        seed=91,
+        strain=Choice(("small", "finite"), "small"),
+        mm=Several(kind=float),
+        factor=Several(kind=float),
+    )
     layers = [
         layer
         for layer in LAYERS
-        if (options.mm is None or layer[0] in options.mm) and (options.factor is None or layer[1] in options.factor)
+        if (not bench.mm or layer[0] in bench.mm) and (not bench.factor or layer[1] in bench.factor)
     ]
     rows, whole = [], []
     for layer in layers:
-        lines = []
-        for index in range(options.cases):
-            lines.append(judged(layer, seed=options.seed, index=index, strain=options.strain))
-            if options.json:
-                print(json.dumps(lines[-1]), flush=True)
+        lines = [judged(layer, seed=bench.seed, index=index, strain=bench.strain) for index in range(bench.cases)]
         rows.append(row_of(layer, lines))
         whole += lines if layer[1] != 1.0 else []
     heads = (
@@ -167,9 +161,10 @@ def main() -> None:
         "cause named",
         "flags",
     )
-    title = f"{options.cases} cases a layer, seed {options.seed}, {options.strain} strain, tsis {tsis.__version__}"
-    show(title, heads, rows, markdown=options.markdown)
+    title = f"{bench.cases} cases a layer, seed {bench.seed}, {bench.strain} strain, tsis {tsis.__version__}"
+    bench.table(title, heads, rows)
     print(share(whole))
+    return bench.end()
 
 
 def share(lines: Sequence[dict[str, Any]]) -> str:
@@ -185,4 +180,4 @@ def share(lines: Sequence[dict[str, Any]]) -> str:
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

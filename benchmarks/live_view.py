@@ -1,6 +1,6 @@
 """The console's live view in a browser: frames shown, their age, the server's processor time, the relief beside it.
 
-    python -m benchmarks.live_view [--seconds 20] [--camera virtual|aravis] [--markdown]
+    python -m benchmarks.live_view [--seconds 20] [--camera virtual|aravis]
 
 It starts the console as people start it and opens its page in Chromium without a window or a graphics processor, at
 1280 x 800. ``virtual`` is the virtual probe, whose frames a process of the console's exposes; ``aravis`` is the
@@ -11,7 +11,6 @@ virtual probe: NiceGUI's picture whose address changes, and MJPEG; and three.js 
 
 from __future__ import annotations
 
-import argparse
 import os
 import subprocess
 import sys
@@ -23,14 +22,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.request import urlopen
 
-from benchmarks.goals import Goal, missed_goals
+from benchmarks.harness import Bench, Choice, Goal
 from benchmarks.live.processor import CoreShare
 from benchmarks.live.shown import shown_in
-from benchmarks.tables import show
 from tests.console.browser import chromium
 from tests.console.running import running_console
-
-from tsis.__about__ import RESEARCH_USE_ONLY
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -195,21 +191,16 @@ def apart() -> int:
 
 def main() -> int:
     """Measure and print; the exit code is 1 where a number is not as wanted."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seconds", type=float, default=20.0, help="of each measurement")
-    parser.add_argument("--camera", choices=("virtual", "aravis"), default="virtual")
-    parser.add_argument("--markdown", action="store_true", help="print the table as Markdown")
-    arguments = parser.parse_args()
-    if arguments.camera == "aravis" and APART not in os.environ:
+    bench = Bench(__doc__, seconds=20.0, camera=Choice(("virtual", "aravis"), "virtual"))
+    if bench.camera == "aravis" and APART not in os.environ:
         return apart()
-    with nullcontext() if arguments.camera == "virtual" else served_camera(), chromium() as browser:
-        found = list(of_the_console(arguments.camera, arguments.seconds, browser))
-        if arguments.camera == "virtual":
-            found += of_others(arguments.seconds, browser)
+    with nullcontext() if bench.camera == "virtual" else served_camera(), chromium() as browser:
+        found = list(of_the_console(bench.camera, bench.seconds, browser))
+        if bench.camera == "virtual":
+            found += of_others(bench.seconds, browser)
         title = f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}; Chromium {browser.version}"
-    show(title, ("what", "measured", "wanted"), [each.row for each in found], markdown=arguments.markdown)
-    print(RESEARCH_USE_ONLY)
-    return missed_goals(found)
+    bench.table(title, ("what", "measured", "wanted"), [each.row for each in found])
+    return bench.end(found)
 
 
 if __name__ == "__main__":

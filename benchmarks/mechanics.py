@@ -1,6 +1,6 @@
 """How fast and how exact the mechanics are, beside other programs, in one run.
 
-    python -m benchmarks.mechanics [--markdown]
+    python -m benchmarks.mechanics
 
 One thread, but for the surrogate's build. Every time is the least of several repetitions; a peer that is not installed
 is named and left out. NGSolve comes with the extra fem3d; `pip install scikit-fem` and `apt-get install calculix-ccx`
@@ -9,10 +9,9 @@ bring the others.
 
 from __future__ import annotations
 
-import argparse
 import os
-import platform
 import shutil
+import sys
 import time
 from dataclasses import dataclass, replace
 from functools import partial
@@ -20,8 +19,8 @@ from importlib import metadata
 from typing import TYPE_CHECKING
 
 import numpy as np
+from benchmarks.harness import Bench, duration
 from rich.console import Console
-from rich.table import Table
 from threadpoolctl import threadpool_limits
 
 import tsis
@@ -274,39 +273,19 @@ def has(package: str) -> bool:
     return True
 
 
-def main() -> None:
+def main() -> int:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--markdown", action="store_true", help="print the table as Markdown")
-    arguments = parser.parse_args()
+    bench = Bench(__doc__)
     with threadpool_limits(limits=1, user_api="blas"):
         rows = [
             row
             for part in (small_strain, assembly, domed, finite_strain, three_dimensions, surrogate)
             for row in part()
         ]
-    machine = (
-        f"{os.cpu_count()} cores, {platform.machine()}, Python {platform.python_version()}, NumPy {np.__version__}"
-    )
-    if arguments.markdown:
-        print(f"Machine: {machine}; tsis {tsis.__version__}.\n")
-        print("| task | program | time | outcome |\n| --- | --- | --- | --- |")
-        for row in rows:
-            print(f"| {row.task} | {row.program} | {duration(row.seconds)} | {row.outcome} |")
-        return
-    table = Table("task", "program", "time", "outcome", title=machine)
-    for row in rows:
-        table.add_row(row.task, row.program, duration(row.seconds), row.outcome)
-    Console().print(table)
-
-
-def duration(seconds: float) -> str:
-    """Seconds in the unit that suits them."""
-    for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
-        if seconds >= size:
-            return f"{seconds / size:.3g} {unit}"
-    return f"{seconds / 1e-9:.3g} ns"
+    cells = [(row.task, row.program, duration(row.seconds), row.outcome) for row in rows]
+    bench.table("Mechanics", ("task", "program", "time", "outcome"), cells)
+    return bench.end()
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

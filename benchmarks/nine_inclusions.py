@@ -1,6 +1,6 @@
 """The nine inclusions of table 6.2 with every nuisance drawn: mean relative errors beside those that are printed.
 
-    python -m benchmarks.nine_inclusions [--protocol domed] [--repeats 12] [--markdown]
+    python -m benchmarks.nine_inclusions [--protocol domed] [--repeats 12]
 
 Each inclusion is pressed several times, each time in another tissue by another virtual probe, as
 `benchmarks.simulated_presses` says. The estimate is the posterior mean, which makes squared errors small and not
@@ -9,15 +9,15 @@ relative ones: where a press tells little, it errs by more of a small truth than
 
 from __future__ import annotations
 
-import argparse
 import os
+import sys
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from benchmarks.harness import Bench, Several
 from benchmarks.simulated_presses import PROTOCOLS, SMALL, Protocol, examine
-from benchmarks.tables import show
 from studies.section_6_3 import PRINTED, PRINTED_ERROR, relative_error, without_itself
 
 import tsis
@@ -123,29 +123,24 @@ def row(protocol: Protocol, found: NineInclusions) -> list[str]:
     return [protocol.name, *cells, ", ".join(f"{name} <= {most:g}" for name, most in aimed if most is not None)]
 
 
-def main() -> None:
+def main() -> int:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--protocol", choices=PROTOCOLS, action="append", help="several may be given; all three else")
-    parser.add_argument("--repeats", type=int, default=12)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--workers", type=int, help="processes; all cores by default")
-    parser.add_argument("--markdown", action="store_true", help="print the table as Markdown")
-    options = parser.parse_args()
+    bench = Bench(__doc__, protocol=Several(PROTOCOLS), repeats=12, seed=1, workers=int)
     rows: list[list[str]] = []
-    for name in options.protocol or [one.name for one in SMALL]:
+    for name in bench.protocol or [one.name for one in SMALL]:
         with progress_bar(name) as progress:
             found = run(
                 PROTOCOLS[name],
-                repeats=options.repeats,
-                seed=options.seed,
-                workers=options.workers,
+                repeats=bench.repeats,
+                seed=bench.seed,
+                workers=bench.workers,
                 progress=progress,
             )
         rows = [*(rows or known_rows(found.truth)), row(PROTOCOLS[name], found)]
-    title = f"mean relative error in %, posterior mean, {options.repeats} repeats of each of nine, seed {options.seed}"
-    show(title, ("", "d", "h", "E", "aim"), rows, markdown=options.markdown)
+    title = f"mean relative error in %, posterior mean, {bench.repeats} repeats of each of nine, seed {bench.seed}"
+    bench.table(title, ("", "d", "h", "E", "aim"), rows)
+    return bench.end()
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -14,12 +14,13 @@ pressure as a share of the mean pressure, of displacement as a share of the chan
 
 from __future__ import annotations
 
-import argparse
 import itertools
+import sys
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from benchmarks.harness import Bench
 from benchmarks.misplaced import SphereField
 from benchmarks.worlds import FINE_MESH
 from rich.console import Console
@@ -200,25 +201,22 @@ def print_dome(offsets_mm: tuple[float, ...]) -> None:
     Console(width=170).print(table)
 
 
-def main() -> None:
+def main() -> int:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--fine", action="store_true", help="solve on a finer mesh")
-    parser.add_argument("--offsets", type=float, nargs="+", default=OFFSETS_MM, metavar="MM", help="offsets in mm")
-    parser.add_argument("--dome", action="store_true", help="compare with kernels under the domed probe")
-    asked = parser.parse_args()
-    if asked.dome:
-        print_dome(tuple(asked.offsets))
-        return
+    bench = Bench(__doc__, fine=False, offsets=[*OFFSETS_MM], dome=False)
+    if bench.dome:
+        print_dome(tuple(bench.offsets))
+        return bench.end()
     columns = ("change", "left on the axis", "moved", "moved and grown", "of the change", "by the round model")
     table = Table("sphere", "offset", "", *columns, "seen at", title="worst ring / rms, per cent")
-    for row in rows(tuple(asked.offsets), FINE if asked.fine else None):
+    for row in rows(tuple(bench.offsets), FINE if bench.fine else None):
         parts = (row.change, row.left_on_axis, row.only_moved, row.moved, row.of_change, row.from_profile)
         cells = [f"{worst:.3f} / {rms:.3f}" for worst, rms in parts]
         sphere = "d {:g} h {:g} E {:g}".format(*row.sphere)
         table.add_row(sphere, f"{row.offset_mm:g} mm", row.quantity, *cells, f"{row.place_mm:.3f} mm")
     Console(width=170).print(table)
+    return bench.end()
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

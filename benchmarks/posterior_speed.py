@@ -1,6 +1,6 @@
 """How long an estimate takes, and how much longer the same posterior takes on one dense grid.
 
-    python -m benchmarks.posterior_speed [--repeats 20] [--markdown]
+    python -m benchmarks.posterior_speed [--repeats 20]
 
 One thread. An estimate reads the frames into ring profiles, explores the posterior and looks at the pictures. In the
 same run: the likelihood that is linearised at every inclusion on a dense grid of 60 x 60 x 12 over the reach of the
@@ -10,13 +10,13 @@ builds the surrogate of presses on all cores.
 
 from __future__ import annotations
 
-import argparse
+import sys
 from dataclasses import dataclass
 from time import perf_counter
 from typing import TYPE_CHECKING
 
 import numpy as np
-from benchmarks.tables import show
+from benchmarks.harness import Bench
 from threadpoolctl import threadpool_limits
 
 import tsis
@@ -48,7 +48,7 @@ PROTOCOLS = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Bench:
+class PosteriorBench:
     """Frames of one protocol and what is known of their probe."""
 
     frames: list[TactileImage]
@@ -58,7 +58,7 @@ class Bench:
     prior: InclusionPrior
 
     @classmethod
-    def of(cls, name: str, forces_n: tuple[float, ...], *, with_reference: bool) -> Bench:
+    def of(cls, name: str, forces_n: tuple[float, ...], *, with_reference: bool) -> PosteriorBench:
         """Pressed by a virtual probe."""
         probe = tsis.load_probe(name)
         virtual = VirtualProbe(probe, rng=np.random.default_rng(1), strain="small")
@@ -117,7 +117,7 @@ def grid_within_reach(likelihood: InclusionLikelihood, found: InclusionPosterior
     return lambda: dense_grid(likelihood, low, high, nuisance)
 
 
-def row(name: str, bench: Bench, repeats: int) -> list[str]:
+def row(name: str, bench: PosteriorBench, repeats: int) -> list[str]:
     """One line of the table."""
     bench.estimate()  # loads what later calls find at hand
     likelihood = bench.likelihood()
@@ -137,28 +137,27 @@ def row(name: str, bench: Bench, repeats: int) -> list[str]:
     ]
 
 
-def first_ms(bench: Bench) -> float:
+def first_ms(bench: PosteriorBench) -> float:
     """Time of the first estimate, whose surrogate nobody has built before, ms."""
     build = median_ms(lambda: build_full_contact_surrogate(bench.probe, bench.prior.box(), cached=False), 1)
     return build + median_ms(bench.estimate, 1)
 
 
-def main() -> None:
+def main() -> int:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--repeats", type=int, default=20)
-    parser.add_argument("--markdown", action="store_true", help="print the table as Markdown")
-    options = parser.parse_args()
+    bench = Bench(__doc__, repeats=20)
     benches = {
-        name: Bench.of(probe, forces_n, with_reference=also) for name, (probe, forces_n, also) in PROTOCOLS.items()
+        name: PosteriorBench.of(probe, forces_n, with_reference=also)
+        for name, (probe, forces_n, also) in PROTOCOLS.items()
     }
-    rows = [row(name, bench, options.repeats) for name, bench in benches.items()]
+    rows = [row(name, bench, bench.repeats) for name, bench in benches.items()]
     heads = ("frames", "estimate", "of it reading", "exploring", "dense grid", "dense grid over exploring")
-    title = f"one thread, median of {options.repeats}; the dense grid once"
-    show(title, heads, rows, markdown=options.markdown)
+    title = f"one thread, median of {bench.repeats}; the dense grid once"
+    bench.table(title, heads, rows)
     for name in ("flat, 1 + 1 reference", "domed, 2 + 2"):
         print(f"first estimate, surrogate and all: {name}: {first_ms(benches[name]) / 1e3:.1f} s")
+    return bench.end()
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

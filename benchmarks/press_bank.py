@@ -8,14 +8,15 @@ missing itself. A folder holds one file a case, 0.4 MB a frame, and ``bank.json`
 
 from __future__ import annotations
 
-import argparse
 import io
 import json
+import sys
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from benchmarks.harness import Bench, Choice
 from benchmarks.simulated_presses import DEFAULT, DRAWN, PROTOCOLS, Protocol, SimulatedCase, simulate
 from benchmarks.worlds import WORLDS, World, seen_by_product, simulate_world
 
@@ -159,25 +160,19 @@ def _read(content: bytes, calibration: Calibration) -> SimulatedCase:
     )
 
 
-def main() -> None:
+def main() -> int:
     """Make what is missing, in this process alone."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--protocol", choices=PROTOCOLS, default=DEFAULT)
-    parser.add_argument("--presses", type=int, default=2000)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--folder", type=Path, required=True)
-    options = parser.parse_args()
-    bank = PressBank(
-        protocol=PROTOCOLS[options.protocol], prior=InclusionPrior(), seed=options.seed, folder=options.folder
-    )
+    bench = Bench(__doc__, protocol=Choice(PROTOCOLS, DEFAULT), presses=2000, seed=1, folder=Path)
+    bank = PressBank(protocol=PROTOCOLS[bench.protocol], prior=InclusionPrior(), seed=bench.seed, folder=bench.folder)
     with progress_bar("pressing") as progress:
-        for index in range(options.presses):
+        for index in range(bench.presses):
             try:
                 bank.case(index)
             except MechanicsError as error:
                 print(f"case {index}: {error}")
-            progress(index + 1, options.presses)
+            progress(index + 1, bench.presses)
+    return bench.end()
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -10,7 +10,6 @@ mechanics of a relaxing press, which knows nothing of the fit. Intervals are Wil
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections import defaultdict
 from dataclasses import dataclass
@@ -20,7 +19,7 @@ from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
-from benchmarks.tables import show
+from benchmarks.harness import Bench
 from rich.console import Console
 from rich.progress import track
 from scipy import ndimage
@@ -158,13 +157,13 @@ def dark(press: Press, over: float, rng: np.random.Generator) -> Light:
 def ambient(press: Press, over: float, rng: np.random.Generator) -> Light:
     """Light from one side, half as bright again there as in the middle."""
     rows, columns = press.light.shape
-    slope = np.linspace(-0.5, 0.5, columns)[None, :] * np.ones((rows, 1)) * rng.choice([-1.0, 1.0])
+    slope = np.linspace(-0.5, 0.5, columns)[None, :] * np.ones((rows, 1)) * rng.Choice([-1.0, 1.0])
     share = LIMITS.ambient * over * float(press.light.mean())
     return press.frame(press.light + share * (1 + slope), rng)
 
 
 def drifted(press: Press, over: float, rng: np.random.Generator) -> Light:
-    return press.frame(press.light, rng, lamps=1 + LIMITS.led_drift * over * rng.choice([-1.0, 1.0]))
+    return press.frame(press.light, rng, lamps=1 + LIMITS.led_drift * over * rng.Choice([-1.0, 1.0]))
 
 
 def cropped(press: Press, over: float, rng: np.random.Generator) -> Light:
@@ -204,7 +203,7 @@ def raised(press: Press, grey: Light) -> set[str]:
 def flickers(press: Press, over: float, rng: np.random.Generator) -> bool:
     """Whether a live view raises the flag at the end of a series under a lamp that swings at 100 or 120 Hz."""
     watch = PressWatch(FrameShape.of(press.image(press.light)), reference=press.reference, limits=LIMITS)
-    hertz, rate = rng.choice([100.0, 120.0]), RATE_HZ * rng.uniform(0.9, 0.98)  # at 30 Hz even 120 Hz stands still
+    hertz, rate = rng.Choice([100.0, 120.0]), RATE_HZ * rng.uniform(0.9, 0.98)  # at 30 Hz even 120 Hz stands still
     swing, phase = LIMITS.flicker * over * float(press.light.mean()), rng.uniform(0, 2 * np.pi)
     state = WatchState()
     for number in range(FRAMES):
@@ -337,29 +336,23 @@ def _median_time(call: Callable[[], object]) -> float:
     return float(np.median(times))
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main() -> int:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--presses", type=int, default=100)
-    parser.add_argument("--settling", type=int, default=100, help="presses that are followed while the tissue relaxes")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--markdown", action="store_true", help="print tables as Markdown")
-    given = parser.parse_args(arguments)
+    bench = Bench(__doc__, presses=100, settling=100, seed=1)
     cv2.setNumThreads(1)
-    show(
+    bench.table(
         "Share of presses in which a flag is raised (95 % interval)",
         ("flag", "fault of 1.5 to 4 limits", "fault of 0.1 to 0.67 limits", "no fault"),
-        rates(given.presses, given.seed),
-        markdown=given.markdown,
+        rates(bench.presses, bench.seed),
     )
-    show(
+    bench.table(
         'Held presses on relaxing tissue: when "settled" is said first, and waiting times stated halfway there',
         ("noise", "said too early", "later than true (median)", "error of the waiting time (median)", "stated"),
-        settling_rows(given.settling, given.seed),
-        markdown=given.markdown,
+        settling_rows(bench.settling, bench.seed),
     )
-    show("Time a frame", ("what", "time", "over the guard's"), cost_rows(given.seed), markdown=given.markdown)
+    bench.table("Time a frame", ("what", "time", "over the guard's"), cost_rows(bench.seed))
+    return bench.end()
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    sys.exit(main())

@@ -15,8 +15,6 @@ for a bound of posteriors that do not hold is none. Finished cases are kept, as 
 
 from __future__ import annotations
 
-import argparse
-import json
 import sys
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, replace
@@ -25,12 +23,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from benchmarks.coverage import code, counted
-from benchmarks.finished_lines import append_line, read_lines
-from benchmarks.goals import Goal, missed_goals
+from benchmarks.harness import Bench, Choice, Goal, append_line, read_lines
 from benchmarks.judgement import Judgement, compared
 from benchmarks.press_bank import PressBank
 from benchmarks.simulated_presses import DEFAULT, PROTOCOLS
-from benchmarks.tables import show
 from benchmarks.worlds import RANDOM_SD, WORLDS, World
 
 from tsis.catalog import inclusion_prior_toml, list_inclusion_priors, parse_prior
@@ -40,7 +36,7 @@ from tsis.files import cache_folder, content_key
 from tsis.inclusion import PARAMETERS, InclusionPrior, estimate
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable
 
     from numpy.typing import NDArray
 
@@ -189,49 +185,38 @@ def kept_at(folder: Path, bank: PressBank) -> Path:
     return folder / f"{bank.prior.name}-{bank.name}-{content_key(decided_by)}.jsonl"
 
 
-def report(options: argparse.Namespace, table: PriorTable, lines: Sequence[Mapping[str, Any]]) -> None:
-    """Print what was measured."""
-    refused = Judgement.of(lines).refused
-    if options.json:
-        asked = {name: getattr(options, name) for name in ("prior", "world", "protocol", "cases", "seed")}
-        print(json.dumps(asked | {"numbers": table.numbers(), "trusted": table.trusted, "refused": dict(refused)}))
-        return
-    title = f"{options.prior}, world {options.world}, {options.protocol}, {len(lines)} cases, seed {options.seed}"
-    rows = [[name, *(f"{value:.3g}" for value in values)] for name, values in table.numbers().items()]
-    show(title, ("", "d", "h", "E"), rows, markdown=options.markdown)
-    print(f"trusted: {table.trusted:.0%}; refused: {counted(refused)}")
-
-
 def main() -> int:
     """Print the table; the exit code is 1 where a number that is asked for is missed."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--prior", choices=list_inclusion_priors(), default="breast-ex-vivo")
-    parser.add_argument("--cases", type=int, default=100)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--world", choices=PRIOR_WORLDS, default="as-model", help="what differs from the model")
-    parser.add_argument("--protocol", choices=PROTOCOLS, default=DEFAULT)
-    parser.add_argument("--frames", type=Path, help="folder to keep the frames in, and to read them from")
-    parser.add_argument("--out", type=Path, default=cache_folder() / "priors", help="folder of finished cases")
-    parser.add_argument("--workers", type=int, default=1, help="processes")
-    parser.add_argument("--json", action="store_true")
-    parser.add_argument("--markdown", action="store_true", help="print the table as Markdown")
-    options = parser.parse_args()
-    bank = PressBank(
-        protocol=PROTOCOLS[options.protocol],
-        prior=named_prior(options.prior),
-        seed=options.seed,
-        world=PRIOR_WORLDS[options.world],
-        folder=options.frames,
+    bench = Bench(
+        __doc__,
+        prior=Choice(list_inclusion_priors(), "breast-ex-vivo"),
+        cases=100,
+        seed=1,
+        world=Choice(PRIOR_WORLDS, "as-model"),
+        protocol=Choice(PROTOCOLS, DEFAULT),
+        frames=Path,
+        kept=cache_folder() / "priors",
+        workers=1,
     )
-    with progress_bar(f"{options.prior}, {options.world}") as progress:
-        out = kept_at(options.out, bank)
-        lines = run(bank, options.cases, out=out, workers=options.workers, progress=progress)
+    bank = PressBank(
+        protocol=PROTOCOLS[bench.protocol],
+        prior=named_prior(bench.prior),
+        seed=bench.seed,
+        world=PRIOR_WORLDS[bench.world],
+        folder=bench.frames,
+    )
+    with progress_bar(f"{bench.prior}, {bench.world}") as progress:
+        out = kept_at(bench.kept, bank)
+        lines = run(bank, bench.cases, out=out, workers=bench.workers, progress=progress)
     if all("refused" in line for line in lines):
         print(f"no estimate at all: {counted(Judgement.of(lines).refused)}", file=sys.stderr)
         return 1
     table = PriorTable.of(lines, bank.prior)
-    report(options, table, lines)
-    return missed_goals(table.wanted())
+    title = f"{bench.prior}, world {bench.world}, {bench.protocol}, {len(lines)} cases, seed {bench.seed}"
+    rows = [[name, *(f"{value:.3g}" for value in values)] for name, values in table.numbers().items()]
+    bench.table(title, ("", "d", "h", "E"), rows)
+    print(f"trusted: {table.trusted:.0%}; refused: {counted(Judgement.of(lines).refused)}")
+    return bench.end(table.wanted())
 
 
 if __name__ == "__main__":

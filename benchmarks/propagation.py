@@ -1,6 +1,6 @@
 """Waves in the pressed guide: beam propagation beside the frequency domain, in one run.
 
-    python -m benchmarks.propagation [--markdown] [--preset dissertation] [--modes 12]
+    python -m benchmarks.propagation [--preset dissertation] [--modes 12]
 
 One thread. A point is one depth of the dent with all modes together. The march's time is the least of five, after the
 modes of the flat guide are known, as in a sweep; finding them is timed once. The frequency domain is timed once.
@@ -8,18 +8,13 @@ modes of the flat guide are known, as in a sweep; finding them is timed once. Th
 
 from __future__ import annotations
 
-import argparse
-import os
-import platform
+import sys
 import time
 from typing import TYPE_CHECKING
 
-import numpy as np
-from rich.console import Console
-from rich.table import Table
+from benchmarks.harness import Bench
 from threadpoolctl import threadpool_limits
 
-import tsis
 from tsis.optics.propagation import Dent, Propagation, propagate, thin_guide
 
 if TYPE_CHECKING:
@@ -39,44 +34,28 @@ def timed(call: Callable[[], Propagation], repeats: int) -> tuple[Propagation, f
     return found, min(times)
 
 
-def main() -> None:
+def main() -> int:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--markdown", action="store_true", help="print the table as Markdown")
-    parser.add_argument("--preset", default="dissertation", help="the guide")
-    parser.add_argument("--modes", type=int, default=12, help="how many modes to launch")
-    arguments = parser.parse_args()
-    guide, rows, off = thin_guide(arguments.preset), [], []
+    bench = Bench(__doc__, preset="dissertation", modes=12)
+    guide, rows, off = thin_guide(bench.preset), [], []
     with threadpool_limits(limits=1, user_api="blas"):
-        _, first = timed(lambda: propagate(guide, modes=arguments.modes), 1)
+        _, first = timed(lambda: propagate(guide, modes=bench.modes), 1)
         for depth in DEPTHS_UM:
             dent = Dent(depth_um=depth)
-            marched, quick = timed(lambda dent=dent: propagate(guide, dent, modes=arguments.modes), 5)  # type: ignore[misc]
+            marched, quick = timed(lambda dent=dent: propagate(guide, dent, modes=bench.modes), 5)  # type: ignore[misc]
             solved, slow = timed(
-                lambda dent=dent: propagate(guide, dent, method="fdfd", modes=arguments.modes),  # type: ignore[misc]
+                lambda dent=dent: propagate(guide, dent, method="fdfd", modes=bench.modes),  # type: ignore[misc]
                 1,
             )
             rows += [row(marched, quick, slow), row(solved, slow, slow)]
             off.append(abs(marched.powers.guided.mean() - solved.powers.guided.mean()))
-    machine = (
-        f"{os.cpu_count()} cores, {platform.machine()}, Python {platform.python_version()}, NumPy {np.__version__}"
-    )
     below = (
         f"Guided power, bpm against fdfd: at most {max(off):.4f} apart. First march of a guide, its modes included:"
         f" {first:.2f} s."
     )
-    if arguments.markdown:
-        print(f"Machine: {machine}; tsis {tsis.__version__}.\n")
-        print("| " + " | ".join(HEADINGS) + " |\n|" + " --- |" * len(HEADINGS))
-        for cells in rows:
-            print("| " + " | ".join(cells) + " |")
-        print(f"\n{below}")
-        return
-    table = Table(*HEADINGS, title=machine)
-    for cells in rows:
-        table.add_row(*cells)
-    Console().print(table)
-    Console().print(below)
+    bench.table("Waves under a dent", HEADINGS, rows)
+    print(below)
+    return bench.end()
 
 
 def row(found: Propagation, seconds: float, referee: float) -> tuple[str, ...]:
@@ -95,4 +74,4 @@ def row(found: Propagation, seconds: float, referee: float) -> tuple[str, ...]:
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

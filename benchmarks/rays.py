@@ -1,6 +1,6 @@
 """How fast and how exact the tracer is, and how well the camera's smooth light agrees with it on dents of no fit.
 
-    python -m benchmarks.rays [--markdown] [--rays 2e7]
+    python -m benchmarks.rays [--rays 2e7]
 
 Speed stands beside Mitsuba (`pip install mitsuba`) on a clear cylinder of the probe's size, in the same run; where it
 is not installed it is named and left out.
@@ -8,18 +8,17 @@ is not installed it is named and left out.
 
 from __future__ import annotations
 
-import argparse
 import os
-import platform
+import sys
 import time
 from dataclasses import astuple, dataclass, replace
 from importlib import metadata
 from typing import TYPE_CHECKING
 
 import numpy as np
+from benchmarks.harness import Bench
 from benchmarks.peers.mitsuba_cylinder import VARIANTS, paths_per_second
 from rich.console import Console
-from rich.table import Table
 
 import tsis
 from tsis.mechanics import press
@@ -29,7 +28,7 @@ from tsis.optics.irradiance import irradiance, leaving_light
 from tsis.optics.rays import WAYS_OUT, tip_press, trace_photons, trace_rays
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterator
 
     from numpy.typing import NDArray
 
@@ -194,19 +193,15 @@ def agreements(rays: float) -> Iterator[tuple[Agreement, NDArray[np.float64]]]:
         )
 
 
-def main() -> None:
+def main() -> int:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--markdown", action="store_true", help="print the tables as Markdown")
-    parser.add_argument("--rays", type=float, default=2e7, help="rays for each held-out surface")
-    arguments = parser.parse_args()
-    machine = f"{os.cpu_count()} cores, {platform.machine()}, Python {platform.python_version()}"
+    bench = Bench(__doc__, rays=20000000.0)
     lines = [(line.program, f"{line.per_second / 1e6:.2f}", line.outcome) for line in speeds()]
-    show(f"Speed ({machine})", ("program", "million rays/s", "outcome"), lines, markdown=arguments.markdown)
+    bench.table("Speed", ("program", "million rays/s", "outcome"), lines)
     scores = [(name, f"{score:+.2f}") for name, score in reference_scores().items()]
     title = f"Fast tracer against {PHOTONS:,} single photons, dented stack of three indices"
-    show(title, ("share", "difference / standard error"), scores, markdown=arguments.markdown)
-    found = list(agreements(arguments.rays))
+    bench.table(title, ("share", "difference / standard error"), scores)
+    found = list(agreements(bench.rays))
     rows = [
         (
             one.surface,
@@ -221,21 +216,9 @@ def main() -> None:
         rms = np.sqrt((errors**2).mean())
         rows.append((label, str(len(errors)), f"{errors.mean():+.2%}", f"{rms:+.2%}", "", ""))
     heads = ("surface of no fit", "bins", "mean error", "RMS error", "of it noise of the rays", "RMS, first order only")
-    show("Light by the camera's formula against traced light through contact", heads, rows, markdown=arguments.markdown)
-
-
-def show(title: str, heads: tuple[str, ...], rows: Sequence[tuple[str, ...]], *, markdown: bool) -> None:
-    """Print a table."""
-    if markdown:
-        print(f"\n{title}:\n\n| {' | '.join(heads)} |\n|{' --- |' * len(heads)}")
-        for row in rows:
-            print(f"| {' | '.join(row)} |")
-        return
-    table = Table(*heads, title=title)
-    for row in rows:
-        table.add_row(*row)
-    Console().print(table)
+    bench.table("Light by the camera's formula against traced light through contact", heads, rows)
+    return bench.end()
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -7,7 +7,6 @@ shows what was asked for. Rows are entered in bulk; of the target that is opened
 
 from __future__ import annotations
 
-import argparse
 import sys
 import tempfile
 import time
@@ -16,8 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from benchmarks.harness import Bench
 from benchmarks.store_speed import BEGUN, frame, grown
-from benchmarks.tables import show
 from tests.console.browser import chromium
 from tests.console.running import running_console
 
@@ -95,29 +94,24 @@ def measured(page: Page, count: int, number: int) -> dict[str, float]:
 
 def main() -> int:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--rows", type=int, default=100_000, help="presses of the store")
-    parser.add_argument("--targets", type=int, default=2000)
-    parser.add_argument("--repeats", type=int, default=7)
-    parser.add_argument("--markdown", action="store_true")
-    options = parser.parse_args()
+    bench = Bench(__doc__, rows=100000, targets=2000, repeats=7)
     found: dict[str, list[float]] = {}
     with tempfile.TemporaryDirectory(prefix="tsis-records-page-") as folder:
-        number = filled(Path(folder) / "records", options.rows, options.targets)
+        number = filled(Path(folder) / "records", bench.rows, bench.targets)
         with running_console(Path(folder)) as console, chromium() as browser:
-            for _ in range(options.repeats):
+            for _ in range(bench.repeats):
                 page = browser.new_context(viewport={"width": 1280, "height": 800}).new_page()
                 page.goto(console.entrance)
                 page.get_by_role("navigation").get_by_role("link", name="About", exact=True).click()
                 page.get_by_role("heading", level=1, name="About").wait_for()
                 # A link that is clicked before the page is connected loads the whole page anew.
                 page.get_by_role("button", name="Release the camera").wait_for()
-                for name, value in measured(page, options.targets + 1, number).items():
+                for name, value in measured(page, bench.targets + 1, number).items():
                     found.setdefault(name, []).append(value)
                 page.context.close()
     rows = [(name, f"{np.median(values):.0f} ms", f"{max(values):.0f} ms") for name, values in found.items()]
-    title = f"Records of {options.rows} presses, {options.repeats} times"
-    show(title, ("what", "median", "most"), rows, markdown=options.markdown)
+    title = f"Records of {bench.rows} presses, {bench.repeats} times"
+    bench.table(title, ("what", "median", "most"), rows)
     return 0
 
 

@@ -1,6 +1,6 @@
 """Repeatability of the virtual instrument, and the same readings by an independent package.
 
-    python -m benchmarks.repeatability FOLDER --phantoms 20 --repeats 3 --seed 81
+    python -m benchmarks.repeatability --folder FOLDER --phantoms 20 --repeats 3 --seed 81
 
 One virtual probe, two operators: each reads every phantom blind, `random_targets` of the seed, with errors of force,
 pattern, stray light and reference site of its own in each reading. The study stays in FOLDER; ``tsis study
@@ -10,14 +10,14 @@ operators, stand those from the analysis of variance by statsmodels.
 
 from __future__ import annotations
 
-import argparse
 import math
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
-from benchmarks.tables import show
+from benchmarks.harness import Bench, Choice
 from statsmodels.formula.api import ols
 from statsmodels.stats.anova import anova_lm
 
@@ -73,24 +73,24 @@ def by_statsmodels(study: Study, found: Precision) -> tuple[float, float]:
     return math.sqrt(square["Residual"]), math.sqrt(operators)
 
 
-def main() -> None:
+def main() -> int:
     """Read the phantoms and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--phantoms", type=int, default=20)
-    parser.add_argument("--repeats", type=int, default=3)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--probe", default="tsis-domed")
-    parser.add_argument("--strain", choices=("finite", "small"), default="small", help="of presses and estimates")
-    parser.add_argument("--markdown", action="store_true", help="print the table as Markdown")
-    options = parser.parse_args()
+    bench = Bench(
+        __doc__,
+        folder=Path("repeatability"),
+        phantoms=20,
+        repeats=3,
+        seed=1,
+        probe="tsis-domed",
+        strain=Choice(("finite", "small"), "small"),
+    )
     study = read_study(
-        options.folder,
-        phantoms=options.phantoms,
-        repeats=options.repeats,
-        seed=options.seed,
-        probe=options.probe,
-        strain=options.strain,
+        bench.folder,
+        phantoms=bench.phantoms,
+        repeats=bench.repeats,
+        seed=bench.seed,
+        probe=bench.probe,
+        strain=bench.strain,
     )
     analysis = analyse_precision(study)
     rows = []
@@ -102,11 +102,12 @@ def main() -> None:
         rows.append(
             [found.quantity, str(len(found.complete)), *(f"{value:.6g}" for value in numbers), f"{100 * cv:.2f} %"]
         )
-    title = f"{options.phantoms} phantoms, 2 operators, {options.repeats} repeats, {options.probe}, seed {options.seed}"
-    show(title, HEADS, rows, markdown=options.markdown)
+    title = f"{bench.phantoms} phantoms, 2 operators, {bench.repeats} repeats, {bench.probe}, seed {bench.seed}"
+    bench.table(title, HEADS, rows)
     for (_, quantity), why in analysis.missing.items():
         print(f"{quantity}: {why}")
+    return bench.end()
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -1,6 +1,6 @@
 """How times grow with the size of the work, and what a sweep of a million presses would cost on a cluster.
 
-    python -m benchmarks.scaling [--only NAME] [--out FOLDER] [--json | --markdown]
+    python -m benchmarks.scaling [--only NAME] [--out FOLDER] [--json |
 
 Four curves, each over a size on logarithmic axes with the exponent that fits it: matching over points, a sweep over
 workers, a surrogate over the width of its box, a store over its presses. With ``--out`` they are drawn as
@@ -10,10 +10,8 @@ cluster takes part.
 
 from __future__ import annotations
 
-import argparse
-import json
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+import sys
+from typing import TYPE_CHECKING
 
 from benchmarks.cluster_plan import cost_cells, overhead_cells, plan_cells
 from benchmarks.curves.figure import draw
@@ -21,10 +19,8 @@ from benchmarks.curves.points import over_points
 from benchmarks.curves.store import over_presses
 from benchmarks.curves.surrogate import over_dimensions, over_width
 from benchmarks.curves.workers import efficiency, over_workers
-from benchmarks.hot.place import version
-from benchmarks.machine import Machine
+from benchmarks.harness import Bench, Several
 from benchmarks.sweep_costs import measured_costs
-from benchmarks.tables import show
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from threadpoolctl import threadpool_limits
@@ -45,13 +41,12 @@ CURVES: dict[str, Callable[[Callable[[str], None]], Curve]] = {
     "workers": over_workers,
 }
 PARTS = (*CURVES, "plan")
-LIBRARIES = ("tsis", "numpy", "scipy", "numba", "pycpd", "sqlalchemy", "pyarrow", "distributed")
 
 
-def print_curve(curve: Curve, *, markdown: bool) -> None:
+def print_curve(bench: Bench, curve: Curve) -> None:
     """One table a curve; of workers also how efficient they are."""
     heads, rows = curve.table()
-    show(f"{curve.title}:", heads, rows, markdown=markdown)
+    bench.table(f"{curve.title}:", heads, rows)
     if curve.title == "Sweep":
         for line in curve.lines:
             shares = ", ".join(
@@ -60,38 +55,33 @@ def print_curve(curve: Curve, *, markdown: bool) -> None:
             print(f"efficiency of workers, {line.name}: {shares}\n")
 
 
-def print_dimensions(found: list[tuple[str, Built]], *, markdown: bool) -> None:
+def print_dimensions(bench: Bench, found: list[tuple[str, Built]]) -> None:
     """What each quantity that varies adds to a surrogate."""
     heads = ("quantities that vary, and with them", "slabs", "presses", "building it, core-s", "error")
     rows = [
         [f"{number}, {name}", str(one.slabs), f"{one.presses:,}", f"{one.seconds:.2f}", f"{one.error:.3%}"]
         for number, (name, one) in enumerate(found, start=1)
     ]
-    show("Surrogate of the default box, quantity by quantity:", heads, rows, markdown=markdown)
+    bench.table("Surrogate of the default box, quantity by quantity:", heads, rows)
 
 
-def print_plan(plan: ClusterPlan, *, markdown: bool) -> None:
+def print_plan(bench: Bench, plan: ClusterPlan) -> None:
     """What was measured, and the hours that follow."""
     heads = ("one core", "a press", "presses/s", "memory of a worker", "bytes a press")
-    show("Presses:", heads, map(cost_cells, plan.costs), markdown=markdown)
-    show("Beside them:", ("what", "measured"), overhead_cells(plan.overheads), markdown=markdown)
+    bench.table("Presses:", heads, map(cost_cells, plan.costs))
+    bench.table("Beside them:", ("what", "measured"), overhead_cells(plan.overheads))
     hours = (
         *("press", "workers", "hours", "core-hours", "in presses", "batches/s", "MB/s to storage"),
         *("kB/s of network", "ruled by (most workers)"),
     )
     title = f"{plan.presses:,} presses, {plan.batch} a file:"
-    show(title, hours, map(plan_cells, plan.rows()), markdown=markdown)
+    bench.table(title, hours, map(plan_cells, plan.rows()))
 
 
-def main() -> None:
+def main() -> int:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--only", choices=PARTS, action="append", help="a part; repeat it for several")
-    parser.add_argument("--out", type=Path, help="folder for the figure, scaling.png")
-    parser.add_argument("--json", action="store_true", help="print everything as JSON")
-    parser.add_argument("--markdown", action="store_true", help="print the tables as Markdown")
-    options = parser.parse_args()
-    parts, machine = options.only or PARTS, Machine.here({name: version(name) for name in LIBRARIES})
+    bench = Bench(__doc__, only=Several(PARTS))
+    parts = bench.only or PARTS
     columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
     with (
         threadpool_limits(limits=1, user_api="blas"),
@@ -105,35 +95,17 @@ def main() -> None:
         curves = [measure(told) for name, measure in CURVES.items() if name in parts]
         dimensions = over_dimensions(told) if "surrogate" in parts else []
         plan = measured_costs(told) if "plan" in parts else None
-    machine = machine.afterwards()
-    if options.out is not None and curves:
-        options.out.mkdir(parents=True, exist_ok=True)
-        draw(curves, options.out / "scaling.png")
-    if options.json:
-        print(json.dumps(_document(machine, curves, dimensions, plan), indent=1))
-        return
-    print(machine.sentence() + "\n")
+    if bench.options.out is not None and curves:
+        bench.options.out.mkdir(parents=True, exist_ok=True)
+        draw(curves, bench.options.out / "scaling.png")
     for curve in curves:
-        print_curve(curve, markdown=options.markdown)
+        print_curve(bench, curve)
     if dimensions:
-        print_dimensions(dimensions, markdown=options.markdown)
+        print_dimensions(bench, dimensions)
     if plan is not None:
-        print_plan(plan, markdown=options.markdown)
-
-
-def _document(
-    machine: Machine, curves: list[Curve], dimensions: list[tuple[str, Built]], plan: ClusterPlan | None
-) -> dict[str, Any]:
-    return {
-        "machine": machine.document(),
-        "curves": [curve.document() for curve in curves],
-        "dimensions": [
-            {"quantity": name, "slabs": one.slabs, "presses": one.presses, "seconds": one.seconds, "error": one.error}
-            for name, one in dimensions
-        ],
-        "plan": None if plan is None else plan.document(),
-    }
+        print_plan(bench, plan)
+    return bench.end()
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -15,14 +15,14 @@ and the prior is exactly the estimator's.
 
 from __future__ import annotations
 
-import argparse
+import sys
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from benchmarks.harness import Bench, Several
 from benchmarks.judgement import Judgement, rows_of
 from benchmarks.simulated_presses import SMALL, Protocol
-from benchmarks.tables import show
 from scipy.stats import chisquare, gaussian_kde
 from threadpoolctl import threadpool_limits
 
@@ -165,7 +165,7 @@ def exact_mean(
 
     Kernels around samples of the fast posterior propose; weights put right whatever is wrong with them.
     """
-    proposal = gaussian_kde(fast.samples[rng.choice(len(fast.samples), KERNELS, replace=False)].T)
+    proposal = gaussian_kde(fast.samples[rng.Choice(len(fast.samples), KERNELS, replace=False)].T)
     points = proposal.resample(PROPOSALS, seed=rng).T
     points = points[((points >= prior.low) & (points <= prior.high)).all(axis=1)]
     start = likelihood.within(fast.fit.nuisance[0])
@@ -268,34 +268,28 @@ def rows(found: Calibrated, prior: InclusionPrior) -> list[Sequence[str]]:
     return result
 
 
-def main() -> None:
+def main() -> int:
     """Print a table a protocol."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--protocol", choices=PROTOCOLS, action="append", help="several may be given")
-    parser.add_argument("--draws", type=int, default=1000)
-    parser.add_argument("--exact", type=int, default=0, help="draws that are set beside the exact posterior's mean")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--any-slab", action="store_true", help="slabs need not hold the inclusion")
-    parser.add_argument("--markdown", action="store_true", help="print the tables as Markdown")
-    options = parser.parse_args()
+    bench = Bench(__doc__, protocol=Several(PROTOCOLS), draws=1000, exact=0, seed=1, any_slab=False)
     prior = InclusionPrior()
-    for name in options.protocol or ALONE:
+    for name in bench.protocol or ALONE:
         with progress_bar(name) as progress:
             found = run(
                 PROTOCOLS[name],
-                options.draws,
-                seed=options.seed,
-                exact=options.exact,
-                any_slab=options.any_slab,
+                bench.draws,
+                seed=bench.seed,
+                exact=bench.exact,
+                any_slab=bench.any_slab,
                 prior=prior,
                 progress=progress,
             )
-        slabs = "any slab" if options.any_slab else "slabs that hold the inclusion"
-        title = f"{options.draws} draws, seed {options.seed}, {slabs}: {PROTOCOLS[name].described}"
-        show(title, (name, *PARAMETERS), rows(found, prior), markdown=options.markdown)
+        slabs = "any slab" if bench.any_slab else "slabs that hold the inclusion"
+        title = f"{bench.draws} draws, seed {bench.seed}, {slabs}: {PROTOCOLS[name].described}"
+        bench.table(title, (name, *PARAMETERS), rows(found, prior))
         if len(found.exact):
             print(f"effective samples behind the exact means: median {np.median(found.effective):.0f}")
+    return bench.end()
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

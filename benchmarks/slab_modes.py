@@ -1,6 +1,6 @@
 """How fast, how complete and how exact guided modes are found, beside other programs, in one run.
 
-    python -m benchmarks.slab_modes [--markdown] [--peer-python PATH]
+    python -m benchmarks.slab_modes [--peer-python PATH]
 
 One thread. PyMoosh and tidy3d run in an environment of their own, named by its Python: ``python -m venv peers``,
 ``peers/bin/pip install PyMoosh tidy3d``; what is not there is named and left out. Errors are against 60-digit values
@@ -9,10 +9,8 @@ where the folder with them lies beside the repository. Compiling, once on a mach
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
-import platform
 import subprocess
 import sys
 import time
@@ -21,11 +19,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from benchmarks.mechanics import duration, least
+from benchmarks.harness import Bench, duration
+from benchmarks.mechanics import least
 from rich.console import Console
-from rich.table import Table
 
-import tsis
 from tsis.optics import guided_modes
 
 if TYPE_CHECKING:
@@ -136,30 +133,19 @@ def by_peer(python: str, program: str, stack: dict[str, Any]) -> dict[str, Any] 
     return answer
 
 
-def main() -> None:
+def main() -> int:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--markdown", action="store_true", help="print the table as Markdown")
-    parser.add_argument("--peer-python", default=sys.executable, help="Python of the environment of the others")
-    arguments = parser.parse_args()
+    bench = Bench(__doc__, peer_python=sys.executable)
     start = time.perf_counter()
     guided_modes([1.5], [1.0], wavelength_um=0.55)
     first = time.perf_counter() - start
-    measured = list(rows(arguments.peer_python))
-    machine = f"{platform.machine()}, one thread, Python {platform.python_version()}, NumPy {np.__version__}"
-    note = f"{machine}; tsis {tsis.__version__}; first call, compiled or read from disk: {duration(first)}"
+    measured = list(rows(bench.peer_python))
     headings = ("case", "program", "modes found", "largest error", "time", "times ours")
     cells = [(row.case, row.program, row.found, row.error, duration(row.seconds), row.ratio) for row in measured]
-    if arguments.markdown:
-        print(f"Machine: {note}.\n")
-        for line in (headings, ["---"] * len(headings), *cells):
-            print(f"| {' | '.join(line)} |")
-        return
-    table = Table(*headings, title=note)
-    for line in cells:
-        table.add_row(*line)
-    Console().print(table)
+    bench.table("Guided modes", headings, cells)
+    print(f"first call, compiled or read from disk: {duration(first)}")
+    return bench.end()
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -11,17 +11,17 @@ out. Without inclusion they give the evidence of plain tissue, so that Bayes fac
 
 from __future__ import annotations
 
-import argparse
+import sys
 from dataclasses import dataclass
 from time import perf_counter
 from typing import TYPE_CHECKING
 
 import dynesty
 import numpy as np
+from benchmarks.harness import Bench, Several
 from benchmarks.looped_model import log_likelihood
 from benchmarks.simulated_presses import SMALL
 from benchmarks.simulation_based_calibration import Experiment, noise
-from benchmarks.tables import show
 from scipy.special import logsumexp, ndtri
 from scipy.stats import gaussian_kde, multivariate_normal
 from threadpoolctl import threadpool_limits
@@ -117,7 +117,7 @@ def _proposed(
     """Inclusions, those outside the prior left out, and the log of their proposal density over the prior's."""
     if found is None:
         return [None] * count, np.zeros(count)
-    kernels = gaussian_kde(found.samples[rng.choice(len(found.samples), KERNELS, replace=False)].T)
+    kernels = gaussian_kde(found.samples[rng.Choice(len(found.samples), KERNELS, replace=False)].T)
     points = kernels.resample(count, seed=rng).T
     points = points[((points >= prior.low) & (points <= prior.high)).all(axis=1)]
     return list(points), kernels.logpdf(points.T) + np.log(prior.high - prior.low).sum()
@@ -279,24 +279,19 @@ def rows(protocol: str, inclusion: Sequence[float], found: Comparison) -> list[l
     return lines
 
 
-def main() -> None:
+def main() -> int:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--case", type=int, choices=range(1, 1 + len(CASES)), action="append", help="of the table")
-    parser.add_argument("--samples", type=int, default=12000, help="of importance sampling")
-    parser.add_argument("--live", type=int, default=300, help="live points of nested sampling")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--markdown", action="store_true", help="print the table as Markdown")
-    options = parser.parse_args()
+    bench = Bench(__doc__, case=Several(range(1, 1 + len(CASES)), int), samples=12000, live=300, seed=1)
     lines: list[list[str]] = []
-    for number in options.case or range(1, 1 + len(CASES)):
+    for number in bench.case or range(1, 1 + len(CASES)):
         protocol, inclusion = CASES[number - 1]
-        found = compare(protocol, inclusion, samples=options.samples, live=options.live, seed=options.seed)
+        found = compare(protocol, inclusion, samples=bench.samples, live=bench.live, seed=bench.seed)
         lines += rows(protocol, inclusion, found)
-    title = f"posterior mean and standard deviation, {options.samples} samples, {options.live} live points"
+    title = f"posterior mean and standard deviation, {bench.samples} samples, {bench.live} live points"
     heads = ("case", "by", "d mm", "h mm", "E kPa", "log Bayes factor", "time")
-    show(f"{title}, seed {options.seed}", heads, lines, markdown=options.markdown)
+    bench.table(f"{title}, seed {bench.seed}", heads, lines)
+    return bench.end()
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -9,12 +9,13 @@ cylinders of drawn states and fits the correction for large strain of `tsis.hard
 
 from __future__ import annotations
 
-import argparse
+import sys
 from dataclasses import dataclass
 from typing import Any
 
 import ngsolve as ng
 import numpy as np
+from benchmarks.harness import Bench
 from netgen.geom2d import SplineGeometry
 
 from tsis.mechanics.gel import layer_contact
@@ -188,14 +189,11 @@ def against_layer(gel: Solid, cylinder: Solid, radius: float, thickness: float) 
     return rows
 
 
-def main() -> None:
+def main() -> int:
     """Press cylinders of drawn states and fit."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seed", type=int, default=900)
-    parser.add_argument("--states", type=int, default=19)
-    arguments = parser.parse_args()
-    rng, rows = np.random.default_rng(arguments.seed), list[list[float]]()
-    for _ in range(arguments.states):
+    bench = Bench(__doc__, seed=900, states=19)
+    rng, rows = np.random.default_rng(bench.seed), list[list[float]]()
+    for _ in range(bench.states):
         thickness, radius = rng.uniform(2.0, 9.0), rng.uniform(3.0, 9.0)
         gel = Solid(young_kpa=150.0, poisson=rng.uniform(0.47, 0.497))
         own_ratio, young = rng.uniform(0.44, 0.49), float(np.exp(rng.uniform(np.log(15.0), np.log(2000.0))))
@@ -208,7 +206,8 @@ def main() -> None:
         fit = np.linalg.lstsq(used[:, :4], used[:, column], rcond=None)[0]
         error = float(np.sqrt(np.mean((used[:, :4] @ fit - used[:, column]) ** 2)))
         print(f"{name}: {', '.join(f'{part:.3f}' for part in fit)}; {error:.4f}")
+    return bench.end()
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

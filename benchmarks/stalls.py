@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import sys
 
-from benchmarks.tables import show
+from benchmarks.harness import Bench, Goal
 
 import tsis
 from tsis.errors import MechanicsError
@@ -38,15 +38,15 @@ def outcome(series: PressSeries, young_kpa: float, force_n: float) -> str:
 
 def main() -> int:
     """Print a table for each probe; the exit code is 1 when a press fails without a cause."""
-    stalls = 0
+    bench, stalls = Bench(__doc__), 0
     for name in ("tsis-2011", "tsis-domed"):
         series, rows = PressSeries(tsis.load_probe(name)), []
         for young in MODULI_KPA:
             rows.append([f"{young:g} kPa", *(outcome(series, young, force) for force in FORCES_N)])
             print(name, *rows[-1], file=sys.stderr, flush=True)
         stalls += sum(row.count("stall") for row in rows)
-        show(f"{name}, 30 mm of tissue", ["tissue", *(f"{force:g} N" for force in FORCES_N)], rows, markdown=True)
-    return int(stalls > 0)
+        bench.table(f"{name}, 30 mm of tissue", ["tissue", *(f"{force:g} N" for force in FORCES_N)], rows)
+    return bench.end([Goal(name="presses that end without a cause", value=stalls, most=0, form="{:.0f}")])
 
 
 if __name__ == "__main__":

@@ -8,7 +8,6 @@ that was opened before. The exit code is 1 where a bound is passed.
 
 from __future__ import annotations
 
-import argparse
 import os
 import sqlite3
 import sys
@@ -23,7 +22,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from benchmarks.tables import show
+from benchmarks.harness import Bench, Several
 from sqlalchemy import insert
 
 from tsis.model import TactileImage
@@ -184,32 +183,22 @@ def _row(name: str, values: list[float]) -> tuple[str, str, str]:
 
 def main() -> int:
     """Print the tables; the exit code is 1 where a bound is passed."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--presses", type=int, default=200, help="stored one by one")
-    parser.add_argument("--rows", type=int, default=100_000, help="of the stores that are listed")
-    parser.add_argument("--targets", type=int, action="append", help="of these stores; repeat it for several")
-    parser.add_argument("--frames", type=int, help="that the presses share; by default one each")
-    parser.add_argument("--repeats", type=int, default=20)
-    parser.add_argument("--folder", type=Path, help="on which disk; by default that of temporary files")
-    parser.add_argument("--markdown", action="store_true")
-    options = parser.parse_args()
+    bench = Bench(__doc__, presses=200, rows=100000, targets=Several(), frames=int, repeats=20, folder=Path)
     heads, slow = ("what", "median", "95 %"), []
-    bound = BOUND_MS["list" if options.rows < 1_000_000 else "million"]
-    with tempfile.TemporaryDirectory(prefix="tsis-speed-", dir=options.folder) as folder:
-        found = saving(Path(folder), options.presses, 1)
-        show(
-            f"{options.presses} presses kept", heads, [_row(*each) for each in found.items()], markdown=options.markdown
-        )
+    bound = BOUND_MS["list" if bench.rows < 1_000_000 else "million"]
+    with tempfile.TemporaryDirectory(prefix="tsis-speed-", dir=bench.folder) as folder:
+        found = saving(Path(folder), bench.presses, 1)
+        bench.table(f"{bench.presses} presses kept", heads, [_row(*each) for each in found.items()])
         slow += [name for name, values in list(found.items())[:1] if np.median(values) > BOUND_MS["press"]]
-        for spread in options.targets or (100, 1):
+        for spread in bench.targets or (100, 1):
             place = Path(folder) / f"of-{spread}"
-            grown(place, options.rows, spread, frames=options.frames)
+            grown(place, bench.rows, spread, frames=bench.frames)
             began = time.perf_counter()
             with open_store(place) as store:
                 opened = 1e3 * (time.perf_counter() - began)
-                listed = {"open_store": [opened], **listing(store, options.repeats)}
-            title = f"{options.rows} presses of {spread} target{'s' if spread > 1 else ''}"
-            show(title, heads, [_row(*each) for each in listed.items()], markdown=options.markdown)
+                listed = {"open_store": [opened], **listing(store, bench.repeats)}
+            title = f"{bench.rows} presses of {spread} target{'s' if spread > 1 else ''}"
+            bench.table(title, heads, [_row(*each) for each in listed.items()])
             slow += [name for name, values in listed.items() if np.median(values) > bound]
     if slow:
         print("slower than wanted:", ", ".join(slow))

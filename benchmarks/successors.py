@@ -15,18 +15,16 @@ of E, of means withheld or not, stands the standard deviation of its posterior. 
 
 from __future__ import annotations
 
-import argparse
 import json
+import sys
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from benchmarks.coverage import code
-from benchmarks.finished_lines import append_line, read_lines
+from benchmarks.harness import Bench, Choice, append_line, read_lines
 from benchmarks.judgement import compared
 from benchmarks.simulated_presses import DEFAULT, PROTOCOLS, Protocol, examine
-from benchmarks.tables import show
 
 from tsis.cli import progress_bar
 from tsis.errors import TsisError
@@ -125,35 +123,30 @@ def totals(lines: list[dict[str, Any]]) -> list[list[str]]:
     return rows
 
 
-def main() -> None:
+def main() -> int:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--protocol", choices=PROTOCOLS, default=DEFAULT)
-    parser.add_argument("--repeats", type=int, default=3)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--out", type=Path, default=cache_folder() / "successors", help="folder of finished cases")
-    parser.add_argument("--markdown", action="store_true", help="print the table as Markdown")
-    options = parser.parse_args()
-    protocol = PROTOCOLS[options.protocol]
-    decided_by = {"protocol": asdict(protocol), "seed": options.seed, "prior": asdict(PRIOR), "code": code()}
-    out = options.out / f"spheres-{protocol.name}-{content_key(json.loads(json.dumps(decided_by)))}.jsonl"
-    cases = [(number, repeat) for repeat in range(options.repeats) for number in range(len(SPHERES))]
+    bench = Bench(__doc__, protocol=Choice(PROTOCOLS, DEFAULT), repeats=3, seed=1, kept=cache_folder() / "successors")
+    protocol = PROTOCOLS[bench.protocol]
+    decided_by = {"protocol": asdict(protocol), "seed": bench.seed, "prior": asdict(PRIOR), "code": code()}
+    out = bench.kept / f"spheres-{protocol.name}-{content_key(json.loads(json.dumps(decided_by)))}.jsonl"
+    cases = [(number, repeat) for repeat in range(bench.repeats) for number in range(len(SPHERES))]
     found = read_lines(out, "case")
     with progress_bar("eight spheres") as progress:
         for done, (number, repeat) in enumerate(cases, 1):
             if f"{number}-{repeat}" not in found:
-                line = judge(protocol, options.seed, number, repeat)
+                line = judge(protocol, bench.seed, number, repeat)
                 append_line(out, line)
                 found[line["case"]] = line
             progress(done, len(cases))
     lines = [found[f"{number}-{repeat}"] for number, repeat in cases]
-    title = f"eight spheres, relative errors in %, {protocol.name}, {options.repeats} repeats, seed {options.seed}"
+    title = f"eight spheres, relative errors in %, {protocol.name}, {bench.repeats} repeats, seed {bench.seed}"
     heads = ("sphere", "theirs: d", "E", "ours: d", "h", "E", "posterior sd of E", "E identified", "trusted")
-    show(title, heads, sphere_rows(lines) + totals(lines), markdown=options.markdown)
+    bench.table(title, heads, sphere_rows(lines) + totals(lines))
     for line in lines:
         if "refused" in line:
             print(f"{line['case']}: {line['refused']}")
+    return bench.end()
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

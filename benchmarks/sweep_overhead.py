@@ -11,7 +11,6 @@ sweep and Dask alone (a map over the same batches, nothing written) cost.
 
 from __future__ import annotations
 
-import argparse
 import os
 import resource
 import sys
@@ -25,6 +24,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from benchmarks.busy_press import PRESS_S, busy
+from benchmarks.harness import Bench
 
 from tsis.catalog import load_probe
 from tsis.sweep.data_set import read_data_set
@@ -126,18 +126,15 @@ def _spent() -> float:
 
 def main() -> int:
     """Print a table; 1 when the sweep costs more than it may."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--presses", type=int, default=1500)
-    parser.add_argument("--empty", type=int, help="so many presses that take no time, and nothing else")
-    options = parser.parse_args()
-    count = options.presses
+    bench = Bench(__doc__, presses=1500, empty=int)
+    count = bench.presses
     let_workers_import()
-    if options.empty:
-        costs = emptied(options.empty)
+    if bench.empty:
+        costs = emptied(bench.empty)
         for name, (spent, wall) in costs.items():
-            share = 100 * spent / (PRESS_S * options.empty)
+            share = 100 * spent / (PRESS_S * bench.empty)
             print(f"{name:12s} {spent:7.1f} s of processors, {share:.2f} % of the presses; {wall:.1f} s")
-        return int(costs["tsis sweep"][0] > EMPTY_OVERHEAD * PRESS_S * options.empty)
+        return int(costs["tsis sweep"][0] > EMPTY_OVERHEAD * PRESS_S * bench.empty)
     ways: dict[str, Callable[[int], NDArray[np.float64]]] = {
         "tsis sweep, 100 a file": partial(swept, batch=100),
         "tsis sweep, 20 a file": partial(swept, batch=20),

@@ -1,6 +1,6 @@
 """Presses, frames and profiles a second of all cores: one process a core, each on one thread.
 
-    python -m benchmarks.throughput [--seconds 10] [--only NAME] [--markdown]
+    python -m benchmarks.throughput [--seconds 10] [--only NAME]
 
 Every process warms up; then all work at once. "By the clock" is what was done between the first start and the last end.
 "By processor time" is what a core would do that had no other work, from the processor time of each process: on an idle
@@ -10,8 +10,8 @@ a profile is 20 rings of the table of the default box.
 
 from __future__ import annotations
 
-import argparse
 import os
+import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
 from itertools import cycle
@@ -21,10 +21,9 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 from benchmarks.camera import uneven_light, whole_frames
+from benchmarks.harness import Bench, Goal, Several
 from benchmarks.hot.mechanics import PROFILES
-from benchmarks.machine import Machine
 from benchmarks.mechanics import PROBE, drawn_inclusions, slab_kernel, solved, twenty_rings
-from benchmarks.tables import show
 from threadpoolctl import threadpool_limits
 
 import tsis
@@ -75,28 +74,26 @@ def worked(name: str, seconds: float, begin: float) -> tuple[int, float, float, 
         return done, began, time.time(), time.process_time() - spent
 
 
-def main() -> None:
+def main() -> int:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seconds", type=float, default=10.0, help="of processor time in each process")
-    parser.add_argument("--after", type=float, default=20.0, help="seconds that the warming up may take")
-    parser.add_argument("--only", choices=WORK, action="append")
-    parser.add_argument("--markdown", action="store_true")
-    options = parser.parse_args()
-    machine, rows = Machine.here({"numpy": np.__version__}), []
-    for name in options.only or WORK:
-        cores = 1 if name in A_CORE else machine.cores
+    bench = Bench(__doc__, seconds=10.0, after=20.0, only=Several(WORK))
+    rows, goals = [], []
+    for name in bench.only or WORK:
+        cores = 1 if name in A_CORE else bench.machine["cores"]
         with ProcessPoolExecutor(cores, mp_context=get_context("spawn")) as pool:
-            begin = time.time() + options.after
-            parts = [pool.submit(worked, name, options.seconds, begin) for _ in range(cores)]
+            begin = time.time() + bench.after
+            parts = [pool.submit(worked, name, bench.seconds, begin) for _ in range(cores)]
             found = [part.result() for part in parts]
         clock = sum(part[0] for part in found) / (max(part[2] for part in found) - min(part[1] for part in found))
         processor = sum(part[0] / part[3] for part in found)
-        met = "met" if processor >= GOALS[name] else "MISSED"
-        rows.append((f"{name}, {cores} cores", f"{clock:,.0f}", f"{processor:,.0f}", f"{GOALS[name]:,.0f}", met))
-    heads = ("what", "a second by the clock", "by processor time", "goal", "by processor time")
-    show(machine.afterwards().sentence(), heads, rows, markdown=options.markdown)
+        goals.append(
+            Goal(name=f"{name} a second by processor time", value=processor, least=GOALS[name], form="{:,.0f}")
+        )
+        rows.append((f"{name}, {cores} cores", f"{clock:,.0f}", f"{processor:,.0f}"))
+    heads = ("what", "a second by the clock", "by processor time")
+    bench.table("Throughput", heads, rows)
+    return bench.end(goals)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

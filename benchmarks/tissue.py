@@ -10,11 +10,11 @@ tissue, as `tsis demo --seeds` does.
 
 from __future__ import annotations
 
-import argparse
+import sys
 
 import numpy as np
+from benchmarks.harness import Bench
 from benchmarks.solved_data import solved_data
-from benchmarks.tables import show
 from rich.progress import track
 
 import tsis
@@ -101,29 +101,24 @@ def examination_row(young_kpa: float, *, seed: int, count: int) -> list[str]:
     return [f"{young_kpa:g}", used, exposure, str(counts["answered"]), str(counts["trusted"]), " / ".join(held)]
 
 
-def main() -> None:
+def main() -> int:
     """Print the tables."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seed", type=int, default=7)
-    parser.add_argument("--presses", type=int, default=8, help="light presses a tissue")
-    parser.add_argument("--examinations", type=int, default=12, help="examinations a tissue")
-    parser.add_argument("--kpa", type=float, nargs="+", default=TISSUES_KPA, help="moduli of the tissues")
-    parser.add_argument("--markdown", action="store_true", help="print the tables as Markdown")
-    options = parser.parse_args()
+    bench = Bench(__doc__, seed=7, presses=8, examinations=12, kpa=[*TISSUES_KPA])
     rows = [
-        light_row(name, kpa, seed=options.seed, count=options.presses)
+        light_row(name, kpa, seed=bench.seed, count=bench.presses)
         for name in ("tsis-domed", "tsis-2011")
-        for kpa in options.kpa
+        for kpa in bench.kpa
     ]
     heads = ("probe", "tissue, kPa", "presses", "read over true", "90 % interval, high over low", "held")
-    show(f"light presses of {LIGHT_N:g} N, seed {options.seed}", heads, rows, markdown=options.markdown)
-    rows = [row for kpa in options.kpa for row in table_rows(kpa)]
+    bench.table(f"light presses of {LIGHT_N:g} N, seed {bench.seed}", heads, rows)
+    rows = [row for kpa in bench.kpa for row in table_rows(kpa)]
     heads = ("tissue, kPa", "force, N", "pressure, centre", "pressure, outermost ring", "signal", "stated")
-    show("tables under the dome less solved presses", heads, rows, markdown=options.markdown)
-    rows = [examination_row(kpa, seed=options.seed, count=options.examinations) for kpa in options.kpa]
+    bench.table("tables under the dome less solved presses", heads, rows)
+    rows = [examination_row(kpa, seed=bench.seed, count=bench.examinations) for kpa in bench.kpa]
     heads = ("tissue, kPa", "forces, N", "exposure", "answered", "trusted", "d / h / E held, 90 %")
-    show(f"examinations under the dome, seed {options.seed}", heads, rows, markdown=options.markdown)
+    bench.table(f"examinations under the dome, seed {bench.seed}", heads, rows)
+    return bench.end()
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -1,6 +1,6 @@
 """Whether Mitsuba should trace the light in the whole probe: time to the same error of the map, both in one run.
 
-    python -m benchmarks.whole_probe [--rays 2e6] [--seeds 5] [--peer-python PATH] [--markdown]
+    python -m benchmarks.whole_probe [--rays 2e6] [--seeds 5] [--peer-python PATH]
 
 The map is the power that arrives at the face of an unpressed probe, in 24 x 24 bins, from the catalog's lamps and from
 level ones. The error is each bin's relative standard deviation between seeds, as RMS over the bins within 0.8 of the
@@ -11,7 +11,6 @@ NumPy; LLVM must be on the machine (``DRJIT_LIBLLVM_PATH`` names it).
 
 from __future__ import annotations
 
-import argparse
 import json
 import subprocess
 import sys
@@ -21,8 +20,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from benchmarks.harness import Bench
 from benchmarks.rays import INNER, LEVEL, PROBE
-from benchmarks.tables import show
 
 from tsis.optics.rays import scene, trace_rays
 
@@ -94,22 +93,17 @@ def error_of(maps: NDArray[np.float64]) -> float:
 
 def main() -> int:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--rays", type=float, default=2e6)
-    parser.add_argument("--seeds", type=int, default=5)
-    parser.add_argument("--peer-python", default=sys.executable)
-    parser.add_argument("--markdown", action="store_true")
-    options = parser.parse_args()
+    bench = Bench(__doc__, rays=2000000.0, seeds=5, peer_python=sys.executable)
     rows = []
     for probe in (PROBE, LEVEL):
-        own_s, own = by_tsis(probe, options.rays, options.seeds)
-        version, peer_s, peer = by_peer(probe, options.rays, options.seeds, options.peer_python)
+        own_s, own = by_tsis(probe, bench.rays, bench.seeds)
+        version, peer_s, peer = by_peer(probe, bench.rays, bench.seeds, bench.peer_python)
         bias = float(np.abs(peer.mean(axis=0).sum() / own.mean(axis=0).sum() - 1))
         needs = [float(np.median(t)) * (error_of(m) / GOAL) ** 2 for t, m in ((own_s, own), (peer_s, peer))]
         rows += [
             (
                 f"{program}, {probe.name}",
-                f"{options.rays / np.median(seconds) / 1e6:.2f}",
+                f"{bench.rays / np.median(seconds) / 1e6:.2f}",
                 f"{100 * error_of(maps):.2f} %",
                 f"{need:.2f} s",
                 more,
@@ -126,7 +120,7 @@ def main() -> int:
         "CPU time to 1 %",
         "times as fast; sums differ by",
     )
-    show(f"The map of a whole probe, {options.rays:g} rays", heads, rows, markdown=options.markdown)
+    bench.table(f"The map of a whole probe, {bench.rays:g} rays", heads, rows)
     print(f"worth an extra from {WORTH:g} times on")
     return 0
 

@@ -9,14 +9,13 @@ from time import perf_counter
 from typing import TYPE_CHECKING
 
 import numpy as np
-from benchmarks.hot.place import version
+from benchmarks.harness import Contest, Side, timed, version
 from benchmarks.matching.__main__ import speed_trial
 from benchmarks.matching.methods import BenchmarkMethod
 from benchmarks.matching.trials import matching_error
 from benchmarks.peers.placement_matrix import area_and_variance
-from benchmarks.posterior_speed import DENSE, PROTOCOLS, Bench, grid_within_reach
+from benchmarks.posterior_speed import DENSE, PROTOCOLS, PosteriorBench, grid_within_reach
 from benchmarks.store_speed import BEGUN, frame, kept_plainly, plain_database
-from benchmarks.turns import Contest, Side, timed
 from sklearn.metrics import roc_auc_score
 
 from tsis.inclusion.posterior import explore_inclusion
@@ -26,7 +25,7 @@ from tsis.study.roc import auc_covariance
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from benchmarks.hot.place import Place
+    from benchmarks.harness import Place
     from benchmarks.matching.distort import Trial
 
     from tsis.model import TactileImage
@@ -61,7 +60,7 @@ def _matched(method: BenchmarkMethod, trial: Trial) -> Callable[[], object]:
 def estimate(_place: Place) -> Iterator[Contest]:
     """Frames to posterior, beside the same frames and a dense grid over the reach of the samples."""
     probe, forces, referred = PROTOCOLS[PROTOCOL]
-    bench = Bench.of(probe, forces, with_reference=referred)
+    bench = PosteriorBench.of(probe, forces, with_reference=referred)
     likelihood = bench.likelihood()
     grid = grid_within_reach(likelihood, explore_inclusion(likelihood, bench.prior))
 

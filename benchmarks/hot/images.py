@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 from benchmarks.camera import SENSOR, galsim_noise, uneven_light, whole_frames
-from benchmarks.hot.place import missing, version
+from benchmarks.harness import Contest, Side, missing, timed, version
 from benchmarks.image_reading import frame_file, readers
-from benchmarks.turns import Contest, Side, timed
 
 import tsis
 from tsis.imaging import expose
@@ -17,7 +16,7 @@ from tsis.imaging import expose
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from benchmarks.hot.place import Place
+    from benchmarks.harness import Place
 
 READ = ("png", "tif")
 

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from benchmarks.hot.place import version
+from benchmarks.harness import Contest, Side, timed, version
 from benchmarks.peers.mitsuba_cylinder import VARIANTS, paths_per_second
 from benchmarks.rays import CLEAR
 from benchmarks.slab_modes import CASES, by_peer
-from benchmarks.turns import Contest, Side, timed
 
 from tsis.optics import guided_modes
 from tsis.optics.propagation import Dent, propagate, thin_guide
@@ -17,7 +16,7 @@ from tsis.optics.rays import trace_rays
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from benchmarks.hot.place import Place
+    from benchmarks.harness import Place
 
 GUIDE, RAYS, MODES = "10 µm, printed indices", 1e6, 12
 NO_MITSUBA = "mitsuba is not installed, or does not run on this machine"

@@ -6,7 +6,7 @@ import shutil
 from typing import TYPE_CHECKING
 
 import numpy as np
-from benchmarks.hot.place import missing, version
+from benchmarks.harness import Contest, Side, missing, timed, version
 from benchmarks.mechanics import (
     FAST,
     LUMP,
@@ -21,7 +21,6 @@ from benchmarks.mechanics import (
     twenty_rings,
 )
 from benchmarks.peers.chebyshev_rings import rings_by_numpy
-from benchmarks.turns import Contest, Side, timed
 
 from tsis.mechanics import press
 from tsis.mechanics.small_strain import Resolution
@@ -30,7 +29,7 @@ from tsis.mechanics.surrogate import build_surrogate
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from benchmarks.hot.place import Place
+    from benchmarks.harness import Place
 
 PROFILES = 20_000
 

@@ -1,7 +1,7 @@
 """How well and how fast points are matched, beside other programs, on the same trials in one run.
 
     python -m benchmarks.matching [--data FOLDER] [--trials 10] [--methods tprl,cpd,pycpd] [--only distorted]
-                                  [--rows FILE] [--markdown]
+                                  [--rows FILE]
 
 One thread. The public trials and the hotel sequence are read from ``--data``; where they are missing, shapes are
 generated and the hotel is left out. pycpd and probreg take part where they are installed. With ``--rows`` an
@@ -12,23 +12,19 @@ answer; withheld: it did not trust it, so that `tsis.matching.register` would ke
 
 from __future__ import annotations
 
-import argparse
-import platform
 import statistics
+import sys
 from collections import defaultdict
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from benchmarks.harness import Bench, Goal, Several
 from benchmarks.matching.distort import SHAPES, Distortion, distort, even_texture, public_distortion
 from benchmarks.matching.methods import OWN_METHODS, PEERS, RIVAL_METHODS, BenchmarkMethod
 from benchmarks.matching.runs import run_trials
 from benchmarks.matching.summary import FAILURE_RMS, summarise, summarise_pooled
 from benchmarks.matching.trials import DATA, distorted_set, hotel_set
-from benchmarks.tables import show
-
-import tsis
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -40,31 +36,11 @@ if TYPE_CHECKING:
 JUDGED = "tprl"
 PARTS = ("distorted", "hotel", "textures", "speed")
 HOTEL_FAILURE_PX = 5.0
-RATIO_TARGETS = {"deformation": 0.5, "outliers": 0.5, "rotation": 0.05, "noise": 1.0, "occlusion": 1.0}
+RATIO_GOALS = {"deformation": 0.5, "outliers": 0.5, "rotation": 0.05, "noise": 1.0, "occlusion": 1.0}
 TEXTURE_POINTS, TEXTURE_TARGETS = 1000, (1000, 2000, 3000, 4000)
 SPEED_POINTS = (105, 200, 400, 700, 1000, 1400, 2000)
 # as slow as their like, and no better there
 SLOW = ("pycpd-common", "pycpd-outliers", "pycpd-raw", "biocpd-common", "biocpd-outliers", "probreg-common")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Target:
-    """One thing that was to be reached.
-
-    Attributes
-    ----------
-    what, wanted
-        In words.
-    measured
-        What this run found, as text.
-    met
-        Whether it was reached.
-    """
-
-    what: str
-    wanted: str
-    measured: str
-    met: bool
 
 
 def texture_trials(count: int, *, sizes: Sequence[int] = TEXTURE_TARGETS, seed: int = 0) -> Iterator[Trial]:
@@ -103,20 +79,20 @@ def exponent(points: Sequence[float], seconds: Sequence[float]) -> float:
     return float(np.polyfit(np.log(points), np.log(seconds), 1)[0])
 
 
-def distorted_targets(pooled: Sequence[TrialSummary]) -> Iterator[Target]:
+def distorted_goals(pooled: Sequence[TrialSummary]) -> Iterator[Goal]:
     """The ratio of means to the best coherent point drift, a line a kind of distortion."""
     for each in pooled:
-        if each.method == JUDGED and each.group in RATIO_TARGETS and each.ratio is not None:
-            limit = RATIO_TARGETS[each.group]
-            yield Target(
-                what=f"{each.group}: mean RMS over that of the best CPD",
-                wanted=f"<= {limit:g}",
-                measured=f"{each.ratio.value:.3f} [{each.ratio.low:.3f}, {each.ratio.high:.3f}]",
-                met=each.ratio.value <= limit,
+        if each.method == JUDGED and each.group in RATIO_GOALS and each.ratio is not None:
+            yield Goal(
+                name=f"{each.group}: mean RMS over that of the best CPD",
+                value=each.ratio.value,
+                most=RATIO_GOALS[each.group],
+                form="{:.3f}",
+                peer=f"[{each.ratio.low:.3f}, {each.ratio.high:.3f}]",
             )
 
 
-def hotel_targets(levels: Sequence[TrialSummary]) -> Iterator[Target]:
+def hotel_goals(levels: Sequence[TrialSummary]) -> Iterator[Goal]:
     """Mean RMS without hidden landmarks, and with 30 % of them beside the best coherent point drift."""
     cells: dict[tuple[str, str], list[float]] = defaultdict(list)
     for each in levels:
@@ -125,19 +101,21 @@ def hotel_targets(levels: Sequence[TrialSummary]) -> Iterator[Target]:
     clear, hidden = "hotel/hidden 0", "hotel/hidden 0.3"
     if (clear, JUDGED) not in means:
         return
-    found = means[clear, JUDGED]
-    yield Target(
-        what="hotel, mean over separations", wanted="<= 1 px", measured=f"{found:.3f} px", met=bool(found <= 1)
-    )
+    yield Goal(name="hotel, mean over separations, px", value=means[clear, JUDGED], most=1.0, form="{:.3f}")
     rivals = [means[hidden, name] for name in RIVAL_METHODS if (hidden, name) in means]
     if rivals:
-        own, best = means[hidden, JUDGED], min(rivals)
-        result = f"{own:.3f} px, CPD {best:.3f} px"
-        yield Target(what="hotel, 30 % hidden", wanted="below the best CPD", measured=result, met=own < best)
+        best = min(rivals)
+        yield Goal(
+            name="hotel, 30 % hidden, px",
+            value=means[hidden, JUDGED],
+            most=np.nextafter(best, 0.0),
+            form="{:.3f}",
+            peer=f"best CPD {best:.3f}",
+        )
 
 
-def time_targets(rows: Sequence[TrialRow]) -> Iterator[Target]:
-    """Median times at 105 x 105, 1,000 x 1,000 and 1,000 x 4,000, and how they grow."""
+def time_goals(rows: Sequence[TrialRow]) -> Iterator[Goal]:
+    """Median times at 105 x 105, 1,000 x 1,000 and 1,000 x 4,000."""
     for group, level, limit in (
         ("speed/points", "105", 0.12),
         ("texture/outliers", "1000", 1.0),
@@ -146,13 +124,7 @@ def time_targets(rows: Sequence[TrialRow]) -> Iterator[Target]:
         own = [row.seconds for row in rows if (row.group, row.level, row.method) == (group, level, JUDGED)]
         if own:
             first = "105" if level == "105" else str(TEXTURE_POINTS)
-            middle = statistics.median(own)
-            yield Target(
-                what=f"{first} x {level} points",
-                wanted=f"<= {limit:g} s",
-                measured=f"{middle:.3f} s",
-                met=middle <= limit,
-            )
+            yield Goal(name=f"{first} x {level} points, s", value=statistics.median(own), most=limit, form="{:.3f}")
 
 
 def growth(rows: Sequence[TrialRow]) -> list[list[str]]:
@@ -201,32 +173,23 @@ HEADS = (
 )
 
 
-def main() -> None:
+def main() -> int:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--data", type=Path, default=DATA, help="folder of the public trials")
-    parser.add_argument("--trials", type=int, default=10, help="trials a shape and level, and pairs a separation")
-    parser.add_argument("--methods", default=",".join((*OWN_METHODS, *PEERS)), help="methods, with commas between")
-    parser.add_argument("--only", choices=PARTS, action="append", help="a part; repeat it for several")
-    parser.add_argument("--rows", type=Path, help="file of finished rows, to go on with")
-    parser.add_argument("--markdown", action="store_true", help="print the tables as Markdown")
-    arguments = parser.parse_args()
-    data = arguments.data if arguments.data.is_dir() else None
-    named = {name: BenchmarkMethod(name=name) for name in arguments.methods.split(",")}
+    bench = Bench(
+        __doc__, data=DATA, trials=10, methods=",".join((*OWN_METHODS, *PEERS)), only=Several(PARTS), rows=Path
+    )
+    data = bench.data if bench.data.is_dir() else None
+    named = {name: BenchmarkMethod(name=name) for name in bench.methods.split(",")}
     present = {name: each for name, each in named.items() if not each.absent()}
-    parts = arguments.only or PARTS
+    parts = bench.only or PARTS
     rows: list[TrialRow] = []
     for part in parts:
-        trials, chosen = _part(part, data, arguments.trials), present
+        trials, chosen = _part(part, data, bench.trials), present
         if part in ("textures", "speed"):
             chosen = {name: each for name, each in present.items() if name not in SLOW}
-        rows += run_trials(trials, chosen, file=arguments.rows)
-    report(
-        rows,
-        data=data,
-        absent=[f"{name}: {each.absent()}" for name, each in named.items() if each.absent()],
-        markdown=arguments.markdown,
-    )
+        rows += run_trials(trials, chosen, file=bench.rows)
+    absent = [f"{name}: {each.absent()}" for name, each in named.items() if each.absent()]
+    return bench.end(report(bench, rows, data=data, absent=absent))
 
 
 def _part(part: str, data: Path | None, count: int) -> list[Trial]:
@@ -237,28 +200,25 @@ def _part(part: str, data: Path | None, count: int) -> list[Trial]:
     return list(texture_trials(min(count, 3)) if part == "textures" else speed_trials(min(count, 3)))
 
 
-def report(rows: Sequence[TrialRow], *, data: Path | None, absent: Sequence[str], markdown: bool) -> None:
-    """Print what was asked for, everything behind it, and what was left out."""
+def report(bench: Bench, rows: Sequence[TrialRow], *, data: Path | None, absent: Sequence[str]) -> list[Goal]:
+    """Print every table, and what was left out; the goals."""
     distorted = [row for row in rows if row.trial.split("/")[0] not in ("hotel", "texture", "speed")]
     hotel = [row for row in rows if row.trial.startswith("hotel")]
     textures = [row for row in rows if row.trial.startswith("texture")]
     pooled = summarise_pooled(distorted, rivals=RIVAL_METHODS, failure=FAILURE_RMS)
     hotel_levels = summarise(hotel, rivals=RIVAL_METHODS, failure=HOTEL_FAILURE_PX)
-    targets = [*distorted_targets(pooled), *hotel_targets(hotel_levels), *time_targets(rows)]
-    cells = [[each.what, each.wanted, each.measured, "met" if each.met else "MISSED"] for each in targets]
-    show(f"{JUDGED} against its targets", ("what", "wanted", "measured", ""), cells, markdown=markdown)
     shown = [*pooled, *summarise_pooled(hotel, rivals=RIVAL_METHODS, failure=HOTEL_FAILURE_PX)]
     shown += summarise(textures, rivals=RIVAL_METHODS, failure=FAILURE_RMS)
     source = "generated shapes" if data is None else "public trials"
-    show(f"RMS errors, {source}; hidden: hotel, pixels", HEADS, map(line, shown), markdown=markdown)
-    show("Levels", HEADS, map(line, summarise(distorted, rivals=RIVAL_METHODS)), markdown=markdown)
+    bench.table(f"RMS errors, {source}; hidden: hotel, pixels", HEADS, map(line, shown))
+    bench.table("Levels", HEADS, map(line, summarise(distorted, rivals=RIVAL_METHODS)))
     if any(row.group == "speed/points" for row in rows):
         heads = ("method", *(f"{size} x {size}" for size in SPEED_POINTS), "exponent from 200")
-        show("Time", heads, growth(rows), markdown=markdown)
+        bench.table("Time", heads, growth(rows))
     for name in absent:
         print(f"Left out: {name}.")
-    print(f"tsis {tsis.__version__}, {platform.machine()}, Python {platform.python_version()}, NumPy {np.__version__}")
+    return [*distorted_goals(pooled), *hotel_goals(hotel_levels), *time_goals(rows)]
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -14,8 +14,8 @@ present ones fit, and how often answers above a log odds of being right were wro
 
 from __future__ import annotations
 
-import argparse
 import json
+import sys
 import time
 from collections import defaultdict
 from dataclasses import asdict
@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from benchmarks.harness import Bench, Choice
 from benchmarks.matching.methods import BenchmarkMethod
 from benchmarks.matching.summary import TrustCase, fit_trust, ratio_of_means, trust_cases
 from benchmarks.matching.trials import matching_error
@@ -252,46 +253,44 @@ def clutter_table(count: int, seed: int) -> list[str]:
     return lines
 
 
-def main() -> None:
+def main() -> int:
     """Run the cases and print the tables or the weights."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--generator", choices=("calibration", "test"), default="test")
-    parser.add_argument("--seed", type=int, required=True)
-    parser.add_argument("--cases", type=int, default=100, help="trials of each family and degradation")
-    parser.add_argument(
-        "--rows", type=Path, default=Path("trust.jsonl"), help="JSON lines, a case each; continued where it exists"
+    bench = Bench(
+        __doc__,
+        generator=Choice(("calibration", "test"), "test"),
+        seed=int,
+        cases=100,
+        rows=Path("trust.jsonl"),
+        rate=False,
+        calibrate=False,
+        rivals=1,
+        peers="",
+        chosen_by=Path,
+        figure=Path,
+        clutter=0,
     )
-    parser.add_argument("--rate", action="store_true", help="rate the rows again, with the weights of this version")
-    parser.add_argument("--calibrate", action="store_true", help="print the weights of the regression")
-    parser.add_argument("--rivals", type=int, default=1, help="other methods of each trial, in turn")
-    parser.add_argument("--peers", default="", help="other programs, with commas between")
-    parser.add_argument(
-        "--chosen-by", type=Path, help="rows that choose each cell's peer; by default those of this run"
-    )
-    parser.add_argument("--figure", type=Path, help="file of the reliability diagram")
-    parser.add_argument("--clutter", type=int, default=0, help="trials among clutter, which are run instead")
-    chosen = parser.parse_args()
-    if chosen.clutter:
+    if bench.clutter:
         with one_blas_thread():
-            print("\n".join(clutter_table(chosen.clutter, chosen.seed)))
-        return
-    peers = tuple(filter(None, chosen.peers.split(",")))
+            print("\n".join(clutter_table(bench.clutter, bench.seed)))
+        return None
+    peers = tuple(filter(None, bench.peers.split(",")))
     cases = run_cases(
-        chosen.generator, seed=chosen.seed, count=chosen.cases, rows=chosen.rows, peers=peers, among=chosen.rivals
+        bench.generator, seed=bench.seed, count=bench.cases, rows=bench.rows, peers=peers, among=bench.rivals
     )
-    if chosen.rate:
+    if bench.rate:
         cases = [case.rated() if case.method in METHODS else case for case in cases]
-    if chosen.calibrate:
+    if bench.calibrate:
         print("\n".join(calibration(cases)))
-        return
+        return None
     tables = [trust_table(cases), cell_table(cases), reliability_table(cases)]
     if peers:
-        tables.append(ratio_table(cases, best_peers(_read(chosen.chosen_by) if chosen.chosen_by else cases)))
+        tables.append(ratio_table(cases, best_peers(_read(bench.chosen_by) if bench.chosen_by else cases)))
     for table in tables:
         print("\n".join(table), end="\n\n")
-    if chosen.figure:
-        draw_reliability(cases, chosen.figure)
+    if bench.figure:
+        draw_reliability(cases, bench.figure)
+    return bench.end()
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

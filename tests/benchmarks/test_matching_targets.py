@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from benchmarks.matching.__main__ import (
     SPEED_POINTS,
-    distorted_targets,
+    distorted_goals,
     exponent,
     growth,
-    hotel_targets,
+    hotel_goals,
     speed_trials,
     texture_trials,
-    time_targets,
+    time_goals,
 )
 from benchmarks.matching.runs import TrialRow
 from benchmarks.matching.summary import summarise, summarise_pooled
@@ -45,10 +45,10 @@ def test_ratios_are_held_against_their_limits() -> None:
         *rows_of("fish/rotation/1", "tprl", [0.01, 0.01]),
         *rows_of("fish/rotation/1", "cpd", [0.04, 0.04]),
     ]
-    deformation, rotation = distorted_targets(summarise_pooled(rows, rivals=("cpd",)))
-    assert (deformation.wanted, deformation.met) == ("<= 0.5", True)
-    assert deformation.measured == "0.250 [0.250, 0.250]"
-    assert (rotation.wanted, rotation.met) == ("<= 0.05", False)
+    deformation, rotation = distorted_goals(summarise_pooled(rows, rivals=("cpd",)))
+    assert (deformation.goal, deformation.met) == ("<= 0.500", True)
+    assert (deformation.shown, deformation.peer) == ("0.250", "[0.250, 0.250]")
+    assert (rotation.goal, rotation.met) == ("<= 0.050", False)
 
 
 def test_the_hotel_counts_each_separation_once() -> None:
@@ -59,18 +59,18 @@ def test_the_hotel_counts_each_separation_once() -> None:
         *rows_of("hotel/hidden 0.3/10", "cpd", [5.0]),
         *rows_of("hotel/hidden 0.3/10", "pycpd", [4.0]),
     ]
-    clear, hidden = hotel_targets(summarise(rows, rivals=("cpd",)))
-    assert (clear.measured, clear.met) == ("1.500 px", False)
-    assert (hidden.measured, hidden.met) == ("3.000 px, CPD 4.000 px", True)
-    assert list(hotel_targets([])) == []
+    clear, hidden = hotel_goals(summarise(rows, rivals=("cpd",)))
+    assert (clear.shown, clear.met) == ("1.500", False)
+    assert (hidden.shown, hidden.peer, hidden.met) == ("3.000", "best CPD 4.000", True)
+    assert list(hotel_goals([])) == []
 
 
 def test_times_and_their_growth() -> None:
     rows = rows_of("texture/outliers/4000", "tprl", [0.0], seconds=5.0)
     for size in SPEED_POINTS:
         rows += rows_of(f"speed/points/{size}", "tprl", [0.0], seconds=size**2 / 1e6)
-    small, large = time_targets(rows)
-    assert (small.measured, small.met) == ("0.011 s", True)
-    assert (large.what, large.measured, large.met) == ("1000 x 4000 points", "5.000 s", False)
+    small, large = time_goals(rows)
+    assert (small.shown, small.met) == ("0.011", True)
+    assert (large.name, large.shown, large.met) == ("1000 x 4000 points, s", "5.000", False)
     ((method, *times, slope),) = growth(rows)
     assert (method, times[-1], slope) == ("tprl", "4,000 ms", "2.00")

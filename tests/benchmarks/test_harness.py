@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 import json
-from datetime import UTC, datetime
+import math
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from benchmarks.hot.place import Place, missing, version
-from benchmarks.machine import Machine
+from benchmarks.harness import Bench, Choice, Contest, Goal, Place, Several, Side, in_turns, missing, timed, version
 from benchmarks.peers.chebyshev_rings import rings_by_numpy
 from benchmarks.peers.placement_matrix import area_and_variance
-from benchmarks.speed import PATHS, cells, document, measured
-from benchmarks.turns import Contest, Side, in_turns, timed
+from benchmarks.speed import PATHS, cells, measured
 
 from tsis.mechanics.surrogate import Box, TissueSurrogate
 from tsis.study.roc import auc_covariance
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-    from pathlib import Path
+    from collections.abc import Callable
 
 
 class Clock:
@@ -88,48 +86,38 @@ def test_a_clock_counts_calls_after_the_first_and_repeats_short_ones() -> None:
     assert clock.done.count("long") == 1
 
 
-def test_a_document_holds_every_turn_and_says_where(tmp_path: Path) -> None:
-    def path(_place: Place) -> Iterator[Contest]:
-        for task in ("first", "second"):
-            yield Contest(
-                task=task,
-                own=Side(program="tsis", seconds=lambda: 2.0),
-                peers=(Side(program="other", seconds=lambda: 1.0),),
-            )
-
-    heard: list[tuple[int, str]] = []
-    place = Place(folder=tmp_path, peer_python="python")
-    rows = list(
-        measured({"one": path, "two": path}, place, turns=2, progress=lambda done, what: heard.append((done, what)))
-    )
-    assert heard == [(0, "one"), (0, "first"), (0, "second"), (1, "two"), (1, "first"), (1, "second")]
-    machine = Machine(
-        processor="P",
-        cores=2,
-        load=(0.5, 1.5),
-        versions={"numpy": "2", "gone": None},
-        date=datetime(2026, 1, 2, tzinfo=UTC),
-    )
-    result = json.loads(json.dumps(document(rows, machine)))
-    assert result["rows"][3] == {
-        "task": "second",
-        "tsis_s": [2.0, 2.0],
-        "peer": "other",
-        "peer_s": [1.0, 1.0],
-        "ratio": 0.5,
-        "note": "",
-    }
-    assert result["machine"]["load"] == [0.5, 1.5]
-    assert machine.sentence() == (
-        "P, 2 cores, load 0.5 before and 1.5 after, 02 January 2026. numpy 2. Not installed: gone."
-    )
+def test_a_run_prints_its_tables_and_goals_and_writes_them_with_the_machine(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.argv", ["bench", "--cases", "3", "--only", "b", "--out", str(tmp_path)])
+    bench = Bench("About", cases=12, only=Several("ab"), world=Choice("xy", "x"), far=False, frames=Path)
+    assert (bench.cases, bench.only, bench.world, bench.far, bench.frames) == (3, ["b"], "x", False, None)
+    bench.table("First table", ("a", "b"), [(1, "two")])
+    rate = Goal(name="rate", value=30.0, least=30.0)
+    assert bench.end([rate, Goal(name="age", value=61.0, most=60.0, form="{:.0f} ms")]) == 1
+    printed = capsys.readouterr().out
+    assert "missed: age is 61 ms, its goal <= 60 ms" in printed
+    assert (tmp_path / "first-table.csv").read_text() == "a,b\n1,two\n"
+    assert (tmp_path / "goals.csv").read_text().splitlines()[1:] == [
+        "rate,>= 30.0,30.0,,met",
+        "age,<= 60 ms,61 ms,,missed",
+    ]
+    result = json.loads((tmp_path / "result.json").read_text())
+    assert result["machine"]["versions"]["numpy"] == np.__version__
+    assert [goal["met"] for goal in result["goals"]] == [True, False]
 
 
-def test_this_machine_is_named() -> None:
-    here = Machine.here({"numpy": version("numpy"), "nowhere": version("no-such-package")})
-    assert here.processor
-    assert here.versions["numpy"] == np.__version__
-    assert here.versions["nowhere"] is None
+@pytest.mark.parametrize(
+    ("value", "least", "most", "goal"), [(math.nan, 1.0, math.inf, ">= 1.0"), (4.0, 1.0, 3.0, ">= 1.0 and <= 3.0")]
+)
+def test_what_lies_elsewhere_or_is_no_number_is_missed(value: float, least: float, most: float, goal: str) -> None:
+    one = Goal(name="rate", value=value, least=least, most=most)
+    assert not one.met
+    assert one.goal == goal
+
+
+def test_what_is_not_installed_is_named() -> None:
+    assert version("no-such-package") is None
     assert missing("no_such_package") == "no_such_package is not installed"
     assert missing("numpy") == ""
 
