@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -148,16 +148,6 @@ class ClusterPlan:
         for cost in self.costs:
             for count in workers:
                 yield planned(cost, self.overheads, count, presses=self.presses, batch=self.batch)
-
-    def document(self) -> dict[str, Any]:
-        """All of it as plain values."""
-        return {
-            "presses": self.presses,
-            "batch": self.batch,
-            "costs": [asdict(cost) for cost in self.costs],
-            "overheads": asdict(self.overheads) | {"most_tasks": self.overheads.most_tasks},
-            "planned": [asdict(row) for row in self.rows()],
-        }
 
 
 def cost_cells(cost: PressCost) -> list[str]:

@@ -157,13 +157,13 @@ def dark(press: Press, over: float, rng: np.random.Generator) -> Light:
 def ambient(press: Press, over: float, rng: np.random.Generator) -> Light:
     """Light from one side, half as bright again there as in the middle."""
     rows, columns = press.light.shape
-    slope = np.linspace(-0.5, 0.5, columns)[None, :] * np.ones((rows, 1)) * rng.Choice([-1.0, 1.0])
+    slope = np.linspace(-0.5, 0.5, columns)[None, :] * np.ones((rows, 1)) * rng.choice([-1.0, 1.0])
     share = LIMITS.ambient * over * float(press.light.mean())
     return press.frame(press.light + share * (1 + slope), rng)
 
 
 def drifted(press: Press, over: float, rng: np.random.Generator) -> Light:
-    return press.frame(press.light, rng, lamps=1 + LIMITS.led_drift * over * rng.Choice([-1.0, 1.0]))
+    return press.frame(press.light, rng, lamps=1 + LIMITS.led_drift * over * rng.choice([-1.0, 1.0]))
 
 
 def cropped(press: Press, over: float, rng: np.random.Generator) -> Light:
@@ -203,7 +203,7 @@ def raised(press: Press, grey: Light) -> set[str]:
 def flickers(press: Press, over: float, rng: np.random.Generator) -> bool:
     """Whether a live view raises the flag at the end of a series under a lamp that swings at 100 or 120 Hz."""
     watch = PressWatch(FrameShape.of(press.image(press.light)), reference=press.reference, limits=LIMITS)
-    hertz, rate = rng.Choice([100.0, 120.0]), RATE_HZ * rng.uniform(0.9, 0.98)  # at 30 Hz even 120 Hz stands still
+    hertz, rate = rng.choice([100.0, 120.0]), RATE_HZ * rng.uniform(0.9, 0.98)  # at 30 Hz even 120 Hz stands still
     swing, phase = LIMITS.flicker * over * float(press.light.mean()), rng.uniform(0, 2 * np.pi)
     state = WatchState()
     for number in range(FRAMES):

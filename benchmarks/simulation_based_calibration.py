@@ -165,7 +165,7 @@ def exact_mean(
 
     Kernels around samples of the fast posterior propose; weights put right whatever is wrong with them.
     """
-    proposal = gaussian_kde(fast.samples[rng.Choice(len(fast.samples), KERNELS, replace=False)].T)
+    proposal = gaussian_kde(fast.samples[rng.choice(len(fast.samples), KERNELS, replace=False)].T)
     points = proposal.resample(PROPOSALS, seed=rng).T
     points = points[((points >= prior.low) & (points <= prior.high)).all(axis=1)]
     start = likelihood.within(fast.fit.nuisance[0])

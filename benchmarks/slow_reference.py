@@ -117,7 +117,7 @@ def _proposed(
     """Inclusions, those outside the prior left out, and the log of their proposal density over the prior's."""
     if found is None:
         return [None] * count, np.zeros(count)
-    kernels = gaussian_kde(found.samples[rng.Choice(len(found.samples), KERNELS, replace=False)].T)
+    kernels = gaussian_kde(found.samples[rng.choice(len(found.samples), KERNELS, replace=False)].T)
     points = kernels.resample(count, seed=rng).T
     points = points[((points >= prior.low) & (points <= prior.high)).all(axis=1)]
     return list(points), kernels.logpdf(points.T) + np.log(prior.high - prior.low).sum()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -76,21 +75,3 @@ class Curve:
         ]
         heads = [self.size_name, *(f"{line.name}, {line.unit}" for line in self.lines)]
         return heads, [*rows, ["exponent", *(f"{line.exponent:+.2f}" for line in self.lines)]]
-
-    def document(self) -> dict[str, Any]:
-        """All of it as plain values."""
-        return {
-            "title": self.title,
-            "size": self.size_name,
-            "lines": [
-                {
-                    "name": line.name,
-                    "unit": line.unit,
-                    "size": line.size,
-                    "value": line.value,
-                    "exponent": line.exponent,
-                    "fit_from": line.fit_from,
-                }
-                for line in self.lines
-            ],
-        }

@@ -211,7 +211,7 @@ def deformed(points: Floats, distortion: Distortion, *, rng: np.random.Generator
 def rotated(points: Floats, angle_deg: float, *, rng: np.random.Generator) -> Floats:
     """The points rotated by ``angle_deg`` about their mean, in a random sense or about a random axis."""
     middle = points.mean(axis=0)
-    angle = np.radians(angle_deg) * rng.Choice([-1.0, 1.0])
+    angle = np.radians(angle_deg) * rng.choice([-1.0, 1.0])
     if points.shape[1] == 2:
         turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     else:

@@ -92,7 +92,7 @@ def _waves(shape: Floats, strength: Degradation, rng: np.random.Generator, name:
         heading, wavelength = rng.uniform(0, 2 * np.pi), rng.uniform(0.5, 1.6)
         phase = 2 * np.pi * (offset @ [np.cos(heading), np.sin(heading)] / wavelength + rng.uniform())
         offset = offset + np.sin(phase)[:, None] * rng.normal(0, 0.55 * strength.bending, 2)
-    turn = np.radians(strength.rotation_deg) * rng.Choice([-1.0, 1.0]) + rng.normal(0, strength.affine / 2)
+    turn = np.radians(strength.rotation_deg) * rng.choice([-1.0, 1.0]) + rng.normal(0, strength.affine / 2)
     rotation = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
     moved = offset @ rotation + middle + rng.normal(0, 0.1, 2)
     return _observed(shape, moved, strength, rng, name)
@@ -237,7 +237,7 @@ def _polygon(count: int, rng: np.random.Generator) -> Floats:
     """A regular polygon or star, a rounded rectangle or a circle."""
     corners, kind = int(rng.integers(3, 9)), rng.integers(3)
     if kind == 2:
-        power = rng.Choice([2.0, 4.0])
+        power = rng.choice([2.0, 4.0])
         return _polar((np.abs(np.cos(ANGLE)) ** power + np.abs(np.sin(ANGLE)) ** power) ** (-1 / power), count, rng)
     step = np.pi / corners
     angle = step * np.arange(2 * corners + 1)

@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from benchmarks.cluster_plan import ClusterPlan, Overheads, PressCost, cost_cells, overhead_cells, plan_cells, planned
+from benchmarks.cluster_plan import ClusterPlan, Overheads, PressCost, planned
 from benchmarks.curves.curve import Curve, Line
 from benchmarks.curves.figure import draw
 from benchmarks.curves.surrogate import VARIED, boxed
 from benchmarks.curves.workers import efficiency, sweep_plan
-from benchmarks.scaling import print_curve, print_plan
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
@@ -74,29 +73,16 @@ def test_the_scheduler_rules_from_the_workers_that_are_told() -> None:
     assert 3600 * few.hours == pytest.approx(2.0 + 2 * (100 * 0.0201 + 0.005))
 
 
-def test_tables_hold_what_was_measured(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_plan_has_a_row_for_each_press_and_number_of_workers() -> None:
     plan = ClusterPlan(costs=(COST, replace(COST, model="finite", seconds=2.5)), overheads=BESIDE)
-    assert cost_cells(COST) == ["flat", "20.0 ms", "50", "250 MB", "450"]
-    assert ["so at most, with a core each", "500 batches a second"] in overhead_cells(BESIDE)
     rows = list(plan.rows((8, 64)))
     assert [(row.model, row.workers) for row in rows] == [("flat", 8), ("flat", 64), ("finite", 8), ("finite", 64)]
-    assert plan_cells(rows[0])[:4] == ["flat", "8", "0.7", "5.6"]
-    assert plan.document()["planned"][0]["hours"] == pytest.approx(rows[0].hours)
-    print_plan(plan, markdown=True)
-    assert "| finite | 512 |" in capsys.readouterr().out
 
 
-def test_a_curve_becomes_a_table_and_a_panel(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_efficiency_is_the_share_of_so_many_times_one_worker(tmp_path: Path) -> None:
     line = Line(name="busy", unit="presses/s", size=(1.0, 2.0), value=(90.0, 144.0))
-    heads, rows = Curve(title="Sweep", size_name="workers", lines=(line, line)).table()
-    assert heads == ["workers", "busy, presses/s", "busy, presses/s"]
-    assert rows[0] == ["1", "90", "90"]
-    assert rows[-1] == ["exponent", "+0.68", "+0.68"]
     assert list(efficiency(line)) == pytest.approx([1.0, 0.8])
     curve = Curve(title="Sweep", size_name="workers", lines=(line,))
-    print_curve(curve, markdown=True)
-    assert "efficiency of workers, busy: 1: 100%, 2: 80%" in capsys.readouterr().out
-    assert curve.document()["lines"][0]["value"] == (90.0, 144.0)
     draw([curve, replace(curve, title="Store")], tmp_path / "scaling.png")
     with Image.open(tmp_path / "scaling.png") as picture:
         assert np.asarray(picture.convert("L")).std() > 5
