@@ -23,7 +23,7 @@ from benchmarks.worlds import UnevenProbe
 import tsis
 from tsis.errors import TsisError
 from tsis.inclusion import InclusionPrior, estimate
-from tsis.model import Inclusion, Phantom
+from tsis.model.phantom import Inclusion, Phantom
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.model import PressField
+from tsis.model.press import PressField
 
 if TYPE_CHECKING:
-    from tsis.model import Phantom, Probe
+    from tsis.model.phantom import Phantom
+    from tsis.model.probe import Probe
 
 PRESS_S = 0.01
 RADIUS_MM = np.linspace(0.0, 12.0, 241)

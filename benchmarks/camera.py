@@ -22,7 +22,7 @@ from scipy.ndimage import gaussian_filter
 
 import tsis
 from tsis.imaging import Sensor, expose, render, render_reference
-from tsis.model import LightMap
+from tsis.model.calibration import LightMap
 from tsis.virtual.probe import nominal_calibration
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.model import PressField
+    from tsis.model.press import PressField
 
 REPEATS = 15
 BLUR_MM = 0.05

@@ -29,7 +29,7 @@ from benchmarks.worlds import WORLDS
 import tsis
 from tsis.cli import progress_bar
 from tsis.errors import TsisError
-from tsis.files import cache_folder, content_key
+from tsis.files.cache import cache_folder, content_key
 from tsis.inclusion import PARAMETERS, InclusionPrior, estimate
 
 if TYPE_CHECKING:

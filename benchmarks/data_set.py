@@ -38,7 +38,7 @@ from tsis.calibration import load_calibration
 from tsis.calibration.file import ProbeCalibration, calibration_bytes
 from tsis.cli import progress_bar
 from tsis.errors import FileInputError, MechanicsError, TsisError
-from tsis.files import remove_unfinished, write_durably
+from tsis.files.atomic import remove_unfinished, write_durably
 from tsis.inclusion import PARAMETERS, InclusionPrior, estimate
 from tsis.instrument import png_bytes, read_image
 
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 
     from benchmarks.simulated_presses import SimulatedCase
 
-    from tsis.model import TactileImage
+    from tsis.model.image import TactileImage
 
 OFFERED = tuple(name for name, world in WORLDS.items() if not world.lamps)
 USUAL = ("as-model", "prior", "finite")

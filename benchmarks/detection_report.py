@@ -24,7 +24,8 @@ from benchmarks.harness import Goal, show
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.errors import InputError
 from tsis.inclusion import NEARLY_CERTAIN, UNTRUSTED_FLAGS
-from tsis.model import ABSENCE_FLAG, Inclusion
+from tsis.model.estimate import ABSENCE_FLAG
+from tsis.model.phantom import Inclusion
 from tsis.study.classifier import ClassifierSettings, ClassSplit, TargetEvidence, cross_validate
 from tsis.study.probabilities import brier_interval, brier_score, recalibration, reliability_curve
 

@@ -32,7 +32,7 @@ from benchmarks.uneven_tissue import lump_changes
 import tsis
 from tsis.cli import progress_bar
 from tsis.errors import TsisError
-from tsis.files import cache_folder, content_key
+from tsis.files.cache import cache_folder, content_key
 from tsis.inclusion import estimate
 from tsis.study.classifier import target_evidence
 

@@ -34,7 +34,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.model import Phantom, PressField
+    from tsis.model.phantom import Phantom
+    from tsis.model.press import PressField
 
     Floats = NDArray[np.float64]
 

@@ -22,10 +22,10 @@ from benchmarks.harness import Bench
 from rich.console import Console
 from rich.table import Table
 
-from tsis.catalog import load_sensor
+from tsis.catalog.sensors import load_sensor
 from tsis.imaging import contacts
 from tsis.instrument import read_colour
-from tsis.model import SoftSphere
+from tsis.model.phantom import SoftSphere
 from tsis.virtual.gel_frames import random_gel_press
 from tsis.virtual.gel_sensor import VirtualGelSensor
 

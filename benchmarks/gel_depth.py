@@ -19,7 +19,7 @@ from benchmarks.harness import Bench
 from rich.console import Console
 from rich.table import Table
 
-from tsis.catalog import load_sensor
+from tsis.catalog.sensors import load_sensor
 from tsis.imaging import GelContact, contacts
 from tsis.imaging.depth import DepthMap, DepthMapper, calibrate_depth, cap_error_mm
 from tsis.virtual.gel_frames import rendered_series

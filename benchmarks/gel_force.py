@@ -19,7 +19,7 @@ import tsis
 from tsis.errors import MechanicsError
 from tsis.mechanics.finite_strain import squeeze_path
 from tsis.mechanics.gel import gel_force
-from tsis.model import BoundedValue, GelSensor
+from tsis.model.gel_sensor import BoundedValue, GelSensor
 
 PIXEL_MM, COLUMNS, ROWS = 0.0632, 320, 240
 DEPTH_NOISE_MM = 0.005

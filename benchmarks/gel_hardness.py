@@ -25,7 +25,9 @@ from tsis.errors import MechanicsError
 from tsis.hardness import ObjectGeometry, estimate_from_contacts, hertzian_radius_mm, press_fields
 from tsis.mechanics.finite_strain import SphereResolution
 from tsis.mechanics.gel import layer_contact
-from tsis.model import BoundedValue, GelSensor, Layer, Probe, SoftSphere
+from tsis.model.gel_sensor import BoundedValue, GelSensor
+from tsis.model.phantom import SoftSphere
+from tsis.model.probe import Layer, Probe
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -20,7 +20,7 @@ from benchmarks.harness import Bench
 from netgen.geom2d import SplineGeometry
 
 from tsis.mechanics.gel import gel_force, layer_contact
-from tsis.model import BoundedValue, GelSensor
+from tsis.model.gel_sensor import BoundedValue, GelSensor
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -21,7 +21,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.linalg import splu
 
 from tsis.mechanics.gel import gel_shear
-from tsis.model import BoundedValue, GelSensor
+from tsis.model.gel_sensor import BoundedValue, GelSensor
 
 WIDE_MM, CELL_MM, LAYERS = 24.0, 0.4, 5
 COARSE_MM = 1.4  # of tetrahedra

@@ -26,17 +26,18 @@ from benchmarks.harness import Bench
 from scipy.stats import norm
 
 import tsis
-from tsis.catalog import load_sphere
+from tsis.catalog.phantoms import load_sphere
 from tsis.cli import progress_bar
 from tsis.errors import TsisError
 from tsis.hardness import estimate
-from tsis.model import SoftSphere
+from tsis.model.phantom import SoftSphere
 from tsis.virtual.direct_contact import DirectContactRig
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from tsis.model import Probe, TactileImage
+    from tsis.model.image import TactileImage
+    from tsis.model.probe import Probe
 
 FORCES_N = (0.7, 1.2)
 YOUNG_KPA, RADIUS_MM, POISSON = (40.0, 500.0), (3.0, 3.6), (0.45, 0.495)

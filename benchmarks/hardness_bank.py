@@ -12,16 +12,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tsis.files import cached_arrays, content_key
+from tsis.files.cache import cached_arrays, content_key
 from tsis.hardness import hertzian_radius_mm, press_fields
 from tsis.mechanics.surrogate import mechanical_content
-from tsis.model import PressField, Probe, SoftSphere
+from tsis.model.phantom import SoftSphere
+from tsis.model.press import PressField
 from tsis.virtual.direct_contact import DIRECT_CONTACT_RESOLUTION
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
+
+    from tsis.model.probe import Probe
 
 KIND = "hardness-bank"
 AROUND = (-0.06, 0.02)  # logarithms of the solved forces over the commanded one, which may be as large as it can be

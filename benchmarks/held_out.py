@@ -17,15 +17,18 @@ import numpy as np
 from benchmarks.harness import Bench, Several
 from benchmarks.simulated_presses import PROTOCOLS, SMALL, Protocol, SimulatedCase
 
-from tsis.catalog import load_probe
+from tsis.catalog.probes import load_probe
 from tsis.cli import progress_bar
 from tsis.errors import TsisError
 from tsis.inclusion import PARAMETERS, estimate
-from tsis.model import Estimate, Inclusion, Phantom, TactileImage
+from tsis.model.phantom import Inclusion, Phantom
 from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
+
+    from tsis.model.estimate import Estimate
+    from tsis.model.image import TactileImage
 
 LUMP = Inclusion(diameter_mm=10.0, depth_mm=5.0, young_kpa=100.0)
 TISSUE = Phantom(young_kpa=5.0, thickness_mm=30.0)

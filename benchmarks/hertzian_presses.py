@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.hardness import build_contact_table
-from tsis.model import PressField
+from tsis.model.press import PressField
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tsis.model import Probe, SoftSphere
+    from tsis.model.phantom import SoftSphere
+    from tsis.model.probe import Probe
 
 
 def hertzian_field(probe: Probe, contact_mm: float, force_n: float) -> PressField:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from tsis.inclusion import InclusionPrior, PressTables
     from tsis.inclusion.posterior import InclusionPosterior
-    from tsis.model import Probe
+    from tsis.model.probe import Probe
 
 
 def informed_posterior(bank: PressBank, case: SimulatedCase, strain: str) -> InclusionPosterior:

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.inclusion import InclusionPrior
-    from tsis.model import Estimate, Inclusion
+    from tsis.model.estimate import Estimate
+    from tsis.model.phantom import Inclusion
 
 LEVELS = (0.5, 0.9)
 CONFIDENCE = 0.95  # of the intervals around a measured coverage

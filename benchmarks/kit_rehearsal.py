@@ -33,8 +33,9 @@ from scipy.special import roots_legendre
 
 import tsis
 from tsis.cli import progress_bar
-from tsis.files import table_bytes, write_durably
-from tsis.model import Inclusion, Phantom
+from tsis.files.atomic import write_durably
+from tsis.files.tables import table_bytes
+from tsis.model.phantom import Inclusion, Phantom
 from tsis.present.kit import score_page
 from tsis.present.pdf import pdf_bytes
 from tsis.study.folder import Study, new_study, open_study, read_seal, unblind

@@ -21,8 +21,9 @@ from tsis.calibration import UsableCalibration
 from tsis.calibration.file import calibration_bytes, calibration_sha256, read_calibration
 from tsis.calibration.scale import PixelScale
 from tsis.calibration.session import SessionFolder, SessionSetup, calibrate
-from tsis.files import cache_folder, content_key, write_durably
-from tsis.model import Calibration, LightMap
+from tsis.files.atomic import write_durably
+from tsis.files.cache import cache_folder, content_key
+from tsis.model.calibration import Calibration, LightMap
 from tsis.optics.irradiance import Irradiance, irradiance
 from tsis.virtual.calibration_bench import VirtualBench
 from tsis.virtual.loading_machine import MachineErrors, VirtualLoadingMachine
@@ -30,7 +31,8 @@ from tsis.virtual.loading_machine import MachineErrors, VirtualLoadingMachine
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tsis.model import Probe, TactileImage
+    from tsis.model.image import TactileImage
+    from tsis.model.probe import Probe
 
 SATURATION_KPA = 100.0
 BRIGHTEST_GREY, INNER_KPA, RIM_KPA, RIM = 230.0, 4.5, 18.0, 0.93  # exposure of tissue: these pressures fill the scale

@@ -32,7 +32,8 @@ from tsis.virtual.examinations import draw_phantom
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tsis.model import Phantom, TactileImage
+    from tsis.model.image import TactileImage
+    from tsis.model.phantom import Phantom
 
 LAYERS = (  # thickness in mm, modulus over the tissue's
     (1.0, 1.0),

@@ -29,7 +29,7 @@ from tsis.mechanics.finite_strain import FiniteResolution, ProbeOnSlab, press_pa
 from tsis.mechanics.small_strain import PressKernel, Resolution
 from tsis.mechanics.solid import press_solid
 from tsis.mechanics.surrogate import build_surrogate
-from tsis.model import Inclusion, Phantom
+from tsis.model.phantom import Inclusion, Phantom
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

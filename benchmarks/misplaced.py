@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.mechanics.tissue_field import FieldResponse, TissueFieldResponse
-    from tsis.model import Inclusion, PressField
+    from tsis.model.phantom import Inclusion
+    from tsis.model.press import PressField
 
 LEAST_RADIUS_MM = 2.0  # of a sphere that the integration points resolve; a smaller one acts as one of this size
 

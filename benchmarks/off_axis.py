@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.model import PressMap
+    from tsis.model.press import PressMap
 
 PROBE = tsis.load_probe("tsis-2011")
 PLAIN = tsis.Phantom(young_kpa=5.0, thickness_mm=30.0)

@@ -31,7 +31,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.inclusion.posterior import InclusionLikelihood, InclusionPosterior
-    from tsis.model import Calibration, TactileImage
+    from tsis.model.calibration import Calibration
+    from tsis.model.image import TactileImage
 
 PHANTOM = tsis.Phantom(
     young_kpa=5.0, thickness_mm=30.0, inclusion=tsis.Inclusion(diameter_mm=10.0, depth_mm=5.0, young_kpa=60.0)

@@ -23,15 +23,16 @@ from benchmarks.worlds import WORLDS, World, seen_by_product, simulate_world
 import tsis
 from tsis.cli import progress_bar
 from tsis.errors import MechanicsError
-from tsis.files import remove_unfinished, write_durably
+from tsis.files.atomic import remove_unfinished, write_durably
 from tsis.imaging import Sensor
 from tsis.inclusion import InclusionPrior
-from tsis.model import Inclusion, Phantom, TactileImage
+from tsis.model.image import TactileImage
+from tsis.model.phantom import Inclusion, Phantom
 from tsis.optics.irradiance import irradiance
 from tsis.virtual.probe import nominal_calibration
 
 if TYPE_CHECKING:
-    from tsis.model import Calibration
+    from tsis.model.calibration import Calibration
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

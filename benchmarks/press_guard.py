@@ -40,7 +40,8 @@ from tsis.calibration.lamps import ReferencePatch
 from tsis.calibration.settling import assess_history
 from tsis.instrument import Frame
 from tsis.mechanics.small_strain import relaxing_press, settling_time_s
-from tsis.model import Relaxation, TactileImage
+from tsis.model.image import TactileImage
+from tsis.model.phantom import Relaxation
 from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:

@@ -29,10 +29,10 @@ from benchmarks.press_bank import PressBank
 from benchmarks.simulated_presses import DEFAULT, PROTOCOLS
 from benchmarks.worlds import RANDOM_SD, WORLDS, World
 
-from tsis.catalog import inclusion_prior_toml, list_inclusion_priors, parse_prior
+from tsis.catalog.priors import inclusion_prior_toml, list_inclusion_priors, parse_prior
 from tsis.cli import progress_bar
 from tsis.errors import TsisError
-from tsis.files import cache_folder, content_key
+from tsis.files.cache import cache_folder, content_key
 from tsis.inclusion import PARAMETERS, InclusionPrior, estimate
 
 if TYPE_CHECKING:

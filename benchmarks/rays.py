@@ -23,7 +23,8 @@ from rich.console import Console
 import tsis
 from tsis.mechanics import press
 from tsis.mechanics.small_strain import indent
-from tsis.model import FOUR_LEDS, Glass, Led, PressField, PressMap, Probe
+from tsis.model.press import PressField, PressMap
+from tsis.model.probe import FOUR_LEDS, Glass, Led, Probe
 from tsis.optics.irradiance import irradiance, leaving_light
 from tsis.optics.rays import WAYS_OUT, tip_press, trace_photons, trace_rays
 

@@ -19,14 +19,16 @@ from tsis.imaging import render
 from tsis.inclusion import InclusionPrior
 from tsis.mechanics import press
 from tsis.mechanics.solid import SolidResolution, press_solid
-from tsis.model import Inclusion, Phantom
+from tsis.model.phantom import Inclusion, Phantom
 from tsis.virtual.examinations import surround
 from tsis.virtual.probe import FINE_RESOLUTION, VirtualProbe
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.model import PressField, PressMap, Probe, TactileImage
+    from tsis.model.image import TactileImage
+    from tsis.model.press import PressField, PressMap
+    from tsis.model.probe import Probe
 
 DIAMETER_MM, DEPTH_MM, YOUNG_KPA = (2.0, 15.0), (4.0, 12.0), (40.0, 120.0)
 OFFSET_MM = 5.0  # largest; distances are uniform

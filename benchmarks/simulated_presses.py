@@ -22,7 +22,10 @@ from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:
     from tsis.inclusion import InclusionPrior
-    from tsis.model import Calibration, Phantom, Probe, TactileImage
+    from tsis.model.calibration import Calibration
+    from tsis.model.image import TactileImage
+    from tsis.model.phantom import Phantom
+    from tsis.model.probe import Probe
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -39,7 +39,7 @@ from tsis.inclusion.posterior import (
     ring_responses,
 )
 from tsis.mechanics.surrogate import build_full_contact_surrogate
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 from tsis.optics.irradiance import irradiance
 from tsis.virtual.examinations import DEEPEST_FRACTION
 from tsis.virtual.probe import nominal_calibration

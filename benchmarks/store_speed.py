@@ -25,7 +25,7 @@ import numpy as np
 from benchmarks.harness import Bench, Several
 from sqlalchemy import insert
 
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 from tsis.records.audit import AuditChange, append_audit, locked_head
 from tsis.records.blobs import frame_bytes
 from tsis.records.rows import press_row, target_row

@@ -28,9 +28,9 @@ from benchmarks.simulated_presses import DEFAULT, PROTOCOLS, Protocol, examine
 
 from tsis.cli import progress_bar
 from tsis.errors import TsisError
-from tsis.files import cache_folder, content_key
+from tsis.files.cache import cache_folder, content_key
 from tsis.inclusion import PARAMETERS, InclusionPrior, estimate
-from tsis.model import Inclusion, Phantom
+from tsis.model.phantom import Inclusion, Phantom
 
 DEPTH_MM, THICKNESS_MM, TISSUE_KPA = 10.0, 35.0, 5.0
 SPHERES = ((5, 20), (5, 80), (10, 10), (10, 40), (14, 40), (14, 156), (18, 20), (18, 80))  # mm and kPa

@@ -18,9 +18,9 @@ from benchmarks.curves.workers import sweep_plan
 from benchmarks.sweep_overhead import let_workers_import
 from tests.sweep.loopback_cluster import LoopbackCluster
 
-from tsis.files import write_durably
+from tsis.files.atomic import write_durably
 from tsis.mechanics import press
-from tsis.model import PressField
+from tsis.model.press import PressField
 from tsis.sweep.data_set import MANIFEST_FILE
 from tsis.sweep.run import run_sweep
 from tsis.sweep.shards import Receipt, SweepBatch, encode_shard, press_all, sweep_batches
@@ -29,7 +29,8 @@ from tsis.sweep.workers import AHEAD_ON_CLUSTER, DaskPool, Finished, SweepJob, f
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from tsis.model import Phantom, Probe
+    from tsis.model.phantom import Phantom
+    from tsis.model.probe import Probe
 
 # By model: probe, strain, force N, and how many presses are timed.
 MODELS = {

@@ -26,7 +26,7 @@ import numpy as np
 from benchmarks.busy_press import PRESS_S, busy
 from benchmarks.harness import Bench
 
-from tsis.catalog import load_probe
+from tsis.catalog.probes import load_probe
 from tsis.sweep.data_set import read_data_set
 from tsis.sweep.plan import Plan, Range
 from tsis.sweep.run import run_sweep
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.model import PressField
+    from tsis.model.press import PressField
     from tsis.sweep.shards import SweepBatch
 
 

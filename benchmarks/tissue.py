@@ -23,7 +23,8 @@ from tsis.inclusion import PARAMETERS, InclusionPrior, prior_on_tissue, protocol
 from tsis.inclusion.posterior import ring_correction, ring_means, ring_responses
 from tsis.mechanics.finite_strain import PressSeries
 from tsis.mechanics.surrogate import build_finite_correction, build_full_contact_surrogate
-from tsis.model import LIGHT_REACH, LIGHT_RINGS, Inclusion, Phantom
+from tsis.model.calibration import LIGHT_REACH, LIGHT_RINGS
+from tsis.model.phantom import Inclusion, Phantom
 from tsis.virtual.examinations import RepeatedExamination, coverage_counts
 from tsis.virtual.probe import VirtualProbe, exposure_for
 

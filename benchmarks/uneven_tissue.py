@@ -15,15 +15,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 
-from tsis.files import cached_arrays, content_key
+from tsis.files.cache import cached_arrays, content_key
 from tsis.inclusion.posterior import FARTHEST, SHIFTED
 from tsis.mechanics import press
 from tsis.mechanics.surrogate import contrast_factor, mechanical_content
-from tsis.model import Inclusion, Phantom, PressField, PressMap, Probe
+from tsis.model.phantom import Inclusion, Phantom
+from tsis.model.press import PressField, PressMap
 from tsis.virtual.probe import FINE_RESOLUTION
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+    from tsis.model.probe import Probe
 
 TRIES = 14  # places at which a lump is put unless it would meet another
 DIAMETER_MM, TOP_MM, OUT_MM = (4.0, 10.0), (1.0, 15.0), 6.0

@@ -28,7 +28,7 @@ from tsis.optics.rays import scene, trace_rays
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.model import Probe
+    from tsis.model.probe import Probe
 
 BINS, GOAL = 24, 0.01
 WORTH = 2.0  # times as fast at the same error

@@ -27,7 +27,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.inclusion import InclusionPrior
-    from tsis.model import Phantom, Probe, TactileImage
+    from tsis.model.image import TactileImage
+    from tsis.model.phantom import Phantom
+    from tsis.model.probe import Probe
 
 WAVES, HARMONICS, GRID_MM = 100, 6, 0.25
 FARTHEST = 2.5  # of the face's radius; tissue beyond hardly matters to the press

@@ -30,7 +30,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.imaging import Features
-    from tsis.model import Calibration, TactileImage
+    from tsis.model.calibration import Calibration
+    from tsis.model.image import TactileImage
 
 PROBE = tsis.load_probe("tsis-2011")
 PHANTOM = tsis.load_phantom("mammacare-2")

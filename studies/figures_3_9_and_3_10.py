@@ -21,7 +21,7 @@ from studies.shown import Shown
 import tsis
 from tsis.mechanics import effective_modulus_kpa
 from tsis.mechanics.small_strain import indent
-from tsis.model import Layer, Probe
+from tsis.model.probe import Layer, Probe
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

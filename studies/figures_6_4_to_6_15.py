@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from tsis.model import TactileImage
+    from tsis.model.image import TactileImage
 
 UNTOUCHED, PLAIN = "untouched probe", "plain tissue"
 LEAST_GREY = 3.0  # change of a pixel that is more than noise

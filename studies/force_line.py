@@ -47,7 +47,8 @@ from tsis.imaging import expose, render
 from tsis.mechanics import HertzContact
 from tsis.mechanics.finite_strain import SphereResolution
 from tsis.mechanics.small_strain import indent
-from tsis.model import MN_PER_N, PressField, SoftSphere
+from tsis.model.phantom import SoftSphere
+from tsis.model.press import MN_PER_N, PressField
 from tsis.present.figures import contact_rows, grey_sums
 from tsis.virtual.direct_contact import direct_contact_calibration
 
@@ -58,7 +59,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from studies.section_5_1 import Line
 
-    from tsis.model import Calibration
+    from tsis.model.calibration import Calibration
 
 PROBE = tsis.load_probe("tsis-direct")
 RIGID_KPA = 3e5  # two hundred times the skin's modulus

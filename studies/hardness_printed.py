@@ -30,7 +30,7 @@ from benchmarks.hertzian_presses import by_table
 from studies.shown import Shown
 
 import tsis
-from tsis.catalog import load_sphere
+from tsis.catalog.phantoms import load_sphere
 from tsis.hardness import STRESSES, PrintedHardness, estimate, printed_estimate
 from tsis.virtual.direct_contact import DirectContactRig
 
@@ -40,7 +40,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from tsis.model import Estimate, PressField, SoftSphere, TactileImage
+    from tsis.model.estimate import Estimate
+    from tsis.model.image import TactileImage
+    from tsis.model.phantom import SoftSphere
+    from tsis.model.press import PressField
 
     Solve = Callable[..., Sequence[PressField]]
 

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.model import Probe
+    from tsis.model.probe import Probe
 
 HEIGHTS_MM = (2.5, 4.0, 5.0, 6.0, 7.0, 8.5)
 AIMS_DEG = (-45.0, -30.0, -15.0, 0.0, 15.0, 30.0, 45.0, 60.0)

@@ -36,7 +36,8 @@ import tsis
 from tsis.imaging import CONTACT_MODELS, LedDrift, Sensor, expose, find_lost_light, render
 from tsis.mechanics import effective_modulus_kpa, hertz_under_force
 from tsis.mechanics.small_strain import indent
-from tsis.model import Calibration, PressField
+from tsis.model.calibration import Calibration
+from tsis.model.press import PressField
 from tsis.optics.irradiance import irradiance
 from tsis.virtual.probe import nominal_calibration
 
@@ -46,7 +47,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.imaging import LostLight
-    from tsis.model import LightMap
+    from tsis.model.calibration import LightMap
     from tsis.optics.irradiance import Irradiance
 
 

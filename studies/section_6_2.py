@@ -24,7 +24,8 @@ from tsis.virtual.probe import VirtualProbe
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from tsis.model import Calibration, TactileImage
+    from tsis.model.calibration import Calibration
+    from tsis.model.image import TactileImage
 
 PRESSES = 15
 WEAK_N, STRONG_N = 0.5, 1.0

@@ -44,7 +44,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.model import LightMap, TactileImage
+    from tsis.model.calibration import LightMap
+    from tsis.model.image import TactileImage
 
 
 PRINTED_RMSE = np.array([1.25, 2.09, 28.65])  # table 6.1

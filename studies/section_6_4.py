@@ -30,11 +30,11 @@ from studies.shown import Shown
 import tsis
 from tsis.cli import progress_bar
 from tsis.errors import TsisError
-from tsis.files import cached_arrays, content_key
+from tsis.files.cache import cached_arrays, content_key
 from tsis.inclusion import estimate
 from tsis.mechanics import press
 from tsis.mechanics.surrogate import mechanical_content
-from tsis.model import PressField
+from tsis.model.press import PressField
 from tsis.study.proportions import Counts, Proportion
 from tsis.study.roc import Roc, newcombe_interval
 from tsis.virtual.probe import FINE_RESOLUTION
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from tsis.model import Phantom
+    from tsis.model.phantom import Phantom
 
 
 PRINTED = Counts(true_positives=6, false_negatives=2, true_negatives=7, false_positives=1)

@@ -12,7 +12,7 @@ from benchmarks.busy_press import busy
 from benchmarks.curves.curve import Curve, Line
 from benchmarks.sweep_overhead import let_workers_import
 
-from tsis.catalog import load_probe
+from tsis.catalog.probes import load_probe
 from tsis.mechanics import press
 from tsis.sweep.plan import Plan, Range
 from tsis.sweep.run import run_sweep, worker_count

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from benchmarks.harness import Place
     from benchmarks.matching.distort import Trial
 
-    from tsis.model import TactileImage
+    from tsis.model.image import TactileImage
 
 POINTS = (105, 1000)
 PROTOCOL = "domed, 2 + 2"

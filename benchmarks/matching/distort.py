@@ -18,7 +18,7 @@ import scipy
 
 from tsis.errors import InputError
 from tsis.matching import UNMATCHED
-from tsis.model import require_array, require_integer, require_number, require_one_of
+from tsis.model.require import require_array, require_integer, require_number, require_one_of
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

@@ -15,7 +15,7 @@ from benchmarks.matching.runs import MatchOutcome
 
 from tsis.errors import MissingExtraError
 from tsis.matching import METHODS, match_points
-from tsis.model import require_one_of
+from tsis.model.require import require_one_of
 
 if TYPE_CHECKING:
     from benchmarks.matching.distort import Floats

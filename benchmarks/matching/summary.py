@@ -12,7 +12,7 @@ import scipy
 from benchmarks.matching.trials import matching_error
 
 from tsis.matching import RELIABLE, NormalFrame, fit_and_measures, probability_right, trust_features
-from tsis.model import require_number
+from tsis.model.require import require_number
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Sequence

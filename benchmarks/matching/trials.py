@@ -12,9 +12,9 @@ import scipy
 from benchmarks.matching.distort import PUBLIC_LEVELS, SHAPES, Trial, distort, public_distortion, shuffled, visible
 
 from tsis.errors import FileInputError, InputError
-from tsis.files import printable_path, read_bytes
+from tsis.files.reading import printable_path, read_bytes
 from tsis.matching import UNMATCHED
-from tsis.model import require_array, require_integer, require_number, require_one_of
+from tsis.model.require import require_array, require_integer, require_number, require_one_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -15,7 +15,8 @@ from tsis.mechanics import face_lines, graded, outer_lines, two_sided_lines
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.model import Phantom, Probe
+    from tsis.model.phantom import Phantom
+    from tsis.model.probe import Probe
 
 OUTER_MM = 120.0
 

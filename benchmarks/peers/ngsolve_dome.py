@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     from benchmarks.peers.ngsolve_dome_mesh import Fineness
     from numpy.typing import NDArray
 
-    from tsis.model import Phantom, Probe
+    from tsis.model.phantom import Phantom
+    from tsis.model.probe import Probe
 
     Floats = NDArray[np.float64]
 

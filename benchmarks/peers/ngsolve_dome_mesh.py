@@ -14,7 +14,8 @@ from scipy.sparse import coo_array, csr_array
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.model import Phantom, Probe
+    from tsis.model.phantom import Phantom
+    from tsis.model.probe import Probe
 
     Floats = NDArray[np.float64]
 

@@ -10,7 +10,8 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.model import Inclusion, Phantom, Probe
+    from tsis.model.phantom import Inclusion, Phantom
+    from tsis.model.probe import Probe
 
 ORDER = 4
 

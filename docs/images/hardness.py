@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import tsis
-from tsis.catalog import load_sphere
+from tsis.catalog.phantoms import load_sphere
 from tsis.hardness import build_contact_table, estimate
 from tsis.imaging import features
 from tsis.present.figures import contact_growth, tactile_image

@@ -11,14 +11,14 @@ from matplotlib.patches import Circle
 from studies.section_5_1 import PROBE, bench, draw, pressed, run
 
 from tsis.imaging import Sensor, expose, render
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 from tsis.optics.irradiance import irradiance
 from tsis.present.figures import tactile_image
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from tsis.model import LightMap
+    from tsis.model.calibration import LightMap
 
 HERE = Path(__file__).parent
 

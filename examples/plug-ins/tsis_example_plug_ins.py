@@ -12,7 +12,8 @@ from tsis.errors import CameraError, GaugeError
 from tsis.instrument import CameraInfo, Frame, Mode
 from tsis.instrument.gauge import ForceReading
 from tsis.matching import MatchFit
-from tsis.model import Layer, Probe, require_number
+from tsis.model.probe import Layer, Probe
+from tsis.model.require import require_number
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -30,20 +30,14 @@ if TYPE_CHECKING:
     from tsis import sweep as sweep
     from tsis import virtual as virtual
     from tsis.calibration import load_calibration, load_frames
-    from tsis.catalog import load_phantom, load_probe
-    from tsis.model import (
-        Calibration,
-        Estimate,
-        Glass,
-        Inclusion,
-        Layer,
-        Led,
-        Phantom,
-        PressField,
-        PressMap,
-        Probe,
-        TactileImage,
-    )
+    from tsis.catalog.phantoms import load_phantom
+    from tsis.catalog.probes import load_probe
+    from tsis.model.calibration import Calibration
+    from tsis.model.estimate import Estimate
+    from tsis.model.image import TactileImage
+    from tsis.model.phantom import Inclusion, Phantom
+    from tsis.model.press import PressField, PressMap
+    from tsis.model.probe import Glass, Layer, Led, Probe
 
 __all__ = [
     "Calibration",
@@ -75,6 +69,11 @@ if not TYPE_CHECKING:  # packages and classes load when they are first used
         submod_attrs={
             "calibration": ["load_calibration", "load_frames"],
             "catalog": ["load_phantom", "load_probe"],
-            "model": [name for name in __all__ if name[0].isupper()],
+            "model.calibration": ["Calibration"],
+            "model.estimate": ["Estimate"],
+            "model.image": ["TactileImage"],
+            "model.phantom": ["Inclusion", "Phantom"],
+            "model.press": ["PressField", "PressMap"],
+            "model.probe": ["Glass", "Layer", "Led", "Probe"],
         },
     )

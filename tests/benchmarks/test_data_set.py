@@ -16,7 +16,7 @@ import tsis
 from benchmarks import data_set
 from tsis.errors import FileInputError
 from tsis.inclusion import PARAMETERS
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -15,7 +15,7 @@ from benchmarks.uneven_tissue import FaceGrid, Site, uneven
 import tsis
 from tsis.imaging import Sensor
 from tsis.inclusion.posterior import off_axis_profile
-from tsis.model import Inclusion, Phantom
+from tsis.model.phantom import Inclusion, Phantom
 from tsis.virtual.probe import VirtualProbe
 
 FLAT = tsis.load_probe("tsis-2011")

@@ -9,7 +9,7 @@ from benchmarks.misplaced import SphereField, field_change, moved_change, tilt_c
 import tsis
 from tsis.mechanics import press
 from tsis.mechanics.tissue_field import FieldMesh, TissueFieldResponse
-from tsis.model import Inclusion
+from tsis.model.phantom import Inclusion
 
 FLAT, PLAIN = tsis.load_probe("tsis-2011"), tsis.load_phantom("plain")
 LUMP = Inclusion(diameter_mm=10.0, depth_mm=5.0, young_kpa=100.0)

@@ -9,7 +9,7 @@ from benchmarks.priors import PRIOR_WORLDS, PriorTable, judge, knowing, named_pr
 from benchmarks.simulated_presses import PROTOCOLS
 from benchmarks.worlds import RANDOM_SD
 
-from tsis.catalog import list_inclusion_priors
+from tsis.catalog.priors import list_inclusion_priors
 
 SPREAD = np.array([0.3, 0.2, 5.0])
 CASES = 4000

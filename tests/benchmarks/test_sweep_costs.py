@@ -10,7 +10,8 @@ import pytest
 from benchmarks.curves.workers import sweep_plan
 from benchmarks.sweep_costs import _pressed, answered_at_once, pressed_at_once
 
-from tsis.catalog import load_phantom, load_probe
+from tsis.catalog.phantoms import load_phantom
+from tsis.catalog.probes import load_probe
 from tsis.mechanics import press
 from tsis.sweep.shards import encode_shard, press_all, receipt_of, sweep_batches
 from tsis.sweep.workers import Finished, SweepJob, finish_batch

@@ -91,7 +91,7 @@ def made(folder: Path) -> None:
     (folder / "dead.png").symlink_to(folder / "nowhere.png")
     (folder / os.fsdecode(b"caf\xe9.png")).write_bytes(whole)
     for name, probe in (("calibration.json", "tsis-domed"), ("other.json", "tsis-2011")):
-        known = nominal_calibration(Sensor(), tsis.model.LightMap.uniform())
+        known = nominal_calibration(Sensor(), tsis.model.calibration.LightMap.uniform())
         (folder / name).write_bytes(calibration_bytes(ProbeCalibration(name="bench", probe=probe, response=known)))
     document = json.loads((folder / "calibration.json").read_text())
     (folder / "future.json").write_text(json.dumps(document | {"version": 99}))

@@ -16,7 +16,7 @@ from tests.records.sample import WHEN, levels
 
 from tsis.cli import main
 from tsis.console._worker import WorkerProcess
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 from tsis.records.store import open_store
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from tests.cli.test_detect import enter
 from tests.cli.test_program import parsers
 
 from tsis.cli._app import app
-from tsis.model import Inclusion
+from tsis.model.phantom import Inclusion
 from tsis.records.store import open_store
 from tsis.study.kit import MODULUS_COLUMNS
 

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 from tsis.calibration.file import ProbeCalibration, write_calibration
-from tsis.catalog import load_phantom, load_probe
+from tsis.catalog.phantoms import load_phantom
+from tsis.catalog.probes import load_probe
 from tsis.instrument import CameraInfo, CameraListing
 from tsis.instrument.gauge import SimulatedGauge
 from tsis.virtual.camera import VirtualCamera

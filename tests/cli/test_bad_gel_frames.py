@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from tsis.catalog import load_sensor
+from tsis.catalog.sensors import load_sensor
 from tsis.errors import ImageMismatchError, InputError
-from tsis.files import encode_picture
+from tsis.files.images import encode_picture
 from tsis.imaging import contacts
 from tsis.imaging.depth import DepthCalibration, DepthMapper, depth_calibration_json
 from tsis.virtual.gel_frames import random_gel_press

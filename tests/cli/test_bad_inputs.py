@@ -6,7 +6,7 @@ import pytest
 from tests.cli.bad_inputs import CASES, answers
 
 from tsis.errors import InputError
-from tsis.model import require_number
+from tsis.model.require import require_number
 
 QUICK = ("force nan", "depth in m", "empty file", "dead link", "device file", "claimed 1 GB", "misspelt option")
 

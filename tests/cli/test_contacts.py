@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from tsis.catalog import load_sensor
+from tsis.catalog.sensors import load_sensor
 from tsis.cli._contacts import missing_frames_note
 from tsis.virtual.gel_frames import rendered_series
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tsis.catalog import load_phantom
+from tsis.catalog.phantoms import load_phantom
 
 if TYPE_CHECKING:
     from pathlib import Path

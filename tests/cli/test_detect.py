@@ -11,7 +11,9 @@ import pytest
 from tests.records.sample import WHEN, levels, sample_calibration
 
 from tsis.inclusion import InclusionPrior
-from tsis.model import Estimate, Inclusion, TactileImage
+from tsis.model.estimate import Estimate
+from tsis.model.image import TactileImage
+from tsis.model.phantom import Inclusion
 from tsis.records.provenance import environment
 from tsis.records.store import open_store
 from tsis.study.classifier import (

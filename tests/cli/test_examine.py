@@ -12,14 +12,14 @@ import pytest
 from tsis.calibration.file import ProbeCalibration, calibration_bytes, read_calibration
 from tsis.cli._options import reference_forces
 from tsis.errors import InputError
-from tsis.model import Calibration, LightMap
+from tsis.model.calibration import Calibration, LightMap
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from tests.cli.conftest import RunTsis
 
-    from tsis.model import Probe
+    from tsis.model.probe import Probe
 
 LONG_AGO = datetime(2020, 1, 1, tzinfo=UTC)
 DISC_PX, CENTRE = 30.0, (140.0, 90.0)

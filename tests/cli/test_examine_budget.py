@@ -13,7 +13,7 @@ from tests.cli.kept_demo import FORCES, FRAMES, KNOWN, told
 from tests.present.pdf_readers import sheet_count, sheets
 
 import tsis
-from tsis.model import Estimate
+from tsis.model.estimate import Estimate
 from tsis.present.page import Table
 from tsis.present.terminal import rich_table
 

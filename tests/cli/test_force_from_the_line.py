@@ -17,14 +17,15 @@ from tsis.calibration.force import ForceLine
 from tsis.calibration.reference import CameraReference
 from tsis.calibration.scale import PixelScale
 from tsis.errors import InputError
-from tsis.model import Calibration
+from tsis.model.calibration import Calibration
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from tests.cli.conftest import RunTsis
 
-    from tsis.model import Estimate, TactileImage
+    from tsis.model.estimate import Estimate
+    from tsis.model.image import TactileImage
 
 ROWS, COLUMNS, DARK = 120, 160, 8
 GREY_PER_N, DISC_GREY = 2e5, 90

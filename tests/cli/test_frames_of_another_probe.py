@@ -16,9 +16,10 @@ import tsis
 from tsis.calibration import UsableCalibration
 from tsis.calibration.file import ProbeCalibration, calibration_bytes
 from tsis.errors import CalibrationError, FileInputError, ImageMismatchError, NotCalibratedError, TsisError
-from tsis.files import cache_folder, read_cached_arrays, write_cached_arrays
+from tsis.files.cache import cache_folder, read_cached_arrays, write_cached_arrays
 from tsis.inclusion.network import TrainedNetworks
-from tsis.model import Calibration, LightMap, TactileImage
+from tsis.model.calibration import Calibration, LightMap
+from tsis.model.image import TactileImage
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -15,7 +15,7 @@ from tests.records.importing.snapshot_folder import save
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.errors import RecordsError
-from tsis.files import Disk
+from tsis.files.atomic import Disk
 from tsis.records.store import Store, open_store, verify_store
 
 if TYPE_CHECKING:

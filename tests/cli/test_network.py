@@ -14,7 +14,7 @@ from tsis.calibration.file import ProbeCalibration, calibration_bytes, read_cali
 from tsis.inclusion import InclusionPrior
 from tsis.inclusion.network import read_networks, train_networks, write_networks
 from tsis.instrument import png_bytes, read_image
-from tsis.model import LightMap
+from tsis.model.calibration import LightMap
 from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:

@@ -81,7 +81,7 @@ def test_a_camera_is_searched_and_connected() -> None:
 def test_a_probe_is_loaded_by_name_and_presses() -> None:
     probe = tsis.load_probe("soft-block")
     assert (probe.name, probe.thickness_mm) == ("soft-block", 8.0)
-    assert tsis.catalog.list_probes()[-1] == "soft-block"
+    assert tsis.catalog.probes.list_probes()[-1] == "soft-block"
     phantom = tsis.Phantom(young_kpa=5.0, poisson=0.49, thickness_mm=30.0)
     field = tsis.mechanics.press(probe, phantom, force_n=0.5)
     assert field.approach_mm > 0
@@ -152,7 +152,7 @@ def test_names_of_tsis_cannot_be_replaced(install: Callable[..., None]) -> None:
     groups = {"tsis.probes": {"tsis-2011": "thief:other"}, "tsis.cameras": {"opencv": "thief:other"}}
     install("thief", groups, "thief", "def other():\n    raise RuntimeError\n")
     assert tsis.load_probe("tsis-2011").thickness_mm == 10.0
-    assert tsis.catalog.list_probes().count("tsis-2011") == 1
+    assert tsis.catalog.probes.list_probes().count("tsis-2011") == 1
     assert tsis.instrument.live_sources().count("opencv") == 1
 
 

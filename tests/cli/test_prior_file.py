@@ -13,13 +13,13 @@ import pytest
 
 import tsis
 from tsis.calibration.file import read_calibration
-from tsis.catalog import default_prior_toml, inclusion_prior_toml, parse_prior, read_prior_file
+from tsis.catalog.priors import default_prior_toml, inclusion_prior_toml, parse_prior, read_prior_file
 from tsis.cli._options import chosen_prior, other_priors
 from tsis.errors import FileInputError, InputError, UnknownNameError
 from tsis.hardness import HardnessPrior
 from tsis.inclusion import InclusionPrior, PriorShift, estimate, prior_sensitivity, with_prior_sensitivity
 from tsis.instrument import read_image
-from tsis.model import Estimate
+from tsis.model.estimate import Estimate
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -9,11 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tsis.catalog import list_probes, load_phantom, load_probe, probe_toml
+from tsis.catalog.phantoms import load_phantom
+from tsis.catalog.probes import list_probes, load_probe, probe_toml
 from tsis.cli._options import calibrated_probe, chosen_probe, read_probe
 from tsis.errors import FileInputError, NotCalibratedError
 from tsis.mechanics import press
-from tsis.model import Glass, Layer, Led, Probe
+from tsis.model.probe import Glass, Layer, Led, Probe
 
 if TYPE_CHECKING:
     from tests.cli.conftest import RunTsis

@@ -17,8 +17,8 @@ from tests.records.sample import WHEN, levels, sample_calibration, sample_record
 
 import tsis.hardness
 from tsis.calibration.file import calibration_sha256
-from tsis.files import Disk
-from tsis.model import Estimate, TactileImage
+from tsis.files.atomic import Disk
+from tsis.model.image import TactileImage
 from tsis.present.records import ENDINGS
 from tsis.records.store import Store, open_store, verify_store
 
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from tests.cli.conftest import RunTsis
+
+    from tsis.model.estimate import Estimate
 
 STORE = ("--store", "records")
 COMMANDS = ("list", "show", "verify", "import", "recompute", "edit", "export")

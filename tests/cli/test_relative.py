@@ -14,7 +14,8 @@ from tsis.calibration.file import ProbeCalibration, calibration_bytes, read_cali
 from tsis.inclusion.relative import relative_depth, relative_hardness, relative_size
 from tsis.inclusion.shape import object_shape
 from tsis.instrument import png_bytes, read_image
-from tsis.model import LightMap, TactileImage
+from tsis.model.calibration import LightMap
+from tsis.model.image import TactileImage
 from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
     from tests.cli.conftest import RunTsis
 
-    from tsis.model import Estimate
+    from tsis.model.estimate import Estimate
 
 SCALE = (0.0336, 0.0392)
 SCALE_TEXT = "0.0336,0.0392"

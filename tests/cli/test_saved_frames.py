@@ -19,7 +19,8 @@ import tsis
 from tsis.calibration import UsableCalibration
 from tsis.errors import CalibrationError, FileInputError, ImageMismatchError, InputError
 from tsis.instrument import Frame, save_snapshot
-from tsis.model import Calibration, Estimate
+from tsis.model.calibration import Calibration
+from tsis.model.estimate import Estimate
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -15,7 +15,7 @@ from tests.cli.published import faults, published
 import tsis
 from tsis.cli._output import print_json
 from tsis.errors import FileInputError
-from tsis.files import RESULT_SCHEMAS
+from tsis.files.result_schemas import RESULT_SCHEMAS
 from tsis.present.document import envelope
 
 if TYPE_CHECKING:

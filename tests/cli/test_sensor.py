@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tsis.catalog import list_sensors, load_sensor
+from tsis.catalog.sensors import list_sensors, load_sensor
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from tsis.catalog import list_phantoms, list_probes
+from tsis.catalog.phantoms import list_phantoms
+from tsis.catalog.probes import list_probes
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -13,7 +13,7 @@ from tsis.calibration.settling import assess_settling
 from tsis.inclusion.mobility import mobility
 from tsis.instrument import png_bytes, read_image
 from tsis.instrument.recording import RECORDING_COLUMNS
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 
 if TYPE_CHECKING:
     from pathlib import Path

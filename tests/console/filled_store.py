@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from tests.records.pressed_object import stored_object
 from tests.records.sample import WHEN, levels, sample_calibration, sample_record
 
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 from tsis.records.store import open_store
 
 if TYPE_CHECKING:

@@ -13,7 +13,8 @@ from tests.console.contrast import texts
 from tests.console.operator import operating, press_with, requested, run
 
 from tsis.calibration.file import ProbeCalibration, write_calibration
-from tsis.catalog import load_phantom, load_probe
+from tsis.catalog.phantoms import load_phantom
+from tsis.catalog.probes import load_probe
 from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:

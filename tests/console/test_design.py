@@ -14,7 +14,7 @@ from tests.console.browser import needs_browser, picture
 from tests.console.contrast import texts
 from tests.console.operator import tab
 
-from tsis.catalog import load_probe, parse_probe
+from tsis.catalog.probes import load_probe, parse_probe
 from tsis.present.design import DesignQuestion, analyse_designs, compared_designs
 
 if TYPE_CHECKING:

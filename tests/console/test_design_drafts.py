@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tsis.catalog import list_probes, load_probe
+from tsis.catalog.probes import list_probes, load_probe
 from tsis.console.pages.components import typed_forces
 from tsis.console.pages.design._draft import LAMP, LAYER, ProbeDraft, QuestionDraft, draft_message
 from tsis.console.pages.design._page import file_name

@@ -10,7 +10,7 @@ from playwright.sync_api import expect
 from tests.console.browser import needs_browser, picture
 from tests.console.operator import TABLET, choose_target, operating, press_with, requested, run
 
-from tsis.files import target_folder
+from tsis.files.frame_names import target_folder
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page

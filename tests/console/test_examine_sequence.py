@@ -10,7 +10,7 @@ from playwright.sync_api import expect
 from tests.console.browser import needs_browser, picture
 from tests.console.operator import choose_target, hold, operating, requested, run, tab
 
-from tsis.files import target_folder
+from tsis.files.frame_names import target_folder
 
 if TYPE_CHECKING:
     from pathlib import Path

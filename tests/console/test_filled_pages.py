@@ -21,7 +21,7 @@ from tests.console.services.test_own_images import disc
 from tests.records.sample import WHEN, levels
 from tests.waiting import until
 
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 from tsis.records.store import open_store
 
 if TYPE_CHECKING:

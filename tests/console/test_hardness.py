@@ -11,7 +11,7 @@ from tests.console.browser import needs_browser, picture
 from tests.console.contrast import texts
 from tests.console.operator import TABLET, operating, requested
 
-from tsis.catalog import load_sphere
+from tsis.catalog.phantoms import load_sphere
 from tsis.records.store import open_store
 
 if TYPE_CHECKING:

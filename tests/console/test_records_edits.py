@@ -10,7 +10,7 @@ from tests.records.sample import sample_record
 from tsis.console.pages.records._context import AT_ONCE, UNKNOWN_FLAG, flags_of, read_target
 from tsis.console.pages.records._edit import changed, edit_press, edit_target, truth_text
 from tsis.errors import InputError
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 from tsis.records.store import open_store, verify_store
 from tsis.records.values import parse_force, parse_truth
 

@@ -14,7 +14,7 @@ from tests.console.operator import TABLET, tab
 from tests.console.running import RunningConsole, running_console
 from tests.records.sample import WHEN, levels, sample_record
 
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 from tsis.records.store import open_store
 from tsis.records.target import read_bundle, write_bundle
 

@@ -16,7 +16,7 @@ from tests.waiting import HANGS_S
 
 from tsis.console._worker import WorkerProcess
 from tsis.errors import ControlError, InputError, UnknownNameError
-from tsis.model import require_integer, require_one_of
+from tsis.model.require import require_integer, require_one_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -14,7 +14,8 @@ import pytest
 
 import tsis.files.atomic as atomic
 from tsis.errors import InputError
-from tsis.files import exclusive_lock, require_file_stem
+from tsis.files.atomic import exclusive_lock
+from tsis.files.frame_names import require_file_stem
 from tsis.records import target as bundle
 from tsis.sweep import shards
 

@@ -21,8 +21,8 @@ from tests.sweep.conftest import small_plan
 from tests.sweep.stand_ins import quick
 
 from tsis.errors import RecordsError, TsisError
-from tsis.files import UNFINISHED, Disk
-from tsis.model import TactileImage
+from tsis.files.atomic import UNFINISHED, Disk
+from tsis.model.image import TactileImage
 from tsis.records.export import write_csv
 from tsis.records.store import open_store, verify_store
 from tsis.records.target import read_bundle, write_bundle

@@ -9,15 +9,14 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from tsis.errors import RecordsError
-from tsis.files import (
+from tsis.files.atomic import Disk
+from tsis.files.canonical_json import canonical, digest
+from tsis.files.hash_chain import (
     EMPTY_CHAIN,
     FIRST_HASH,
-    Disk,
     LogChain,
     LogDraft,
     append_entries,
-    canonical,
-    digest,
     link_entries,
     read_chain,
     read_chain_file,

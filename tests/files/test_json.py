@@ -18,7 +18,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from tsis.errors import InputError
-from tsis.files import canonical, content_sha256, from_json_value, json_bytes, to_json_value
+from tsis.files.canonical_json import canonical, content_sha256, json_bytes
+from tsis.files.json_values import from_json_value, to_json_value
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

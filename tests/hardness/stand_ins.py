@@ -12,7 +12,9 @@ from tsis.hardness import build_contact_table
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from tsis.model import PressField, Probe, SoftSphere
+    from tsis.model.phantom import SoftSphere
+    from tsis.model.press import PressField
+    from tsis.model.probe import Probe
 
 
 def wrong_by(

@@ -11,7 +11,7 @@ from benchmarks.hardness_bank import SolvedSphere
 
 import tsis
 from tsis.hardness import hertzian_radius_mm, press_fields
-from tsis.model import SoftSphere
+from tsis.model.phantom import SoftSphere
 from tsis.virtual.direct_contact import DIRECT_CONTACT_RESOLUTION
 
 PROBE = tsis.load_probe("tsis-direct")

@@ -15,7 +15,7 @@ import tsis
 from tsis.hardness import build_contact_table, hertzian_radius_mm, press_fields
 from tsis.hardness._table import LOADS, SphereCase, added_log_radius, design_of, terms
 from tsis.mechanics.finite_strain import SphereResolution
-from tsis.model import SoftSphere
+from tsis.model.phantom import SoftSphere
 
 if TYPE_CHECKING:
     from pathlib import Path

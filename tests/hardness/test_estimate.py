@@ -11,15 +11,18 @@ import pytest
 from tests.hardness.stand_ins import by_table, hertzian_field, wrong_by
 
 import tsis
-from tsis.catalog import load_sphere
+from tsis.catalog.phantoms import load_sphere
 from tsis.errors import ImageMismatchError, InputError, NotCalibratedError
 from tsis.hardness import HardnessPrior, build_contact_table, estimate
 from tsis.mechanics.finite_strain import SphereResolution
-from tsis.model import Estimate, SoftSphere, TactileImage
+from tsis.model.phantom import SoftSphere
 from tsis.virtual.direct_contact import DirectContactRig
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+    from tsis.model.estimate import Estimate
+    from tsis.model.image import TactileImage
 
 PROBE = tsis.load_probe("tsis-direct")
 SPHERE = load_sphere("cl2000x")

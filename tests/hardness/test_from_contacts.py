@@ -8,13 +8,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from tsis.catalog import load_sensor
+from tsis.catalog.sensors import load_sensor
 from tsis.errors import FileInputError, InputError, NotIdentifiedError, UnknownNameError, UntrustedError
 from tsis.hardness import ObjectGeometry, TouchReading, as_touch_readings, estimate_from_contacts, press_fields
 from tsis.hardness import hertzian_radius_mm as contact_radius_of
 from tsis.imaging import contacts as find_contacts
 from tsis.mechanics.finite_strain import SphereResolution
-from tsis.model import BoundedValue, GelSensor, Layer, Probe, SoftSphere
+from tsis.model.gel_sensor import BoundedValue, GelSensor
+from tsis.model.phantom import SoftSphere
+from tsis.model.probe import Layer, Probe
 
 if TYPE_CHECKING:
     from pathlib import Path

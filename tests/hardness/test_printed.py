@@ -11,7 +11,7 @@ import pytest
 
 from tsis.errors import InputError, UnknownNameError
 from tsis.hardness import PrintedHardness, printed_estimate
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 
 PIXEL_MM = 0.04
 Y_MM, X_MM = PIXEL_MM * np.mgrid[-100:101, -120:121]

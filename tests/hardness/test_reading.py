@@ -12,7 +12,8 @@ import tsis
 from tsis.errors import InputError
 from tsis.hardness import ContactReading, read_contact
 from tsis.imaging import Sensor, expose, render
-from tsis.model import Calibration, LightMap, TactileImage
+from tsis.model.calibration import Calibration, LightMap
+from tsis.model.image import TactileImage
 from tsis.virtual.direct_contact import direct_contact_calibration
 
 PROBE, SENSOR = tsis.load_probe("tsis-direct"), Sensor()

@@ -14,7 +14,9 @@ from tests.hostile.loader import Loader
 from tests.hostile.picture_loaders import token
 
 from tsis.errors import FileInputError
-from tsis.files import cached_arrays, cached_sha256, one_line, read_arrays, read_bytes
+from tsis.files.archive import read_arrays
+from tsis.files.cache import cached_arrays, cached_sha256
+from tsis.files.reading import one_line, read_bytes
 from tsis.instrument.gauge import RecordedGauge
 from tsis.matching import csv_text, read_points
 

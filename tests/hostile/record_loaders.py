@@ -26,10 +26,11 @@ from tsis.calibration.file import (
 )
 from tsis.calibration.reference import CameraReference
 from tsis.calibration.session import CalibrationFrame, SessionFolder, SessionSetup
-from tsis.catalog import load_probe
+from tsis.catalog.probes import load_probe
 from tsis.errors import FileInputError
-from tsis.files import read_bytes
-from tsis.model import Calibration, LightMap, TactileImage
+from tsis.files.reading import read_bytes
+from tsis.model.calibration import Calibration, LightMap
+from tsis.model.image import TactileImage
 from tsis.sweep.data_set import MANIFEST_FILE, START, data_set_key, head, manifest_sha256, write_manifest
 from tsis.sweep.data_set import read_data_set as read_sweep
 from tsis.sweep.plan import EXAMPLE, Plan, Range, load_plan, plan_document

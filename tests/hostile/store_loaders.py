@@ -19,7 +19,7 @@ from tests.hostile.picture_loaders import token
 from tests.records.export.bundles import plain, sealed
 from tests.records.sample import sample_estimate, sample_record
 
-from tsis.files import read_bytes
+from tsis.files.reading import read_bytes
 from tsis.instrument import Frame, png_bytes, save_snapshot
 from tsis.instrument.recording import (
     RECORDING_COLUMNS,
@@ -28,7 +28,7 @@ from tsis.instrument.recording import (
     RECORDING_SUMMARY,
     RECORDING_VERSION,
 )
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 from tsis.records.blobs import samples_bytes, samples_of
 from tsis.records.sources import ImportOptions, find_import_batches
 from tsis.records.store import open_store

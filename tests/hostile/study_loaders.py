@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from tests.hostile.loader import Loader
 
 from tsis.errors import RecordsError
-from tsis.files import read_chain
+from tsis.files.hash_chain import read_chain
 from tsis.study.folder import new_study, open_study, printed_targets, read_seal, verify_study
 from tsis.study.log import LOG_FILE
 from tsis.study.readings import import_readings

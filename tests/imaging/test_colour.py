@@ -6,7 +6,7 @@ from matplotlib import colormaps
 
 from tsis.errors import ImageMismatchError, InputError, UnknownNameError
 from tsis.imaging import change_magnitude, colour_map
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 
 
 def test_change_magnitude_is_the_distance_between_colours() -> None:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from tsis.errors import InputError, UnknownNameError
 from tsis.imaging import features, find_colour_contact, find_contact, segment
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -13,7 +13,8 @@ from tsis.errors import InputError
 from tsis.imaging import Sensor, as_contact_model, rough_contact
 from tsis.imaging._contact_models import CurvatureLoss, RoughContact, SmoothContact
 from tsis.imaging._render import contact_edges, coverage
-from tsis.model import Calibration, PressField
+from tsis.model.calibration import Calibration
+from tsis.model.press import PressField
 
 SENSOR = Sensor(columns=400, rows=300, mm_per_pixel=(0.02, 0.03))
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from tsis.errors import ImageMismatchError, InputError
 from tsis.imaging import flatten, match_light, signal, subtract_background, subtract_dark
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -12,7 +12,7 @@ from skimage.measure import regionprops
 import tsis
 from tsis.errors import ImageMismatchError, InputError, UnknownNameError
 from tsis.imaging import features, segment
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 
 if TYPE_CHECKING:
     from tests.imaging.conftest import DrawEllipse

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from tsis.catalog import load_sensor
+from tsis.catalog.sensors import load_sensor
 from tsis.errors import ImageMismatchError, InputError
 from tsis.imaging import contacts
 from tsis.imaging._contact_fit import ContactFit, GelLayer, fit_contact, joined_fits, layer_hill

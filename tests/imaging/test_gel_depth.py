@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tsis.catalog import load_sensor
+from tsis.catalog.sensors import load_sensor
 from tsis.errors import CalibrationError, InputError
-from tsis.files import parse_object
+from tsis.files.reading import parse_object
 from tsis.imaging.depth import (
     DepthCalibration,
     DepthMap,
@@ -27,7 +27,7 @@ from tsis.imaging.depth import (
 from tsis.virtual.gel_frames import marker_ink, rendered_series
 
 if TYPE_CHECKING:
-    from tsis.model import GelSensor
+    from tsis.model.gel_sensor import GelSensor
 
 
 def small(name: str) -> GelSensor:

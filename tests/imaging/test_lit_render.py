@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from tsis.errors import InputError
 from tsis.imaging import Sensor, find_lost_light, render, render_reference
 from tsis.imaging._contact_models import CurvatureLoss
-from tsis.model import Calibration, LightMap, PressField
+from tsis.model.calibration import Calibration, LightMap
+from tsis.model.press import PressField
 
 ANSWER = Calibration(gain_grey_per_kpa=50.0, saturation_kpa=20.0)
 SENSOR = Sensor(columns=200, rows=150, mm_per_pixel=(0.04, 0.05))

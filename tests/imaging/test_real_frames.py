@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.model import TactileImage
+    from tsis.model.image import TactileImage
 
 BALL_RADIUS_MM = 4.0
 SENSORS = ["sensor_1", "sensor_2"]

@@ -12,7 +12,8 @@ from scipy.integrate import quad
 
 from tsis.errors import InputError
 from tsis.imaging import Sensor, render, rough_contact, rough_contact_slope
-from tsis.model import Calibration, PressField
+from tsis.model.calibration import Calibration
+from tsis.model.press import PressField
 from tsis.optics import ERF_SLOPE
 
 ANSWER = Calibration(gain_grey_per_kpa=50.0, saturation_kpa=20.0)

@@ -5,7 +5,7 @@ import pytest
 
 from tsis.errors import InputError
 from tsis.imaging import height_surface
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 
 
 def test_a_tilted_plane_stays_that_plane_at_every_thinning() -> None:

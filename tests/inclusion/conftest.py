@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, TypeVar
 import pytest
 
 import tsis
-from tsis.files import cache_folder
+from tsis.files.cache import cache_folder
 from tsis.inclusion import InclusionPrior
 from tsis.mechanics.surrogate import build_full_contact_surrogate, build_surrogate
 

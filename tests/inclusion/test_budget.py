@@ -16,13 +16,14 @@ from tsis.inclusion import InclusionPrior, UncertaintyBudget, estimate, uncertai
 from tsis.inclusion._budget import OF_NUISANCE, OF_PRIOR, nuisance_columns, propagate
 from tsis.inclusion._estimate import analyse
 from tsis.inclusion.posterior import NUISANCES, ErrorSources
-from tsis.model import LightMap
+from tsis.model.calibration import LightMap
 from tsis.virtual.probe import VirtualProbe, nominal_calibration
 
 if TYPE_CHECKING:
     from tsis.inclusion._prior import Floats
     from tsis.mechanics.surrogate import FullContactSurrogate
-    from tsis.model import Calibration, TactileImage
+    from tsis.model.calibration import Calibration
+    from tsis.model.image import TactileImage
 
 FRAMES, RINGS, PARAMETERS = 2, 12, 3
 LIGHT = 3  # errors of light that was not measured

@@ -10,7 +10,7 @@ import pytest
 import tsis
 from tsis.errors import NotCalibratedError
 from tsis.inclusion._estimate import check_calibration
-from tsis.model import Calibration, LightMap
+from tsis.model.calibration import Calibration, LightMap
 
 PROBE = tsis.load_probe("tsis-2011")
 ANSWER = Calibration(gain_grey_per_kpa=10.0, saturation_kpa=20.0)

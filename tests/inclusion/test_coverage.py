@@ -17,7 +17,8 @@ from benchmarks.worlds import WORLDS
 
 from tsis.errors import InputError
 from tsis.inclusion import PARAMETERS, InclusionPrior
-from tsis.model import Estimate, Inclusion
+from tsis.model.estimate import Estimate
+from tsis.model.phantom import Inclusion
 from tsis.virtual.examinations import DEEPEST_FRACTION, LARGEST_DRAWN_POISSON, draw_phantom
 
 if TYPE_CHECKING:

@@ -18,11 +18,13 @@ from tsis.inclusion._reading import covered_presses
 from tsis.inclusion.posterior import explore_inclusion, ring_means
 from tsis.mechanics import press
 from tsis.mechanics.surrogate import Degrees, build_full_contact_surrogate
-from tsis.model import LightMap
+from tsis.model.calibration import LightMap
 from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:
-    from tsis.model import Estimate, Phantom, TactileImage
+    from tsis.model.estimate import Estimate
+    from tsis.model.image import TactileImage
+    from tsis.model.phantom import Phantom
 
 pytestmark = pytest.mark.usefixtures("flat", "domed")
 

@@ -43,7 +43,7 @@ from tsis.inclusion.posterior import explore_inclusion
 from tsis.mechanics import press
 from tsis.mechanics.small_strain import STRAIN_LIMIT, nominal_strain
 from tsis.mechanics.surrogate import FULL_CONTACT_DEGREES
-from tsis.model import LightMap
+from tsis.model.calibration import LightMap
 from tsis.present.figures import design_errors
 from tsis.virtual.probe import nominal_calibration
 
@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.mechanics.surrogate import FullContactSurrogate
-    from tsis.model import Calibration
+    from tsis.model.calibration import Calibration
 
 FLAT, DOMED = tsis.load_probe("tsis-2011"), tsis.load_probe("tsis-domed")
 PRIOR, SENSOR = InclusionPrior(), Sensor()

@@ -17,14 +17,17 @@ from tsis.inclusion import _reading as reading
 from tsis.inclusion._frames import ring_profiles
 from tsis.inclusion.posterior import explore_inclusion
 from tsis.mechanics.surrogate import Degrees, build_full_contact_surrogate
-from tsis.model import Layer, LightMap, Probe, TactileImage
+from tsis.model.calibration import LightMap
+from tsis.model.probe import Layer, Probe
 from tsis.virtual.probe import VirtualProbe, nominal_calibration
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from tsis.mechanics.surrogate import FullContactSurrogate
-    from tsis.model import Estimate, Phantom
+    from tsis.model.estimate import Estimate
+    from tsis.model.image import TactileImage
+    from tsis.model.phantom import Phantom
 
 pytestmark = pytest.mark.usefixtures("flat", "domed")
 

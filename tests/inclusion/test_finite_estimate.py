@@ -15,13 +15,15 @@ from tsis.errors import InputError
 from tsis.inclusion import InclusionPrior, estimate
 from tsis.inclusion._frames import require_valid_forces
 from tsis.mechanics.surrogate import build_finite_correction, build_full_contact_surrogate
-from tsis.model import LightMap, Phantom, PressField
+from tsis.model.calibration import LightMap
+from tsis.model.phantom import Phantom
+from tsis.model.press import PressField
 from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:
     from typing import Any
 
-    from tsis.model import TactileImage
+    from tsis.model.image import TactileImage
 
 pytestmark = pytest.mark.usefixtures("domed")
 

@@ -24,7 +24,9 @@ from tsis.inclusion.posterior._heterogeneity import LAYERS_MM
 from tsis.inclusion.posterior._likelihood import noise_covariance
 from tsis.mechanics import press
 from tsis.mechanics.tissue_field import FieldMesh, TissueFieldResponse
-from tsis.model import Inclusion, LightMap, Phantom, TactileImage
+from tsis.model.calibration import LightMap
+from tsis.model.image import TactileImage
+from tsis.model.phantom import Inclusion, Phantom
 from tsis.virtual.probe import VirtualProbe, nominal_calibration
 
 if TYPE_CHECKING:

@@ -30,7 +30,7 @@ from tsis.inclusion.posterior._forward import PROBE as PROBE_STIFFNESS
 from tsis.inclusion.posterior._likelihood import noise_covariance
 from tsis.mechanics import press
 from tsis.mechanics.surrogate import build_finite_correction
-from tsis.model import Calibration
+from tsis.model.calibration import Calibration
 from tsis.virtual.probe import FINE_RESOLUTION
 
 if TYPE_CHECKING:

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 
 from tsis.errors import ImageMismatchError, InputError
 from tsis.inclusion.mobility import mobility
-from tsis.model import Calibration, LightMap, TactileImage
+from tsis.model.calibration import Calibration, LightMap
+from tsis.model.image import TactileImage
 
 SHAPE = (100, 120)
 SCALE = (0.1, 0.12)

@@ -25,7 +25,9 @@ from tsis.inclusion.network import (
 )
 from tsis.inclusion.network_training import train_network
 from tsis.mechanics import press
-from tsis.model import Calibration, Inclusion, LightMap, Phantom, TactileImage
+from tsis.model.calibration import Calibration, LightMap
+from tsis.model.image import TactileImage
+from tsis.model.phantom import Inclusion, Phantom
 
 if TYPE_CHECKING:
     from tsis.mechanics.surrogate import PressSurrogate

@@ -20,11 +20,14 @@ from tsis.inclusion.checks import APPARENT_FRACTION, InclusionPosition, inclusio
 from tsis.inclusion.checks._position import APPARENT_SD
 from tsis.inclusion.posterior import FARTHEST
 from tsis.mechanics import press
-from tsis.model import LightMap, PressMap, TactileImage
+from tsis.model.calibration import LightMap
+from tsis.model.image import TactileImage
 from tsis.virtual.probe import nominal_calibration
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+    from tsis.model.press import PressMap
 
 PROBE = tsis.load_probe("tsis-2011")
 GRID = np.arange(-12.0, 12.01, 0.25)

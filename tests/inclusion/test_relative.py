@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 from tsis.errors import ImageMismatchError, InputError, NotCalibratedError, UnknownNameError
 from tsis.inclusion.relative import RelativeReading, Repeats, ratios, relative_depth, relative_hardness, relative_size
 from tsis.inclusion.shape import object_shape
-from tsis.model import Calibration, LightMap, TactileImage
+from tsis.model.calibration import Calibration, LightMap
+from tsis.model.image import TactileImage
 
 if TYPE_CHECKING:
     from collections.abc import Callable

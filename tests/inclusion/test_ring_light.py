@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from tsis.inclusion import ring_light
-from tsis.model import Calibration, LightMap, TactileImage
+from tsis.model.calibration import Calibration, LightMap
+from tsis.model.image import TactileImage
 
 EDGES = np.array([0.0, 2.0, 4.0, 6.0, 40.0, 44.0])
 FRAME = TactileImage(

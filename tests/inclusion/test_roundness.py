@@ -14,7 +14,10 @@ from tsis.imaging import Sensor, expose, render
 from tsis.inclusion.checks import RINGS, SECTORS, roundness, sector_means, tilt_evidence
 from tsis.inclusion.checks._harmonics import harmonic, unevenness
 from tsis.inclusion.checks._roundness import harmonic_variance, roundness_findings, tilt_findings
-from tsis.model import Calibration, Inclusion, LightMap, Phantom, PressMap, TactileImage
+from tsis.model.calibration import Calibration, LightMap
+from tsis.model.image import TactileImage
+from tsis.model.phantom import Inclusion, Phantom
+from tsis.model.press import PressMap
 from tsis.virtual.probe import VirtualProbe, nominal_calibration
 
 if TYPE_CHECKING:

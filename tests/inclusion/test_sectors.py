@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 import tsis
 from tsis.inclusion.checks import RINGS, SECTORS, sector_means
 from tsis.inclusion.checks._sectors import ring_visibility
-from tsis.model import Calibration, LightMap, TactileImage
+from tsis.model.calibration import Calibration, LightMap
+from tsis.model.image import TactileImage
 
 PROBE = tsis.load_probe("tsis-2011")
 REACH = 0.8 * PROBE.radius_mm

@@ -17,7 +17,7 @@ from skimage.measure import label, regionprops
 from tsis.errors import ImageMismatchError, InputError, UnknownNameError
 from tsis.inclusion import binary_image
 from tsis.inclusion.shape import object_shape, two_means
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 
 SHAPE = (120, 160)
 UNTOUCHED, PLAIN = "untouched probe", "plain tissue"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -14,8 +14,13 @@ import tsis
 from tsis.errors import InputError, TsisError
 from tsis.inclusion import InclusionPrior, prior_on_tissue, protocol_forces, tissue_modulus
 from tsis.mechanics import press
-from tsis.model import Calibration, LightMap, Phantom, Probe, TactileImage
+from tsis.model.calibration import Calibration, LightMap
+from tsis.model.image import TactileImage
+from tsis.model.phantom import Phantom
 from tsis.virtual.probe import VirtualProbe
+
+if TYPE_CHECKING:
+    from tsis.model.probe import Probe
 
 DOMED, FLAT = (tsis.load_probe(name) for name in ("tsis-domed", "tsis-2011"))
 SCALE = 0.1  # mm per pixel

@@ -11,7 +11,7 @@ from tests.waiting import HANGS_S
 
 from tsis.errors import CameraError
 from tsis.instrument import Frame, Mode, Setting
-from tsis.model import require_one_of
+from tsis.model.require import require_one_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -10,8 +10,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tsis.errors import FileInputError
-from tsis.files import one_line, read_bytes, read_head, read_object, text_lines
-from tsis.files.reading import DEEPEST, LONGEST_LINE, MOST_VALUES
+from tsis.files.reading import (
+    DEEPEST,
+    LONGEST_LINE,
+    MOST_VALUES,
+    one_line,
+    read_bytes,
+    read_head,
+    read_object,
+    text_lines,
+)
 
 if TYPE_CHECKING:
     from pathlib import Path

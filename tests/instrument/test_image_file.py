@@ -16,7 +16,7 @@ import tifffile
 from PIL import Image
 
 from tsis.errors import FileInputError, InputError
-from tsis.files import LARGEST_PIXELS
+from tsis.files.images import LARGEST_PIXELS
 from tsis.instrument import read_colour, read_image
 
 if TYPE_CHECKING:

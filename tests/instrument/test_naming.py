@@ -10,8 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tsis.errors import InputError
-from tsis.files import snapshot_stems, target_folder
-from tsis.files.frame_names import require_file_stem
+from tsis.files.frame_names import require_file_stem, snapshot_stems, target_folder
 
 PRINTED = "Target1-020411-131112"  # the source's example: target 1 on 4 February 2011 at 13:11:12
 

@@ -15,15 +15,19 @@ from PIL import Image, TiffImagePlugin
 from PIL.PngImagePlugin import PngInfo
 
 from tsis.errors import FileInputError, InputError
-from tsis.files import LARGEST_PIXELS, image_fault, rows_missing, size_fault, without_metadata
 from tsis.files.images import (
     FREE_PIXELS,
+    LARGEST_PIXELS,
     PIXELS_A_BYTE,
+    image_fault,
     jpeg_fault,
+    rows_missing,
+    size_fault,
     tiff_fault,
+    without_metadata,
 )
 from tsis.instrument import png_bytes, read_colour, read_image, whole_levels
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tsis.errors import FileInputError, InputError, UnknownNameError
-from tsis.files import write_durably
+from tsis.files.atomic import write_durably
 from tsis.instrument import Frame, read_colour, read_image, save_snapshot
 from tsis.instrument import _snapshot as room
 

@@ -16,7 +16,7 @@ from tsis.mechanics.small_strain import _bodies as bodies
 from tsis.mechanics.small_strain import _bodies as slab
 from tsis.mechanics.small_strain._bodies import face_of
 from tsis.mechanics.small_strain._condensation import EMPTY, FIXED, Condensate, condense_layers
-from tsis.model import Layer, Probe
+from tsis.model.probe import Layer, Probe
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -18,7 +18,7 @@ from tsis.mechanics._face import ring_points
 from tsis.mechanics.small_strain import PressKernel, Resolution
 from tsis.mechanics.small_strain._bodies import face_of
 from tsis.mechanics.surrogate import Box, Degrees, build_full_contact_surrogate, build_surrogate
-from tsis.model import Inclusion, Phantom
+from tsis.model.phantom import Inclusion, Phantom
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.mechanics.surrogate import FullContactParts, FullContactProfiles, FullContactSurrogate, Surrogate
-    from tsis.model import Probe
+    from tsis.model.probe import Probe
 
 FLAT, DOMED = tsis.load_probe("tsis-2011"), tsis.load_probe("tsis-domed")
 BOX = Box(

@@ -19,7 +19,8 @@ from tsis.mechanics.small_strain import PressKernel, Resolution
 from tsis.mechanics.small_strain import _disc_contact as disc_contact
 from tsis.mechanics.small_strain._bodies import Slab, face_of
 from tsis.mechanics.small_strain._press import half_space_compliance
-from tsis.model import Inclusion, Layer, Phantom, Probe
+from tsis.model.phantom import Inclusion, Phantom
+from tsis.model.probe import Layer, Probe
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -22,7 +22,7 @@ from tsis.mechanics.small_strain import Resolution
 from tsis.mechanics.small_strain._bodies import Slab, face_of, probe_compliance
 from tsis.mechanics.small_strain._condensation import FIXED, condense_layers
 from tsis.mechanics.small_strain._contact import unilateral_contact
-from tsis.model import Layer, Probe
+from tsis.model.probe import Layer, Probe
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

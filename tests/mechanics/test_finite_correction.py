@@ -14,7 +14,7 @@ from scipy.linalg import block_diag
 
 import tsis
 from tsis.errors import InputError, MechanicsError
-from tsis.files import read_cached_arrays
+from tsis.files.cache import read_cached_arrays
 from tsis.inclusion import InclusionPrior, prior_on_tissue
 from tsis.mechanics.finite_strain import FiniteResolution, press_finite, press_pairs
 from tsis.mechanics.surrogate import (

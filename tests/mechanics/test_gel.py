@@ -19,7 +19,7 @@ from tsis.mechanics.gel import (
     layer_compliance,
     pressure_from_depth,
 )
-from tsis.model import BoundedValue, GelSensor
+from tsis.model.gel_sensor import BoundedValue, GelSensor
 
 
 def integrated(q: float, poisson: float) -> np.ndarray:

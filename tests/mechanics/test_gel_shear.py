@@ -9,11 +9,11 @@ import pytest
 from benchmarks.gel_shear import brick
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from tsis.catalog import load_sensor
+from tsis.catalog.sensors import load_sensor
 from tsis.errors import InputError
 from tsis.imaging import marker_shift
 from tsis.mechanics.gel import GelGrid, gel_shear
-from tsis.model import BoundedValue, GelSensor
+from tsis.model.gel_sensor import BoundedValue, GelSensor
 
 SENSOR = GelSensor(
     name="dotted",

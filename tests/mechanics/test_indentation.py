@@ -11,7 +11,7 @@ from tests.mechanics.closed_forms import hertz
 import tsis
 from tsis.errors import InputError, MechanicsError
 from tsis.mechanics.small_strain import Indentation, Resolution, indent
-from tsis.model import Layer, Probe
+from tsis.model.probe import Layer, Probe
 
 PROBE = tsis.load_probe("tsis-2011")
 THICK = Probe(radius_mm=100.0, layers=(Layer(thickness_mm=200.0, young_kpa=50.0, poisson=0.49),))

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from tsis.errors import InputError
 from tsis.mechanics.gel import layer_compliance, layer_contact
 from tsis.mechanics.small_strain import indent
-from tsis.model import Layer, Probe
+from tsis.model.probe import Layer, Probe
 
 
 @pytest.mark.parametrize(("ratio", "stiffer"), [(0.2, 1.2741), (0.4, 1.6638), (1.0, 3.4840), (2.0, 8.337)])

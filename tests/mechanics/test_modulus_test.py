@@ -8,7 +8,7 @@ import pytest
 from tsis.errors import InputError
 from tsis.mechanics import bonded_factor, compression_modulus, indentation_modulus
 from tsis.mechanics.small_strain import indent
-from tsis.model import Layer, Probe
+from tsis.model.probe import Layer, Probe
 
 DEPTH = np.linspace(0.05, 0.5, 12)
 

@@ -14,14 +14,15 @@ from tsis.errors import InputError, MechanicsError
 from tsis.mechanics import effective_modulus_kpa, press
 from tsis.mechanics.small_strain import Resolution
 from tsis.mechanics.surrogate import contrast_factor
-from tsis.model import Inclusion, Layer, Phantom, Probe
+from tsis.model.phantom import Inclusion, Phantom
+from tsis.model.probe import Layer, Probe
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from numpy.typing import NDArray
 
-    from tsis.model import PressField
+    from tsis.model.press import PressField
 
 PROBE = tsis.load_probe("tsis-2011")
 PLAIN = Phantom(young_kpa=5.0, thickness_mm=30.0)

@@ -11,9 +11,9 @@ import itertools
 import numpy as np
 import pytest
 
-from tsis.catalog import load_probe
+from tsis.catalog.probes import load_probe
 from tsis.mechanics import press
-from tsis.model import Inclusion, Phantom
+from tsis.model.phantom import Inclusion, Phantom
 
 RING_EDGES_MM = np.linspace(0.0, 9.6, 21)
 WITH_SPHERE = """2.0974 2.08187 2.05186 2.00913 1.95641 1.89664 1.83308 1.76892 1.70712 1.65023

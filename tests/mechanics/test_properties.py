@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from tests.mechanics.test_gel_shear import SENSOR
 
-from tsis.catalog import load_probe
+from tsis.catalog.probes import load_probe
 from tsis.errors import InputError
 from tsis.mechanics import bonded_factor
 from tsis.mechanics.finite_strain._sphere import mesh_ball
@@ -18,7 +18,7 @@ from tsis.mechanics.solid import _press as solid_press
 from tsis.mechanics.surrogate import Box
 from tsis.mechanics.surrogate._finite_correction import correction_box
 from tsis.mechanics.surrogate._presses import FACE_POINTS, row_of_field
-from tsis.model import PressField
+from tsis.model.press import PressField
 
 
 def presses(*forces_n: float) -> list[Any]:

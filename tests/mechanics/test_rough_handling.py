@@ -13,7 +13,8 @@ from tsis.mechanics import press
 from tsis.mechanics.finite_strain import squeeze_sphere
 from tsis.mechanics.small_strain import indent, relaxing_press, settling_time_s
 from tsis.mechanics.surrogate import Degrees, build_surrogate
-from tsis.model import Layer, Phantom, Probe, Relaxation
+from tsis.model.phantom import Phantom, Relaxation
+from tsis.model.probe import Layer, Probe
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -12,12 +12,14 @@ import pytest
 import tsis
 from tsis.mechanics import press
 from tsis.mechanics.solid import SolidResolution, press_solid
-from tsis.model import Inclusion, LightMap, Phantom, Probe
+from tsis.model.calibration import LightMap
+from tsis.model.phantom import Inclusion, Phantom
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.model import PressMap
+    from tsis.model.press import PressMap
+    from tsis.model.probe import Probe
 
 pytest.importorskip("ngsolve", reason="the extra fem3d is not installed")
 

@@ -13,7 +13,9 @@ import tsis
 from tsis.errors import InputError, MechanicsError, MissingExtraError
 from tsis.mechanics.solid import press_solid
 from tsis.mechanics.solid._press import _check_model
-from tsis.model import Inclusion, LightMap, Phantom, PressMap
+from tsis.model.calibration import LightMap
+from tsis.model.phantom import Inclusion, Phantom
+from tsis.model.press import PressMap
 
 PROBE = tsis.load_probe("tsis-2011")
 PLAIN = Phantom(young_kpa=5.0, thickness_mm=30.0)

@@ -18,14 +18,14 @@ from tsis.mechanics.surrogate import Box, Degrees, build_surrogate, contrast_fac
 from tsis.mechanics.surrogate import _build as surrogate_build
 from tsis.mechanics.surrogate import _build as surrogate_solves
 from tsis.mechanics.surrogate._polynomial import chebyshev_weights
-from tsis.model import Inclusion, Phantom
+from tsis.model.phantom import Inclusion, Phantom
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
     from tsis.mechanics.surrogate import PressSurrogate
-    from tsis.model import Probe
+    from tsis.model.probe import Probe
 
 PROBE = tsis.load_probe("tsis-2011")
 SMALL = Box(

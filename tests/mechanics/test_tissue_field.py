@@ -14,7 +14,7 @@ from tsis.mechanics import press
 from tsis.mechanics.small_strain import PressKernel
 from tsis.mechanics.solid import press_solid
 from tsis.mechanics.tissue_field import FieldMesh, TissueFieldResponse, field_factors, field_features
-from tsis.model import Inclusion, Phantom
+from tsis.model.phantom import Inclusion, Phantom
 
 if TYPE_CHECKING:
     from tsis.mechanics.tissue_field import FieldResponse

@@ -15,7 +15,8 @@ from tsis.errors import InputError, MechanicsError
 from tsis.mechanics import press
 from tsis.mechanics.small_strain import Resolution, relaxing_press, settling_time_s
 from tsis.mechanics.small_strain._press import compliances
-from tsis.model import Inclusion, Layer, Phantom, Probe, Relaxation
+from tsis.model.phantom import Inclusion, Phantom, Relaxation
+from tsis.model.probe import Layer, Probe
 
 PROBE = tsis.load_probe("tsis-2011")
 RIGID = Probe(radius_mm=12.0, layers=(Layer(thickness_mm=2.0, young_kpa=1e6),))

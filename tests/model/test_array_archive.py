@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hn
 
 from tsis.errors import FileInputError
-from tsis.files import npy_layout, read_arrays
+from tsis.files.archive import npy_layout, read_arrays
 
 NUMBERS = hn.arrays(
     st.sampled_from(["<f8", "<f4", ">f8", "<i8", "u1", "<u2", "?", "<U7"]),

@@ -11,7 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tsis.errors import InputError
-from tsis.model import Calibration, Inclusion, Layer, Phantom, PressField, Probe
+from tsis.model.calibration import Calibration
+from tsis.model.phantom import Inclusion, Phantom
+from tsis.model.press import PressField
+from tsis.model.probe import Layer, Probe
 
 LUMP = Inclusion(diameter_mm=10.0, depth_mm=5.0, young_kpa=100.0)
 TISSUE = Phantom(young_kpa=5.0, thickness_mm=30.0, inclusion=LUMP)

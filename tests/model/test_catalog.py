@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from tsis.catalog import list_phantoms, list_probes, load_phantom, load_probe
+from tsis.catalog.phantoms import list_phantoms, load_phantom
+from tsis.catalog.probes import list_probes, load_probe
 from tsis.errors import UnknownNameError
 
 # name: (diameter d in mm, depth h in mm, Young's modulus E in kPa)

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tsis.errors import InputError, UnknownNameError
-from tsis.model import require_array, require_integer, require_number, require_one_of
+from tsis.model.require import require_array, require_integer, require_number, require_one_of
 
 
 @given(st.floats(-1e300, 1e300), st.floats(-1e300, 1e300), st.floats(-1e300, 1e300))

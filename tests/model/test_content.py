@@ -20,7 +20,11 @@ from tsis.imaging import features
 from tsis.inclusion.network_training import train_network
 from tsis.inclusion.relative import RelativeReading
 from tsis.instrument import Frame
-from tsis.model import Calibration, Estimate, LightMap, PressField, Relaxation, TactileImage
+from tsis.model.calibration import Calibration, LightMap
+from tsis.model.estimate import Estimate
+from tsis.model.image import TactileImage
+from tsis.model.phantom import Relaxation
+from tsis.model.press import PressField
 from tsis.records.values import StoredPress, Target
 from tsis.study.classifier import TargetEvidence, TrainingSet
 from tsis.study.plan import DeviceReading

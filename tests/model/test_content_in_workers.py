@@ -15,7 +15,9 @@ from tsis.imaging import features
 from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:
-    from tsis.model import Estimate, Probe, TactileImage
+    from tsis.model.estimate import Estimate
+    from tsis.model.image import TactileImage
+    from tsis.model.probe import Probe
 
 pytestmark = pytest.mark.system
 
@@ -31,7 +33,9 @@ def upper_end_mm(result: Estimate) -> tuple[Estimate, float]:
 
 
 def pressed(probe: Probe, seed: int) -> TactileImage:
-    virtual = VirtualProbe(probe, rng=np.random.default_rng(seed), light=tsis.model.LightMap.uniform(), strain="small")
+    virtual = VirtualProbe(
+        probe, rng=np.random.default_rng(seed), light=tsis.model.calibration.LightMap.uniform(), strain="small"
+    )
     return virtual.press(tsis.load_phantom("hardness-100"), force_n=0.5)
 
 

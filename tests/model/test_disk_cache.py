@@ -8,8 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tsis.files import cache_folder, content_key, write_cached
-from tsis.files.cache import read_cached
+from tsis.files.cache import cache_folder, content_key, read_cached, write_cached
 
 if TYPE_CHECKING:
     from pathlib import Path

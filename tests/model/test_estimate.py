@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from tsis.errors import InputError
-from tsis.model import Estimate
+from tsis.model.estimate import Estimate
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -15,7 +15,7 @@ from tests.model.test_content import disc, estimate
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.errors import ImageMismatchError, InputError, MissingExtraError
 from tsis.imaging import features
-from tsis.model import TactileImage, image_from_xarray, image_stack
+from tsis.model.image import TactileImage, image_from_xarray, image_stack
 
 if TYPE_CHECKING:
     from collections.abc import Callable

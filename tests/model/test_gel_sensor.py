@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from tsis.catalog import list_probes, list_sensors, load_probe, load_sensor, parse_sensor, sensor_toml
+from tsis.catalog.probes import list_probes, load_probe
+from tsis.catalog.sensors import list_sensors, load_sensor, parse_sensor, sensor_toml
 from tsis.errors import FileInputError, ImageMismatchError, InputError, UnknownNameError
-from tsis.model import BoundedValue, GelSensor, gel_sensor_of_probe
+from tsis.model.gel_sensor import BoundedValue, GelSensor, gel_sensor_of_probe
 
 if TYPE_CHECKING:
     from pathlib import Path

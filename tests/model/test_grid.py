@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tsis.errors import InputError
-from tsis.model import interpolation_matrix, require_ascending
+from tsis.model.press import interpolation_matrix, require_ascending
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

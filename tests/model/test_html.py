@@ -17,13 +17,13 @@ from tests.model.test_content import calibration, disc, estimate
 import tsis
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.calibration import UsableCalibration
-from tsis.model import Estimate
+from tsis.model.estimate import Estimate
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
 HOSTILE = "<script>alert('1')</script>&\"x"
-RESPONSE = tsis.model.Calibration(gain_grey_per_kpa=1.25, saturation_kpa=80.0)
+RESPONSE = tsis.model.calibration.Calibration(gain_grey_per_kpa=1.25, saturation_kpa=80.0)
 
 
 class Strict(HTMLParser):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tsis.errors import InputError
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 
 GREY = np.arange(12.0).reshape(3, 4)
 

@@ -11,7 +11,8 @@ import pytest
 
 import tsis
 from tsis.errors import ImageMismatchError, InputError, NotCalibratedError, TsisError
-from tsis.model import Calibration, TactileImage, as_images, grey_sha256, require_image_series, require_same_probe
+from tsis.model.calibration import Calibration
+from tsis.model.image import TactileImage, as_images, grey_sha256, require_image_series, require_same_probe
 
 GREY = np.random.default_rng(3).integers(0, 65536, (4, 6)).astype(float)
 FIRST = TactileImage(grey=GREY, mm_per_pixel=(0.1, 0.1), full_scale=65535.0, force_n=1.0, name="one.png")

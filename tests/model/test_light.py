@@ -7,7 +7,7 @@ import pytest
 
 import tsis
 from tsis.errors import InputError
-from tsis.model import FOUR_LEDS, Glass, Led
+from tsis.model.probe import FOUR_LEDS, Glass, Led
 
 
 def test_the_intensity_is_one_half_at_the_half_angle() -> None:

@@ -7,7 +7,7 @@ import pytest
 from scipy.interpolate import RegularGridInterpolator
 
 from tsis.errors import InputError
-from tsis.model import LightMap
+from tsis.model.calibration import LightMap
 
 
 def some(seed: int = 1, **changes: Any) -> LightMap:

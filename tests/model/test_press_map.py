@@ -9,7 +9,8 @@ import pytest
 
 from tsis.errors import InputError
 from tsis.imaging import Sensor, render
-from tsis.model import Calibration, PressField, PressMap
+from tsis.model.calibration import Calibration
+from tsis.model.press import PressField, PressMap
 
 RADIUS = np.linspace(0.0, 6.0, 61)
 FIELD = PressField(

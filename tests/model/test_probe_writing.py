@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tsis.catalog import list_probes, load_probe, parse_probe, probe_toml
-from tsis.model import Glass, Layer, Led, Probe
+from tsis.catalog.probes import list_probes, load_probe, parse_probe, probe_toml
+from tsis.model.probe import Glass, Layer, Led, Probe
 
 number = st.floats(min_value=1.0, max_value=4.0)
 layers = st.builds(Layer, thickness_mm=number, young_kpa=number, poisson=st.floats(0, 0.495), refractive_index=number)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tsis.model import INTERVAL_LEVEL, NO_UNIT, UNITS, Estimate, label_of, unit_of
+from tsis.model.estimate import INTERVAL_LEVEL, NO_UNIT, UNITS, Estimate, label_of, unit_of
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from tsis.catalog import list_phantoms, load_phantom, load_probe, phantom_variant, probe_variant
+from tsis.catalog.phantoms import list_phantoms, load_phantom, phantom_variant
+from tsis.catalog.probes import load_probe, probe_variant
 from tsis.errors import InputError, UnknownNameError
 
 

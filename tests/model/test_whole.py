@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tsis.files import Disk, add_files, atomic_file, atomic_folder
+from tsis.files.atomic import Disk, add_files, atomic_file, atomic_folder
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from tsis.catalog import load_probe
+from tsis.catalog.probes import load_probe
 from tsis.errors import InputError
-from tsis.files import cache_folder
-from tsis.model import FOUR_LEDS, Led, LightMap
+from tsis.files.cache import cache_folder
+from tsis.model.calibration import LightMap
+from tsis.model.probe import FOUR_LEDS, Led
 from tsis.optics._angles import real_contact
 from tsis.optics.irradiance import Irradiance, irradiance, leaving_light
 from tsis.optics.irradiance import _trace as room

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from tests.interpreted import assert_interpreted_alike
 
-from tsis.catalog import load_probe
-from tsis.model import Glass
+from tsis.catalog.probes import load_probe
+from tsis.model.probe import Glass
 from tsis.optics.rays import evenly_pressed_face, evenly_raised_face, hertz_dent, scene
 from tsis.optics.rays._emission import lamps
 from tsis.optics.rays._kernel import CONTACT, MAPS, MEETINGS, TALLIES, Record, follow, trace_batch
 
 if TYPE_CHECKING:
-    from tsis.model import PressField, PressMap
+    from tsis.model.press import PressField, PressMap
     from tsis.optics.rays._emission import Lamps
     from tsis.optics.rays._kernel import Vector
     from tsis.optics.rays._scene import Scene

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tsis.catalog import load_probe
-from tsis.model import Glass, Layer, Probe
+from tsis.catalog.probes import load_probe
+from tsis.model.probe import Glass, Layer, Probe
 from tsis.optics import fresnel
 from tsis.optics.rays import evenly_raised_face, scene
 from tsis.optics.rays._kernel import mirrored, reflectance, refracted

@@ -9,8 +9,8 @@ import pytest
 from scipy.interpolate import RegularGridInterpolator
 from scipy.ndimage import map_coordinates
 
-from tsis.catalog import load_probe
-from tsis.model import Glass, Led
+from tsis.catalog.probes import load_probe
+from tsis.model.probe import Glass, Led
 from tsis.optics.rays import evenly_pressed_face, scene
 from tsis.optics.rays._emission import emitted, lamps
 from tsis.optics.rays._kernel import (

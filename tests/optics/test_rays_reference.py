@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from tsis.catalog import load_probe
-from tsis.model import FOUR_LEDS, Glass, Led, PressField, Probe
+from tsis.catalog.probes import load_probe
+from tsis.model.press import PressField
+from tsis.model.probe import FOUR_LEDS, Glass, Led, Probe
 from tsis.optics.rays import WAYS_OUT, hertz_dent, scene, trace_photons, trace_rays
 from tsis.optics.rays._reference import Photon, reference_probe
 from tsis.optics.rays._trace import follow_path
 
 if TYPE_CHECKING:
-    from tsis.model import PressMap
+    from tsis.model.press import PressMap
 
 PROBE = replace(load_probe("tsis-2011"), leds=FOUR_LEDS)  # level lamps at half height
 CLEAR = replace(PROBE, glass=Glass(refractive_index=1.41))  # one medium, in which chance decides nothing

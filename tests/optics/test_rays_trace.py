@@ -10,9 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tsis.catalog import load_probe
+from tsis.catalog.probes import load_probe
 from tsis.errors import InputError
-from tsis.model import FOUR_LEDS, Glass, Layer, Led, PressField, Probe
+from tsis.model.press import PressField
+from tsis.model.probe import FOUR_LEDS, Glass, Layer, Led, Probe
 from tsis.optics.rays import evenly_raised_face, hertz_dent, trace_paths, trace_rays
 
 PROBE = replace(load_probe("tsis-2011"), leds=FOUR_LEDS)  # level lamps at half height

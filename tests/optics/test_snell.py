@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tsis.catalog import load_probe
+from tsis.catalog.probes import load_probe
 from tsis.errors import InputError
-from tsis.model import Layer, Led, Probe
+from tsis.model.probe import Layer, Led, Probe
 from tsis.optics import acceptance, critical_angle_deg, fresnel, layer_facing_lamp, refraction_deg
 
 INDEX, ANGLE = st.floats(1.0, 2.5), st.floats(0.0, 89.9)

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from tests.records.sample import levels
 
 from tsis.imaging import features
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 from tsis.present.images import comparison
 
 if TYPE_CHECKING:

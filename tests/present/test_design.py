@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 from matplotlib.figure import Figure
 
-from tsis.catalog import load_probe
+from tsis.catalog.probes import load_probe
 from tsis.errors import InputError
-from tsis.files import json_bytes
+from tsis.files.canonical_json import json_bytes
 from tsis.inclusion import InclusionPrior
 from tsis.inclusion.design import compare_designs, protocol_of
 from tsis.present.design import (

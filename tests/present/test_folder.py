@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from tsis.errors import FileInputError
-from tsis.files import free_folder, write_folder
+from tsis.files.result_folder import free_folder, write_folder
 
 if TYPE_CHECKING:
     from pathlib import Path

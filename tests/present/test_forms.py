@@ -11,7 +11,7 @@ from tests.present.rough_pictures import rough_pictures
 from tests.records.sample import sample_record
 
 from tsis.errors import FileInputError
-from tsis.files import require_absent
+from tsis.files.result_folder import require_absent
 from tsis.present.html import html_bytes
 from tsis.present.records import ENDINGS, MASKED, PAGE_FORMS, write_form
 from tsis.present.target import target_page

@@ -8,13 +8,13 @@ from matplotlib.figure import Figure
 from tests.hardness.stand_ins import by_table
 
 import tsis
-from tsis.catalog import load_sphere
+from tsis.catalog.phantoms import load_sphere
 from tsis.hardness import build_contact_table, estimate
 from tsis.present.figures import contact_growth, modulus
 from tsis.virtual.direct_contact import DirectContactRig
 
 if TYPE_CHECKING:
-    from tsis.model import Estimate
+    from tsis.model.estimate import Estimate
 
 PROBE = tsis.load_probe("tsis-direct")
 

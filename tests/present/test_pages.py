@@ -13,9 +13,10 @@ from rich.console import Console
 from tests.present.rough_pictures import rough_pictures
 
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.files import json_bytes
+from tsis.files.canonical_json import json_bytes
 from tsis.inclusion import InclusionPrior
-from tsis.model import Estimate, TactileImage, probability_text
+from tsis.model.estimate import Estimate, probability_text
+from tsis.model.image import TactileImage
 from tsis.present.document import estimate_document, sd_text
 from tsis.present.figures import ring_profile
 from tsis.present.html import html_bytes

@@ -5,7 +5,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from tsis.imaging import features, height_surface, radial_profile
-from tsis.model import Estimate, TactileImage
+from tsis.model.estimate import Estimate
+from tsis.model.image import TactileImage
 from tsis.present.figures import grey_sums, marginal, relief, ring_profile, tactile_image, trade_off
 
 

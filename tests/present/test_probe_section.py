@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from tsis.catalog import load_probe
-from tsis.model import Led
+from tsis.catalog.probes import load_probe
+from tsis.model.probe import Led
 from tsis.present.figures import probe_section
 
 PROBE = load_probe("tsis-domed")

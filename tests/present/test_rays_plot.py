@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from tsis.catalog import load_probe
-from tsis.model import FOUR_LEDS, PressField
+from tsis.catalog.probes import load_probe
+from tsis.model.press import PressField
+from tsis.model.probe import FOUR_LEDS
 from tsis.optics.rays import trace_paths, trace_rays
 from tsis.present.figures import light_on_face, ray_picture
 

@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 
 from tsis.calibration import MeasuredValue
 from tsis.calibration.scale import DotDiagnostics, PixelScale
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 from tsis.present.figures import dot_board
 
 CELLS = np.array([(i, j) for j in range(3) for i in range(4)], dtype=float)

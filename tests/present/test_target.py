@@ -16,7 +16,7 @@ from tests.records.sample import WHEN, sample_estimate, sample_record
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.calibration.guard import GUARD_FLAGS
 from tsis.errors import RecordsError
-from tsis.model import Estimate
+from tsis.model.estimate import Estimate
 from tsis.present.html import html_bytes
 from tsis.present.pdf import pdf_bytes
 from tsis.present.target import target_page

@@ -32,7 +32,7 @@ from tsis.console.api._responses import estimate_item
 from tsis.errors import NotIdentifiedError, UnknownNameError, UntrustedError
 from tsis.hardness import build_contact_table
 from tsis.inclusion import InclusionPrior
-from tsis.model import Estimate
+from tsis.model.estimate import Estimate
 from tsis.present.document import estimate_document
 from tsis.present.figures import posterior, tissue_section
 from tsis.present.hardness import hardness_page

@@ -102,12 +102,12 @@ def test_the_readme_says_what_it_must() -> None:
 @pytest.mark.parametrize(
     ("name", "fault"),
     [
-        ("tsis.model.Probe", ""),
-        ("tsis.model.Estimate.interval", ""),
-        ("tsis.model.PressField.approach_mm", ""),
+        ("tsis.model.probe.Probe", ""),
+        ("tsis.model.estimate.Estimate.interval", ""),
+        ("tsis.model.press.PressField.approach_mm", ""),
         ("tsis.model.Probes", "tsis.model has no Probes"),
         ("tsis.models", "tsis has no models"),
-        ("tsis.model.Estimate.spread", "tsis.model.Estimate has no spread"),
+        ("tsis.model.estimate.Estimate.spread", "tsis.model.estimate.Estimate has no spread"),
     ],
 )
 def test_what_does_not_exist_is_found(name: str, fault: str) -> None:

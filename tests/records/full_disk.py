@@ -16,8 +16,8 @@ from unittest import mock
 from tests.records.sample import WHEN, levels, sample_calibration, sample_estimate
 
 from tsis.errors import RecordsError
-from tsis.files import UNFINISHED, Disk
-from tsis.model import TactileImage
+from tsis.files.atomic import UNFINISHED, Disk
+from tsis.model.image import TactileImage
 from tsis.records import database as engines
 from tsis.records.store import open_store, verify_store
 

@@ -15,8 +15,8 @@ from typing import IO, TYPE_CHECKING, Any
 from tests.records.sample import WHEN, levels, sample_calibration, sample_estimate
 
 from tsis.errors import RecordsError, TsisError
-from tsis.files import UNFINISHED, Disk
-from tsis.model import TactileImage
+from tsis.files.atomic import UNFINISHED, Disk
+from tsis.model.image import TactileImage
 from tsis.records.audit import has_entry, read_anchor
 from tsis.records.store import open_store, verify_store
 

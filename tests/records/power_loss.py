@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 from unittest import mock
 
-from tsis.files import Disk
+from tsis.files.atomic import Disk
 from tsis.records.database import Database
 
 if TYPE_CHECKING:

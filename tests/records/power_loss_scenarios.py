@@ -19,7 +19,7 @@ from tests.records.power_loss import Killed, RecordingDisk, Step, Trace, recorde
 from tests.records.sample import WHEN, levels, sample_calibration, sample_estimate
 
 from tsis.calibration.file import calibration_bytes
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 from tsis.records import database as engines
 from tsis.records.audit import read_anchor
 from tsis.records.blobs import frame_bytes

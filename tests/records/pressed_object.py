@@ -11,7 +11,8 @@ from tests.hardness.stand_ins import by_table
 from tests.records.sample import WHEN
 
 from tsis.calibration.file import ProbeCalibration
-from tsis.catalog import load_probe, load_sphere
+from tsis.catalog.phantoms import load_sphere
+from tsis.catalog.probes import load_probe
 from tsis.hardness import estimate
 from tsis.records.provenance import environment
 from tsis.virtual.direct_contact import DirectContactRig
@@ -19,7 +20,8 @@ from tsis.virtual.direct_contact import DirectContactRig
 if TYPE_CHECKING:
     from datetime import datetime
 
-    from tsis.model import Estimate, TactileImage
+    from tsis.model.estimate import Estimate
+    from tsis.model.image import TactileImage
     from tsis.records.store import Store
     from tsis.records.values import Target
 

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.calibration.file import ProbeCalibration, calibration_sha256
-from tsis.model import Calibration, Estimate
+from tsis.model.calibration import Calibration
+from tsis.model.estimate import Estimate
 from tsis.records.values import StoredEstimate, StoredPress, Target, TargetRecord
 
 if TYPE_CHECKING:

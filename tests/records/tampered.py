@@ -12,7 +12,7 @@ from tests.records.forger import Stores, UnchangedError
 from tests.records.sample import WHEN, levels, sample_calibration, sample_estimate
 
 from tsis.errors import RecordsError
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 from tsis.records.store import open_store, verify_store
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ import pytest
 from tests.records.sample import WHEN, levels, sample_record
 
 from tsis.errors import FileInputError, RecordsError
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 from tsis.records.store import Store, back_up_store, open_store, verify_store
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import pytest
 from tests.records.sample import WHEN, levels, sample_calibration, sample_estimate, sample_record
 
 from tsis.errors import InputError
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 from tsis.records import store as store_module
 from tsis.records.database import Database
 

@@ -10,7 +10,7 @@ import pytest
 from tests.records.sample import WHEN, levels
 
 from tsis.errors import InputError, StaleRecordError
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 from tsis.records.store import verify_store
 
 if TYPE_CHECKING:

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from tests.records.sample import sample_record
 
 from tsis.errors import FileInputError, InputError
-from tsis.files import free_to_json, from_json_value, to_json_value
-from tsis.model import Estimate
+from tsis.files.json_values import free_to_json, from_json_value, to_json_value
+from tsis.model.estimate import Estimate
 from tsis.records.blobs import samples_bytes, samples_of
 from tsis.records.values import StoredEstimate, StoredPress, Target, estimate_from_json, estimate_to_json
 

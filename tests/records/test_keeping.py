@@ -10,7 +10,7 @@ import pytest
 from tests.records.sample import levels, sample_calibration, sample_estimate
 
 from tsis.errors import InputError, RecordsError
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 from tsis.records.importing import SavableResult, require_savable, save_results, saved_notes
 from tsis.records.store import open_store, verify_store
 

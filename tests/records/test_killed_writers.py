@@ -9,7 +9,7 @@ import pytest
 from tests.endurance import scaled
 from tests.records.killed_writers import Careless, killed_cycles
 
-from tsis.files import DISK
+from tsis.files.atomic import DISK
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -9,7 +9,7 @@ import pytest
 from tests.records.sample import WHEN, levels
 
 from tsis.errors import RecordsError
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 from tsis.records.blobs import Blobs
 from tsis.records.database import DATABASE_FILE
 from tsis.records.store import FILES, open_store, verify_store

@@ -17,7 +17,7 @@ from tests.records.place import Place
 from tests.records.sample import WHEN, levels
 
 from tsis.errors import MissingExtraError, RecordsError
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 from tsis.records import database as engines
 from tsis.records.store import open_store, verify_store
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from tsis.errors import RecordsWarning
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 from tsis.records.store import open_store
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from sqlalchemy import delete, update
 from tests.records.sample import WHEN, levels, sample_record
 
 from tsis.errors import RecordsError
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 from tsis.records import schema as tables
 from tsis.records.arrays import write_netcdf, write_zarr
 from tsis.records.database import TERM, read_secret

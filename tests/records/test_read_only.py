@@ -16,7 +16,7 @@ from tests.records.sample import WHEN, levels
 from tests.records.tampered import fill
 
 from tsis.errors import RecordsError
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 from tsis.records.store import open_store, verify_store
 
 ROOT = Path(__file__).parents[2]

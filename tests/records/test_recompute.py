@@ -14,7 +14,7 @@ from tests.records.sample import WHEN, levels, sample_calibration, sample_estima
 import tsis.hardness
 from tsis.errors import InputError, RecordsError
 from tsis.hardness import BLUR_MM, DRIFT_SD, HardnessPrior
-from tsis.model import Estimate, TactileImage
+from tsis.model.image import TactileImage
 from tsis.records.provenance import environment
 from tsis.records.recomputation import migrate_options, recompute
 from tsis.records.store import open_store, verify_store
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
+    from tsis.model.estimate import Estimate
     from tsis.records.store import Store
 
 NOW = datetime.now(UTC)

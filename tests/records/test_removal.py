@@ -12,7 +12,7 @@ from sqlalchemy import text
 from tests.records.sample import WHEN, levels, sample_record
 
 from tsis.errors import InputError, RecordsError
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 from tsis.records.reader import ARCHIVED, DELETED
 from tsis.records.store import UNDO_DAYS, verify_store
 

@@ -19,7 +19,7 @@ from tests.records.sample import WHEN, levels, sample_calibration, sample_estima
 
 from tsis.calibration.file import calibration_sha256
 from tsis.errors import InputError, RecordsError
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 from tsis.present.html import html_bytes
 from tsis.present.target import target_page
 from tsis.records import database as engines

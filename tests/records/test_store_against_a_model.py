@@ -17,7 +17,7 @@ from hypothesis.stateful import Bundle, RuleBasedStateMachine, consumes, initial
 from tests.records.sample import WHEN, sample_calibration, sample_estimate
 
 from tsis.errors import InputError, StaleRecordError
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 from tsis.records.store import open_store, verify_store
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from sqlalchemy import select
 from tests.records.sample import sample_record
 
 from tsis.errors import RecordsError
-from tsis.files import to_json_value
+from tsis.files.json_values import to_json_value
 from tsis.records import schema as tables
 from tsis.records.store import open_store, verify_store
 from tsis.records.target import read_bundle, write_bundle

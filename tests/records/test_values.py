@@ -9,7 +9,7 @@ import pytest
 from tests.records.sample import sample_record
 
 from tsis.errors import InputError
-from tsis.files import to_json_value
+from tsis.files.json_values import to_json_value
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from datetime import UTC, datetime
 import numpy as np
 
 from tsis.errors import RecordsError
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 from tsis.records.store import open_store
 
 

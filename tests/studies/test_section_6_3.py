@@ -20,7 +20,7 @@ from studies.section_6_3 import (
     without_itself,
 )
 
-from tsis.model import LightMap
+from tsis.model.calibration import LightMap
 
 SCG, LM = ("face_displacement_mm", "scg"), ("face_displacement_mm", "lm")
 

@@ -19,7 +19,8 @@ from sklearn.svm import SVC
 
 import tsis
 from tsis.errors import FileInputError, InputError
-from tsis.model import Estimate, Inclusion
+from tsis.model.estimate import Estimate
+from tsis.model.phantom import Inclusion
 from tsis.study.classifier import (
     Classifier,
     ClassifierSettings,

@@ -17,8 +17,9 @@ from typer.testing import CliRunner
 import tsis
 from tsis.cli.study import app
 from tsis.errors import InputError, RecordsError, TsisError
-from tsis.files import encode_picture
-from tsis.model import LightMap, TactileImage
+from tsis.files.images import encode_picture
+from tsis.model.calibration import LightMap
+from tsis.model.image import TactileImage
 from tsis.study.drift import (
     CHARTED,
     CheckLog,

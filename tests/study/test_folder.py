@@ -17,7 +17,7 @@ import pytest
 from tests.study.made import made_study, read_study
 
 from tsis.errors import InputError, RecordsError
-from tsis.files import canonical, digest
+from tsis.files.canonical_json import canonical, digest
 from tsis.present.study import publish_study
 from tsis.study.folder import (
     enter_readings,
@@ -353,7 +353,7 @@ def test_a_head_that_is_none(published: Path, head: str) -> None:
 
 
 def test_lines_that_fit_and_that_no_study_writes_are_found(tmp_path: Path) -> None:
-    from tsis.files import LogDraft
+    from tsis.files.hash_chain import LogDraft
     from tsis.study.log import append_log
 
     study = unblind(read_study(tmp_path, present=5, blank=5), by="Ada")
@@ -373,7 +373,7 @@ def test_lines_that_fit_and_that_no_study_writes_are_found(tmp_path: Path) -> No
 
 
 def test_a_reading_twice_or_of_nothing_is_found(tmp_path: Path) -> None:
-    from tsis.files import LogDraft
+    from tsis.files.hash_chain import LogDraft
     from tsis.study.log import append_log
 
     study = read_study(tmp_path, present=5, blank=5)

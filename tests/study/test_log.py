@@ -8,7 +8,8 @@ import pytest
 from tests.study.made import made_study
 
 from tsis.errors import RecordsError
-from tsis.files import Disk, LogDraft
+from tsis.files.atomic import Disk
+from tsis.files.hash_chain import LogDraft
 from tsis.study.folder import enter_readings, open_study
 from tsis.study.log import LOG_FILE, append_log, read_log
 from tsis.study.plan import DeviceReading
@@ -16,7 +17,7 @@ from tsis.study.plan import DeviceReading
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tsis.files import LogChain
+    from tsis.files.hash_chain import LogChain
 
 
 class FailingDisk(Disk):

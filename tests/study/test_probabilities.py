@@ -18,7 +18,7 @@ from sklearn.calibration import calibration_curve
 from sklearn.metrics import brier_score_loss
 
 from tsis.errors import InputError, MissingExtraError
-from tsis.model import Estimate
+from tsis.model.estimate import Estimate
 from tsis.study.probabilities import (
     PresenceProbability,
     brier_interval,

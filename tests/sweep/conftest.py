@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import pytest
 
-from tsis.catalog import load_probe
+from tsis.catalog.probes import load_probe
 from tsis.sweep.plan import Plan, Range
 
 if TYPE_CHECKING:

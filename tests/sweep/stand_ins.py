@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.errors import MechanicsError
-from tsis.model import PressField
+from tsis.model.press import PressField
 
 if TYPE_CHECKING:
-    from tsis.model import Phantom, Probe
+    from tsis.model.phantom import Phantom
+    from tsis.model.probe import Probe
 
 MARKER = "TSIS_TEST_MARKER"
 TOO_STIFF_KPA = 150.0

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from tests.system.aravis_peer import FOREIGN_CLIENT, LOOPBACK, loopback_camera_port, served_probe, standing_clock
 
-from tsis.catalog import load_probe, phantom_variant
+from tsis.catalog.phantoms import phantom_variant
+from tsis.catalog.probes import load_probe
 from tsis.errors import CameraError
 from tsis.instrument.drivers.aravis import AravisCamera, find_cameras_here
 from tsis.virtual.camera import VirtualCamera

@@ -15,7 +15,8 @@ from tsis.errors import CameraError, InputError, MechanicsError, UnknownNameErro
 from tsis.imaging import Sensor
 from tsis.instrument import Camera
 from tsis.instrument.acquisition import Acquisition
-from tsis.model import LightMap, Phantom, SoftSphere
+from tsis.model.calibration import LightMap
+from tsis.model.phantom import Phantom, SoftSphere
 from tsis.virtual.camera import VirtualCamera
 from tsis.virtual.probe import VirtualProbe
 

@@ -10,12 +10,13 @@ import pytest
 from tests.hardness.stand_ins import by_table
 
 import tsis
-from tsis.catalog import load_sphere
+from tsis.catalog.phantoms import load_sphere
 from tsis.errors import InputError, MechanicsError
 from tsis.hardness import read_contact
 from tsis.imaging import Sensor
 from tsis.mechanics.finite_strain import SphereResolution
-from tsis.model import LightMap, SoftSphere
+from tsis.model.calibration import LightMap
+from tsis.model.phantom import SoftSphere
 from tsis.virtual.direct_contact import DirectContactRig, direct_contact_calibration
 
 PROBE, SPHERE = tsis.load_probe("tsis-direct"), load_sphere("cl2003x")

@@ -7,13 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tsis.catalog import load_sensor
+from tsis.catalog.sensors import load_sensor
 from tsis.errors import CameraError, InputError
 from tsis.imaging import contacts, marker_shift
 from tsis.instrument import Camera
 from tsis.mechanics.finite_strain import SphereResolution
 from tsis.mechanics.gel import gel_shear
-from tsis.model import BoundedValue, GelSensor, Layer, SoftSphere
+from tsis.model.gel_sensor import BoundedValue, GelSensor
+from tsis.model.phantom import SoftSphere
+from tsis.model.probe import Layer
 from tsis.virtual.camera import GEL_PRESS_SETTING, VirtualGelCamera
 from tsis.virtual.gel_frames import marker_ink, rendered_series
 from tsis.virtual.gel_sensor import VirtualGelSensor

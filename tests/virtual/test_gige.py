@@ -9,9 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tsis.catalog import load_phantom, load_probe
+from tsis.catalog.phantoms import load_phantom
+from tsis.catalog.probes import load_probe
 from tsis.errors import CameraError, InputError, MissingExtraError
-from tsis.model import LightMap
+from tsis.model.calibration import LightMap
 from tsis.virtual.camera import VirtualCamera
 from tsis.virtual.gige import GigEServer, region_bytes, require_free_address
 from tsis.virtual.probe import VirtualProbe

@@ -10,7 +10,7 @@ from scipy.special import erf
 import tsis
 from tsis.errors import InputError
 from tsis.imaging import LedDrift, Sensor
-from tsis.model import LightMap
+from tsis.model.calibration import LightMap
 from tsis.virtual.loading_machine import MachineErrors, VirtualLoadingMachine
 from tsis.virtual.probe import VirtualProbe
 

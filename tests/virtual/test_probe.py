@@ -14,14 +14,14 @@ from tsis.imaging import Sensor, render
 from tsis.mechanics import press
 from tsis.mechanics.finite_strain import FiniteResolution, PressSeries
 from tsis.mechanics.small_strain import Resolution
-from tsis.model import Calibration, LightMap
+from tsis.model.calibration import Calibration, LightMap
 from tsis.optics.irradiance import irradiance
 from tsis.virtual.probe import VirtualProbe, nominal_calibration
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.model import Phantom
+    from tsis.model.phantom import Phantom
 
 PROBE = tsis.load_probe("tsis-2011")
 LUMP = tsis.load_phantom("hardness-100")

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 from tsis.calibration.file import ProbeCalibration, calibration_sha256, parse_calibration, read_calibration
 from tsis.calibration.force import ForceLine, total_grey
 from tsis.calibration.reference import CameraReference
-from tsis.model import ContentValue, QuantityBudget, UncertaintyComponent
+from tsis.model.budget import QuantityBudget, UncertaintyComponent
+from tsis.model.content import ContentValue
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,7 +18,8 @@ if TYPE_CHECKING:
 
     from tsis.calibration._measured import MeasuredValue
     from tsis.instrument.acquisition import Acquisition
-    from tsis.model import Calibration, TactileImage
+    from tsis.model.calibration import Calibration
+    from tsis.model.image import TactileImage
 
     CorrectedFrames = tuple[list[TactileImage], Calibration]
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import scipy
 
 from tsis.errors import InputError
-from tsis.model import require_number, require_type
+from tsis.model.require import require_number, require_type
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

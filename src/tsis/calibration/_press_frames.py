@@ -9,36 +9,24 @@ from typing import TYPE_CHECKING, Any
 
 from tsis.__about__ import LARGEST_TARGET
 from tsis.calibration._apply import UsableCalibration, read_usable_calibration
-from tsis.catalog import list_probes, load_probe, parse_probe
+from tsis.catalog.probes import list_probes, load_probe, parse_probe
 from tsis.errors import FileInputError, ImageMismatchError, InputError
-from tsis.files import (
-    as_path,
-    file_error,
-    from_json_value,
-    own_file,
-    printable_path,
-    read_bytes,
-    read_object,
-    require_known_schema,
-    written_by,
-)
+from tsis.files.json_values import from_json_value
+from tsis.files.reading import as_path, file_error, own_file, printable_path, read_bytes, read_object, written_by
+from tsis.files.result_schemas import require_known_schema
 from tsis.instrument import RAW_ENDINGS, SIDECAR_FORMAT, SIDECAR_VERSION, read_image
-from tsis.model import (
-    ContentValue,
-    Probe,
-    grey_sha256,
-    require_integer,
-    require_one_of,
-    require_pixel_scale,
-    require_type,
-)
+from tsis.model.content import ContentValue
+from tsis.model.image import grey_sha256, require_pixel_scale
+from tsis.model.probe import Probe
+from tsis.model.require import require_integer, require_one_of, require_type
 
 if TYPE_CHECKING:
     import os
     from collections.abc import Iterator
     from pathlib import Path
 
-    from tsis.model import Calibration, TactileImage
+    from tsis.model.calibration import Calibration
+    from tsis.model.image import TactileImage
 
 
 RESULT_FILE, UNTOUCHED_FILE = "result.json", "untouched.png"

@@ -14,19 +14,19 @@ import numpy as np
 from tsis.errors import CalibrationError
 from tsis.imaging import rough_contact
 from tsis.mechanics import press
-from tsis.model import (
+from tsis.model.calibration import (
     BEND_TERMS,
     FLUX_TERMS,
     GROWTH_TERMS,
     LIGHT_REACH,
     LIGHT_RINGS,
     LIGHT_TERMS,
-    MN_PER_N,
     LightMap,
     LightTerms,
-    Phantom,
-    require_number,
 )
+from tsis.model.phantom import Phantom
+from tsis.model.press import MN_PER_N
+from tsis.model.require import require_number
 from tsis.optics import ERF_SLOPE
 
 if TYPE_CHECKING:
@@ -35,7 +35,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.calibration.force import Loading
-    from tsis.model import Calibration, PressField, Probe
+    from tsis.model.calibration import Calibration
+    from tsis.model.press import PressField
+    from tsis.model.probe import Probe
 
     Floats = NDArray[np.float64]
     Integers = NDArray[np.intp]

@@ -15,12 +15,12 @@ import numpy as np
 from tsis.calibration._measured import MeasuredValue
 from tsis.errors import CalibrationError, InputError
 from tsis.imaging import pixel_noise, require_image, require_same_frame
-from tsis.model import require_array, require_integer, require_number
+from tsis.model.require import require_array, require_integer, require_number
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from tsis.model import TactileImage
+    from tsis.model.image import TactileImage
 
 __all__ = [
     "LEAST_LIT",
@@ -153,7 +153,7 @@ def patch_ratio(
 
     Examples
     --------
-    >>> from tsis.model import TactileImage
+    >>> from tsis.model.image import TactileImage
     >>> before, after = (TactileImage(grey=np.full((40, 40), grey)) for grey in (100.0, 103.0))
     >>> corner = ReferencePatch(first_row=0, last_row=10, first_column=0, last_column=10)
     >>> round(patch_ratio(after, before, patch=corner).value, 4)
@@ -199,7 +199,7 @@ def drift_corrected(image: TactileImage, ratio: MeasuredValue | float, *, dark_g
 
     Examples
     --------
-    >>> from tsis.model import TactileImage
+    >>> from tsis.model.image import TactileImage
     >>> float(drift_corrected(TactileImage(grey=np.full((8, 8), 103.0)), 1.03).grey.max())
     100.0
     """

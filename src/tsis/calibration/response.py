@@ -18,7 +18,9 @@ from numpy.polynomial.legendre import leggauss
 from tsis.calibration._measured import MeasuredValue
 from tsis.calibration.force import GAUGE_ERROR, HERTZ_SPREAD, MIDDLE, combine_variances, fit_run, usable_presses
 from tsis.errors import CalibrationError, InputError
-from tsis.model import MN_PER_N, Calibration, require_number, require_type
+from tsis.model.calibration import Calibration
+from tsis.model.press import MN_PER_N
+from tsis.model.require import require_number, require_type
 from tsis.optics import ERF_SLOPE
 
 if TYPE_CHECKING:

@@ -20,7 +20,7 @@ import scipy
 from tsis.calibration._measured import MeasuredValue
 from tsis.errors import InputError
 from tsis.imaging import GAUSSIAN_MAD
-from tsis.model import require_array, require_number
+from tsis.model.require import require_array, require_number
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

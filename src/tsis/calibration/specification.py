@@ -13,13 +13,13 @@ from tsis.calibration._measured import MeasuredValue
 from tsis.calibration.force import HYSTERESIS_POINT, mean_value
 from tsis.errors import CalibrationError, InputError
 from tsis.imaging import pixel_noise, require_image
-from tsis.model import require_array, require_number, require_one_of, require_type
+from tsis.model.require import require_array, require_number, require_one_of, require_type
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from tsis.calibration.force import ForceLine, ForceLineDiagnostics
-    from tsis.model import TactileImage
+    from tsis.model.image import TactileImage
 
 __all__ = ["Specification", "SpecificationRow", "edge_width", "frame_rate", "specification_sheet"]
 

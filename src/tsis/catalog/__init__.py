@@ -1,34 +1,20 @@
 """Probes, phantoms, spheres, gel sensors and priors of the package, as TOML files that a user can copy and replace."""
 
-from tsis.catalog.phantoms import list_phantoms, list_spheres, load_phantom, load_sphere, phantom_variant
-from tsis.catalog.priors import (
-    default_prior_toml,
-    inclusion_prior_toml,
-    list_inclusion_priors,
-    parse_prior,
-    read_prior_file,
-)
-from tsis.catalog.probes import list_probes, load_probe, parse_probe, probe_toml, probe_variant
-from tsis.catalog.sensors import list_sensors, load_sensor, parse_sensor, sensor_toml
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "default_prior_toml",
-    "inclusion_prior_toml",
-    "list_inclusion_priors",
-    "list_phantoms",
-    "list_probes",
-    "list_sensors",
-    "list_spheres",
-    "load_phantom",
-    "load_probe",
-    "load_sensor",
-    "load_sphere",
-    "parse_prior",
-    "parse_probe",
-    "parse_sensor",
-    "phantom_variant",
-    "probe_toml",
-    "probe_variant",
-    "read_prior_file",
-    "sensor_toml",
-]
+import lazy_loader
+
+if TYPE_CHECKING:
+    from tsis.catalog import phantoms as phantoms
+    from tsis.catalog import priors as priors
+    from tsis.catalog import probes as probes
+    from tsis.catalog import sensors as sensors
+    from tsis.catalog.phantoms import load_phantom as load_phantom
+    from tsis.catalog.probes import load_probe as load_probe
+    from tsis.catalog.sensors import load_sensor as load_sensor
+else:  # modules load when they are first used
+    __getattr__, __dir__, _ = lazy_loader.attach(
+        __name__,
+        submodules=["phantoms", "priors", "probes", "sensors"],
+        submod_attrs={"phantoms": ["load_phantom"], "probes": ["load_probe"], "sensors": ["load_sensor"]},
+    )

@@ -218,8 +218,8 @@ def run() -> None:
             if verbosity.verbose:
                 raise
             _stop(
-                f"Error: a defect of tsis, {type(error).__name__}: {tsis.files.one_line(error):.200} (repeat the "
-                "command with --verbose and report what it prints)",
+                f"Error: a defect of tsis, {type(error).__name__}: {tsis.files.reading.one_line(error):.200} "
+                "(repeat the command with --verbose and report what it prints)",
                 FAILED,
             )
         _stop(f"Error: {message().strip()} (see --help)", BAD_INPUT)

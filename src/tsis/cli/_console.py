@@ -214,7 +214,7 @@ def serve(
     import numpy as np
 
     rng = np.random.default_rng(seed)
-    target = tsis.catalog.phantom_variant(phantom, diameter_mm, depth_mm, young_kpa)
+    target = tsis.catalog.phantoms.phantom_variant(phantom, diameter_mm, depth_mm, young_kpa)
     with waiting("tracing the light of the lamps"):
         rig = tsis.virtual.VirtualProbe(tsis.catalog.load_probe(probe), rng=rng, strain="small")  # a live view
     camera = tsis.virtual.camera.VirtualCamera(rig, target, rng=rng, force_n=force_n, frames_per_s=SLOWEST)

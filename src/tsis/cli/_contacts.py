@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.imaging.depth import DepthMap
-    from tsis.model import GelSensor
+    from tsis.model.gel_sensor import GelSensor
 
 
 MOST_GEL_FRAMES = 2000
@@ -63,7 +63,7 @@ def contacts(
     """
     for path in (csv, page, figure):
         if path is not None:
-            tsis.files.require_absent(path)
+            tsis.files.result_folder.require_absent(path)
     chosen = chosen_sensor(sensor)
     paths = gel_frame_paths(frames)
     levels = [read_gel_frame(path) for path in paths]
@@ -86,7 +86,7 @@ def contacts(
     )
     for path, content in outputs:
         if path is not None:
-            tsis.files.write_durably(path, content())
+            tsis.files.atomic.write_durably(path, content())
             written.append(str(path))
     if as_json:
         print_json(
@@ -144,13 +144,15 @@ def missing_frames_note(frames: Sequence[Path]) -> tuple[str, ...]:
 def _sidecar_force(frame: Path) -> tuple[float | None, float | None]:
     """Force in newtons and its sd, where a JSON file beside the frame holds one."""
     beside = frame.with_suffix(".json")
-    force = tsis.files.read_object(beside).get("force") if beside.is_file() else None
+    force = tsis.files.reading.read_object(beside).get("force") if beside.is_file() else None
     if not isinstance(force, dict):
         return None, None
     newtons, sd = force.get("force_n"), force.get("force_sd_n")
     name = f"force_n of {beside.name}"
-    newtons = tsis.model.require_number(name, newtons, -1000.0, 1000.0, hint="newtons")
-    return newtons, None if sd is None else tsis.model.require_number(f"sd of {name}", sd, 0.0, 1000.0, hint="newtons")
+    newtons = tsis.model.require.require_number(name, newtons, -1000.0, 1000.0, hint="newtons")
+    return newtons, None if sd is None else tsis.model.require.require_number(
+        f"sd of {name}", sd, 0.0, 1000.0, hint="newtons"
+    )
 
 
 def read_gel_frame(path: Path) -> NDArray[Any]:
@@ -206,7 +208,7 @@ def calibrate(
     as_json: AsJson = False,
 ) -> None:
     """Calibrate depth from presses of a ball of known diameter; each is left out in turn to measure the error."""
-    tsis.files.require_absent(out)
+    tsis.files.result_folder.require_absent(out)
     chosen = chosen_sensor(sensor)
     untouched = required_reference(chosen, reference)
     levels = [read_gel_frame(path) for path in gel_frame_paths(frames)]
@@ -214,7 +216,7 @@ def calibrate(
         result = tsis.imaging.depth.calibrate_depth(
             levels, sensor=chosen, reference=untouched, ball_mm=ball_mm, progress=advance
         )
-    tsis.files.write_durably(out, tsis.imaging.depth.depth_calibration_json(result))
+    tsis.files.atomic.write_durably(out, tsis.imaging.depth.depth_calibration_json(result))
     if as_json:
         document = tsis.present.document.envelope(
             "depth calibrate", sensor=chosen.name, method=result.method, presses=result.presses, sd_mm=result.sd_mm,
@@ -252,7 +254,7 @@ def depth_map(
     """Write depth maps in mm with their uncertainty: NPY (depth and sd), TIFF of floats, PLY points, and a picture."""
     chosen = chosen_sensor(sensor)
     parse = tsis.imaging.depth.parse_depth_calibration
-    document = tsis.files.read_object(calibration, values=MOST_WEIGHTS)
+    document = tsis.files.reading.read_object(calibration, values=MOST_WEIGHTS)
     mapper = tsis.imaging.depth.DepthMapper(parse(document), chosen, required_reference(chosen, reference))
     files: dict[str, bytes] = {}
     rows: list[tuple[str, float, float]] = []
@@ -263,7 +265,7 @@ def depth_map(
             files |= {f"{path.stem}{ending}": content(result) for ending, content in FORMS.items()}
             rows.append((path.name, float(result.depth_mm.max()), _sd(result)))
             advance(number + 1, len(paths))
-    folder = tsis.files.write_folder(tsis.files.free_folder(out), files)
+    folder = tsis.files.result_folder.write_folder(tsis.files.result_folder.free_folder(out), files)
     if as_json:
         maps = [dict(zip(("frame", "deepest_mm", "sd_mm"), row, strict=True)) for row in rows]
         print_json(tsis.present.document.envelope("depth map", sensor=chosen.name, maps=maps, folder=str(folder)))

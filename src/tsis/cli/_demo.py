@@ -35,7 +35,9 @@ from tsis.errors import InputError
 
 if TYPE_CHECKING:
     from tsis.inclusion import InclusionPrior
-    from tsis.model import Phantom, Probe, TactileImage
+    from tsis.model.image import TactileImage
+    from tsis.model.phantom import Phantom
+    from tsis.model.probe import Probe
     from tsis.virtual.probe import VirtualProbe
 
 ONE_EXAMINATION = ("phantom", "diameter_mm", "depth_mm", "young_kpa", "out", "save", "store", "number")
@@ -96,7 +98,7 @@ def demo(
             as_json=as_json,
         )
         return
-    target = tsis.catalog.phantom_variant(phantom, diameter_mm, depth_mm, young_kpa)
+    target = tsis.catalog.phantoms.phantom_variant(phantom, diameter_mm, depth_mm, young_kpa)
     if tissue_kpa is not None:
         target = target.on_tissue(tissue_kpa) if young_kpa is None else replace(target, young_kpa=tissue_kpa)
     force_n = _forces(force_n, protocol_name, chosen, target.young_kpa)

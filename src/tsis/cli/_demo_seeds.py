@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from tsis.inclusion import InclusionPrior
-    from tsis.model import Probe
+    from tsis.model.probe import Probe
 
 CONFIDENCE = 0.95
 
@@ -55,7 +55,7 @@ def repeat_demo(
 
 def prior_name(prior: InclusionPrior) -> str:
     """The name of a prior; the default one has that of its file."""
-    return prior.name or str(tsis.catalog.list_inclusion_priors()[0])
+    return prior.name or str(tsis.catalog.priors.list_inclusion_priors()[0])
 
 
 def is_default_protocol(protocol: Mapping[str, Any]) -> bool:

@@ -132,7 +132,7 @@ def _is_installed(name: str) -> bool:
 
 
 def _places() -> Iterator[Finding]:
-    cache = tsis.files.cache_folder()
+    cache = tsis.files.cache.cache_folder()
     usable = _is_writable(cache)
     yield Finding(
         what="cache",

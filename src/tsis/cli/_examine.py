@@ -42,7 +42,11 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from tsis.inclusion import InclusionPrior, UncertaintyBudget
-    from tsis.model import Calibration, Estimate, Probe, QuantityBudget, TactileImage
+    from tsis.model.budget import QuantityBudget
+    from tsis.model.calibration import Calibration
+    from tsis.model.estimate import Estimate
+    from tsis.model.image import TactileImage
+    from tsis.model.probe import Probe
     from tsis.present.images import PressComparison
 
 

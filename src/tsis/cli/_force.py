@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.mechanics.gel import GelForce, GelShear
-    from tsis.model import GelSensor
+    from tsis.model.gel_sensor import GelSensor
 
 
 LARGEST_MAP = 16_000_000  # pixels
@@ -85,7 +85,7 @@ def force(
         depth=None if depth is None else str(depth),
         force_n=result.force_n,
         interval_n=[low, high],
-        level=tsis.model.INTERVAL_LEVEL,
+        level=tsis.model.estimate.INTERVAL_LEVEL,
         peak_kpa=float(result.pressure_kpa.max()),
         contact_area_mm2=result.contact_area_mm2,
         deepest_mm=result.deepest_mm,
@@ -143,7 +143,7 @@ def _shear(frame: Path, reference: Path | None, sensor: GelSensor) -> GelShear:
 
 def _read_depth(path: Path) -> NDArray[np.float64]:
     """A depth map of a file; `FileInputError` where the file holds none."""
-    data = tsis.files.read_bytes(path, most=16 * LARGEST_MAP)
+    data = tsis.files.reading.read_bytes(path, most=16 * LARGEST_MAP)
     try:
         mapped = np.load(io.BytesIO(data), allow_pickle=False)
     except (ValueError, EOFError):
@@ -168,7 +168,7 @@ def _read_sd(depth: Path | None) -> NDArray[np.float64] | None:
 def _weight(text: str) -> tuple[Path, float]:
     path, _, newtons = text.rpartition("=")
     try:
-        return Path(path), tsis.model.require_number("--weight", float(newtons), 1e-4, 1000.0, hint="newtons")
+        return Path(path), tsis.model.require.require_number("--weight", float(newtons), 1e-4, 1000.0, hint="newtons")
     except ValueError:
         raise InputError(f"--weight must be a depth map and its force, as press.npy=0.5; got {text!r:.80}") from None
 

@@ -50,7 +50,10 @@ if TYPE_CHECKING:
 
     from tsis.cli._saving import Destination
     from tsis.hardness import HardnessPrior
-    from tsis.model import Calibration, Estimate, Probe, TactileImage
+    from tsis.model.calibration import Calibration
+    from tsis.model.estimate import Estimate
+    from tsis.model.image import TactileImage
+    from tsis.model.probe import Probe
 
 
 DEMO, DEMO_FORCES = "cl2000x", [0.7, 1.2]
@@ -117,7 +120,7 @@ def hardness(
     if contacts is not None:
         if paths or demo or virtual is not None or calibration is not None:
             raise InputError("--contacts must stand alone: give no images, calibration, --demo or --virtual")
-        own = None if prior is None else tsis.catalog.read_prior_file(prior, tsis.hardness.HardnessPrior)
+        own = None if prior is None else tsis.catalog.priors.read_prior_file(prior, tsis.hardness.HardnessPrior)
         stated = ContactOptions(
             sensor=sensor,
             force_n=force_n,
@@ -136,7 +139,7 @@ def hardness(
     assumed = (
         tsis.hardness.HardnessPrior()
         if prior is None
-        else tsis.catalog.read_prior_file(prior, tsis.hardness.HardnessPrior)
+        else tsis.catalog.priors.read_prior_file(prior, tsis.hardness.HardnessPrior)
     )
     if demo or virtual is not None:
         given = [*paths, *(ball or ()), calibration, scale_mm, radius_mm, radius_sd_mm, ball_radius_mm]
@@ -214,7 +217,7 @@ def _virtual(
 ) -> None:
     import numpy as np
 
-    sphere = tsis.catalog.load_sphere(name)
+    sphere = tsis.catalog.phantoms.load_sphere(name)
     rig = tsis.virtual.direct_contact.DirectContactRig(probe, rng=np.random.default_rng(seed))
     with waiting(f"pressing {name} with the virtual rig"):
         frames = rig.press_path(sphere, forces_n=forces)

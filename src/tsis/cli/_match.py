@@ -49,20 +49,23 @@ def match(
     import numpy as np
 
     if method not in tsis.matching.METHODS:
-        tsis.model.require_one_of("method", method, (*tsis.matching.METHODS, *tsis.plugins.find_plugins("matching")))
+        tsis.model.require.require_one_of(
+            "method", method, (*tsis.matching.METHODS, *tsis.plugins.find_plugins("matching"))
+        )
     files = {"out": out, "figure": figure, "html": html}
     for file in files.values():
         _refuse_existing(file)
     for (name, file), (other, second_file) in itertools.combinations(files.items(), 2):
         if file is not None and file == second_file:
             raise InputError(
-                f"--{name} and --{other} must be two files; got {tsis.files.printable_path(file)} for both"
+                f"--{name} and --{other} must be two files; got {tsis.files.reading.printable_path(file)} for both"
             )
     first, second = tsis.matching.read_points(source), tsis.matching.read_points(target)
     if first.shape[1] != second.shape[1]:
         raise InputError(
             f"both files must contain points of the plane or both of space; got {first.shape[1]} coordinates in "
-            f"{tsis.files.printable_path(source)} and {second.shape[1]} in {tsis.files.printable_path(target)}"
+            f"{tsis.files.reading.printable_path(source)} and {second.shape[1]} in "
+            f"{tsis.files.reading.printable_path(target)}"
         )
     with waiting("matching"):
         result = tsis.matching.register(first, second, method=method, rng=np.random.default_rng(seed))
@@ -72,7 +75,7 @@ def match(
     if figure is not None:
         _write(figure, _picture(first, second, result))
     if html is not None:
-        title = f"{tsis.files.printable_name(source)} to {tsis.files.printable_name(target)}"
+        title = f"{tsis.files.reading.printable_name(source)} to {tsis.files.reading.printable_name(target)}"
         provenance = {"method": method, "seed": seed, "source": title.split(" to ")[0], "points": len(first)}
         page = tsis.present.matching.registration_page(first, second, result, title=title, provenance=provenance)
         _write(html, tsis.present.html.html_bytes(page))
@@ -103,8 +106,8 @@ def _result(
             "match",
             method=method,
             seed=seed,
-            source={"name": tsis.files.printable_name(source), "points": len(first)},
-            target={"name": tsis.files.printable_name(target), "points": len(second)},
+            source={"name": tsis.files.reading.printable_name(source), "points": len(first)},
+            target={"name": tsis.files.reading.printable_name(target), "points": len(second)},
             matched=int(paired.sum()),
             rms_before=before,
             rms_after=after,
@@ -123,7 +126,7 @@ def _result(
         leave(trusted=registration.reliable)
         return
     sets = ((source, first), (target, second))
-    title = " to ".join(f"{tsis.files.printable_name(file)} ({len(points)} points)" for file, points in sets)
+    title = " to ".join(f"{tsis.files.reading.printable_name(file)} ({len(points)} points)" for file, points in sets)
     rows = (
         ("method", method),
         ("matched points", f"{paired.sum()} of {len(first)}"),
@@ -161,14 +164,15 @@ def _picture(first: NDArray[np.float64], second: NDArray[np.float64], registrati
 def _refuse_existing(file: Path | None) -> None:
     if file is not None and file.exists():
         raise FileInputError(
-            f"{tsis.files.printable_path(file)} must be new, so that nothing is overwritten; it exists (choose another)"
+            f"{tsis.files.reading.printable_path(file)} must be new, so that nothing is overwritten; it exists "
+            "(choose another)"
         )
 
 
 def _write(file: Path, content: bytes) -> None:
     try:
-        tsis.files.write_durably(file, content)
+        tsis.files.atomic.write_durably(file, content)
     except OSError as error:
         raise FileInputError(
-            f"{tsis.files.printable_path(file)} must be writable; got: {error.strerror or error}"
+            f"{tsis.files.reading.printable_path(file)} must be writable; got: {error.strerror or error}"
         ) from error

@@ -65,7 +65,7 @@ def train(
     """Simulate presses on inclusions of the prior, and train networks on three outputs of each press."""
     import numpy as np
 
-    tsis.files.require_absent(file)
+    tsis.files.result_folder.require_absent(file)
     chosen = chosen_probe(probe)
     assumed = chosen_prior(prior)
     with progress_bar("simulating presses, then training networks") as progress:

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from tsis.calibration import UsableCalibration
-    from tsis.model import Probe, TactileImage
+    from tsis.model.image import TactileImage
+    from tsis.model.probe import Probe
 
 
 PhantomName = Annotated[str, typer.Option("--phantom", help="Name in the catalog; tsis simulate --list shows all.")]
@@ -56,7 +57,7 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON a
 def _print_prior(kind: str) -> Callable[[bool], None]:
     def shown(requested: bool) -> None:
         if requested:
-            typer.echo(tsis.catalog.default_prior_toml(kind), nl=False)
+            typer.echo(tsis.catalog.priors.default_prior_toml(kind), nl=False)
             raise typer.Exit
 
     return shown
@@ -94,7 +95,7 @@ OtherPriors = Annotated[
 
 def other_priors(prior: tsis.inclusion.InclusionPrior) -> dict[str, tsis.inclusion.InclusionPrior]:
     """The shipped priors but the one in use."""
-    named = {name: chosen_prior(name) for name in tsis.catalog.list_inclusion_priors()}
+    named = {name: chosen_prior(name) for name in tsis.catalog.priors.list_inclusion_priors()}
     return {name: other for name, other in named.items() if replace(other, name="") != replace(prior, name="")}
 
 
@@ -104,11 +105,11 @@ def chosen_prior(given: str | None, tissue_kpa: float | None = None) -> tsis.inc
         return tsis.inclusion.prior_on_tissue(chosen_prior(given), tissue_kpa)
     if given is None:
         return tsis.inclusion.InclusionPrior()
-    if given in tsis.catalog.list_inclusion_priors():
-        text = tsis.catalog.inclusion_prior_toml(given)
-        prior: tsis.inclusion.InclusionPrior = tsis.catalog.parse_prior(text, tsis.inclusion.InclusionPrior)
+    if given in tsis.catalog.priors.list_inclusion_priors():
+        text = tsis.catalog.priors.inclusion_prior_toml(given)
+        prior: tsis.inclusion.InclusionPrior = tsis.catalog.priors.parse_prior(text, tsis.inclusion.InclusionPrior)
         return replace(prior, name=given)
-    return tsis.catalog.read_prior_file(given, tsis.inclusion.InclusionPrior)
+    return tsis.catalog.priors.read_prior_file(given, tsis.inclusion.InclusionPrior)
 
 
 ShowPrior = Annotated[bool, _show_prior("inclusion")]
@@ -133,7 +134,7 @@ def scale_of(text: str) -> tuple[float, float]:
         parts = []
     if len(parts) not in (1, 2):
         raise InputError(f"--scale-mm must be one number or x,y in millimetres per pixel; got {text!r}")
-    return tsis.model.require_pixel_scale((parts[0], parts[-1]))
+    return tsis.model.image.require_pixel_scale((parts[0], parts[-1]))
 
 
 def target_forces(given: Sequence[float], images: int) -> list[float]:
@@ -175,7 +176,7 @@ def is_file(probe: str) -> bool:
 
 def is_careful(protocol: str) -> bool:
     """Whether ``--protocol`` names the careful one."""
-    return tsis.model.require_one_of("protocol", protocol, ("usual", "careful")) == "careful"
+    return tsis.model.require.require_one_of("protocol", protocol, ("usual", "careful")) == "careful"
 
 
 def chosen_probe(probe: str) -> Probe:
@@ -199,7 +200,7 @@ def calibrated_probe(name: str, *, unnamed: str) -> Probe:
     NotCalibratedError
         When the calibration is of a probe that the catalog does not have.
     """
-    if name and name not in tsis.catalog.list_probes():
+    if name and name not in tsis.catalog.probes.list_probes():
         raise NotCalibratedError(
             f"the calibration is of the probe {name!r:.80}, which is not in the catalog: give its file, as --probe "
             "mine.toml"
@@ -210,7 +211,7 @@ def calibrated_probe(name: str, *, unnamed: str) -> Probe:
 def chosen_lit_probe(probe: str, half_angle_deg: float | None, height_mm: float | None, aim_deg: float | None) -> Probe:
     """The probe that ``--probe`` names, with the given values of all lamps replaced where it is one of the catalog."""
     if not is_file(probe):
-        return tsis.catalog.probe_variant(probe, half_angle_deg, height_mm, aim_deg)
+        return tsis.catalog.probes.probe_variant(probe, half_angle_deg, height_mm, aim_deg)
     if (half_angle_deg, height_mm, aim_deg) != (None, None, None):
         raise InputError(
             f"--half-angle-deg, --height-mm and --aim-deg change the lamps of a probe of the catalog; got {probe}: "
@@ -230,23 +231,23 @@ def require_no_file(what: str, probe: str | None) -> None:
 
 def read_probe(file: Path) -> Probe:
     """The one probe of a TOML file, written as an entry of the catalog; errors as `chosen_probe`."""
-    return tsis.files.read_parsed(file, _parsed, most=LARGEST_FILE_BYTES)
+    return tsis.files.reading.read_parsed(file, _parsed, most=LARGEST_FILE_BYTES)
 
 
 def _parsed(text: str) -> Probe:
-    document = tsis.files.parse_toml(text, what="a probe")
+    document = tsis.files.reading.parse_toml(text, what="a probe")
     entries = {name: value for name, value in document.items() if isinstance(value, dict)}
     if len(document) != 1 or len(entries) != 1:
-        got = f"{tsis.files.one_line(', '.join(document)):.80}" if document else "nothing"
+        got = f"{tsis.files.reading.one_line(', '.join(document)):.80}" if document else "nothing"
         raise InputError(f"it must hold one probe, a table under its name as [my-probe]; got {got}")
     ((name, entry),) = entries.items()
     if not NAME.fullmatch(name):
         raise InputError(
             f"the name must be up to 60 letters, digits, spaces and any of - _ . , ( ) +; got {name!r:.80}"
         )
-    if name in tsis.catalog.list_probes():
+    if name in tsis.catalog.probes.list_probes():
         raise InputError(f"the name {name!r} is that of a probe of the catalog; choose another, as [my-{name}]")
-    return tsis.catalog.parse_probe(name, _checked(entry))
+    return tsis.catalog.probes.parse_probe(name, _checked(entry))
 
 
 def _checked(entry: Mapping[str, Any]) -> dict[str, Any]:
@@ -255,13 +256,13 @@ def _checked(entry: Mapping[str, Any]) -> dict[str, Any]:
     if "radius_mm" not in entry or "layers" not in entry:
         raise InputError(f"a probe must give radius_mm and layers; got {', '.join(entry) or 'nothing'}")
     for layer in _tables("layers", entry["layers"], MOST_LAYERS):
-        _require_known("a layer", layer, (field.name for field in fields(tsis.model.Layer)))
+        _require_known("a layer", layer, (field.name for field in fields(tsis.model.probe.Layer)))
         if not {"thickness_mm", "young_kpa"} <= set(layer):
             raise InputError(f"a layer must give thickness_mm and young_kpa; got {', '.join(layer) or 'nothing'}")
     for lamp in _tables("leds", entry.get("leds", []), MOST_LAMPS):
-        _require_known("a lamp", lamp, (field.name for field in fields(tsis.model.Led)))
+        _require_known("a lamp", lamp, (field.name for field in fields(tsis.model.probe.Led)))
     (glass,) = _tables("glass", [entry.get("glass", {})], 1)
-    _require_known("the glass", glass, (field.name for field in fields(tsis.model.Glass)))
+    _require_known("the glass", glass, (field.name for field in fields(tsis.model.probe.Glass)))
     assumed = entry.get("assumed", [])
     if not isinstance(assumed, list) or not all(isinstance(name, str) for name in assumed):
         raise InputError(f"assumed must be a list of names of values; got {assumed!r:.80}")
@@ -271,7 +272,7 @@ def _checked(entry: Mapping[str, Any]) -> dict[str, Any]:
 def _require_known(what: str, table: Mapping[str, Any], names: Iterable[str]) -> None:
     names = tuple(names)
     for key in table:
-        tsis.model.require_one_of(f"value of {what}", key, names)
+        tsis.model.require.require_one_of(f"value of {what}", key, names)
 
 
 def _tables(name: str, value: Any, most: int) -> list[dict[str, Any]]:

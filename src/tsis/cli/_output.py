@@ -43,12 +43,12 @@ def print_watched(counts: Mapping[str, int]) -> None:
 
 def result_bytes(document: Mapping[str, Any]) -> bytes:
     """Content of a result's file; `KeyError` where the document names no schema."""
-    return tsis.files.json_bytes({"schema": document["schema"], **document})
+    return tsis.files.canonical_json.json_bytes({"schema": document["schema"], **document})
 
 
 def plain_json_bytes(values: Mapping[str, Any]) -> bytes:
     """Content of a JSON file that is no result, such as a sidecar."""
-    return tsis.files.json_bytes(values)
+    return tsis.files.canonical_json.json_bytes(values)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -84,7 +84,7 @@ def write_outcome(outcome: CommandOutcome, out: Path) -> Path:
         RESULT: result_bytes(outcome.document),
         "index.html": tsis.present.html.html_bytes(outcome.page),
     }
-    return tsis.files.write_folder(tsis.files.free_folder(out), files)
+    return tsis.files.result_folder.write_folder(tsis.files.result_folder.free_folder(out), files)
 
 
 def print_outcome(outcome: CommandOutcome, folder: Path, *, as_json: bool) -> None:
@@ -119,10 +119,10 @@ def show_result(result: CommandResult, out: Path | None, *, as_json: bool, trust
     document = {**result.document, "notes": list(result.notes)}
     folder = None
     if out is not None:
-        requested = tsis.files.free_folder(out)  # refused before anything is drawn
+        requested = tsis.files.result_folder.free_folder(out)  # refused before anything is drawn
         files = {f"{name}.png": _png(draw()) for name, draw in result.figures.items()}
         files |= {f"{name}.npy": npy_bytes(values) for name, values in result.arrays.items()}
-        folder = tsis.files.write_folder(requested, {**files, RESULT: result_bytes(document)})
+        folder = tsis.files.result_folder.write_folder(requested, {**files, RESULT: result_bytes(document)})
     if as_json:
         print_json(document if folder is None else {**document, "folder": str(folder)})
     else:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tsis.inclusion import TissueModulus
-    from tsis.model import Probe
+    from tsis.model.probe import Probe
 
 DOMED = "tsis-domed"
 NOT_ON_TISSUE = (

@@ -114,7 +114,7 @@ def publish_and_save(
             saved = save_results(store, savable(), number=destination.number)
         outcome = outcome.with_notes(*saved_notes(saved))
         outcome = replace(outcome, document={**outcome.document, "saved": saved})
-        tsis.files.write_durably(folder / RESULT, result_bytes(outcome.document))
+        tsis.files.atomic.write_durably(folder / RESULT, result_bytes(outcome.document))
     except TsisError as error:
         print_outcome(outcome, folder, as_json=as_json)
         stop_not_saved(error, str(folder))

@@ -53,7 +53,7 @@ def new(
     """Write the file of your own gel sensor, from one of the catalog and what you know better."""
     from tsis.present.gel_sensor import sensor_document, sensor_notes, sensor_table
 
-    if name in tsis.catalog.list_sensors():
+    if name in tsis.catalog.sensors.list_sensors():
         raise InputError(f"the name {name!r} is that of a sensor of the catalog; choose another, as my-{name}")
     start = tsis.catalog.load_sensor(like)
     changes: dict[str, Any] = {"name": name}
@@ -63,7 +63,7 @@ def new(
         changes["image_px"] = _pixels(image_px)
     for key, value in (("thickness_mm", thickness_mm), ("young_kpa", young_kpa)):
         if value is not None:
-            changes[key] = tsis.model.BoundedValue(value=value)
+            changes[key] = tsis.model.gel_sensor.BoundedValue(value=value)
     changes |= {
         key: value
         for key, value in (("reference_file", reference), ("marker_pitch_mm", marker_pitch_mm))
@@ -72,8 +72,8 @@ def new(
     changed = {key for key in changes if key in start.sources}
     changes["sources"] = {key: "given by the user" if key in changed else text for key, text in start.sources.items()}
     sensor = replace(start, **changes)
-    tsis.files.require_absent(out)
-    tsis.files.write_durably(out, tsis.catalog.sensor_toml(sensor).encode())
+    tsis.files.result_folder.require_absent(out)
+    tsis.files.atomic.write_durably(out, tsis.catalog.sensors.sensor_toml(sensor).encode())
     if as_json:
         print_json(tsis.present.document.envelope("sensor new", sensor=sensor_document(sensor), file=str(out)))
         return
@@ -130,7 +130,7 @@ def show(
     from tsis.present.gel_sensor import sensor_document, sensor_notes, sensor_table
 
     loaded = None if sensor is None else tsis.catalog.load_sensor(sensor)
-    names = tsis.catalog.list_sensors() if loaded is None else (loaded.name,)
+    names = tsis.catalog.sensors.list_sensors() if loaded is None else (loaded.name,)
     if as_json:
         shown = {} if loaded is None else {"sensor": sensor_document(loaded)}
         print_json(tsis.present.document.envelope("sensor show", names=list(names), **shown))
@@ -154,18 +154,20 @@ def frames(
 ) -> None:
     """Render frames of a sensor pressed by a ball, with their truth, to try the commands without a sensor."""
     loaded = tsis.catalog.load_sensor(sensor)
-    tsis.model.require_integer("--presses", presses, 1, 100)
-    tsis.model.require_number("--ball-mm", ball_mm, 1.0, 40.0, hint="millimetres")
+    tsis.model.require.require_integer("--presses", presses, 1, 100)
+    tsis.model.require.require_number("--ball-mm", ball_mm, 1.0, 40.0, hint="millimetres")
     made = tsis.virtual.gel_frames.rendered_series(loaded, presses, ball_radius_mm=ball_mm / 2, seed=seed)
-    files = {"untouched.png": tsis.files.encode_picture(made[0].reference)}
+    files = {"untouched.png": tsis.files.images.encode_picture(made[0].reference)}
     truth = []
     for number, press in enumerate(made, start=1):
-        files[f"press-{number}.png"] = tsis.files.encode_picture(press.frame)
+        files[f"press-{number}.png"] = tsis.files.images.encode_picture(press.frame)
         truth.append({"frame": f"press-{number}.png", "centre_px": list(press.centre_px), "radius_px": press.radius_px})
     document = tsis.present.document.envelope(
         "sensor frames", sensor=loaded.name, ball_mm=ball_mm, seed=seed, truth=truth
     )
-    folder = tsis.files.write_folder(tsis.files.free_folder(out), {**files, RESULT: result_bytes(document)})
+    folder = tsis.files.result_folder.write_folder(
+        tsis.files.result_folder.free_folder(out), {**files, RESULT: result_bytes(document)}
+    )
     if as_json:
         print_json({**document, "folder": str(folder)})
         return

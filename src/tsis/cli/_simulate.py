@@ -21,7 +21,7 @@ from tsis.present.terminal import print_tables
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from tsis.model import PressField
+    from tsis.model.press import PressField
 
 
 SHOWN_RADII = 13
@@ -81,7 +81,7 @@ def simulate(
         order = GelOrder(ball_mm, ball_kpa, force_n, presses, calibration_presses, seed, drag)
         write_gel_frames(sensor, order, out, as_json=as_json)
         return
-    pressed = tsis.catalog.phantom_variant(phantom, diameter_mm, depth_mm, young_kpa)
+    pressed = tsis.catalog.phantoms.phantom_variant(phantom, diameter_mm, depth_mm, young_kpa)
     chosen = chosen_probe(probe)
     with waiting(f"pressing at {strain} strain"):
         press: Callable[..., PressField] = partial(tsis.mechanics.press, chosen, strain=strain)
@@ -125,17 +125,19 @@ def simulate(
 
 def _catalog(*, as_json: bool) -> None:
     if as_json:
-        probes = {name: asdict(tsis.catalog.load_probe(name)) for name in tsis.catalog.list_probes()}
-        phantoms = {name: asdict(tsis.catalog.load_phantom(name)) for name in tsis.catalog.list_phantoms()}
+        probes = {name: asdict(tsis.catalog.load_probe(name)) for name in tsis.catalog.probes.list_probes()}
+        phantoms = {name: asdict(tsis.catalog.load_phantom(name)) for name in tsis.catalog.phantoms.list_phantoms()}
         print_json(tsis.present.document.envelope("simulate", "list", probes=probes, phantoms=phantoms))
         return
     rows: list[tuple[str | float | None, ...]] = []
-    for name in tsis.catalog.list_phantoms():
+    for name in tsis.catalog.phantoms.list_phantoms():
         phantom = tsis.catalog.load_phantom(name)
         lump = phantom.inclusion
         sizes = ("", "", "") if lump is None else (lump.diameter_mm, lump.depth_mm, lump.young_kpa)
         rows.append((name, *sizes, ", ".join(phantom.assumed)))
     sizes_columns = (Column(label=label, unit=unit) for label, unit in (("d", "mm"), ("h", "mm"), ("E", "kPa")))
     columns: tuple[str | Column, ...] = ("name", *sizes_columns, "assumed, not printed in the source")
-    probes_table = Table(title="Probes", columns=("name",), values=tuple((n,) for n in tsis.catalog.list_probes()))
+    probes_table = Table(
+        title="Probes", columns=("name",), values=tuple((n,) for n in tsis.catalog.probes.list_probes())
+    )
     print_tables((probes_table, Table(title="Phantoms", columns=columns, values=tuple(rows))))

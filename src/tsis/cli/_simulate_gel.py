@@ -37,12 +37,12 @@ class GelOrder(NamedTuple):
     def check(self) -> None:
         """Refuse values out of range; `InputError`."""
         if self.ball_kpa is not None:
-            tsis.model.require_number("--ball-kpa", self.ball_kpa, 1.0, 1e5, hint="kilopascals")
-        tsis.model.require_number("--ball-mm", self.ball_mm, 1.0, 40.0, hint="millimetres")
-        tsis.model.require_number("--force-n", self.force_n, 0.01, 50.0, hint="newtons")
-        tsis.model.require_number("--drag", self.drag, -2.0, 2.0)
-        tsis.model.require_integer("--presses", self.presses, 1, 20)
-        tsis.model.require_integer("--calibration-presses", self.calibration_presses, 0, 60)
+            tsis.model.require.require_number("--ball-kpa", self.ball_kpa, 1.0, 1e5, hint="kilopascals")
+        tsis.model.require.require_number("--ball-mm", self.ball_mm, 1.0, 40.0, hint="millimetres")
+        tsis.model.require.require_number("--force-n", self.force_n, 0.01, 50.0, hint="newtons")
+        tsis.model.require.require_number("--drag", self.drag, -2.0, 2.0)
+        tsis.model.require.require_integer("--presses", self.presses, 1, 20)
+        tsis.model.require.require_integer("--calibration-presses", self.calibration_presses, 0, 60)
 
 
 CALIBRATION_BALL_MM = 6.0
@@ -51,13 +51,13 @@ CALIBRATION_BALL_MM = 6.0
 def write_gel_frames(name: str, order: GelOrder, out: Path, *, as_json: bool) -> None:
     """Press balls on a virtual exemplar of a sensor, write the folder, and print what is in it."""
     order.check()
-    folder = tsis.files.free_folder(out)
+    folder = tsis.files.result_folder.free_folder(out)
     rng = np.random.default_rng(order.seed)
     with waiting("pressing a gel at finite strain"):
         virtual = tsis.virtual.gel_sensor.VirtualGelSensor(tsis.catalog.load_sensor(name), rng=rng)
         ball = virtual.rigid_ball(order.ball_mm / 2)
         if order.ball_kpa is not None:
-            ball = tsis.model.SoftSphere(radius_mm=order.ball_mm / 2, young_kpa=order.ball_kpa)
+            ball = tsis.model.phantom.SoftSphere(radius_mm=order.ball_mm / 2, young_kpa=order.ball_kpa)
         forces = [order.force_n * (number + 1) / order.presses for number in range(order.presses)]
         dragged = virtual.presses(ball, forces_n=forces, shear=(order.drag, 0.0))
         made = {f"press-{number}": press for number, press in enumerate(dragged, 1)}
@@ -68,9 +68,9 @@ def write_gel_frames(name: str, order: GelOrder, out: Path, *, as_json: bool) ->
     gauge = {
         stem: float(press.force_n or 0.0) * (1.0 + GAUGE_SD * rng.standard_normal()) for stem, press in made.items()
     }
-    files = {"untouched.png": tsis.files.encode_picture(virtual.reference)}
+    files = {"untouched.png": tsis.files.images.encode_picture(virtual.reference)}
     for stem, press in made.items():
-        files[f"{stem}.png"] = tsis.files.encode_picture(press.frame)
+        files[f"{stem}.png"] = tsis.files.images.encode_picture(press.frame)
         sidecar = {
             "format": "tsis-gel-press", "version": 1, "sensor": name,
             "force": {"force_n": gauge[stem], "force_sd_n": GAUGE_SD * gauge[stem]},
@@ -81,8 +81,8 @@ def write_gel_frames(name: str, order: GelOrder, out: Path, *, as_json: bool) ->
         calibration_ball_mm=CALIBRATION_BALL_MM, thickness_by_caliper_mm=round(thickness, 3),
         frames=[{"frame": f"{stem}.png", "force_n": force} for stem, force in gauge.items()],
     )  # fmt: skip
-    written = tsis.files.write_folder(folder, {**files, RESULT: result_bytes(document)})
-    tsis.files.write_folder(written / "truth", _truth(virtual, made, ball.young_kpa))
+    written = tsis.files.result_folder.write_folder(folder, {**files, RESULT: result_bytes(document)})
+    tsis.files.result_folder.write_folder(written / "truth", _truth(virtual, made, ball.young_kpa))
     if as_json:
         print_json({**document, "folder": str(written)})
         return

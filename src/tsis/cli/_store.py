@@ -66,4 +66,4 @@ def target_number(text: str) -> int:
     """A target's number from text."""
     if not text.isascii() or not text.isdigit():
         raise InputError(f"--target must be a number from 1 to {LARGEST_TARGET}, or new; got {text!r:.40}")
-    return tsis.model.require_integer("--target", int(text[:20]), 1, LARGEST_TARGET)
+    return tsis.model.require.require_integer("--target", int(text[:20]), 1, LARGEST_TARGET)

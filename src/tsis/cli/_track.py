@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tsis.calibration import UsableCalibration
-    from tsis.model import TactileImage
+    from tsis.model.image import TactileImage
 
 
 MOST_FRAMES = 2000
@@ -112,7 +112,7 @@ def track(
 def _sequence(frames: Sequence[Path], interval_s: float | None) -> tuple[list[Path], list[float] | None]:
     """Files of the frames, and their times where recorded."""
     if interval_s is not None:
-        tsis.model.require_number("--interval-s", interval_s, 1e-4, 1e4, hint="seconds")
+        tsis.model.require.require_number("--interval-s", interval_s, 1e-4, 1e4, hint="seconds")
     times = None
     if len(frames) == 1 and frames[0].is_dir():
         index = tsis.instrument.recording.read_recording_index(frames[0])

@@ -19,7 +19,7 @@ from tsis.present.page import Column, Table
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from tsis.model import Inclusion
+    from tsis.model.phantom import Inclusion
     from tsis.records.store import Store
     from tsis.records.values import TargetRecord
     from tsis.study.classifier import Classifier, ClassifierSettings, ClassSplit, TargetEvidence, Validation
@@ -54,12 +54,12 @@ def train(
     as_json: AsJson = False,
 ) -> None:
     """Train a classifier on the targets of a store of phantoms whose truth is known."""
-    tsis.files.require_absent(file)
+    tsis.files.result_folder.require_absent(file)
     import_extra("sklearn", feature="tsis detect", extra="study")
     split = tsis.study.classifier.ClassSplit(young_kpa=young_kpa, diameter_mm=diameter_mm, depth_mm=depth_mm)
     settings = tsis.study.classifier.ClassifierSettings(penalty=penalty, folds=folds, seed=seed)
     empty = set(_numbers("--none", none))
-    readings, truth, left_out = [], list[tsis.model.Inclusion | None](), []
+    readings, truth, left_out = [], list[tsis.model.phantom.Inclusion | None](), []
     with opened(store, PHANTOM, database) as records:
         summaries = records.targets()
         _require_there(empty, {summary.target.number for summary in summaries})
@@ -80,7 +80,7 @@ def train(
                 true: dict[str, Any] = {
                     name: target.truth[name] for name in tsis.inclusion.PARAMETERS if name in target.truth
                 }
-                truth.append(tsis.model.Inclusion(**true) if true else None)
+                truth.append(tsis.model.phantom.Inclusion(**true) if true else None)
     if not readings:
         raise InputError("a training needs targets with an estimate and a known truth; the store has none")
     classifier = tsis.study.classifier.train_classifier(

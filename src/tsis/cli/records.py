@@ -177,8 +177,8 @@ def _target_document(record: TargetRecord, total: int) -> dict[str, Any]:
     ]
     return tsis.present.document.envelope(
         "records show",
-        target=tsis.files.to_json_value(record.target),
-        presses=[tsis.files.to_json_value(press) for press in record.presses],
+        target=tsis.files.json_values.to_json_value(record.target),
+        presses=[tsis.files.json_values.to_json_value(press) for press in record.presses],
         presses_in_all=total,
         estimate=created[-1] if created else None,
         in_force=[stored.id for stored in record.active_estimates],
@@ -626,13 +626,13 @@ def export(
     requested = list(dict.fromkeys(part for form in forms for part in form.split(",")))
     endings = tsis.present.records.export_endings()
     for form in requested:
-        tsis.model.require_one_of("form of export", form, endings)
+        tsis.model.require.require_one_of("form of export", form, endings)
     if identified and not set(requested) & set(tsis.present.records.MASKED):
         masked = " and ".join(tsis.present.records.MASKED)
         raise InputError(f"--identified belongs to {masked}; the other forms mask nothing (leave it out)")
     stem = f"target-{number}"
     destination = out or Path(stem if len(requested) > 1 else f"{stem}{endings[requested[0]]}")
-    tsis.files.require_absent(destination)
+    tsis.files.result_folder.require_absent(destination)
     with opened(store, kind, database) as records, waiting("writing"), ExitStack() as together:
         record = records.record(records.target(number))
         if set(requested) - set(tsis.present.records.PAGE_FORMS):  # they name missing libraries

@@ -224,7 +224,7 @@ def show(
     console.print(rich_table(Table(title="", columns=columns, values=tuple(_tally(study)))))
     if by is not None:
         console.print(
-            f"Unblinded {tsis.files.one_line(f'{by.moment} by {by.actor}')}: no more readings are accepted.",
+            f"Unblinded {tsis.files.reading.one_line(f'{by.moment} by {by.actor}')}: no more readings are accepted.",
             markup=False,
         )
     elif left:
@@ -765,7 +765,7 @@ def kit(
 
     files = {**kit_files(), KIT_PAPER: pdf_bytes(kit_page())}
     document = kit_document(files)
-    written = tsis.files.write_folder(folder, {**files, KIT_FILE: result_bytes(document)})
+    written = tsis.files.result_folder.write_folder(folder, {**files, KIT_FILE: result_bytes(document)})
     if as_json:
         print_json({**document, "folder": str(written)})
         return

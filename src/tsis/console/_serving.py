@@ -23,7 +23,7 @@ from tsis.console._worker import WorkerProcess, collecting_garbage, share_memory
 from tsis.console.auth import Access, Logins, Sessions, console_folder, name_of, saved_token
 from tsis.console.services import Instrument, InstrumentSettings, warm_up
 from tsis.errors import FileInputError, InputError, TsisError
-from tsis.model import require_integer
+from tsis.model.require import require_integer
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -19,9 +19,11 @@ from tsis.console._statuses import AbsentError, absent_if_unknown, status_of
 from tsis.console._worker import WorkerProcess
 from tsis.console.studies import FORMS, report_bytes
 from tsis.errors import FileInputError, InputError, TsisError
-from tsis.files import encode_picture, target_folder
+from tsis.files.frame_names import target_folder
+from tsis.files.images import encode_picture
 from tsis.imaging import COLOUR_MAPS, block_means, colour_map
-from tsis.model import TactileImage, require_integer, require_one_of
+from tsis.model.image import TactileImage
+from tsis.model.require import require_integer, require_one_of
 from tsis.present.records import ENDINGS, MASKED, PAGE_FORMS, StoreAddress, report_of_stored_target, write_form
 from tsis.records.export import export_file
 

@@ -1,177 +1,37 @@
-"""Files: atomic writes, bounded decoding of images and archives, canonical JSON, SHA-256, safe names."""
+"""Files: atomic writes, bounded reading of JSON, tables, images and archives, values as JSON, cache, hash chains."""
 
-from tsis.files.archive import npy_layout, read_arrays
-from tsis.files.atomic import (
-    DISK,
-    PRIVATE_FILE,
-    PRIVATE_FOLDER,
-    UNFINISHED,
-    Disk,
-    add_files,
-    atomic_file,
-    atomic_folder,
-    exclusive_lock,
-    make_folder_durably,
-    remove_unfinished,
-    write_durably,
-)
-from tsis.files.cache import (
-    cache_folder,
-    cached_arrays,
-    cached_sha256,
-    content_key,
-    read_cached_arrays,
-    remove_cached,
-    shipped_tables,
-    write_cached,
-    write_cached_arrays,
-)
-from tsis.files.canonical_json import (
-    SHA256,
-    canonical,
-    content_sha256,
-    digest,
-    digest_or_none,
-    json_bytes,
-    parse_canonical,
-)
-from tsis.files.frame_names import require_file_stem, snapshot_stems, target_folder
-from tsis.files.hash_chain import (
-    EMPTY_CHAIN,
-    FIRST_HASH,
-    LogChain,
-    LogDraft,
-    LogEntry,
-    append_entries,
-    link_entries,
-    link_faults,
-    linked_entry,
-    read_chain,
-    read_chain_file,
-)
-from tsis.files.images import (
-    LARGEST_PIXELS,
-    QUICK_PNG,
-    decode_grey_png,
-    encode_picture,
-    image_fault,
-    png_fault,
-    rows_missing,
-    size_fault,
-    without_metadata,
-)
-from tsis.files.json_values import (
-    free_to_json,
-    from_json_value,
-    require_bounded_arrays,
-    to_json_value,
-    without_packed_arrays,
-)
-from tsis.files.reading import (
-    as_path,
-    file_error,
-    file_size,
-    one_line,
-    own_file,
-    parse_object,
-    parse_toml,
-    printable_name,
-    printable_path,
-    read_bytes,
-    read_head,
-    read_object,
-    read_parsed,
-    text_lines,
-    written_by,
-)
-from tsis.files.result_folder import free_folder, require_absent, require_room, write_folder
-from tsis.files.result_schemas import RESULT_SCHEMAS, require_known_schema
-from tsis.files.tables import FORMULA_STARTS, LARGEST_CSV_BYTES, CsvRow, parse_csv_rows, read_csv_rows, table_bytes
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "DISK",
-    "EMPTY_CHAIN",
-    "FIRST_HASH",
-    "FORMULA_STARTS",
-    "LARGEST_CSV_BYTES",
-    "LARGEST_PIXELS",
-    "PRIVATE_FILE",
-    "PRIVATE_FOLDER",
-    "QUICK_PNG",
-    "RESULT_SCHEMAS",
-    "SHA256",
-    "UNFINISHED",
-    "CsvRow",
-    "Disk",
-    "LogChain",
-    "LogDraft",
-    "LogEntry",
-    "add_files",
-    "append_entries",
-    "as_path",
-    "atomic_file",
-    "atomic_folder",
-    "cache_folder",
-    "cached_arrays",
-    "cached_sha256",
-    "canonical",
-    "content_key",
-    "content_sha256",
-    "decode_grey_png",
-    "digest",
-    "digest_or_none",
-    "encode_picture",
-    "exclusive_lock",
-    "file_error",
-    "file_size",
-    "free_folder",
-    "free_to_json",
-    "from_json_value",
-    "image_fault",
-    "json_bytes",
-    "link_entries",
-    "link_faults",
-    "linked_entry",
-    "make_folder_durably",
-    "npy_layout",
-    "one_line",
-    "own_file",
-    "parse_canonical",
-    "parse_csv_rows",
-    "parse_object",
-    "parse_toml",
-    "png_fault",
-    "printable_name",
-    "printable_path",
-    "read_arrays",
-    "read_bytes",
-    "read_cached_arrays",
-    "read_chain",
-    "read_chain_file",
-    "read_csv_rows",
-    "read_head",
-    "read_object",
-    "read_parsed",
-    "remove_cached",
-    "remove_unfinished",
-    "require_absent",
-    "require_bounded_arrays",
-    "require_file_stem",
-    "require_known_schema",
-    "require_room",
-    "rows_missing",
-    "shipped_tables",
-    "size_fault",
-    "snapshot_stems",
-    "table_bytes",
-    "target_folder",
-    "text_lines",
-    "to_json_value",
-    "without_metadata",
-    "without_packed_arrays",
-    "write_cached",
-    "write_cached_arrays",
-    "write_durably",
-    "write_folder",
-    "written_by",
-]
+import lazy_loader
+
+if TYPE_CHECKING:
+    from tsis.files import archive as archive
+    from tsis.files import atomic as atomic
+    from tsis.files import cache as cache
+    from tsis.files import canonical_json as canonical_json
+    from tsis.files import frame_names as frame_names
+    from tsis.files import hash_chain as hash_chain
+    from tsis.files import images as images
+    from tsis.files import json_values as json_values
+    from tsis.files import reading as reading
+    from tsis.files import result_folder as result_folder
+    from tsis.files import result_schemas as result_schemas
+    from tsis.files import tables as tables
+else:  # modules load when they are first used
+    __getattr__, __dir__, _ = lazy_loader.attach(
+        __name__,
+        submodules=[
+            "archive",
+            "atomic",
+            "cache",
+            "canonical_json",
+            "frame_names",
+            "hash_chain",
+            "images",
+            "json_values",
+            "reading",
+            "result_folder",
+            "result_schemas",
+            "tables",
+        ],
+    )

@@ -282,7 +282,7 @@ def encode_picture(pixels: NDArray[Any], kind: str = "png", *, level: int = 6, q
 def decode_grey_png(content: bytes) -> NDArray[Any] | None:
     """Grey levels of a PNG file, shape (rows, columns), uint8 or uint16; None where it is no readable grey PNG file.
 
-    Call it on content that `tsis.files.png_fault` found whole: the number of pixels is not limited here.
+    Call it on content that `tsis.files.images.png_fault` found whole: the number of pixels is not limited here.
     """
     try:
         with Image.open(io.BytesIO(content), formats=("PNG",)) as picture:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from tsis.errors import InputError
 from tsis.hardness._contact_rows import COLUMNS, contact_rows, contact_value, forces_of_contacts, is_good, own_sd
-from tsis.model import require_number
+from tsis.model.require import require_number
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

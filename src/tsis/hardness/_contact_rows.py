@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from tsis.errors import FileInputError, InputError
-from tsis.files import as_path, printable_path, read_bytes
-from tsis.model import require_number
+from tsis.files.reading import as_path, printable_path, read_bytes
+from tsis.model.require import require_number
 
 MOST_BYTES = 10_000_000
 LEAST_OWN = 0.05  # of a standard deviation: what rounding may take off

@@ -15,24 +15,16 @@ from tsis.hardness._reading import BLUR_MM, read_contact
 from tsis.hardness._sphere import require_small_sphere
 from tsis.hardness._table import WIDEST_FRACTION, build_contact_table
 from tsis.hardness._verdict import UNTRUSTED_FLAGS, findings, identifiability
-from tsis.model import (
-    NOT_TRUSTED,
-    Calibration,
-    Estimate,
-    Probe,
-    TactileImage,
-    as_images,
-    require_frames_of_probe,
-    require_image_series,
-    require_number,
-    require_same_probe,
-    require_type,
-)
+from tsis.model.estimate import NOT_TRUSTED, Estimate
+from tsis.model.image import TactileImage, as_images, require_frames_of_probe, require_image_series, require_same_probe
+from tsis.model.require import require_number, require_type
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from tsis.hardness._table import ContactTable
+    from tsis.model.calibration import Calibration
+    from tsis.model.probe import Probe
 
 
 RADIUS_SD_MM = 0.03  # of a radius given without uncertainty: that of a calliper

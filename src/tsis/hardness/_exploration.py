@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 
 from tsis.errors import InputError
-from tsis.model import require_number, require_pair
+from tsis.model.require import require_number, require_pair
 
 if TYPE_CHECKING:
     from collections.abc import Callable

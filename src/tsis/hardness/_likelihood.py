@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from tsis.hardness._reading import ContactReading
     from tsis.hardness._table import ContactTable
-    from tsis.model import Calibration
+    from tsis.model.calibration import Calibration
 
 
 DRIFT_SD = 0.003  # relative standard deviation of the lamps from press to press

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from tsis.hardness._exploration import RadiusPrior
-from tsis.model import require_number, require_one_of, require_type
+from tsis.model.require import require_number, require_one_of, require_type
 
 SHAPES = ("sphere", "cylinder", "flat")
 LARGEST_RADIUS_MM = 60.0  # of objects

@@ -16,16 +16,10 @@ import numpy as np
 from tsis.errors import InputError
 from tsis.imaging import features, height_surface
 from tsis.matching import fit_spline, match_points, spread_out
-from tsis.model import (
-    MN_PER_N,
-    ContentValue,
-    TactileImage,
-    require_array,
-    require_integer,
-    require_number,
-    require_one_of,
-    require_type,
-)
+from tsis.model.content import ContentValue
+from tsis.model.image import TactileImage
+from tsis.model.press import MN_PER_N
+from tsis.model.require import require_array, require_integer, require_number, require_one_of, require_type
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -10,13 +10,15 @@ import scipy
 
 from tsis.errors import InputError
 from tsis.imaging import features, find_contact, radial_profile
-from tsis.model import MN_PER_N
+from tsis.model.press import MN_PER_N
 from tsis.optics import ERF_SLOPE
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.model import Calibration, Probe, TactileImage
+    from tsis.model.calibration import Calibration
+    from tsis.model.image import TactileImage
+    from tsis.model.probe import Probe
 
 
 PATCH_RANGE = 1.35  # radii of the bright patch that contain all pressure: a patch cut at half the peak spans 0.87

@@ -21,7 +21,9 @@ from tsis.mechanics.finite_strain import (
     require_enough_force,
 )
 from tsis.mechanics.finite_strain import SPRING as PULL
-from tsis.model import MN_PER_N, PressField, Probe, require_type
+from tsis.model.press import MN_PER_N, PressField
+from tsis.model.probe import Probe
+from tsis.model.require import require_type
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -29,7 +31,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.mechanics.finite_strain import SphereResolution
-    from tsis.model import SoftSphere
+    from tsis.model.phantom import SoftSphere
 
 
 def press_fields(

@@ -7,11 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tsis.files import cached_arrays, content_key
+from tsis.files.cache import cached_arrays, content_key
 from tsis.hardness._sphere import hertzian_radius_mm, press_fields
 from tsis.mechanics.finite_strain import SphereResolution
 from tsis.mechanics.surrogate import mechanical_content
-from tsis.model import MN_PER_N, Probe, SoftSphere, require_array, require_type
+from tsis.model.phantom import SoftSphere
+from tsis.model.press import MN_PER_N
+from tsis.model.probe import Probe
+from tsis.model.require import require_array, require_type
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.catalog import load_sensor
+from tsis.catalog.sensors import load_sensor
 from tsis.compiled import one_blas_thread
 from tsis.errors import InputError
 from tsis.hardness._contact_readings import as_touch_readings, loading_part
@@ -18,17 +18,10 @@ from tsis.hardness._object_geometry import ObjectGeometry, as_geometry
 from tsis.hardness._touch_likelihood import TouchErrors, TouchLikelihood
 from tsis.hardness._touch_terms import TouchedBody
 from tsis.hardness._verdict import UNTRUSTED_FLAGS, modulus_findings
-from tsis.model import (
-    IMPROBABLE,
-    NOT_TRUSTED,
-    Estimate,
-    GelSensor,
-    Probe,
-    gel_sensor_of_probe,
-    probability_bound,
-    require_number,
-    require_type,
-)
+from tsis.model.estimate import IMPROBABLE, NOT_TRUSTED, Estimate, probability_bound
+from tsis.model.gel_sensor import GelSensor, gel_sensor_of_probe
+from tsis.model.probe import Probe
+from tsis.model.require import require_number, require_type
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -104,7 +97,7 @@ def estimate_from_contacts(
     --------
     A ball of 10 mm radius and 100 kPa on a gel of 150 kPa:
 
-    >>> from tsis.model import BoundedValue, GelSensor
+    >>> from tsis.model.gel_sensor import BoundedValue, GelSensor
     >>> gel = GelSensor(name="gel", width_mm=40.0, height_mm=40.0, thickness_mm=BoundedValue(value=20.0),
     ...     young_kpa=BoundedValue(value=150.0), poisson=BoundedValue(value=0.49), mm_per_pixel=(0.1, 0.1))
     >>> contacts = [{"force_n": 0.5, "radius_mm": 3.63}, {"force_n": 1.0, "radius_mm": 4.55}]

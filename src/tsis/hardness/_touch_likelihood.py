@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.hardness._touch_terms import MeasuredTerm, TouchedBody
-    from tsis.model import BoundedValue
+    from tsis.model.gel_sensor import BoundedValue
 
     Floats = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy
 
-from tsis.model import IMPROBABLE, NOT_IDENTIFIED, probability_bound
+from tsis.model.estimate import IMPROBABLE, NOT_IDENTIFIED, probability_bound
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -11,7 +11,8 @@ import scipy
 from tsis.errors import ImageMismatchError, InputError
 from tsis.imaging._corrections import require_image
 from tsis.imaging._patch import segment
-from tsis.model import TactileImage, require_array, require_number, require_one_of
+from tsis.model.image import TactileImage
+from tsis.model.require import require_array, require_number, require_one_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -13,7 +13,8 @@ from tsis.imaging._colour import change_magnitude
 from tsis.imaging._corrections import require_image
 from tsis.imaging._filters import gaussian_blur
 from tsis.imaging._patch import Patch, segment
-from tsis.model import TactileImage, require_one_of
+from tsis.model.image import TactileImage
+from tsis.model.require import require_one_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.errors import InputError
-from tsis.model import require_number, require_one_of
+from tsis.model.require import require_number, require_one_of
 from tsis.optics import ERF_SLOPE, real_contact
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.model import Calibration
+    from tsis.model.calibration import Calibration
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,7 +115,7 @@ def rough_contact(pressure_kpa: NDArray[np.float64], calibration: Calibration) -
 
     Examples
     --------
-    >>> from tsis.model import Calibration
+    >>> from tsis.model.calibration import Calibration
     >>> calibration = Calibration(gain_grey_per_kpa=50.0, saturation_kpa=20.0)
     >>> [round(float(grey), 1) for grey in rough_contact(np.array([-1.0, 0.1, 1000.0]), calibration)]
     [0.0, 5.0, 1000.0]

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from tsis.errors import ImageMismatchError, InputError
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 
 SMALLEST_LIGHT = 1e-3  # fraction of a frame's median; darker pixels carry no light to divide by
 SCALE_TOLERANCE = 1e-6  # relative; far above the rounding of a scale in a file

@@ -13,12 +13,14 @@ from tsis.errors import InputError, import_extra
 from tsis.imaging._colour import largest_channel, require_pattern
 from tsis.imaging._gel_change import BLACK, GLARE, gel_levels, marker_pixels
 from tsis.imaging._height_surface import integrate_gradients
-from tsis.model import ContentValue, GelSensor, freeze_arrays, require_number, require_one_of
+from tsis.model.content import ContentValue
+from tsis.model.require import freeze_arrays, require_number, require_one_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.imaging._gel_contacts import GelContact
+    from tsis.model.gel_sensor import GelSensor
 
 
 DEPTH_METHODS = ("ratio", "polynomial", "table", "grey", "relative")

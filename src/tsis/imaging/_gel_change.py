@@ -10,7 +10,9 @@ import scipy
 
 from tsis.errors import ImageMismatchError, InputError
 from tsis.imaging._colour import largest_channel, require_pattern
-from tsis.model import GelSensor, TactileImage, require_type
+from tsis.model.gel_sensor import GelSensor
+from tsis.model.image import TactileImage
+from tsis.model.require import require_type
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.model import GelSensor
+    from tsis.model.gel_sensor import GelSensor
 
 
 SEARCH_COLUMNS = 160  # a search does not need more

@@ -10,12 +10,12 @@ import scipy
 
 from tsis.imaging._corrections import require_image
 from tsis.imaging._filters import block_means
-from tsis.model import require_array, require_number
+from tsis.model.require import require_array, require_number
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.model import TactileImage
+    from tsis.model.image import TactileImage
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -60,7 +60,7 @@ def height_surface(image: TactileImage, *, max_points: int = 128, height_per_gre
 
     Examples
     --------
-    >>> from tsis.model import TactileImage
+    >>> from tsis.model.image import TactileImage
     >>> flat = height_surface(TactileImage(grey=np.full((100, 200), 7.0), mm_per_pixel=(0.1, 0.1)), max_points=50)
     >>> flat.height.shape, round(float(flat.x_mm[-1] - flat.x_mm[0]), 6)
     ((25, 50), 19.6)

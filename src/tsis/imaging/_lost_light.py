@@ -9,13 +9,15 @@ import numpy as np
 
 from tsis.imaging._render import render
 from tsis.imaging._sensor import Sensor
-from tsis.model import PressMap, require_type
+from tsis.model.press import PressMap
+from tsis.model.require import require_type
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.imaging._contact_models import ContactModel
-    from tsis.model import Calibration, LightMap, PressField
+    from tsis.model.calibration import Calibration, LightMap
+    from tsis.model.press import PressField
 
 
 SURVEY = 1024  # pixels across a survey of the whole face
@@ -59,7 +61,8 @@ def find_lost_light(
 
     Examples
     --------
-    >>> from tsis.model import Calibration, PressField
+    >>> from tsis.model.calibration import Calibration
+    >>> from tsis.model.press import PressField
     >>> radius = np.linspace(0.0, 12.0, 25)
     >>> flat, even = np.zeros(25), np.full(25, 2.0)
     >>> press = PressField(

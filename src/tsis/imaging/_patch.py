@@ -12,12 +12,12 @@ import skimage
 from tsis.imaging._corrections import require_image, signal
 from tsis.imaging._filters import gaussian_blur
 from tsis.imaging._profile import RadialProfile, radial_profile
-from tsis.model import freeze_arrays, require_number, require_one_of
+from tsis.model.require import freeze_arrays, require_number, require_one_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.model import TactileImage
+    from tsis.model.image import TactileImage
 
 
 SEGMENTATION_METHODS = ("otsu", "half", "noise")
@@ -292,7 +292,7 @@ def features(
 
     Examples
     --------
-    >>> from tsis.model import TactileImage
+    >>> from tsis.model.image import TactileImage
     >>> y, x = np.mgrid[:60, :80]
     >>> disc = np.where((x - 30) ** 2 + (y - 25) ** 2 < 100, 80.0, 0.0)
     >>> result = features(TactileImage(grey=disc, mm_per_pixel=(0.1, 0.1)))

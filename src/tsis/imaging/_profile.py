@@ -11,12 +11,12 @@ import numpy as np
 from tsis.errors import InputError
 from tsis.imaging._corrections import require_image, require_same_frame
 from tsis.imaging._pixel_loops import ring_sums
-from tsis.model import freeze_arrays, require_array, require_pair
+from tsis.model.require import freeze_arrays, require_array, require_pair
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from tsis.model import TactileImage
+    from tsis.model.image import TactileImage
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -87,7 +87,7 @@ def radial_profile(
 
     Examples
     --------
-    >>> from tsis.model import TactileImage
+    >>> from tsis.model.image import TactileImage
     >>> frame = TactileImage(grey=np.full((64, 64), 20.0), mm_per_pixel=(0.1, 0.1))
     >>> radial_profile(frame, edges_mm=[0.0, 1.0, 2.0]).mean_grey.tolist()
     [20.0, 20.0]

@@ -10,14 +10,17 @@ import scipy
 from tsis.imaging._contact_models import SmoothContact, as_contact_model
 from tsis.imaging._filters import gaussian_blur
 from tsis.imaging._pixel_loops import paint
-from tsis.model import LightMap, PressMap, interpolation_matrix, require_number, require_type
+from tsis.model.calibration import LightMap
+from tsis.model.press import PressMap, interpolation_matrix
+from tsis.model.require import require_number, require_type
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.imaging._contact_models import ContactModel
     from tsis.imaging._sensor import Sensor
-    from tsis.model import Calibration, PressField
+    from tsis.model.calibration import Calibration
+    from tsis.model.press import PressField
 
 
 WIDEST_BLUR_MM = 10.0
@@ -98,7 +101,8 @@ def render(
     Examples
     --------
     >>> from tsis.imaging import Sensor
-    >>> from tsis.model import Calibration, PressField
+    >>> from tsis.model.calibration import Calibration
+    >>> from tsis.model.press import PressField
     >>> radius = np.linspace(0.0, 12.0, 25)
     >>> flat, even = np.zeros(25), np.full(25, 2.0)
     >>> press = PressField(

@@ -10,14 +10,9 @@ import numpy as np
 
 from tsis.errors import InputError
 from tsis.imaging._pixel_loops import develop
-from tsis.model import (
-    CAMERA_2011_MM_PER_PIXEL,
-    CAMERA_2011_PX,
-    require_array,
-    require_integer,
-    require_number,
-    require_pixel_scale,
-)
+from tsis.model.gel_sensor import CAMERA_2011_MM_PER_PIXEL, CAMERA_2011_PX
+from tsis.model.image import require_pixel_scale
+from tsis.model.require import require_array, require_integer, require_number
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

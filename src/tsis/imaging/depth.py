@@ -30,12 +30,14 @@ from tsis.imaging._gel_change import gel_change, gel_levels, gel_reference
 from tsis.imaging._gel_contacts import GelContact, find_gel_contact
 from tsis.imaging._height_surface import integrate_gradients
 from tsis.mechanics.gel import gel_force
-from tsis.model import GelSensor, require_number
+from tsis.model.require import require_number
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
+
+    from tsis.model.gel_sensor import GelSensor
 
 
 __all__ = [

@@ -20,7 +20,10 @@ from tsis.inclusion._estimate import analyse, estimate
 from tsis.inclusion._prior import PARAMETERS
 from tsis.inclusion._verdict import NAMES
 from tsis.inclusion.posterior import NUISANCES, SHARED
-from tsis.model import ContentValue, Estimate, QuantityBudget, UncertaintyComponent, label_of, require_one_of, unit_of
+from tsis.model.budget import QuantityBudget, UncertaintyComponent
+from tsis.model.content import ContentValue
+from tsis.model.estimate import Estimate, label_of, unit_of
+from tsis.model.require import require_one_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -28,7 +31,9 @@ if TYPE_CHECKING:
     from tsis.inclusion._estimate import InclusionAnalysis
     from tsis.inclusion._prior import Floats, InclusionPrior
     from tsis.inclusion.posterior import ErrorSources
-    from tsis.model import Calibration, Probe, TactileImage
+    from tsis.model.calibration import Calibration
+    from tsis.model.image import TactileImage
+    from tsis.model.probe import Probe
 
 # For each nuisance: the source, and the unit of its standard uncertainty
 OF_NUISANCE = MappingProxyType(

@@ -32,27 +32,17 @@ from tsis.inclusion.posterior import (
     InclusionLikelihood,
     explore_inclusion,
 )
-from tsis.model import (
-    IMPROBABLE,
-    NOT_TRUSTED,
-    Calibration,
-    Estimate,
-    Probe,
-    TactileImage,
-    as_images,
-    require_frames_of_probe,
-    require_image_series,
-    require_one_of,
-    require_same_probe,
-    require_type,
-)
+from tsis.model.estimate import IMPROBABLE, NOT_TRUSTED, Estimate
+from tsis.model.image import TactileImage, as_images, require_frames_of_probe, require_image_series, require_same_probe
+from tsis.model.require import require_one_of, require_type
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from tsis.inclusion.posterior import InclusionPosterior
     from tsis.mechanics.surrogate import FullContactSurrogate
-    from tsis.model import LightMap
+    from tsis.model.calibration import Calibration, LightMap
+    from tsis.model.probe import Probe
 
 
 ROUNDING = 1e-6  # of the radius

@@ -20,18 +20,18 @@ from tsis.inclusion.posterior import (
 )
 from tsis.mechanics.small_strain import STRAIN_LIMIT, nominal_strain
 from tsis.mechanics.surrogate import correction_box
-from tsis.model import (
+from tsis.model.calibration import (
     BEND_TERMS,
     FLUX_TERMS,
     GROWTH_TERMS,
     LIGHT_REACH,
     LIGHT_RINGS,
     LIGHT_TERMS,
-    MN_PER_N,
     LightTerms,
-    TactileImage,
-    require_number,
 )
+from tsis.model.image import TactileImage
+from tsis.model.press import MN_PER_N
+from tsis.model.require import require_number
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -40,7 +40,8 @@ if TYPE_CHECKING:
 
     from tsis.inclusion._prior import Floats, InclusionPrior
     from tsis.mechanics.surrogate import FullContactSurrogate, Surrogate
-    from tsis.model import Calibration, LightMap, Probe
+    from tsis.model.calibration import Calibration, LightMap
+    from tsis.model.probe import Probe
 
 
 RINGS = LIGHT_RINGS
@@ -301,7 +302,7 @@ def binary_image(image: TactileImage, threshold_grey: float) -> TactileImage:
 
     Examples
     --------
-    >>> from tsis.model import TactileImage
+    >>> from tsis.model.image import TactileImage
     >>> binary_image(TactileImage(grey=[[3.0, 5.0, 9.0]]), 5.0).grey.tolist()
     [[0.0, 255.0, 255.0]]
     """

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tsis.errors import InputError
 from tsis.mechanics.surrogate import Box
-from tsis.model import require_number, require_pair, require_type
+from tsis.model.require import require_number, require_pair, require_type
 
 Booleans = NDArray[np.bool]
 Complexes = NDArray[np.complex128]

@@ -38,11 +38,9 @@ if TYPE_CHECKING:
     from tsis.inclusion._prior import Booleans, Floats, InclusionPrior
     from tsis.inclusion.posterior import FieldTable
     from tsis.mechanics.surrogate import FiniteCorrection, FullContactSurrogate
-    from tsis.model import (
-        Calibration,
-        Probe,
-        TactileImage,
-    )
+    from tsis.model.calibration import Calibration
+    from tsis.model.image import TactileImage
+    from tsis.model.probe import Probe
 
 
 LIKELY = 0.01  # chance of a shift by uneven tissue above which it is none of an inclusion

@@ -20,20 +20,16 @@ from tsis.inclusion._frames import GENERIC_GAIN_SD, ring_edges, ring_light, ring
 from tsis.inclusion.posterior import ring_correlation, ring_means
 from tsis.mechanics.small_strain import PressKernel
 from tsis.mechanics.surrogate import correction_box, wide_box
-from tsis.model import (
-    IMPROBABLE,
-    MN_PER_N,
-    Probe,
-    require_frames_of_probe,
-    require_image_series,
-    require_number,
-    require_same_probe,
-    require_type,
-)
+from tsis.model.estimate import IMPROBABLE
+from tsis.model.image import require_frames_of_probe, require_image_series, require_same_probe
+from tsis.model.press import MN_PER_N
+from tsis.model.probe import Probe
+from tsis.model.require import require_number, require_type
 
 if TYPE_CHECKING:
     from tsis.inclusion._prior import Floats, InclusionPrior
-    from tsis.model import Calibration, TactileImage
+    from tsis.model.calibration import Calibration
+    from tsis.model.image import TactileImage
 
 MODULI_KPA = np.geomspace(0.3, 150.0, 80)
 MODEL_SD = 0.02  # of the largest grey level: small strain, one thickness, even tissue

@@ -10,7 +10,7 @@ import scipy
 
 from tsis.inclusion._prior import PARAMETERS, Floats
 from tsis.inclusion.posterior import least_sd
-from tsis.model import ABSENCE_FLAG, NOT_IDENTIFIED, probability_bound
+from tsis.model.estimate import ABSENCE_FLAG, NOT_IDENTIFIED, probability_bound
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from tsis.inclusion._prior import InclusionPrior
     from tsis.inclusion.checks import InclusionPosition
     from tsis.inclusion.posterior import InclusionPosterior, Profiles, SuperficialLayer
-    from tsis.model import Calibration
+    from tsis.model.calibration import Calibration
 
     Finding = tuple[str, str]
 

@@ -19,14 +19,16 @@ from tsis.inclusion.relative import (
     lit_part,
     notes_of,
 )
-from tsis.model import as_images, freeze_arrays
+from tsis.model.image import as_images
+from tsis.model.require import freeze_arrays
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from tsis.inclusion._prior import Floats
     from tsis.inclusion.relative import LightChange, LitPart
-    from tsis.model import Calibration, TactileImage
+    from tsis.model.calibration import Calibration
+    from tsis.model.image import TactileImage
 
 
 EDGE_PX = 4  # width of the belt around the lit part in which noise may lift a pixel above the threshold
@@ -138,7 +140,7 @@ def mobility(
 
     Examples
     --------
-    >>> from tsis.model import TactileImage
+    >>> from tsis.model.image import TactileImage
     >>> y, x = np.mgrid[:120, :160]
     >>> def frame(column, level=80.0):
     ...     hill = level * np.exp(-((x - column) ** 2 + (y - 60) ** 2) / 400.0)

@@ -15,27 +15,20 @@ import scipy
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.errors import FileInputError, InputError
-from tsis.files import as_path, canonical, digest_or_none, printable_path, read_object, write_durably
+from tsis.files.atomic import write_durably
+from tsis.files.canonical_json import canonical, digest_or_none
+from tsis.files.reading import as_path, printable_path, read_object
 from tsis.imaging import radial_profile
 from tsis.inclusion._frames import pixels_mm
 from tsis.inclusion._prior import PARAMETERS, Floats, InclusionPrior
 from tsis.inclusion.network_training import Layers, Network, Span, check_varies, train_repeatedly
 from tsis.inclusion.posterior import ring_means
 from tsis.mechanics.surrogate import PressSurrogate, build_surrogate
-from tsis.model import (
-    Calibration,
-    ContentValue,
-    Probe,
-    as_images,
-    require_array,
-    require_frames_of_probe,
-    require_image_series,
-    require_integer,
-    require_number,
-    require_one_of,
-    require_same_probe,
-    require_type,
-)
+from tsis.model.calibration import Calibration
+from tsis.model.content import ContentValue
+from tsis.model.image import as_images, require_frames_of_probe, require_image_series, require_same_probe
+from tsis.model.probe import Probe
+from tsis.model.require import require_array, require_integer, require_number, require_one_of, require_type
 
 if TYPE_CHECKING:
     import os
@@ -45,7 +38,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from tsis.inclusion._prior import Floats
-    from tsis.model import TactileImage
+    from tsis.model.image import TactileImage
 
 
 OUTPUTS = ("greatest", "total", "area")
@@ -230,7 +223,7 @@ def printed_frame_outputs(images: TactileImage | Sequence[TactileImage], *, thre
 
     Examples
     --------
-    >>> from tsis.model import TactileImage
+    >>> from tsis.model.image import TactileImage
     >>> printed_frame_outputs(TactileImage(grey=[[0.0, 2.0, 0.0], [2.0, 9.0, 2.0]]), threshold_grey=5.0).tolist()
     [[9.0, 15.0, 1.0]]
     """

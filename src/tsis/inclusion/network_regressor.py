@@ -8,7 +8,7 @@ import numpy as np
 
 from tsis.errors import import_extra
 from tsis.inclusion.network_training import PATIENCE, train_repeatedly
-from tsis.model import require_integer, require_number
+from tsis.model.require import require_integer, require_number
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -19,7 +19,8 @@ import numpy as np
 import scipy
 
 from tsis.errors import InputError
-from tsis.model import ContentValue, require_array, require_number, require_one_of, require_type
+from tsis.model.content import ContentValue
+from tsis.model.require import require_array, require_number, require_one_of, require_type
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -10,7 +10,7 @@ import numpy as np
 from tsis.imaging import NOISE_FACTOR
 from tsis.inclusion._frames import binary_features
 from tsis.inclusion.relative import COMPARED_WITH, change_of_light, equal_light_assumption, notes_of
-from tsis.model import freeze_arrays, require_array, require_number
+from tsis.model.require import freeze_arrays, require_array, require_number
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from tsis.inclusion._prior import Floats
-    from tsis.model import Calibration, TactileImage
+    from tsis.model.calibration import Calibration
+    from tsis.model.image import TactileImage
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -173,7 +174,7 @@ def object_shape(
 
     Examples
     --------
-    >>> from tsis.model import TactileImage
+    >>> from tsis.model.image import TactileImage
     >>> y, x = np.mgrid[:120, :160]
     >>> ellipse = np.where(((x - 80) / 40) ** 2 + ((y - 60) / 20) ** 2 < 1, 60.0, 0.0)
     >>> dark, pressed = (TactileImage(grey=grey, mm_per_pixel=(0.1, 0.1)) for grey in (0 * ellipse, ellipse))

@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 import numpy as np
 
 from tsis.errors import CameraError, ImageMismatchError
-from tsis.model import ContentValue, TactileImage, require_array, require_number, require_one_of, require_type
+from tsis.model.content import ContentValue
+from tsis.model.image import TactileImage
+from tsis.model.require import require_array, require_number, require_one_of, require_type
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping

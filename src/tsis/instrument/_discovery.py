@@ -10,7 +10,8 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from tsis.errors import InputError
-from tsis.model import ContentValue, require_number, require_one_of, require_type
+from tsis.model.content import ContentValue
+from tsis.model.require import require_number, require_one_of, require_type
 from tsis.plugins import find_plugins, load_plugin
 
 if TYPE_CHECKING:

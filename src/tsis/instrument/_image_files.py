@@ -11,23 +11,18 @@ import numpy as np
 from PIL import Image, UnidentifiedImageError
 
 from tsis.errors import FileInputError, InputError
-from tsis.files import (
+from tsis.files.images import (
     LARGEST_PIXELS,
     QUICK_PNG,
-    as_path,
     encode_picture,
     image_fault,
-    one_line,
-    printable_name,
-    printable_path,
-    read_bytes,
-    read_head,
     rows_missing,
     size_fault,
     without_metadata,
 )
+from tsis.files.reading import as_path, one_line, printable_name, printable_path, read_bytes, read_head
 from tsis.instrument._quiet import opencv, quiet_decoders
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 
 if TYPE_CHECKING:
     import os
@@ -236,7 +231,7 @@ def png_bytes(image: TactileImage) -> bytes:
 
     Examples
     --------
-    >>> from tsis.model import TactileImage
+    >>> from tsis.model.image import TactileImage
     >>> png_bytes(TactileImage(grey=np.eye(8)))[1:4]
     b'PNG'
     """

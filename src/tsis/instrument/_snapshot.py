@@ -11,9 +11,13 @@ import numpy as np
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.errors import FileInputError
-from tsis.files import as_path, encode_picture, json_bytes, printable_path, snapshot_stems, target_folder, write_durably
+from tsis.files.atomic import write_durably
+from tsis.files.canonical_json import json_bytes
+from tsis.files.frame_names import snapshot_stems, target_folder
+from tsis.files.images import encode_picture
+from tsis.files.reading import as_path, printable_path
 from tsis.instrument._image_files import whole_levels
-from tsis.model import require_one_of
+from tsis.model.require import require_one_of
 
 if TYPE_CHECKING:
     import os

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tsis.compiled import fused
 from tsis.errors import InputError
-from tsis.model import require_array
+from tsis.model.require import require_array
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

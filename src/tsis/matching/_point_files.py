@@ -15,7 +15,8 @@ import scipy
 import skimage
 
 from tsis.errors import FileInputError
-from tsis.files import as_path, file_size, npy_layout, printable_path, read_bytes, text_lines
+from tsis.files.archive import npy_layout
+from tsis.files.reading import as_path, file_size, printable_path, read_bytes, text_lines
 from tsis.matching._fit import MOST_POINTS
 
 if TYPE_CHECKING:

@@ -38,7 +38,7 @@ from tsis.matching._posterior import (
     trust_measures,
 )
 from tsis.matching._spline import spread_out
-from tsis.model import require_array, require_number, require_one_of, require_type
+from tsis.model.require import require_array, require_number, require_one_of, require_type
 from tsis.plugins import find_plugins, load_plugin
 
 if TYPE_CHECKING:

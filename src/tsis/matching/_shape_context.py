@@ -22,7 +22,7 @@ import scipy
 from tsis.compiled import compiled
 from tsis.matching._fit import UNMATCHED, Floats, Integers, MatchFit, assign, require_points
 from tsis.matching._spline import spline_basis
-from tsis.model import require_number
+from tsis.model.require import require_number
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

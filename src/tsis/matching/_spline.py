@@ -19,7 +19,7 @@ import scipy
 from tsis.compiled import fused
 from tsis.errors import InputError
 from tsis.matching._fit import Floats, Integers, NormalFrame, require_points, ridge_solution
-from tsis.model import require_array, require_number
+from tsis.model.require import require_array, require_number
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.errors import InputError
-from tsis.model import Layer, require_number
+from tsis.model.probe import Layer
+from tsis.model.require import require_number
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

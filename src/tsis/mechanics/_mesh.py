@@ -16,7 +16,8 @@ from tsis.mechanics._element import Floats, lobatto_points
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.model import Inclusion, Phantom, Probe
+    from tsis.model.phantom import Inclusion, Phantom
+    from tsis.model.probe import Probe
 
 
 Scalar = TypeVar("Scalar", bound=np.generic)

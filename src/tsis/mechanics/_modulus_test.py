@@ -18,7 +18,7 @@ from tsis.errors import InputError
 from tsis.mechanics._element import stiffness
 from tsis.mechanics._mesh import face_lines, mesh_rectangle
 from tsis.mechanics.gel import layer_contact
-from tsis.model import require_array, require_number
+from tsis.model.require import require_array, require_number
 
 if TYPE_CHECKING:
     from collections.abc import Callable

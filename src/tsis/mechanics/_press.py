@@ -8,7 +8,10 @@ from tsis.errors import InputError
 from tsis.mechanics._face import FACE_POINTS
 from tsis.mechanics.finite_strain import FiniteResolution, press_finite
 from tsis.mechanics.small_strain import Resolution, small_strain_press
-from tsis.model import Phantom, PressField, Probe, require_number, require_type
+from tsis.model.phantom import Phantom
+from tsis.model.press import PressField
+from tsis.model.probe import Probe
+from tsis.model.require import require_number, require_type
 
 
 def press(

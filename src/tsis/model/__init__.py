@@ -1,142 +1,35 @@
 """Immutable values with validation, shared by all packages: probes, phantoms, presses, images, estimates."""
 
-from tsis.model.budget import QuantityBudget, UncertaintyComponent
-from tsis.model.calibration import (
-    BEND_TERMS,
-    FLUX_TERMS,
-    GROWTH_TERMS,
-    LIGHT_REACH,
-    LIGHT_RINGS,
-    LIGHT_TERMS,
-    Calibration,
-    LightMap,
-    LightTerms,
-)
-from tsis.model.content import ContentValue
-from tsis.model.estimate import (
-    ABSENCE_FLAG,
-    IMPROBABLE,
-    INTERVAL_LEVEL,
-    LARGEST_EVIDENCE,
-    NO_UNIT,
-    NOT_IDENTIFIED,
-    NOT_IDENTIFIED_FLAG,
-    NOT_TRUSTED,
-    UNITS,
-    Estimate,
-    PosteriorSamples,
-    label_of,
-    probability_bound,
-    probability_text,
-    unit_of,
-)
-from tsis.model.exchange import summary_html
-from tsis.model.gel_sensor import (
-    CAMERA_2011_MM_PER_PIXEL,
-    CAMERA_2011_PX,
-    GEL_LIGHTS,
-    GEL_SHAPES,
-    BoundedValue,
-    GelSensor,
-    gel_sensor_of_probe,
-)
-from tsis.model.image import (
-    LARGEST_PIXEL_MM,
-    SMALLEST_PIXEL_MM,
-    TactileImage,
-    as_images,
-    grey_sha256,
-    image_from_xarray,
-    image_stack,
-    require_frames_of_probe,
-    require_image_numbers,
-    require_image_series,
-    require_pixel_scale,
-    require_same_probe,
-)
-from tsis.model.phantom import INCLUSION_RANGES, Inclusion, Phantom, Relaxation, SoftSphere
-from tsis.model.press import MN_PER_N, PressField, PressMap, interpolation_matrix, require_ascending
-from tsis.model.probe import FOUR_LEDS, Glass, Layer, Led, Probe
-from tsis.model.require import (
-    freeze_arrays,
-    freeze_mappings,
-    require_array,
-    require_integer,
-    require_number,
-    require_one_of,
-    require_pair,
-    require_type,
-)
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "ABSENCE_FLAG",
-    "BEND_TERMS",
-    "CAMERA_2011_MM_PER_PIXEL",
-    "CAMERA_2011_PX",
-    "FLUX_TERMS",
-    "FOUR_LEDS",
-    "GEL_LIGHTS",
-    "GEL_SHAPES",
-    "GROWTH_TERMS",
-    "IMPROBABLE",
-    "INCLUSION_RANGES",
-    "INTERVAL_LEVEL",
-    "LARGEST_EVIDENCE",
-    "LARGEST_PIXEL_MM",
-    "LIGHT_REACH",
-    "LIGHT_RINGS",
-    "LIGHT_TERMS",
-    "MN_PER_N",
-    "NOT_IDENTIFIED",
-    "NOT_IDENTIFIED_FLAG",
-    "NOT_TRUSTED",
-    "NO_UNIT",
-    "SMALLEST_PIXEL_MM",
-    "UNITS",
-    "BoundedValue",
-    "Calibration",
-    "ContentValue",
-    "Estimate",
-    "GelSensor",
-    "Glass",
-    "Inclusion",
-    "Layer",
-    "Led",
-    "LightMap",
-    "LightTerms",
-    "Phantom",
-    "PosteriorSamples",
-    "PressField",
-    "PressMap",
-    "Probe",
-    "QuantityBudget",
-    "Relaxation",
-    "SoftSphere",
-    "TactileImage",
-    "UncertaintyComponent",
-    "as_images",
-    "freeze_arrays",
-    "freeze_mappings",
-    "gel_sensor_of_probe",
-    "grey_sha256",
-    "image_from_xarray",
-    "image_stack",
-    "interpolation_matrix",
-    "label_of",
-    "probability_bound",
-    "probability_text",
-    "require_array",
-    "require_ascending",
-    "require_frames_of_probe",
-    "require_image_numbers",
-    "require_image_series",
-    "require_integer",
-    "require_number",
-    "require_one_of",
-    "require_pair",
-    "require_pixel_scale",
-    "require_same_probe",
-    "require_type",
-    "summary_html",
-    "unit_of",
-]
+import lazy_loader
+
+if TYPE_CHECKING:
+    from tsis.model import budget as budget
+    from tsis.model import calibration as calibration
+    from tsis.model import content as content
+    from tsis.model import estimate as estimate
+    from tsis.model import exchange as exchange
+    from tsis.model import gel_sensor as gel_sensor
+    from tsis.model import image as image
+    from tsis.model import phantom as phantom
+    from tsis.model import press as press
+    from tsis.model import probe as probe
+    from tsis.model import require as require
+else:  # modules load when they are first used
+    __getattr__, __dir__, _ = lazy_loader.attach(
+        __name__,
+        submodules=[
+            "budget",
+            "calibration",
+            "content",
+            "estimate",
+            "exchange",
+            "gel_sensor",
+            "image",
+            "phantom",
+            "press",
+            "probe",
+            "require",
+        ],
+    )

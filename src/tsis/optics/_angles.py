@@ -13,13 +13,13 @@ import numpy as np
 import scipy
 
 from tsis.errors import InputError
-from tsis.model import require_array
+from tsis.model.require import require_array
 from tsis.optics import _inputs as inputs
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from tsis.model import Led, Probe
+    from tsis.model.probe import Led, Probe
     from tsis.optics._inputs import Booleans, Complexes, Floats
 
 

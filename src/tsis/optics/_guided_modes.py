@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, SupportsIndex
 import numpy as np
 
 from tsis.errors import InputError
-from tsis.model import require_array, require_integer
+from tsis.model.require import require_array, require_integer
 from tsis.optics.slab import SlabField, SlabLayers, mode_field, mode_roots, nearly_degenerate
 
 if TYPE_CHECKING:

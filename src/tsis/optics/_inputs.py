@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tsis.errors import InputError
-from tsis.model import require_array, require_number
+from tsis.model.require import require_array, require_number
 
 Booleans = NDArray[np.bool]
 Complexes = NDArray[np.complex128]

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.calibration.file import calibration_sha256
-from tsis.files import to_json_value
-from tsis.model import BEND_TERMS, GROWTH_TERMS
+from tsis.files.json_values import to_json_value
+from tsis.model.calibration import BEND_TERMS, GROWTH_TERMS
 from tsis.present.document import envelope
 from tsis.present.figures import dot_board, force_residuals, force_sums, hysteresis_loops
 from tsis.present.page import Card, Page, Picture, Table, on_axes

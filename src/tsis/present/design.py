@@ -20,7 +20,8 @@ from tsis.inclusion.design import (
     protocol_of,
     rank_designs,
 )
-from tsis.model import Probe, require_integer, require_one_of, require_type
+from tsis.model.probe import Probe
+from tsis.model.require import require_integer, require_one_of, require_type
 from tsis.present.document import envelope
 from tsis.present.figures import design_errors
 from tsis.present.labels import quantity_of
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from tsis.inclusion.design import Design, DesignOptimum, Protocol
-    from tsis.model import Calibration
+    from tsis.model.calibration import Calibration
 
 
 QUICK_DEGREES = ("forces", "frames", "reference")  # aspects that need one solution of the press

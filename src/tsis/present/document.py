@@ -8,15 +8,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.files import RESULT_SCHEMAS
-from tsis.model import INTERVAL_LEVEL, probability_text
+from tsis.files.result_schemas import RESULT_SCHEMAS
+from tsis.model.estimate import INTERVAL_LEVEL, probability_text
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from tsis.imaging import Contact, Features, RadialProfile
     from tsis.inclusion import UncertaintyBudget
-    from tsis.model import Estimate, QuantityBudget
+    from tsis.model.budget import QuantityBudget
+    from tsis.model.estimate import Estimate
 
 
 NOT_SCALAR = ("profile", "patch")

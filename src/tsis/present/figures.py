@@ -29,7 +29,10 @@ if TYPE_CHECKING:
     from tsis.inclusion.mobility import Mobility
     from tsis.inclusion.relative import Repeats
     from tsis.matching import Alternative
-    from tsis.model import Estimate, Led, PressField, Probe, TactileImage
+    from tsis.model.estimate import Estimate
+    from tsis.model.image import TactileImage
+    from tsis.model.press import PressField
+    from tsis.model.probe import Led, Probe
     from tsis.optics import GuidedModes
     from tsis.optics.propagation import Propagation
     from tsis.optics.rays import TracedLight

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tsis.files import table_bytes
+from tsis.files.tables import table_bytes
 from tsis.imaging import REASONS
 from tsis.present.figures import gel_contact
 from tsis.present.page import Card, Page, Picture, Table
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.imaging import GelContact
-    from tsis.model import GelSensor
+    from tsis.model.gel_sensor import GelSensor
 
 
 ACROSS = 4  # overlays side by side

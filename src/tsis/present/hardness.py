@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from tsis.hardness import shore
-from tsis.model import INTERVAL_LEVEL
+from tsis.model.estimate import INTERVAL_LEVEL
 from tsis.present.document import estimate_messages
 from tsis.present.figures import contact_growth, modulus, tactile_image
 from tsis.present.inclusion import inclusion_cards
@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from tsis.hardness import ContactTable
-    from tsis.model import Estimate, TactileImage
+    from tsis.model.estimate import Estimate
+    from tsis.model.image import TactileImage
     from tsis.records.values import StoredEstimate
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.imaging import subtract_background
-from tsis.model import INTERVAL_LEVEL, NO_UNIT, label_of, probability_text
+from tsis.model.estimate import INTERVAL_LEVEL, NO_UNIT, label_of, probability_text
 from tsis.present.document import estimate_messages, sd_text
 from tsis.present.figures import marginal, posterior, tissue_section, trade_off
 from tsis.present.images import (
@@ -32,7 +32,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.inclusion import InclusionPrior, UncertaintyBudget
-    from tsis.model import Estimate, QuantityBudget, TactileImage
+    from tsis.model.budget import QuantityBudget
+    from tsis.model.estimate import Estimate
+    from tsis.model.image import TactileImage
     from tsis.present.images import PressComparison
     from tsis.present.page import Value
 

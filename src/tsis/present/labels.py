@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from tsis.model import NO_UNIT, label_of, unit_of
+from tsis.model.estimate import NO_UNIT, label_of, unit_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

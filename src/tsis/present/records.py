@@ -6,7 +6,8 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 from tsis.errors import PluginError, RecordsError, TsisError
-from tsis.files import free_to_json, require_absent
+from tsis.files.json_values import free_to_json
+from tsis.files.result_folder import require_absent
 from tsis.plugins import find_plugins, load_plugin
 from tsis.present.page import Table
 from tsis.present.target import count_of

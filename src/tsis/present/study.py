@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.errors import InputError
-from tsis.files import free_folder, json_bytes, require_room, table_bytes, write_folder
+from tsis.files.canonical_json import json_bytes
+from tsis.files.result_folder import free_folder, require_room, write_folder
+from tsis.files.tables import table_bytes
 from tsis.present.document import envelope
 from tsis.present.figures import (
     TRIAL_COLOURS,

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 from tsis.__about__ import __version__
 from tsis.calibration.guard import GUARD_FLAGS
-from tsis.catalog import load_probe
+from tsis.catalog.probes import load_probe
 from tsis.errors import InputError, TsisError, UnknownNameError
 from tsis.imaging import subtract_background
 from tsis.inclusion import InclusionPrior, ring_edges
-from tsis.model import INTERVAL_LEVEL
+from tsis.model.estimate import INTERVAL_LEVEL
 from tsis.present.calibration import content_rows
 from tsis.present.hardness import HARDNESS, estimate_cards, estimate_messages_of, hardness_rows, modulus_picture
 from tsis.present.images import change_picture, force_of, frame_picture, profile_picture, sheet_picture, surface_picture
@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from datetime import datetime
 
-    from tsis.model import Estimate, TactileImage
+    from tsis.model.estimate import Estimate
+    from tsis.model.image import TactileImage
     from tsis.present.page import Picture
     from tsis.records.values import StoredEstimate, StoredPress, TargetRecord
 

@@ -10,7 +10,7 @@ import numpy as np
 from tsis.calibration.settling import LONGEST_HOLD_S, Settling, assess_settling
 from tsis.errors import InputError
 from tsis.inclusion.mobility import Mobility, mobility
-from tsis.model import require_array
+from tsis.model.require import require_array
 from tsis.present.figures import light_over_time, light_path
 from tsis.present.page import Card, Page, Picture, Table, on_axes
 
@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike, NDArray
 
-    from tsis.model import Calibration, TactileImage
+    from tsis.model.calibration import Calibration
+    from tsis.model.image import TactileImage
 
 
 NO_TIMES = "Settling is not judged: it needs the times of the frames."

@@ -20,13 +20,13 @@ import numpy as np
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.errors import FileInputError, RecordsError, import_extra
-from tsis.model import INTERVAL_LEVEL, unit_of
+from tsis.model.estimate import INTERVAL_LEVEL, unit_of
 from tsis.records.export import export_file, export_folder
 
 if TYPE_CHECKING:
     import os
 
-    from tsis.model import Estimate
+    from tsis.model.estimate import Estimate
     from tsis.records.values import StoredEstimate, StoredPress, TargetRecord
 
 

@@ -14,18 +14,11 @@ from sqlalchemy import insert, select, update
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.errors import RecordsError, TsisError
-from tsis.files import (
-    DISK,
-    FIRST_HASH,
-    Disk,
-    digest,
-    json_bytes,
-    linked_entry,
-    printable_path,
-    read_object,
-    write_durably,
-)
-from tsis.model import require_integer, require_type
+from tsis.files.atomic import DISK, Disk, write_durably
+from tsis.files.canonical_json import digest, json_bytes
+from tsis.files.hash_chain import FIRST_HASH, linked_entry
+from tsis.files.reading import printable_path, read_object
+from tsis.model.require import require_integer, require_type
 from tsis.records.schema import audit_head_table, audit_table
 
 if TYPE_CHECKING:

@@ -12,18 +12,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.errors import FileInputError, InputError, RecordsError
-from tsis.files import (
-    DISK,
-    QUICK_PNG,
-    SHA256,
-    Disk,
-    decode_grey_png,
-    encode_picture,
-    image_fault,
-    printable_path,
-    read_bytes,
-    write_durably,
-)
+from tsis.files.atomic import DISK, Disk, write_durably
+from tsis.files.canonical_json import SHA256
+from tsis.files.images import QUICK_PNG, decode_grey_png, encode_picture, image_fault
+from tsis.files.reading import printable_path, read_bytes
 from tsis.instrument import whole_levels
 
 if TYPE_CHECKING:
@@ -32,7 +24,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.model import Estimate, TactileImage
+    from tsis.model.estimate import Estimate
+    from tsis.model.image import TactileImage
 
 
 ENDINGS = ("png", "json", "samples")
@@ -173,7 +166,7 @@ def samples_bytes(estimate: Estimate) -> bytes:
 
     Examples
     --------
-    >>> from tsis.model import Estimate
+    >>> from tsis.model.estimate import Estimate
     >>> content = samples_bytes(Estimate(samples={"depth_mm": [4.0, 5.0]}, prior_sd={"depth_mm": 2.0}))
     >>> samples_of(content)
     {'depth_mm': array([4., 5.])}

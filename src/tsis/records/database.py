@@ -14,7 +14,7 @@ from sqlalchemy import URL, create_engine, event, inspect, make_url, select, tex
 from sqlalchemy.exc import ArgumentError, DatabaseError, DBAPIError, NoSuchModuleError, SQLAlchemyError
 
 from tsis.errors import RecordsError, import_extra
-from tsis.files import one_line, printable_path
+from tsis.files.reading import one_line, printable_path
 from tsis.records.schema import has_schema, store_table
 
 if TYPE_CHECKING:

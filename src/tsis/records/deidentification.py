@@ -9,18 +9,18 @@ from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any
 
 from tsis.calibration.guard import GUARD_FLAGS as PRESS_FLAGS
-from tsis.catalog import list_probes
-from tsis.files import SHA256
+from tsis.catalog.probes import list_probes
+from tsis.files.canonical_json import SHA256
 from tsis.hardness import HARDNESS_FLAGS as HARDNESS_FLAGS
 from tsis.inclusion import INCLUSION_FLAGS as INCLUSION_FLAGS
-from tsis.model import INTERVAL_LEVEL, NOT_TRUSTED, UNITS, PosteriorSamples
+from tsis.model.estimate import INTERVAL_LEVEL, NOT_TRUSTED, UNITS, PosteriorSamples
 from tsis.records.database import derived
 from tsis.records.provenance import LIBRARIES
 from tsis.records.recomputation import OPTIONS, PRIORS
 
 if TYPE_CHECKING:
     from tsis.calibration.file import ProbeCalibration
-    from tsis.model import Estimate
+    from tsis.model.estimate import Estimate
     from tsis.records.values import StoredEstimate, StoredPress, Target, TargetRecord
 
 

@@ -21,8 +21,8 @@ import numpy as np
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.errors import RecordsError, import_extra
-from tsis.files import add_files
-from tsis.model import INTERVAL_LEVEL
+from tsis.files.atomic import add_files
+from tsis.model.estimate import INTERVAL_LEVEL
 from tsis.records.deidentification import deidentified, from_camera, public_identity
 from tsis.records.values import ROLE_NAMES, ROLES
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from pydicom.dataset import Dataset
 
-    from tsis.model import Estimate
+    from tsis.model.estimate import Estimate
     from tsis.records.values import StoredEstimate, StoredPress, Target, TargetRecord
 
 

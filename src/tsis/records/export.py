@@ -9,31 +9,26 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.files import (
-    QUICK_PNG,
-    as_path,
-    atomic_file,
-    atomic_folder,
-    encode_picture,
-    file_error,
-    free_to_json,
-    json_bytes,
-    table_bytes,
-)
-from tsis.model import INTERVAL_LEVEL, NO_UNIT, label_of, unit_of
+from tsis.files.atomic import atomic_file, atomic_folder
+from tsis.files.canonical_json import json_bytes
+from tsis.files.images import QUICK_PNG, encode_picture
+from tsis.files.json_values import free_to_json
+from tsis.files.reading import as_path, file_error
+from tsis.files.tables import table_bytes
+from tsis.model.estimate import INTERVAL_LEVEL, NO_UNIT, label_of, unit_of
 
 if TYPE_CHECKING:
     import os
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
-    from tsis.model import Estimate
+    from tsis.model.estimate import Estimate
     from tsis.records.values import StoredEstimate, StoredPress, Target, TargetRecord
 
 
 @contextmanager
 def export_file(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """As `tsis.files.atomic_file`; `FileInputError` when the name is taken, or it cannot be written."""
+    """As `tsis.files.atomic.atomic_file`; `FileInputError` when the name is taken, or it cannot be written."""
     requested = as_path(path)
     with _refusing(requested), atomic_file(requested) as draft:
         yield draft
@@ -41,7 +36,7 @@ def export_file(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 @contextmanager
 def export_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """As `tsis.files.atomic_folder`; `FileInputError` when the name is taken, or it cannot be written."""
+    """As `tsis.files.atomic.atomic_folder`; `FileInputError` when the name is taken, or it cannot be written."""
     requested = as_path(path)
     with _refusing(requested), atomic_folder(requested) as draft:
         yield draft

@@ -31,7 +31,8 @@ if TYPE_CHECKING:
 
     from tsis.calibration import UsableCalibration
     from tsis.calibration.file import ProbeCalibration
-    from tsis.model import Estimate, TactileImage
+    from tsis.model.estimate import Estimate
+    from tsis.model.image import TactileImage
     from tsis.records.store import Store
     from tsis.records.values import StoredEstimate, StoredPress, Target, TargetRecord
 

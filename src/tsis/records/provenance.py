@@ -10,7 +10,7 @@ from importlib import metadata, resources
 from typing import TYPE_CHECKING, Any
 
 from tsis.__about__ import __version__
-from tsis.files import free_to_json
+from tsis.files.json_values import free_to_json
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

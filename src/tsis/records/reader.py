@@ -13,7 +13,7 @@ from sqlalchemy import func, select
 from tsis.__about__ import LARGEST_TARGET
 from tsis.calibration.file import parse_calibration
 from tsis.errors import FileInputError, InputError, RecordsError
-from tsis.model import require_integer
+from tsis.model.require import require_integer
 from tsis.records import rows
 from tsis.records import schema as tables
 from tsis.records.audit import AuditHead, has_entry

@@ -11,11 +11,13 @@ import numpy as np
 import tsis.hardness
 import tsis.inclusion
 from tsis.calibration import apply_calibration
-from tsis.catalog import load_probe
+from tsis.catalog.probes import load_probe
 from tsis.errors import CalibrationError, RecordsError
 from tsis.hardness import HardnessPrior
 from tsis.inclusion import InclusionPrior
-from tsis.model import INTERVAL_LEVEL, ContentValue, freeze_mappings
+from tsis.model.content import ContentValue
+from tsis.model.estimate import INTERVAL_LEVEL
+from tsis.model.require import freeze_mappings
 from tsis.records.provenance import changes, comparison_message, environment
 from tsis.records.values import ESTIMATES, estimate_to_json
 
@@ -23,7 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from tsis.calibration.file import ProbeCalibration
-    from tsis.model import Estimate
+    from tsis.model.estimate import Estimate
     from tsis.records.store import Store
     from tsis.records.values import StoredEstimate, StoredPress, Target, TargetRecord
 

@@ -11,8 +11,9 @@ from sqlalchemy import insert, select, update
 
 from tsis.calibration.file import calibration_sha256
 from tsis.errors import InputError, RecordsError, StaleRecordError
-from tsis.files import canonical, digest_or_none, from_json_value, parse_canonical, to_json_value
-from tsis.model import require_one_of
+from tsis.files.canonical_json import canonical, digest_or_none, parse_canonical
+from tsis.files.json_values import from_json_value, to_json_value
+from tsis.model.require import require_one_of
 from tsis.records import schema as tables
 from tsis.records.audit import AuditChange, last_content
 from tsis.records.values import StoredPress, Target, estimate_from_json, estimate_to_json

@@ -25,7 +25,7 @@ from sqlalchemy import (
 )
 
 from tsis.errors import RecordsError
-from tsis.files import one_line
+from tsis.files.reading import one_line
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

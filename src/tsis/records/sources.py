@@ -13,20 +13,11 @@ from sqlalchemy import select
 
 from tsis.__about__ import CALIBRATION_FILE, LARGEST_TARGET
 from tsis.calibration.file import calibration_sha256, read_calibration
-from tsis.catalog import load_probe
+from tsis.catalog.probes import load_probe
 from tsis.errors import FileInputError, InputError
-from tsis.files import (
-    file_error,
-    free_to_json,
-    from_json_value,
-    own_file,
-    printable_name,
-    printable_path,
-    read_bytes,
-    read_object,
-    require_known_schema,
-    written_by,
-)
+from tsis.files.json_values import free_to_json, from_json_value
+from tsis.files.reading import file_error, own_file, printable_name, printable_path, read_bytes, read_object, written_by
+from tsis.files.result_schemas import require_known_schema
 from tsis.instrument import RAW_ENDINGS, SIDECAR_FORMAT, SIDECAR_VERSION, read_image
 from tsis.instrument.recording import (
     RECORDING_COLUMNS,
@@ -36,7 +27,8 @@ from tsis.instrument.recording import (
     RECORDING_VERSION,
     VIDEO_NAME,
 )
-from tsis.model import freeze_mappings, grey_sha256, require_integer, require_one_of
+from tsis.model.image import grey_sha256
+from tsis.model.require import freeze_mappings, require_integer, require_one_of
 from tsis.records.blobs import frame_bytes
 from tsis.records.schema import calibration_table
 from tsis.records.target import DOCUMENTS, read_bundle
@@ -47,7 +39,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from tsis.calibration.file import ProbeCalibration
-    from tsis.model import TactileImage
+    from tsis.model.image import TactileImage
     from tsis.records.store import Store
     from tsis.records.values import TargetRecord
 

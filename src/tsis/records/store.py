@@ -21,25 +21,21 @@ from sqlalchemy import delete, insert, select, update
 
 from tsis.calibration.file import ProbeCalibration, calibration_bytes, calibration_sha256
 from tsis.errors import InputError, RecordsError, RecordsWarning
-from tsis.files import (
+from tsis.files.atomic import (
     DISK,
-    FIRST_HASH,
     PRIVATE_FILE,
     PRIVATE_FOLDER,
     Disk,
-    as_path,
     atomic_folder,
-    digest_or_none,
-    file_error,
-    from_json_value,
-    link_faults,
     make_folder_durably,
-    one_line,
-    printable_path,
     remove_unfinished,
-    to_json_value,
 )
-from tsis.model import TactileImage, require_one_of, require_type
+from tsis.files.canonical_json import digest_or_none
+from tsis.files.hash_chain import FIRST_HASH, link_faults
+from tsis.files.json_values import from_json_value, to_json_value
+from tsis.files.reading import as_path, file_error, one_line, printable_path
+from tsis.model.image import TactileImage
+from tsis.model.require import require_one_of, require_type
 from tsis.records import rows
 from tsis.records import schema as tables
 from tsis.records.audit import ANCHOR_FILE as ANCHOR
@@ -86,7 +82,7 @@ if TYPE_CHECKING:
 
     from sqlalchemy import Connection, Row, Select, Table
 
-    from tsis.model import Estimate
+    from tsis.model.estimate import Estimate
     from tsis.records.values import TargetRecord
 
 

@@ -18,19 +18,10 @@ import numpy as np
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.calibration.file import calibration_bytes, calibration_sha256, parse_calibration
 from tsis.errors import CalibrationError, FileInputError, InputError, RecordsError
-from tsis.files import (
-    LARGEST_PIXELS,
-    SHA256,
-    as_path,
-    decode_grey_png,
-    file_error,
-    file_size,
-    from_json_value,
-    json_bytes,
-    png_fault,
-    printable_path,
-    to_json_value,
-)
+from tsis.files.canonical_json import SHA256, json_bytes
+from tsis.files.images import LARGEST_PIXELS, decode_grey_png, png_fault
+from tsis.files.json_values import from_json_value, to_json_value
+from tsis.files.reading import as_path, file_error, file_size, printable_path
 from tsis.records.blobs import samples_bytes, samples_of
 from tsis.records.export import export_file, export_folder, frame_png
 from tsis.records.values import StoredPress, Target, TargetRecord, estimate_from_json, estimate_to_json

@@ -14,19 +14,13 @@ import numpy as np
 
 from tsis.__about__ import LARGEST_TARGET
 from tsis.errors import InputError, RecordsError
-from tsis.files import SHA256, from_json_value, to_json_value
-from tsis.model import (
-    INCLUSION_RANGES,
-    ContentValue,
-    Estimate,
-    TactileImage,
-    freeze_mappings,
-    require_image_numbers,
-    require_integer,
-    require_number,
-    require_one_of,
-    require_type,
-)
+from tsis.files.canonical_json import SHA256
+from tsis.files.json_values import from_json_value, to_json_value
+from tsis.model.content import ContentValue
+from tsis.model.estimate import Estimate  # noqa: TC001  # the type of a field, by which JSON is read
+from tsis.model.image import TactileImage, require_image_numbers
+from tsis.model.phantom import INCLUSION_RANGES
+from tsis.model.require import freeze_mappings, require_integer, require_number, require_one_of, require_type
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable

@@ -10,9 +10,12 @@ import numpy as np
 import scipy
 
 from tsis.__about__ import LARGEST_SEED
-from tsis.catalog import load_phantom, load_probe
+from tsis.catalog.phantoms import load_phantom
+from tsis.catalog.probes import load_probe
 from tsis.errors import CalibrationError, InputError, RecordsError
-from tsis.model import INTERVAL_LEVEL, Inclusion, require_integer
+from tsis.model.estimate import INTERVAL_LEVEL
+from tsis.model.phantom import Inclusion
+from tsis.model.require import require_integer
 from tsis.study.agreement import bland_altman
 from tsis.study.analysis import DeviceResults
 from tsis.study.folder import new_study, read_seal, unblind, verify_study

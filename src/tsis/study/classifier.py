@@ -16,18 +16,13 @@ import numpy as np
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.errors import FileInputError, InputError, UntrustedError, import_extra
-from tsis.files import as_path, printable_path, read_object, write_durably
+from tsis.files.atomic import write_durably
+from tsis.files.reading import as_path, printable_path, read_object
 from tsis.inclusion import PARAMETERS
-from tsis.model import (
-    INCLUSION_RANGES,
-    LARGEST_EVIDENCE,
-    ContentValue,
-    Inclusion,
-    require_array,
-    require_integer,
-    require_number,
-    require_type,
-)
+from tsis.model.content import ContentValue
+from tsis.model.estimate import LARGEST_EVIDENCE
+from tsis.model.phantom import INCLUSION_RANGES, Inclusion
+from tsis.model.require import require_array, require_integer, require_number, require_type
 from tsis.study.probabilities import presence
 from tsis.study.proportions import Proportion, choice
 
@@ -38,7 +33,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-    from tsis.model import Estimate
+    from tsis.model.estimate import Estimate
 
 
 NONE, OTHER, TARGET = 0, 1, 2

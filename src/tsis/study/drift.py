@@ -15,20 +15,15 @@ import numpy as np
 import scipy
 
 from tsis.__about__ import LARGEST_SEED, __version__
-from tsis.catalog import load_phantom, load_probe
+from tsis.catalog.phantoms import load_phantom
+from tsis.catalog.probes import load_probe
 from tsis.errors import InputError, RecordsError
-from tsis.files import (
-    EMPTY_CHAIN,
-    LogChain,
-    LogDraft,
-    atomic_folder,
-    file_error,
-    from_json_value,
-    link_entries,
-    to_json_value,
-)
+from tsis.files.atomic import atomic_folder
+from tsis.files.hash_chain import EMPTY_CHAIN, LogChain, LogDraft, link_entries
+from tsis.files.json_values import from_json_value, to_json_value
+from tsis.files.reading import file_error
 from tsis.imaging import features
-from tsis.model import freeze_mappings, require_integer, require_number
+from tsis.model.require import freeze_mappings, require_integer, require_number
 from tsis.study.folder import user
 from tsis.study.log import LOG_FILE, append_log, read_log
 from tsis.study.plan import require_short_name
@@ -41,7 +36,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-    from tsis.model import TactileImage
+    from tsis.model.image import TactileImage
 
 
 LEAST_BASELINE = 8

@@ -16,22 +16,15 @@ from typing import TYPE_CHECKING, TypeGuard
 import numpy as np
 
 from tsis.__about__ import LARGEST_SEED, __version__
-from tsis.catalog import load_phantom, load_probe
+from tsis.catalog.phantoms import load_phantom
+from tsis.catalog.probes import load_probe
 from tsis.errors import InputError, RecordsError
-from tsis.files import (
-    EMPTY_CHAIN,
-    LogChain,
-    LogDraft,
-    as_path,
-    atomic_folder,
-    file_error,
-    link_entries,
-    one_line,
-    printable_path,
-    read_bytes,
-)
+from tsis.files.atomic import atomic_folder
+from tsis.files.hash_chain import EMPTY_CHAIN, LogChain, LogDraft, link_entries
+from tsis.files.reading import as_path, file_error, one_line, printable_path, read_bytes
 from tsis.inclusion import InclusionPrior, protocol_forces
-from tsis.model import Inclusion, Phantom, require_integer, require_number, require_type
+from tsis.model.phantom import Inclusion, Phantom
+from tsis.model.require import require_integer, require_number, require_type
 from tsis.study.log import LOG_FILE, SealedTruth, append_log, commitment, parse_seal, read_log
 from tsis.study.plan import (
     DeviceReading,
@@ -47,7 +40,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
-    from tsis.files import LogEntry
+    from tsis.files.hash_chain import LogEntry
 
 
 PLAN, SEAL = "study.json", "sealed.json"

@@ -14,9 +14,11 @@ import numpy as np
 import scipy
 
 from tsis.errors import FileInputError, InputError, RecordsError
-from tsis.files import as_path, printable_path, read_csv_rows, table_bytes
+from tsis.files.reading import as_path, printable_path
+from tsis.files.tables import read_csv_rows, table_bytes
 from tsis.mechanics import compression_modulus, indentation_modulus
-from tsis.model import INTERVAL_LEVEL, require_number
+from tsis.model.estimate import INTERVAL_LEVEL
+from tsis.model.require import require_number
 from tsis.study.analysis import DeviceResults
 from tsis.study.folder import read_seal, verify_study
 from tsis.study.plan import QUANTITIES
@@ -28,7 +30,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.files import CsvRow
+    from tsis.files.tables import CsvRow
     from tsis.mechanics import MeasuredModulus
     from tsis.study.folder import Study
     from tsis.study.plan import DeviceReading, TargetTruth

@@ -14,20 +14,10 @@ from typing import TYPE_CHECKING
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.errors import RecordsError
-from tsis.files import (
-    DISK,
-    EMPTY_CHAIN,
-    Disk,
-    LogChain,
-    LogDraft,
-    append_entries,
-    exclusive_lock,
-    file_error,
-    json_bytes,
-    parse_object,
-    printable_path,
-    read_chain_file,
-)
+from tsis.files.atomic import DISK, Disk, exclusive_lock
+from tsis.files.canonical_json import json_bytes
+from tsis.files.hash_chain import EMPTY_CHAIN, LogChain, LogDraft, append_entries, read_chain_file
+from tsis.files.reading import file_error, parse_object, printable_path
 from tsis.study.plan import TargetTruth, parse_target_truth, require_study_format, study_file_errors
 
 if TYPE_CHECKING:

@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from tsis.__about__ import LARGEST_SEED, RESEARCH_USE_ONLY
-from tsis.catalog import list_probes
+from tsis.catalog.probes import list_probes
 from tsis.errors import FileInputError, InputError, RecordsError
-from tsis.files import SHA256, from_json_value, json_bytes, parse_object, to_json_value
-from tsis.model import (
-    ContentValue,
-    Inclusion,
-    Phantom,
+from tsis.files.canonical_json import SHA256, json_bytes
+from tsis.files.json_values import from_json_value, to_json_value
+from tsis.files.reading import parse_object
+from tsis.model.content import ContentValue
+from tsis.model.phantom import Inclusion, Phantom
+from tsis.model.require import (
     freeze_mappings,
     require_integer,
     require_number,

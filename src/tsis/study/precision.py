@@ -13,7 +13,7 @@ import numpy as np
 import scipy
 
 from tsis.errors import InputError
-from tsis.model import require_integer, require_number
+from tsis.model.require import require_integer, require_number
 from tsis.study.agreement import squares
 from tsis.study.proportions import LEVEL, Interval, checked_level, checked_readings, same_length
 

@@ -16,7 +16,8 @@ import scipy
 
 from tsis.errors import InputError, import_extra
 from tsis.inclusion import presence_caveats
-from tsis.model import LARGEST_EVIDENCE, Estimate, require_integer, require_number, require_type
+from tsis.model.estimate import LARGEST_EVIDENCE, Estimate
+from tsis.model.require import require_integer, require_number, require_type
 from tsis.study.proportions import LEVEL, Interval, Proportion, both_classes, checked_level, choice, scored
 from tsis.study.roc import DRAWS, batches, checked_draws, percentiles
 
@@ -449,7 +450,7 @@ def presence(estimate: Estimate, *, prior: float | None = None) -> PresenceProba
 
     Examples
     --------
-    >>> from tsis.model import Estimate
+    >>> from tsis.model.estimate import Estimate
     >>> made = Estimate(
     ...     samples={"depth_mm": [5.0, 6.0]}, prior_sd={"depth_mm": 2.3}, presence=0.8,
     ...     provenance={"prior": {"presence": 0.5}},

@@ -14,7 +14,7 @@ import numpy as np
 import scipy
 
 from tsis.errors import InputError
-from tsis.model import require_array, require_integer, require_number
+from tsis.model.require import require_array, require_integer, require_number
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -11,22 +11,15 @@ import numpy as np
 
 from tsis.__about__ import LARGEST_SEED, __version__
 from tsis.calibration.file import ProbeCalibration, calibration_sha256
-from tsis.catalog import load_phantom, load_probe
+from tsis.catalog.phantoms import load_phantom
+from tsis.catalog.probes import load_probe
 from tsis.errors import FileInputError, InputError, MechanicsError, RecordsError, import_extra
-from tsis.files import (
-    LARGEST_CSV_BYTES,
-    CsvRow,
-    as_path,
-    file_error,
-    one_line,
-    parse_csv_rows,
-    printable_name,
-    read_bytes,
-    read_csv_rows,
-    table_bytes,
-)
+from tsis.files.reading import as_path, file_error, one_line, printable_name, read_bytes
+from tsis.files.tables import LARGEST_CSV_BYTES, CsvRow, parse_csv_rows, read_csv_rows, table_bytes
 from tsis.inclusion import STRAINS, InclusionPrior, estimate, presence_caveats, press_tables
-from tsis.model import INTERVAL_LEVEL, Inclusion, Phantom, require_integer, require_number, require_one_of
+from tsis.model.estimate import INTERVAL_LEVEL
+from tsis.model.phantom import Inclusion, Phantom
+from tsis.model.require import require_integer, require_number, require_one_of
 from tsis.optics.irradiance import irradiance
 from tsis.study.folder import PLAN, enter_readings, open_study, read_seal, user
 from tsis.study.log import run_lock
@@ -37,7 +30,8 @@ if TYPE_CHECKING:
     import os
     from collections.abc import Callable, Sequence
 
-    from tsis.model import Calibration, TactileImage
+    from tsis.model.calibration import Calibration
+    from tsis.model.image import TactileImage
     from tsis.optics.irradiance import Irradiance
     from tsis.records.store import Store
     from tsis.study.folder import Study

@@ -19,7 +19,7 @@ import numpy as np
 import scipy
 
 from tsis.errors import InputError
-from tsis.model import freeze_arrays, require_array, require_integer, require_number
+from tsis.model.require import freeze_arrays, require_array, require_integer, require_number
 from tsis.study.proportions import LEVEL, Counts, Interval, booleans, both_classes, checked_level, choice, scored
 
 if TYPE_CHECKING:

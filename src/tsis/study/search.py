@@ -13,16 +13,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.errors import FileInputError, InputError, import_extra
-from tsis.files import as_path, parse_csv_rows, printable_path, read_bytes
-from tsis.model import (
-    INCLUSION_RANGES,
-    require_array,
-    require_ascending,
-    require_integer,
-    require_number,
-    require_pair,
-    require_type,
-)
+from tsis.files.reading import as_path, printable_path, read_bytes
+from tsis.files.tables import parse_csv_rows
+from tsis.model.phantom import INCLUSION_RANGES
+from tsis.model.press import require_ascending
+from tsis.model.require import require_array, require_integer, require_number, require_pair, require_type
 from tsis.study.proportions import booleans, same_length
 
 if TYPE_CHECKING:

@@ -12,18 +12,10 @@ import numpy as np
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.errors import FileInputError, InputError, import_extra
-from tsis.files import (
-    UNFINISHED,
-    content_sha256,
-    exclusive_lock,
-    file_error,
-    json_bytes,
-    one_line,
-    read_bytes,
-    read_object,
-    write_durably,
-)
-from tsis.model import require_one_of
+from tsis.files.atomic import UNFINISHED, exclusive_lock, write_durably
+from tsis.files.canonical_json import content_sha256, json_bytes
+from tsis.files.reading import file_error, one_line, read_bytes, read_object
+from tsis.model.require import require_one_of
 from tsis.sweep.plan import plan_document, plan_from_document
 from tsis.sweep.shards import (
     FEATURE,

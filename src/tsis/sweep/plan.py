@@ -11,10 +11,12 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from tsis.__about__ import LARGEST_SEED
-from tsis.catalog import load_probe
+from tsis.catalog.probes import load_probe
 from tsis.errors import InputError
-from tsis.files import parse_toml, read_parsed
-from tsis.model import Inclusion, Layer, Phantom, Probe, require_number, require_one_of, require_type
+from tsis.files.reading import parse_toml, read_parsed
+from tsis.model.phantom import Inclusion, Phantom
+from tsis.model.probe import Layer, Probe
+from tsis.model.require import require_number, require_one_of, require_type
 
 if TYPE_CHECKING:
     import os

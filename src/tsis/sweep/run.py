@@ -10,9 +10,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from tsis.errors import MechanicsError, SweepError
-from tsis.files import remove_unfinished
+from tsis.files.atomic import remove_unfinished
 from tsis.mechanics import press as press_by_elements
-from tsis.model import Phantom, require_number
+from tsis.model.phantom import Phantom
+from tsis.model.require import require_number
 from tsis.sweep.data_set import as_folder, begun, data_set_key, head, write_manifest
 from tsis.sweep.plan import TISSUE, extremes
 from tsis.sweep.shards import Receipt, SweepBatch, press_all, shard_name, sweep_batches

@@ -18,7 +18,7 @@ import scipy
 from threadpoolctl import threadpool_limits
 
 from tsis.errors import FileInputError, TsisError, import_extra
-from tsis.files import one_line, read_bytes
+from tsis.files.reading import one_line, read_bytes
 from tsis.sweep.plan import PROFILES, Range
 
 if TYPE_CHECKING:
@@ -27,7 +27,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.model import Phantom, PressField, Probe
+    from tsis.model.phantom import Phantom
+    from tsis.model.press import PressField
+    from tsis.model.probe import Probe
     from tsis.sweep.plan import Plan
 
 

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias
 from uuid import uuid4
 
 from tsis.errors import InputError, SweepError, import_extra
-from tsis.files import write_durably
+from tsis.files.atomic import write_durably
 from tsis.processes import SpawnedProcess
 from tsis.sweep.data_set import MANIFEST_FILE
 from tsis.sweep.shards import LARGEST_SHARD_BYTES, Receipt, encode_shard, press_all, receipt_of, sha256, shard_name

@@ -27,7 +27,8 @@ from tsis.calibration.session import (
 )
 from tsis.errors import InputError
 from tsis.imaging import Sensor, expose
-from tsis.model import TactileImage, require_integer, require_number, require_type
+from tsis.model.image import TactileImage
+from tsis.model.require import require_integer, require_number, require_type
 from tsis.virtual.camera import camera_settings
 from tsis.virtual.loading_machine import FLAT_LEVELS, VirtualLoadingMachine
 
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.model import Probe
+    from tsis.model.probe import Probe
     from tsis.virtual.probe import VirtualProbe
 
 

@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from tsis.catalog import list_sensors
+from tsis.catalog.sensors import list_sensors
 from tsis.errors import CameraError, InputError
 from tsis.imaging import Sensor, expose
 from tsis.instrument import Frame, Mode, Setting, luma
-from tsis.model import GelSensor, require_number, require_one_of, require_type
+from tsis.model.gel_sensor import GelSensor
+from tsis.model.require import require_number, require_one_of, require_type
 from tsis.virtual.gel_frames import rendered_series
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.model import Phantom, SoftSphere
+    from tsis.model.phantom import Phantom, SoftSphere
     from tsis.virtual.gel_frames import RenderedPress
 
 

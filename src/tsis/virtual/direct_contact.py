@@ -12,16 +12,11 @@ import scipy
 from tsis.hardness import DRIFT_SD, press_fields, require_small_sphere
 from tsis.imaging import Sensor, expose, render
 from tsis.mechanics.finite_strain import SphereResolution
-from tsis.model import (
-    Calibration,
-    LightMap,
-    Probe,
-    SoftSphere,
-    TactileImage,
-    require_array,
-    require_number,
-    require_type,
-)
+from tsis.model.calibration import Calibration, LightMap
+from tsis.model.image import TactileImage
+from tsis.model.phantom import SoftSphere
+from tsis.model.probe import Probe
+from tsis.model.require import require_array, require_number, require_type
 from tsis.virtual.probe import LARGEST_FORCE_N, VirtualProbe
 
 if TYPE_CHECKING:
@@ -29,7 +24,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.model import PressField
+    from tsis.model.press import PressField
 
 
 # Finer and of another order than the mesh of the estimates: an estimate is never compared with its own model.
@@ -78,7 +73,7 @@ class DirectContactRig:
     Examples
     --------
     >>> import numpy, tsis
-    >>> from tsis.catalog import load_sphere
+    >>> from tsis.catalog.phantoms import load_sphere
     >>> rig = DirectContactRig(tsis.load_probe("tsis-direct"), rng=numpy.random.default_rng(1))
     >>> frame = rig.press(load_sphere("cl2000x"), force_n=0.1)  # seconds
     >>> frame.force_n, frame.settings["radius_sd_mm"]

@@ -15,14 +15,16 @@ import numpy as np
 
 from tsis.errors import TsisError
 from tsis.inclusion import PARAMETERS, estimate
-from tsis.model import Inclusion, Phantom, require_integer, require_one_of
+from tsis.model.phantom import Inclusion, Phantom
+from tsis.model.require import require_integer, require_one_of
 from tsis.virtual.probe import RESOLUTIONS, VirtualProbe, exposure_for
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from tsis.inclusion import InclusionPrior
-    from tsis.model import Probe, TactileImage
+    from tsis.model.image import TactileImage
+    from tsis.model.probe import Probe
 
 LARGEST_DRAWN_POISSON = 0.4949
 DEEPEST_FRACTION = 0.97  # of the slab that an inclusion may reach down to: what is thinner is not meshed well

@@ -17,12 +17,14 @@ import scipy
 
 from tsis.errors import InputError
 from tsis.mechanics.gel import GelGrid
-from tsis.model import GelSensor, Layer, require_number, require_type
+from tsis.model.gel_sensor import GelSensor
+from tsis.model.probe import Layer
+from tsis.model.require import require_number, require_type
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.model import PressField
+    from tsis.model.press import PressField
 
 
 PRESSURES = 5  # terms (1 - r²)^(1/2), (3/2), ... of the pressure

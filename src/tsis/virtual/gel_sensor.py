@@ -13,7 +13,10 @@ import numpy as np
 from tsis.errors import InputError
 from tsis.hardness import hertzian_radius_mm, press_fields
 from tsis.mechanics.finite_strain import WIDEST_CONTACT, SphereResolution
-from tsis.model import GelSensor, Layer, Probe, SoftSphere, require_number, require_type
+from tsis.model.gel_sensor import GelSensor
+from tsis.model.phantom import SoftSphere
+from tsis.model.probe import Layer, Probe
+from tsis.model.require import require_number, require_type
 from tsis.virtual.gel_frames import (
     GelBallPress,
     RenderedPress,
@@ -30,7 +33,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.model import PressField
+    from tsis.model.press import PressField
 
     Pair = tuple[float, float]
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from tsis.errors import CameraError, InputError
 from tsis.instrument.drivers.aravis import load
-from tsis.model import require_number, require_type
+from tsis.model.require import require_number, require_type
 from tsis.virtual.camera import USUAL_MS, VirtualCamera
 
 if TYPE_CHECKING:

@@ -14,7 +14,12 @@ from tsis.calibration.lamps import ReferencePatch
 from tsis.errors import InputError
 from tsis.imaging import LedDrift, Sensor, expose, rough_contact
 from tsis.mechanics import HertzContact, effective_modulus_kpa, hertz_under_force, press
-from tsis.model import MN_PER_N, Calibration, LightMap, Phantom, Probe, TactileImage, require_number, require_type
+from tsis.model.calibration import Calibration, LightMap
+from tsis.model.image import TactileImage
+from tsis.model.phantom import Phantom
+from tsis.model.press import MN_PER_N
+from tsis.model.probe import Probe
+from tsis.model.require import require_number, require_type
 from tsis.optics.irradiance import Irradiance
 from tsis.virtual.camera import USUAL_MS, camera_settings
 from tsis.virtual.direct_contact import direct_contact_calibration
@@ -26,7 +31,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.calibration.file import ProbeCalibration
-    from tsis.model import PressField
+    from tsis.model.press import PressField
 
 
 LONGEST = 20_000  # frames of one machine

@@ -15,14 +15,18 @@ from tsis.mechanics import press
 from tsis.mechanics.finite_strain import FiniteResolution, PressSeries
 from tsis.mechanics.small_strain import Resolution
 from tsis.mechanics.solid import press_solid
-from tsis.model import Calibration, LightMap, Probe, TactileImage, require_number, require_one_of, require_type
+from tsis.model.calibration import Calibration, LightMap
+from tsis.model.image import TactileImage
+from tsis.model.probe import Probe
+from tsis.model.require import require_number, require_one_of, require_type
 from tsis.optics.irradiance import Irradiance, irradiance
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.imaging import ContactModel
-    from tsis.model import Phantom, PressField, PressMap
+    from tsis.model.phantom import Phantom
+    from tsis.model.press import PressField, PressMap
 
 
 # Finer and of another order than the mesh of the estimator: an estimate is never compared with its own model.

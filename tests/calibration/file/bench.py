@@ -13,7 +13,7 @@ from tsis.calibration.force import ForceLine
 from tsis.calibration.reference import CameraReference
 from tsis.calibration.scale import PixelScale
 from tsis.calibration.specification import Specification, SpecificationRow
-from tsis.model import Calibration, LightMap
+from tsis.model.calibration import Calibration, LightMap
 
 MADE = datetime(2026, 11, 22, 10, 0, tzinfo=UTC)
 LATER = MADE + timedelta(days=180)

@@ -23,7 +23,7 @@ from tests.calibration.file.bench import (
 from tsis.calibration.force import ForceLine
 from tsis.calibration.scale import PixelScale
 from tsis.errors import CalibrationError, InputError
-from tsis.model import Calibration
+from tsis.model.calibration import Calibration
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from tests.calibration.file.bench import bench_line, measured
 from tsis.calibration import MeasuredValue, UsableCalibration
 from tsis.calibration.file import ProbeCalibration
 from tsis.errors import CalibrationError
-from tsis.model import Calibration
+from tsis.model.calibration import Calibration
 
 
 def test_the_budget_of_a_force_is_its_uncertainty() -> None:

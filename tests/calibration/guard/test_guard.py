@@ -26,7 +26,7 @@ from tsis.calibration.lamps import ReferencePatch
 from tsis.calibration.settling import assess_settling
 from tsis.errors import ImageMismatchError, InputError
 from tsis.instrument import Frame
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 from tsis.virtual.probe import VirtualProbe
 
 ROWS, COLUMNS, RADIUS_PX, DARK = 246, 384, 60.0, 8.0

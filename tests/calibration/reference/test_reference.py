@@ -18,7 +18,7 @@ from tsis.calibration.reference import CameraReference, make_reference
 from tsis.calibration.reference._make import MOST_BAD, _bad
 from tsis.errors import CalibrationError, ImageMismatchError, InputError
 from tsis.imaging import Sensor
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 from tsis.virtual.loading_machine import FLAT_LEVELS, VirtualLoadingMachine
 
 SENSOR = Sensor(columns=256, rows=216)

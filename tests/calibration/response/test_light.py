@@ -16,7 +16,7 @@ from tsis.errors import CalibrationError, InputError
 from tsis.imaging import rough_contact
 from tsis.mechanics import press
 from tsis.mechanics.small_strain import Resolution
-from tsis.model import LIGHT_RINGS, LIGHT_TERMS, Calibration, LightMap, LightTerms
+from tsis.model.calibration import LIGHT_RINGS, LIGHT_TERMS, Calibration, LightMap, LightTerms
 
 PROBE = tsis.load_probe("tsis-domed")
 RESPONSE = Calibration(gain_grey_per_kpa=20.0, saturation_kpa=100.0, probe=PROBE.name)

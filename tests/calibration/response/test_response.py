@@ -22,7 +22,9 @@ from tsis.calibration.response import (
 from tsis.errors import CalibrationError, InputError
 from tsis.imaging import Sensor, render
 from tsis.mechanics import HertzContact
-from tsis.model import Calibration, PressField, TactileImage
+from tsis.model.calibration import Calibration
+from tsis.model.image import TactileImage
+from tsis.model.press import PressField
 
 SENSOR = Sensor(columns=256, rows=216)
 GAIN, FORCES, MODULUS = 0.5, (0.2, 0.4, 0.8, 1.2, 1.6, 2.0), 660.0

@@ -12,7 +12,7 @@ from tsis.calibration.scale import DotDiagnostics, PixelScale, scale_from_dots
 from tsis.errors import CalibrationError, ImageMismatchError, InputError
 from tsis.imaging import Sensor
 from tsis.instrument import read_image
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 from tsis.virtual.calibration_bench import dot_board_frame, untouched_frame
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ import pytest
 from tsis.calibration import MeasuredValue
 from tsis.calibration.scale import PixelScale
 from tsis.errors import ImageMismatchError, InputError
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 
 FIELDS = {
     "mm_per_pixel_x": MeasuredValue(value=0.0336, sd=1e-4, degrees_of_freedom=9, unit="mm/px"),

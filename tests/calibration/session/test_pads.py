@@ -9,7 +9,7 @@ import pytest
 from tests.calibration.file.bench import bench_line, bench_reference
 
 from tsis.calibration.session import CalibrationFrame, _result
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 
 if TYPE_CHECKING:
     from tsis.calibration.reference import CameraReference

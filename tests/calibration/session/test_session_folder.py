@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from tsis.calibration.session import CalibrationFrame, SessionFolder, SessionSetup
 from tsis.errors import CalibrationError, CameraError, FileInputError, InputError, TsisError
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -10,7 +10,7 @@ from tsis.calibration.guard import PressHistory
 from tsis.calibration.settling import BINS, DecayFit, assess_settling
 from tsis.errors import InputError
 from tsis.mechanics.small_strain import relaxing_press, settling_time_s
-from tsis.model import Relaxation
+from tsis.model.phantom import Relaxation
 
 RATE_HZ = 30.0
 

@@ -13,7 +13,7 @@ from tsis.calibration.reference import make_reference
 from tsis.calibration.specification import Specification, edge_width, frame_rate, specification_sheet
 from tsis.errors import CalibrationError, InputError, UnknownNameError
 from tsis.imaging import Sensor
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 from tsis.virtual.loading_machine import VirtualLoadingMachine
 
 SCALE = (0.03, 0.04)

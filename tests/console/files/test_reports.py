@@ -19,7 +19,7 @@ from tests.records.sample import sample_record
 
 from tsis.console.files import Reports, write_export
 from tsis.errors import InputError, RecordsError
-from tsis.files import encode_picture
+from tsis.files.images import encode_picture
 from tsis.present.records import PAGE_FORMS, StoreAddress, page_bytes, report_of_stored_target
 from tsis.records.store import open_store
 

@@ -11,7 +11,7 @@ from matplotlib import colormaps
 from tsis.console.live._hub import GREY, MAPS, checked_ends, packed_colours
 from tsis.errors import InputError, UnknownNameError
 from tsis.imaging import colour_map
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 
 
 def unpacked(name: str) -> np.ndarray:

@@ -12,7 +12,7 @@ from tests.console.live.elements_page import ENDS, LIVE, SURFACE
 
 from tsis.console.live._hub import GREY, MAPS, packed_colours
 from tsis.imaging import colour_map
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -11,7 +11,7 @@ import pytest
 from tests.console.pages.simulated import at_console
 from tests.waiting import HANGS_S
 
-from tsis.catalog import load_probe, parse_probe
+from tsis.catalog.probes import load_probe, parse_probe
 from tsis.present.design import DesignQuestion, analyse_designs, compared_designs
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from tests.records.sample import sample_record
 from tests.waiting import HANGS_S
 
 from tsis.console.live import LiveView
-from tsis.files import target_folder
+from tsis.files.frame_names import target_folder
 
 if TYPE_CHECKING:
     from tests.console.pages.simulated import Operator

@@ -12,7 +12,7 @@ import pytest
 from tsis.calibration.file import ProbeCalibration
 from tsis.console.pages.hardness._flow import SavedPresses, missing_text, next_free, next_step_text, saved_presses
 from tsis.console.services import CameraChoice
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 from tsis.records.store import open_store
 
 if TYPE_CHECKING:

@@ -24,7 +24,7 @@ from tsis.console.services._frame_analysis import (
     reduced,
 )
 from tsis.instrument import Frame
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

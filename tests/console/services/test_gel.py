@@ -11,10 +11,10 @@ import pytest
 from tests.console.services.instruments import ANN, BOB, virtual_instrument
 from tests.waiting import until
 
-from tsis.catalog import load_sensor, sensor_toml
+from tsis.catalog.sensors import load_sensor, sensor_toml
 from tsis.console.services import CameraChoice
 from tsis.errors import CameraError, ControlError, FileInputError, InputError, UnknownNameError
-from tsis.files import encode_picture
+from tsis.files.images import encode_picture
 from tsis.imaging.depth import calibrate_depth, depth_calibration_json
 from tsis.virtual.camera import GEL_BALL_MM, GEL_PRESS_SETTING, GEL_PRESSES
 from tsis.virtual.gel_frames import rendered_series

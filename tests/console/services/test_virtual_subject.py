@@ -11,7 +11,7 @@ import pytest
 from tests.console.services.instruments import ANN, virtual_instrument
 from tests.waiting import until
 
-from tsis.catalog import list_spheres
+from tsis.catalog.phantoms import list_spheres
 from tsis.console._worker import WorkerProcess
 from tsis.console.services import CameraChoice, VirtualSubject, _subject
 from tsis.errors import ControlError, InputError, MechanicsError

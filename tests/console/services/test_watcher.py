@@ -13,7 +13,7 @@ from tests.waiting import until
 from tsis.calibration.guard import GuardReference
 from tsis.console.services._subject import PressForce
 from tsis.console.services._watcher import Watcher
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

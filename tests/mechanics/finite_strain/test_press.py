@@ -14,14 +14,15 @@ from tsis.errors import InputError, MechanicsError
 from tsis.mechanics import press
 from tsis.mechanics.finite_strain import FiniteResolution, press_finite, press_pairs, press_path
 from tsis.mechanics.finite_strain._press import press_steps
-from tsis.model import Inclusion, Layer, Phantom, Probe
+from tsis.model.phantom import Inclusion, Phantom
+from tsis.model.probe import Layer, Probe
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from numpy.typing import NDArray
 
-    from tsis.model import PressField
+    from tsis.model.press import PressField
 
 PROBE = tsis.load_probe("tsis-2011")
 DOMED = tsis.load_probe("tsis-domed")

@@ -13,7 +13,7 @@ import pytest
 import tsis
 from tsis.errors import InputError, MechanicsError
 from tsis.mechanics.finite_strain import SphereResolution, squeeze_path, squeeze_sphere
-from tsis.model import Layer, Probe
+from tsis.model.probe import Layer, Probe
 
 if TYPE_CHECKING:
     from pathlib import Path

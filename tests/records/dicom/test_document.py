@@ -13,7 +13,7 @@ from tests.records.dicom.variants import hardness, with_estimate, with_presses
 from tests.records.sample import sample_estimate, sample_record
 
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.model import Estimate
+from tsis.model.estimate import Estimate
 from tsis.records.dicom import dicom_files
 
 if TYPE_CHECKING:

@@ -11,7 +11,8 @@ import numpy as np
 from tests.records.sample import SECRET, WHEN, sample_estimate, sample_record
 
 from tsis.calibration.file import ProbeCalibration, calibration_sha256
-from tsis.model import Calibration, Estimate, PosteriorSamples
+from tsis.model.calibration import Calibration
+from tsis.model.estimate import Estimate, PosteriorSamples
 from tsis.records.values import StoredEstimate, StoredPress, Target, TargetRecord
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ import hashlib
 import json
 from typing import TYPE_CHECKING, Any
 
-from tsis.files import to_json_value
+from tsis.files.json_values import to_json_value
 from tsis.records.target import _write, sealed_bytes
 from tsis.records.values import estimate_to_json
 

@@ -13,7 +13,8 @@ from tests.records.sample import sample_estimate, sample_record
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.errors import FileInputError, RecordsError
-from tsis.model import PosteriorSamples, image_from_xarray
+from tsis.model.estimate import PosteriorSamples
+from tsis.model.image import image_from_xarray
 from tsis.records.arrays import target_tree, write_netcdf, write_zarr
 from tsis.records.values import TargetRecord
 

@@ -16,7 +16,7 @@ from tests.records.export.bundles import Memory, files_of, plain, sealed
 from tests.records.sample import sample_record
 
 from tsis.errors import FileInputError
-from tsis.files import LARGEST_PIXELS
+from tsis.files.images import LARGEST_PIXELS
 from tsis.records.target import largest, read_bundle, read_picture, read_source, write_bundle
 
 WHOLE = files_of(sample_record())

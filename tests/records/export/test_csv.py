@@ -16,8 +16,7 @@ from tests.records.sample import sample_estimate, sample_record
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.errors import FileInputError, RecordsError
-from tsis.files import table_bytes
-from tsis.files.tables import cell
+from tsis.files.tables import cell, table_bytes
 from tsis.records.export import csv_files, write_csv
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from tsis.calibration.file import ProbeCalibration, calibration_bytes
 from tsis.inclusion import InclusionPrior
-from tsis.model import Calibration
+from tsis.model.calibration import Calibration
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

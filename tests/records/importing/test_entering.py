@@ -16,7 +16,7 @@ from tests.records.sample import sample_calibration, sample_estimate
 
 from tsis.calibration.file import calibration_sha256
 from tsis.errors import RecordsError
-from tsis.files import Disk
+from tsis.files.atomic import Disk
 from tsis.records.importing import ImportProgress, import_batches
 from tsis.records.recomputation import EstimationResult
 from tsis.records.sources import ImportOptions, find_import_batches, stored_calibration

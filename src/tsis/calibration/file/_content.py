@@ -8,19 +8,10 @@ from typing import TYPE_CHECKING, Any
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.calibration.file._value import ProbeCalibration
 from tsis.errors import CalibrationError, FileInputError, InputError
-from tsis.files import (
-    as_path,
-    content_sha256,
-    from_json_value,
-    json_bytes,
-    parse_object,
-    printable_path,
-    read_object,
-    require_bounded_arrays,
-    to_json_value,
-    without_packed_arrays,
-    write_durably,
-)
+from tsis.files.atomic import write_durably
+from tsis.files.canonical_json import content_sha256, json_bytes
+from tsis.files.json_values import from_json_value, require_bounded_arrays, to_json_value, without_packed_arrays
+from tsis.files.reading import as_path, parse_object, printable_path, read_object
 
 if TYPE_CHECKING:
     import os

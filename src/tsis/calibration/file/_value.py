@@ -12,7 +12,10 @@ from tsis.calibration.reference import CameraReference
 from tsis.calibration.scale import PixelScale
 from tsis.calibration.specification import Specification
 from tsis.errors import CalibrationError, InputError
-from tsis.model import Calibration, ContentValue, require_number, require_type, summary_html
+from tsis.model.calibration import Calibration
+from tsis.model.content import ContentValue
+from tsis.model.exchange import summary_html
+from tsis.model.require import require_number, require_type
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -28,7 +28,7 @@ from tsis.calibration.force._curves import (
 from tsis.calibration.force._line import ForceLine, ForceLineDiagnostics, combine_variances
 from tsis.calibration.force._loading import Loading
 from tsis.errors import CalibrationError
-from tsis.model import require_number, require_type
+from tsis.model.require import require_number, require_type
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -11,7 +11,8 @@ import skimage
 
 from tsis.errors import InputError
 from tsis.imaging import segment, smoothed
-from tsis.model import TactileImage, require_one_of
+from tsis.model.image import TactileImage
+from tsis.model.require import require_one_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -10,14 +10,8 @@ import scipy
 from tsis.calibration._measured import MeasuredValue
 from tsis.calibration.force._frame import PATCH_METHODS
 from tsis.errors import InputError
-from tsis.model import (
-    QuantityBudget,
-    UncertaintyComponent,
-    require_integer,
-    require_number,
-    require_one_of,
-    require_type,
-)
+from tsis.model.budget import QuantityBudget, UncertaintyComponent
+from tsis.model.require import require_integer, require_number, require_one_of, require_type
 
 UPPER = 0.975  # quantile at the upper end of a 95 % interval
 LARGEST_LOG = 14.0  # of degrees of freedom: a million is as good as infinity

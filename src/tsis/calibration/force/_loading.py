@@ -9,7 +9,7 @@ import numpy as np
 
 from tsis.calibration.force._line import LARGEST_GAUGE_N
 from tsis.errors import CalibrationError, InputError
-from tsis.model import require_array, require_integer, require_number
+from tsis.model.require import require_array, require_integer, require_number
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -8,9 +8,10 @@ from tsis.calibration.guard._flags import GuardLimits, limit_excesses
 from tsis.calibration.guard._reading import prepare_reference, read_guard_frame
 from tsis.calibration.guard._reference import FrameShape, GuardReference
 from tsis.calibration.guard._watch import PressWatch
-from tsis.catalog import list_probes, load_probe
+from tsis.catalog.probes import list_probes, load_probe
 from tsis.imaging import require_image
-from tsis.model import TactileImage, require_number, require_type
+from tsis.model.image import TactileImage
+from tsis.model.require import require_number, require_type
 
 if TYPE_CHECKING:
     from tsis.calibration._apply import UsableCalibration

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from tsis.calibration.guard._reading import MOST
 from tsis.errors import InputError
-from tsis.model import require_number
+from tsis.model.require import require_number
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

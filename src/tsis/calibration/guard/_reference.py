@@ -14,12 +14,12 @@ import numpy as np
 from tsis.calibration.lamps import LEAST_LIT, ReferencePatch
 from tsis.errors import ImageMismatchError, InputError
 from tsis.imaging import block_means, require_image, require_same_frame
-from tsis.model import require_number, require_type
+from tsis.model.require import require_number, require_type
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.model import TactileImage
+    from tsis.model.image import TactileImage
 
 
 BLOCKS = 192  # blocks along the longer side: a contact of a tenth of the frame is still twenty blocks wide

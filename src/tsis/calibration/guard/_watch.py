@@ -12,7 +12,7 @@ from tsis.calibration.guard._flags import GuardLimits, limit_excesses
 from tsis.calibration.guard._reading import prepare_reference, read_guard_frame
 from tsis.calibration.guard._reference import FrameShape, GuardReference
 from tsis.calibration.settling import BINS, LONGEST_HOLD_S, assess_history
-from tsis.model import require_number, require_type
+from tsis.model.require import require_number, require_type
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -229,7 +229,7 @@ class PressWatch:
     Examples
     --------
     >>> from tsis.instrument import Frame
-    >>> from tsis.model import TactileImage
+    >>> from tsis.model.image import TactileImage
     >>> untouched = TactileImage(grey=np.full((120, 160), 8.0))
     >>> watch = PressWatch(FrameShape.of(untouched), reference=GuardReference(untouched=untouched))
     >>> flags, state = watch.step(WatchState(), Frame(pixels=untouched.grey, sequence=0, time_s=0.0))

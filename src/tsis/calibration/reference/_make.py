@@ -23,7 +23,8 @@ from tsis.calibration.lamps import ReferencePatch, require_lit
 from tsis.calibration.reference._value import LEAST_LIGHT, CameraReference
 from tsis.errors import CalibrationError, ImageMismatchError
 from tsis.imaging import GAUSSIAN_MAD
-from tsis.model import TactileImage, require_type
+from tsis.model.image import TactileImage
+from tsis.model.require import require_type
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -12,12 +12,14 @@ from tsis.calibration._measured import MeasuredValue
 from tsis.calibration.lamps import PixelBox, ReferencePatch
 from tsis.errors import ImageMismatchError, InputError
 from tsis.imaging import SCALE_TOLERANCE, block_means, require_image
-from tsis.model import ContentValue, require_array, require_integer, require_number, require_pixel_scale, require_type
+from tsis.model.content import ContentValue
+from tsis.model.image import require_pixel_scale
+from tsis.model.require import require_array, require_integer, require_number, require_type
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.model import TactileImage
+    from tsis.model.image import TactileImage
 
 
 LEAST_LIGHT = 0.2  # of the mean: darker pixels are not divided by

@@ -19,7 +19,7 @@ from tsis.calibration.scale._ball_press import (
 )
 from tsis.calibration.scale._value import UNIT, PixelScale, check_field
 from tsis.errors import CalibrationError, ImageMismatchError, InputError
-from tsis.model import freeze_arrays, require_array, require_number
+from tsis.model.require import freeze_arrays, require_array, require_number
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.calibration.scale._ball_press import BallPress
-    from tsis.model import TactileImage
+    from tsis.model.image import TactileImage
 
 
 def first_shape(

@@ -16,7 +16,7 @@ from tsis.imaging import find_contact, require_image, segment, signal, smoothed
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.model import TactileImage
+    from tsis.model.image import TactileImage
 
 
 RESPONSE_ORDER = 4  # of the polynomial of grey level against depth

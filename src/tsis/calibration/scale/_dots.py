@@ -27,12 +27,12 @@ from tsis.calibration.scale._spots import Spots, find_spots, in_even_light
 from tsis.calibration.scale._value import PixelScale, check_field
 from tsis.errors import CalibrationError
 from tsis.imaging import require_image, subtract_background
-from tsis.model import freeze_arrays, require_integer, require_number
+from tsis.model.require import freeze_arrays, require_integer, require_number
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.model import TactileImage
+    from tsis.model.image import TactileImage
 
 
 LEAST_FRACTION = 2e-4  # least relative uncertainty of a picture of spots: light, aberrations, the gel's creep

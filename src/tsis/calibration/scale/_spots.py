@@ -13,7 +13,7 @@ import numpy as np
 import scipy
 
 from tsis.imaging import NOISE_FACTOR, QUANTISATION, pixel_noise
-from tsis.model import freeze_arrays, require_integer
+from tsis.model.require import freeze_arrays, require_integer
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

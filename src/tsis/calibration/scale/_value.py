@@ -10,16 +10,8 @@ import numpy as np
 from tsis.calibration._measured import MeasuredValue
 from tsis.errors import CalibrationError, ImageMismatchError, InputError
 from tsis.imaging import SCALE_TOLERANCE
-from tsis.model import (
-    LARGEST_PIXEL_MM,
-    SMALLEST_PIXEL_MM,
-    TactileImage,
-    require_integer,
-    require_number,
-    require_one_of,
-    require_pair,
-    require_type,
-)
+from tsis.model.image import LARGEST_PIXEL_MM, SMALLEST_PIXEL_MM, TactileImage
+from tsis.model.require import require_integer, require_number, require_one_of, require_pair, require_type
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -17,19 +17,13 @@ from tsis.calibration.file import (
 )
 from tsis.calibration.session._setup import SessionSetup, plan_steps
 from tsis.errors import CalibrationError, FileInputError, InputError, TsisError
-from tsis.files import (
-    as_path,
-    from_json_value,
-    json_bytes,
-    one_line,
-    printable_path,
-    read_bytes,
-    read_object,
-    to_json_value,
-    write_durably,
-)
+from tsis.files.atomic import write_durably
+from tsis.files.canonical_json import json_bytes
+from tsis.files.json_values import from_json_value, to_json_value
+from tsis.files.reading import as_path, one_line, printable_path, read_bytes, read_object
 from tsis.instrument import png_bytes, read_image
-from tsis.model import TactileImage, require_number, require_type
+from tsis.model.image import TactileImage
+from tsis.model.require import require_number, require_type
 
 if TYPE_CHECKING:
     import os

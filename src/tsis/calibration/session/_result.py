@@ -20,12 +20,12 @@ from tsis.calibration.response import fit_response
 from tsis.calibration.scale import scale_from_dots
 from tsis.calibration.session._setup import BOARD, BOARD_UNTOUCHED, DARK, EDGE, FLAT, UNTOUCHED
 from tsis.calibration.specification import edge_width, frame_rate, specification_sheet
-from tsis.catalog import load_probe
+from tsis.catalog.probes import load_probe
 from tsis.compiled import one_blas_thread
 from tsis.errors import CalibrationError, ImageMismatchError, InputError
-from tsis.files import printable_path
+from tsis.files.reading import printable_path
 from tsis.imaging import radial_profile
-from tsis.model import require_number
+from tsis.model.require import require_number
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -39,7 +39,8 @@ if TYPE_CHECKING:
     from tsis.calibration.scale import DotDiagnostics, PixelScale
     from tsis.calibration.session._folder import CalibrationFrame, SessionFolder
     from tsis.calibration.session._setup import CalibrationStep, SessionSetup
-    from tsis.model import Calibration, TactileImage
+    from tsis.model.calibration import Calibration
+    from tsis.model.image import TactileImage
 
 
 TOUCHED_N = 0.03  # above the zero: smaller forces are within the drift of an unloaded gauge

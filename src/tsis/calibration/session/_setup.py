@@ -13,7 +13,8 @@ from tsis.calibration.dents import PAD_THICKNESS_MM
 from tsis.calibration.file import SETTING_TOLERANCE, require_name, require_time
 from tsis.calibration.force import LARGEST_N, STEP_N, TIPS_MM
 from tsis.errors import InputError
-from tsis.model import ContentValue, require_integer, require_number
+from tsis.model.content import ContentValue
+from tsis.model.require import require_integer, require_number
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
     from tsis.imaging.depth import DepthMapper
     from tsis.instrument import Camera
-    from tsis.model import GelSensor
+    from tsis.model.gel_sensor import GelSensor
 
 
 VIRTUAL = "virtual"
@@ -66,7 +66,7 @@ def connector(spec: str, press: VirtualPress) -> Callable[[], Camera]:
 
 def live_connector(spec: str) -> Callable[[], Camera]:
     """The same for a camera that is not virtual; `UnknownNameError` for an unknown source."""
-    tsis.model.require_one_of(
+    tsis.model.require.require_one_of(
         "camera source",
         spec.partition(":")[0],
         (VIRTUAL, *tsis.instrument.live_sources(), *tsis.instrument.STORED_SOURCES),
@@ -178,7 +178,7 @@ def acquire(
     if watch and (frames is not None or out is not None):
         raise InputError("--watch saves nothing: leave out --frames and --out (--seconds ends it)")
     if seconds is not None:
-        tsis.model.require_number("--seconds", seconds, 0.01, LONGEST_S, hint="seconds")
+        tsis.model.require.require_number("--seconds", seconds, 0.01, LONGEST_S, hint="seconds")
     if save and (sequence or watch):
         raise InputError("--save works for snapshots; import a sequence into a store by tsis records import")
     if sensor is not None:
@@ -190,9 +190,9 @@ def acquire(
         else:
             raise InputError("--sensor needs --watch, or --frames or --seconds for a folder of frames in colour")
         return
-    tsis.model.require_one_of("role", role, ROLES)
-    tsis.model.require_one_of("picture format", picture, tsis.instrument.FORMATS)
-    tsis.model.require_one_of("colour map", map_name, tsis.imaging.COLOUR_MAPS)
+    tsis.model.require.require_one_of("role", role, ROLES)
+    tsis.model.require.require_one_of("picture format", picture, tsis.instrument.FORMATS)
+    tsis.model.require.require_one_of("colour map", map_name, tsis.imaging.COLOUR_MAPS)
     given = None if calibration is None else tsis.calibration.read_usable_calibration(calibration)
     destination = chosen_destination(save, store, kind)
     calibrated = "" if given is None else given.calibration.probe
@@ -314,7 +314,9 @@ def watch_gel(live: GelCamera, *, depth: Path | None, seconds: float | None, as_
     first = next(frames, None)  # a camera that does not open is said before anything else
     untouched = live.untouched()
     if depth is not None:
-        calibration = tsis.imaging.depth.parse_depth_calibration(tsis.files.read_object(depth, values=MOST_WEIGHTS))
+        calibration = tsis.imaging.depth.parse_depth_calibration(
+            tsis.files.reading.read_object(depth, values=MOST_WEIGHTS)
+        )
         mapper = tsis.imaging.depth.DepthMapper(calibration, chosen, untouched)
     console, counted, begun = Console(stderr=as_json, highlight=False), Counter[str](), time.monotonic()
     with ended_by(signal.SIGINT) as ended:
@@ -352,7 +354,7 @@ def _gel_line(
 
 def record_gel(live: GelCamera, out: Path, *, frames: int | None, seconds: float | None, as_json: bool) -> None:
     """Record at most 2000 frames in colour, as PNG files with an index of times, for ``tsis contacts FOLDER``."""
-    sensor, folder = chosen_sensor(live.sensor), tsis.files.free_folder(out)
+    sensor, folder = chosen_sensor(live.sensor), tsis.files.result_folder.free_folder(out)
     files: dict[str, bytes] = {}
     rows = [",".join(tsis.instrument.recording.RECORDING_COLUMNS)]
     begun = time.monotonic()
@@ -363,12 +365,14 @@ def record_gel(live: GelCamera, out: Path, *, frames: int | None, seconds: float
                 break
             sensor.require_frame(frame.shape[1], frame.shape[0])
             name = f"frame-{number:06d}.png"
-            files[name] = tsis.files.encode_picture(np.ascontiguousarray(frame), level=tsis.files.QUICK_PNG)
+            files[name] = tsis.files.images.encode_picture(
+                np.ascontiguousarray(frame), level=tsis.files.images.QUICK_PNG
+            )
             rows.append(f"{number},{name},0,{number},{passed:.6f},{passed:.6f}")
     if not files:
         raise InputError(f"--camera must deliver frames; {live.camera} gave none")
     index = {tsis.instrument.recording.RECORDING_INDEX: ("\n".join(rows) + "\n").encode()}
-    written = tsis.files.write_folder(folder, files | index)
+    written = tsis.files.result_folder.write_folder(folder, files | index)
     if as_json:
         print_json(
             tsis.present.document.envelope("acquire", "gel", sensor=sensor.name, frames=len(files), folder=str(written))

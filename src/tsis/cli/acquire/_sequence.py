@@ -38,7 +38,7 @@ def take_sequence(
     as_json: bool,
 ) -> None:
     """Record into a new folder until the given frames or seconds, the end of the source, or Ctrl-C."""
-    folder = tsis.files.free_folder(requested)
+    folder = tsis.files.result_folder.free_folder(requested)
     try:
         folder.mkdir(parents=True)
     except OSError as error:

@@ -145,20 +145,23 @@ def begin(folder: SessionFolder, terms: SessionSetup, console: Console) -> None:
     stored = folder.terms()
     if (stored.probe, stored.camera) != (terms.probe, terms.camera):
         raise CalibrationError(
-            f"the session in {tsis.files.printable_path(folder.path)} must be of probe {terms.probe!r} and camera "
+            f"the session in {tsis.files.reading.printable_path(folder.path)} "
+            f"must be of probe {terms.probe!r} and camera "
             f"{terms.camera!r}; it is "
             f"of {stored.probe!r} and {stored.camera!r} (choose another --session)"
         )
     if other := stored.differing(terms):
         raise CalibrationError(
-            f"the session in {tsis.files.printable_path(folder.path)} began with {_settings_text(stored, other)}; "
+            f"the session in {tsis.files.reading.printable_path(folder.path)} "
+            f"began with {_settings_text(stored, other)}; "
             f"this command gives "
             f"{_settings_text(terms, other)} (give the options of its begin, or choose another --session)"
         )
     if changed := stored.changed_setting(terms.settings):
         setting, value, now = changed
         raise CalibrationError(
-            f"the session in {tsis.files.printable_path(folder.path)} began at {setting} = {value:g}; the camera "
+            f"the session in {tsis.files.reading.printable_path(folder.path)} "
+            f"began at {setting} = {value:g}; the camera "
             f"is at {now:g} "
             f"(--set {setting}={value:g}, or choose another --session)"
         )
@@ -229,7 +232,7 @@ def guide(
     """
     import numpy as np
 
-    tsis.model.require_number("--days", days, 1, 3650)
+    tsis.model.require.require_number("--days", days, 1, 3650)
     folder, console = tsis.calibration.session.SessionFolder(session), Console(stderr=True, highlight=False)
     terms = tsis.calibration.session.SessionSetup(
         name=name,
@@ -319,7 +322,8 @@ def light(
     folder = tsis.calibration.session.SessionFolder(session)
     if not any(step.pad_kpa is not None and folder.done(step) for step in folder.plan()):
         raise CalibrationError(
-            f"the session in {tsis.files.printable_path(folder.path)} must hold presses on soft flat pads; it holds "
+            f"the session in {tsis.files.reading.printable_path(folder.path)} "
+            f"must hold presses on soft flat pads; it holds "
             "none (tsis calibrate --pad-kpa 5 --pad-kpa 10)"
         )
     with progress_bar("reading the frames") as advance:

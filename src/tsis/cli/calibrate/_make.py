@@ -26,7 +26,7 @@ def make_outcome(session: SessionFolder, *, days: float) -> CommandOutcome:
         stored, findings = tsis.calibration.session.calibrate(session, days=days, progress=advance)
     provenance = {
         "session": str(session.path),
-        "terms": tsis.files.to_json_value(session.terms()),
+        "terms": tsis.files.json_values.to_json_value(session.terms()),
         "sha256": tsis.calibration.file.calibration_sha256(stored),
     }
     return CommandOutcome(
@@ -92,7 +92,7 @@ def seal(
     as_json: AsJson = False,
 ) -> None:
     """Check values written by hand, and write them as a calibration file with date, expiry and hash."""
-    tsis.model.require_number("--days", days, 1, 3650)
+    tsis.model.require.require_number("--days", days, 1, 3650)
     handwritten_calibration = tsis.calibration.file.read_handwritten_calibration(values, days)
     cited = tsis.calibration.file.write_calibration(handwritten_calibration, out)
     if as_json:

@@ -11,7 +11,7 @@ from tsis.cli._output import CommandResult, Out, show_result
 from tsis.present.page import Column, Table
 
 if TYPE_CHECKING:
-    from tsis.model import Led, Probe
+    from tsis.model.probe import Led, Probe
     from tsis.optics import Acceptance
 
 

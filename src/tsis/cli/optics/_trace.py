@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from tsis.model import PressField, Probe
+    from tsis.model.press import PressField
+    from tsis.model.probe import Probe
     from tsis.optics.rays import TracedLight
 
 
@@ -98,7 +99,9 @@ def _force_for(probe: Probe, tip_radius_mm: float, depth_mm: float) -> float:
     import numpy as np
     from scipy.optimize import brentq
 
-    tsis.model.require_number("depth_mm", depth_mm, 1e-3, probe.thickness_mm, hint="millimetres, less than the layers")
+    tsis.model.require.require_number(
+        "depth_mm", depth_mm, 1e-3, probe.thickness_mm, hint="millimetres, less than the layers"
+    )
 
     def depth(log_force: float) -> float | None:
         """None where the force strains the probe beyond what the model describes."""

@@ -7,7 +7,8 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from tsis.__about__ import LARGEST_TARGET
-from tsis.catalog import list_phantoms, list_probes, list_spheres
+from tsis.catalog.phantoms import list_phantoms, list_spheres
+from tsis.catalog.probes import list_probes
 from tsis.console.api._models import OwnerItem, RequestModel, ResponseModel, Whole
 from tsis.console.api._value_schemas import CameraInfoItem
 from tsis.console.services import LONGEST_SPEC, MOST_TYPED_N, CameraChoice, CameraState, FrameAnalysis, JobState

@@ -23,9 +23,9 @@ from tsis.console.api._responses import Acting, Caller, TheInstrument
 from tsis.console.live import display_levels
 from tsis.console.services import CameraChoice, Instrument
 from tsis.errors import CameraError, InputError
-from tsis.files import QUICK_PNG, encode_picture
+from tsis.files.images import QUICK_PNG, encode_picture
 from tsis.instrument import whole_levels
-from tsis.model import require_one_of
+from tsis.model.require import require_one_of
 from tsis.records.values import require_label
 
 if TYPE_CHECKING:

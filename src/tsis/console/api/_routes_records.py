@@ -42,7 +42,7 @@ from tsis.console.api._responses import (
     job_result,
 )
 from tsis.errors import InputError
-from tsis.files import QUICK_PNG, encode_picture
+from tsis.files.images import QUICK_PNG, encode_picture
 from tsis.records.provenance import environment
 from tsis.records.recomputation import PRIORS
 

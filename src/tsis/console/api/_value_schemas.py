@@ -12,7 +12,7 @@ from pydantic_core import CoreSchema, core_schema
 
 from tsis.calibration.guard import GuardFlag
 from tsis.console.services import CameraChoice, CameraState, ContactView, FrameAnalysis, JobState, PressForce
-from tsis.files import free_to_json
+from tsis.files.json_values import free_to_json
 from tsis.imaging.depth import GelReading
 from tsis.instrument import CameraInfo, Setting
 from tsis.instrument.recording import RecordingReport

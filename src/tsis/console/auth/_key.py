@@ -12,7 +12,7 @@ from pathlib import Path
 import platformdirs
 
 from tsis.errors import FileInputError
-from tsis.files import make_folder_durably, write_durably
+from tsis.files.atomic import make_folder_durably, write_durably
 
 FOLDER = "TSIS_CONSOLE_DIR"
 OTHERS = stat.S_IRWXG | stat.S_IRWXO

@@ -20,9 +20,10 @@ from starlette.websockets import WebSocketDisconnect
 
 from tsis.console.services import FrameAnalysis
 from tsis.errors import InputError
-from tsis.files import encode_picture
+from tsis.files.images import encode_picture
 from tsis.imaging import COLOUR_MAPS, colour_map
-from tsis.model import TactileImage, require_number, require_one_of
+from tsis.model.image import TactileImage
+from tsis.model.require import require_number, require_one_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -12,7 +12,8 @@ from nicegui import run, ui
 from tsis.__about__ import LARGEST_SEED
 from tsis.calibration import parse_usable_calibration
 from tsis.calibration.file import LARGEST_BYTES
-from tsis.catalog import list_phantoms, list_probes, list_spheres
+from tsis.catalog.phantoms import list_phantoms, list_spheres
+from tsis.catalog.probes import list_probes
 from tsis.console.pages import components as kit
 from tsis.console.services import DONE, CameraChoice
 from tsis.errors import GaugeError

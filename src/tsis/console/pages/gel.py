@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from tsis.catalog import list_probes, list_sensors
+from tsis.catalog.probes import list_probes
+from tsis.catalog.sensors import list_sensors
 from tsis.console.live import LiveView
 from tsis.console.pages import components as kit
 from tsis.console.pages.camera import choose_and_start

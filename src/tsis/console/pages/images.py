@@ -22,7 +22,8 @@ from tsis.console.services import (
     save_images,
 )
 from tsis.errors import InputError
-from tsis.model import require_number, require_pixel_scale
+from tsis.model.image import require_pixel_scale
+from tsis.model.require import require_number
 from tsis.present.images import finding_notes, finding_rows
 from tsis.present.page import Table
 from tsis.records.sources import ImportOptions

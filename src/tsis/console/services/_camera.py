@@ -8,13 +8,13 @@ from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING
 
-from tsis.catalog import load_sensor
+from tsis.catalog.sensors import load_sensor
 from tsis.console.services._jobs import RUNNING
 from tsis.console.services._subject import VirtualSubject
 from tsis.errors import CameraError, ControlError, InputError, TsisError
 from tsis.instrument import LATE_FRAMES, connect, find_cameras, preset
 from tsis.instrument.acquisition import LOST_AFTER_S, Acquisition
-from tsis.model import require_number, require_one_of
+from tsis.model.require import require_number, require_one_of
 from tsis.virtual.camera import FORCE_SETTING, LARGEST_FORCE_N, VirtualGelCamera, virtual_gel_sensor
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from tsis.console.services._jobs import RUNNING
 from tsis.errors import ControlError, InputError
-from tsis.model import require_number, require_type
+from tsis.model.require import require_number, require_type
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

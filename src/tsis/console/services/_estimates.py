@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.__about__ import LARGEST_TARGET
-from tsis.catalog import load_phantom, load_probe
+from tsis.catalog.phantoms import load_phantom
+from tsis.catalog.probes import load_probe
 from tsis.errors import InputError, RecordsError
 from tsis.inclusion import InclusionPrior, estimate, prior_on_tissue, stated_strain
-from tsis.model import require_integer, require_one_of
+from tsis.model.require import require_integer, require_one_of
 from tsis.records.provenance import environment
 from tsis.records.recomputation import REFERENCE_ROLES, EstimationRequest, estimate_stored, require_options
 from tsis.records.values import ESTIMATES

@@ -11,7 +11,7 @@ from tsis.calibration.guard import GuardFlag
 from tsis.console.services._subject import PressForce
 from tsis.imaging import block_means, segment
 from tsis.imaging.depth import GelReading
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

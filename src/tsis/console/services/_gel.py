@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from tsis.catalog import load_sensor
+from tsis.catalog.sensors import load_sensor
 from tsis.console.services._frame_analysis import ContactView, FrameAnalysis, exposure_warnings, histogram
 from tsis.errors import CameraError, InputError
-from tsis.files import read_object
+from tsis.files.reading import read_object
 from tsis.imaging import gel_levels
 from tsis.imaging.depth import DepthMapper, gel_reading, parse_depth_calibration
 from tsis.instrument import read_levels
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from tsis.console.services._subject import PressForce
     from tsis.imaging.depth import DepthCalibration
     from tsis.instrument.acquisition import ReceivedFrame
-    from tsis.model import GelSensor
+    from tsis.model.gel_sensor import GelSensor
 
 
 MOST_WEIGHTS = 10**6  # numbers of a depth calibration

@@ -37,7 +37,7 @@ from tsis.console.services.calibrating import CalibrationSessions
 from tsis.errors import ControlError
 from tsis.imaging import COLOUR_MAPS
 from tsis.instrument import connect
-from tsis.model import require_integer, require_one_of
+from tsis.model.require import require_integer, require_one_of
 from tsis.records.recomputation import recompute
 from tsis.records.store import open_store
 

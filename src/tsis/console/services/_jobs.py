@@ -13,7 +13,7 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 from tsis.errors import ControlError, InputError, TsisError
-from tsis.files import from_json_value, to_json_value
+from tsis.files.json_values import from_json_value, to_json_value
 
 if TYPE_CHECKING:
     from collections.abc import Callable

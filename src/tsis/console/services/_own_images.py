@@ -9,10 +9,12 @@ import numpy as np
 
 from tsis.calibration import read_press_image
 from tsis.errors import InputError, TsisError
-from tsis.files import encode_picture, file_error, printable_name, write_durably
+from tsis.files.atomic import write_durably
+from tsis.files.images import encode_picture
+from tsis.files.reading import file_error, printable_name
 from tsis.instrument import connect
 from tsis.instrument.drivers import IMAGE_ENDINGS, VIDEO_ENDINGS
-from tsis.model import require_one_of
+from tsis.model.require import require_one_of
 from tsis.present.images import analyse_image
 from tsis.records.importing import import_batches
 from tsis.records.sources import ImportOptions, find_import_batches

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 from tsis.console.services._subject import CameraChoice, PressForce
 from tsis.errors import InputError
-from tsis.files import from_json_value, printable_path, to_json_value
+from tsis.files.json_values import from_json_value, to_json_value
+from tsis.files.reading import printable_path
 from tsis.virtual.camera import FORCE_SETTING
 
 if TYPE_CHECKING:

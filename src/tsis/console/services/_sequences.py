@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 from tsis.console.services._reading import force_at, gauge_force
 from tsis.errors import CameraError, FileInputError, GaugeError, InputError
-from tsis.files import free_folder, target_folder
+from tsis.files.frame_names import target_folder
+from tsis.files.result_folder import free_folder
 from tsis.instrument.recording import FrameFolder, FurtherColumns, record
-from tsis.model import require_integer, require_number
+from tsis.model.require import require_integer, require_number
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from tsis.console.services._subject import PressForce, VirtualSubject
     from tsis.instrument import Snapshot
     from tsis.instrument.acquisition import ReceivedFrame
-    from tsis.model import TactileImage
+    from tsis.model.image import TactileImage
     from tsis.records.store import Store
     from tsis.records.values import StoredPress, Target
 

@@ -16,14 +16,19 @@ from tsis.__about__ import LARGEST_SEED
 from tsis.calibration import UsableCalibration, apply_calibration, read_usable_calibration
 from tsis.calibration.file import ProbeCalibration, calibration_bytes, calibration_sha256
 from tsis.calibration.guard import GuardReference
-from tsis.catalog import list_phantoms, list_probes, list_spheres, load_probe, load_sphere, phantom_variant
+from tsis.catalog.phantoms import list_phantoms, list_spheres, load_sphere, phantom_variant
+from tsis.catalog.probes import list_probes, load_probe
 from tsis.console._worker import light_of
 from tsis.errors import InputError, MechanicsError, TsisError
-from tsis.files import content_sha256, from_json_value, to_json_value, write_durably
+from tsis.files.atomic import write_durably
+from tsis.files.canonical_json import content_sha256
+from tsis.files.json_values import from_json_value, to_json_value
 from tsis.imaging import Sensor
 from tsis.inclusion import protocol_forces, tissue_modulus
 from tsis.instrument import STORED_SOURCES, live_sources
-from tsis.model import Phantom, SoftSphere, TactileImage, require_integer, require_number, require_one_of, require_type
+from tsis.model.image import TactileImage
+from tsis.model.phantom import Phantom, SoftSphere
+from tsis.model.require import require_integer, require_number, require_one_of, require_type
 from tsis.records.values import KINDS, ROLES
 from tsis.virtual.camera import LARGEST_FORCE_N, VirtualCamera, camera_settings, virtual_mode
 from tsis.virtual.direct_contact import DirectContactRig

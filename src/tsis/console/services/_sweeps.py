@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.errors import ControlError, FileInputError, InputError, TsisError
-from tsis.files import require_file_stem, write_durably
+from tsis.files.atomic import write_durably
+from tsis.files.frame_names import require_file_stem
 from tsis.sweep.data_set import read_data_set
 from tsis.sweep.plan import Plan, load_plan, parse_plan_text
 from tsis.sweep.run import run_sweep, seconds_per_press

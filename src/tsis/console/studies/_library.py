@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from tsis.console._statuses import AbsentError
 from tsis.errors import InputError, RecordsError, TsisError
-from tsis.files import one_line, read_bytes
+from tsis.files.reading import one_line, read_bytes
 from tsis.present.study import PAGE, PAPER
 from tsis.study.folder import ANALYSED, PLAN, is_file_name, new_study, open_study
 from tsis.study.log import LOG_FILE

@@ -20,7 +20,9 @@ if TYPE_CHECKING:
     from tsis.inclusion._prior import Booleans, Floats
     from tsis.inclusion.checks._sectors import Sectors
     from tsis.inclusion.posterior import Heterogeneity
-    from tsis.model import Calibration, Probe, TactileImage
+    from tsis.model.calibration import Calibration
+    from tsis.model.image import TactileImage
+    from tsis.model.probe import Probe
 
 INFORMATIVE = (2, 3, 4)  # harmonics that show the heterogeneity; tilt and offset cause the first
 PRESSURES = 512  # of the table that inverts the contact's light

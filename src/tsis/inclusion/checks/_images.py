@@ -12,7 +12,7 @@ from tsis.imaging import rough_contact
 from tsis.inclusion._frames import ring_edges
 from tsis.inclusion.checks._roundness import roundness_findings, tilt_findings
 from tsis.inclusion.checks._sectors import ring_visibility, sector_means
-from tsis.model import MN_PER_N
+from tsis.model.press import MN_PER_N
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -20,7 +20,9 @@ if TYPE_CHECKING:
     from tsis.inclusion._prior import Complexes
     from tsis.inclusion.checks._heterogeneity import FieldHarmonics
     from tsis.inclusion.checks._sectors import Sectors
-    from tsis.model import Calibration, Probe, TactileImage
+    from tsis.model.calibration import Calibration
+    from tsis.model.image import TactileImage
+    from tsis.model.probe import Probe
 
 
 FAINT = 3.0  # of a pixel's noise without light: drift of the background

@@ -12,13 +12,14 @@ from tsis.errors import InputError
 from tsis.imaging import require_same_frame
 from tsis.inclusion._frames import DARKEST, OUTER_FRACTION, RINGS
 from tsis.inclusion.posterior import FARTHEST
-from tsis.model import Calibration, require_number, require_type
+from tsis.model.calibration import Calibration
+from tsis.model.require import require_number, require_type
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.inclusion._prior import Floats
-    from tsis.model import TactileImage
+    from tsis.model.image import TactileImage
 
 
 CELL_MM = 0.25  # pixels are averaged over cells of this size; changes are much wider

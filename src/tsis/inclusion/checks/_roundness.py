@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.inclusion.checks._harmonics import harmonic, harmonic_noise, shading_harmonics, unevenness
-from tsis.model import IMPROBABLE, probability_bound
+from tsis.model.estimate import IMPROBABLE, probability_bound
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from tsis.inclusion._prior import Booleans, Complexes, Floats
     from tsis.inclusion.checks._harmonics import Unevenness
     from tsis.inclusion.checks._sectors import Sectors
-    from tsis.model import Calibration
+    from tsis.model.calibration import Calibration
 
 
 FIRST_RING = 1  # the innermost is a few pixels wide and has no second harmonic

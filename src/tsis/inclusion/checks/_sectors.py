@@ -15,7 +15,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.inclusion._prior import Booleans, Floats, Integers
-    from tsis.model import Calibration, LightMap, Probe, TactileImage
+    from tsis.model.calibration import Calibration, LightMap
+    from tsis.model.image import TactileImage
+    from tsis.model.probe import Probe
 
 
 RINGS, SECTORS = 12, 16  # sixteen separate the second harmonic from the fourth and eighth of four lamps

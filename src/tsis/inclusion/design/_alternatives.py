@@ -9,7 +9,7 @@ from tsis.errors import InputError
 from tsis.inclusion._prior import PARAMETERS
 from tsis.inclusion.design._information import ProtocolInformation, even_inclusions, information_of, planned_view
 from tsis.inclusion.design._limits import DesignLimits, limits_of
-from tsis.model import require_one_of
+from tsis.model.require import require_one_of
 from tsis.optics.irradiance import irradiance
 
 if TYPE_CHECKING:
@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from tsis.inclusion.design._information import PlannedView
     from tsis.inclusion.design._protocol import Protocol
     from tsis.mechanics.surrogate import Degrees
-    from tsis.model import Calibration, Probe
+    from tsis.model.calibration import Calibration
+    from tsis.model.probe import Probe
 
 
 Aspect = Literal["softness", "layers", "dome", "forces", "frames", "reference"]

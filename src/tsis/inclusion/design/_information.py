@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy
 
-from tsis.catalog import load_phantom
+from tsis.catalog.phantoms import load_phantom
 from tsis.compiled import one_blas_thread
 from tsis.errors import InputError
 from tsis.imaging import Sensor, radial_profile
@@ -32,7 +32,8 @@ from tsis.inclusion.posterior import (
     ring_responses,
 )
 from tsis.mechanics.surrogate import Degrees, build_full_contact_surrogate, contrast_factor
-from tsis.model import Calibration, TactileImage, require_array, require_integer, require_number, require_type
+from tsis.model.image import TactileImage
+from tsis.model.require import require_array, require_integer, require_number, require_type
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
 
     from tsis.inclusion.design._protocol import Protocol
     from tsis.mechanics.surrogate import FullContactSurrogate
+    from tsis.model.calibration import Calibration
 
 
 CELLS = 801  # over the modulus's range

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from tsis.catalog import load_probe
+from tsis.catalog.probes import load_probe
 from tsis.errors import InputError
 from tsis.inclusion._tissue import protocol_forces
-from tsis.model import Probe, require_integer, require_number, require_type
+from tsis.model.probe import Probe
+from tsis.model.require import require_integer, require_number, require_type
 
 LEAST_FORCE_N, LARGEST_FORCE_N = 1e-3, 50.0
 MOST_FRAMES_PER_PRESS = 1000

@@ -18,7 +18,7 @@ from tsis.inclusion.design._alternatives import CRITERIA, Design, calibration_fo
 from tsis.inclusion.design._information import even_inclusions, information_of, planned_view
 from tsis.inclusion.design._limits import covering_n
 from tsis.inclusion.design._protocol import LARGEST_FORCE_N, LEAST_FORCE_N
-from tsis.model import require_integer, require_one_of
+from tsis.model.require import require_integer, require_one_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -28,7 +28,8 @@ if TYPE_CHECKING:
     from tsis.inclusion.design._information import PlannedView
     from tsis.inclusion.design._protocol import Protocol
     from tsis.mechanics.surrogate import Degrees
-    from tsis.model import Calibration, Probe
+    from tsis.model.calibration import Calibration
+    from tsis.model.probe import Probe
 
 
 MOST_EVALUATIONS = 25

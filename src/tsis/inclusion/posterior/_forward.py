@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from tsis.inclusion.posterior._heterogeneity import Heterogeneity
     from tsis.inclusion.posterior._rings import RingResponses, RingShading
     from tsis.mechanics.surrogate import FiniteCorrection, TissueSurrogate
-    from tsis.model import Calibration
+    from tsis.model.calibration import Calibration
 
 
 GAIN, TISSUE, THICKNESS, SITE, PROBE, POISSON, SPREAD = range(7)

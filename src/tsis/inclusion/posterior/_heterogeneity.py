@@ -19,7 +19,7 @@ import numpy as np
 import scipy
 
 from tsis.compiled import one_blas_thread
-from tsis.files import cached_arrays, content_key
+from tsis.files.cache import cached_arrays, content_key
 from tsis.inclusion.posterior._rings import ring_means
 from tsis.mechanics.surrogate import mechanical_content
 from tsis.mechanics.tissue_field import FieldMesh, TissueFieldResponse, field_factors, field_features
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.inclusion._prior import Floats, InclusionPrior, Integers
-    from tsis.model import Probe
+    from tsis.model.probe import Probe
 
 FORMAT_VERSION = 3
 LENGTHS_MM = (2.0, 3.2, 5.0, 8.0, 13.0)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from tsis.inclusion.posterior._forward import ForwardModel
     from tsis.inclusion.posterior._heterogeneity import Heterogeneity
     from tsis.mechanics.surrogate import TissueSurrogate
-    from tsis.model import Calibration
+    from tsis.model.calibration import Calibration
 
 
 def least_sd(information: Floats) -> Floats:

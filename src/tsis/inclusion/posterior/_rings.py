@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.mechanics import hats
-from tsis.model import LIGHT_TERMS, LightTerms, require_number
+from tsis.model.calibration import LIGHT_TERMS, LightTerms
+from tsis.model.require import require_number
 
 if TYPE_CHECKING:
     from tsis.inclusion._prior import Floats
@@ -229,7 +230,7 @@ class ShadingUncertainty:
 
     @classmethod
     def of_terms(cls, factor: Floats, rings: int) -> ShadingUncertainty:
-        """Errors whose coefficients, as in `tsis.model.LightTerms`, have the covariance ``factor @ factor.T``."""
+        """Errors whose coefficients, as in `LightTerms`, have the covariance ``factor @ factor.T``."""
         terms = LightTerms.of(factor, rings)
         return cls(
             by_displacement=terms.growth_per_mm,

@@ -14,10 +14,12 @@ from tsis.errors import InputError, NotCalibratedError
 from tsis.imaging import require_same_frame
 from tsis.inclusion.relative._light import brightest, change_of_light, lit_part
 from tsis.inclusion.relative._reading import RelativeReading, comparison_assumptions
-from tsis.model import Calibration, TactileImage
+from tsis.model.calibration import Calibration
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from tsis.model.image import TactileImage
 
 
 def relative_depth(
@@ -50,7 +52,7 @@ def relative_depth(
 
     Examples
     --------
-    >>> from tsis.model import TactileImage
+    >>> from tsis.model.image import TactileImage
     >>> y, x = np.mgrid[:120, :160]
     >>> hill = 60.0 * np.exp(-((x - 80) ** 2 + (y - 60) ** 2) / 800.0)
     >>> dark = TactileImage(grey=np.zeros((120, 160)), mm_per_pixel=(0.1, 0.1))
@@ -125,7 +127,7 @@ def relative_size(
     Examples
     --------
     >>> import numpy as np
-    >>> from tsis.model import TactileImage
+    >>> from tsis.model.image import TactileImage
     >>> y, x = np.mgrid[:120, :160]
     >>> disc = np.where((x - 80) ** 2 + (y - 60) ** 2 < 900, 60.0, 10.0)
     >>> dark = TactileImage(grey=np.full((120, 160), 10.0), mm_per_pixel=(0.1, 0.1))

@@ -19,13 +19,15 @@ from tsis.imaging import (
     subtract_background,
 )
 from tsis.inclusion._frames import binary_features, correct_light
-from tsis.model import Calibration, as_images, require_number, require_one_of, require_type
+from tsis.model.calibration import Calibration
+from tsis.model.image import as_images
+from tsis.model.require import require_number, require_one_of, require_type
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tsis.inclusion._prior import Booleans, Floats
-    from tsis.model import TactileImage
+    from tsis.model.image import TactileImage
 
 
 UNTOUCHED, REFERENCE_TISSUE = "untouched probe", "plain tissue"

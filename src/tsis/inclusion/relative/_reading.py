@@ -11,13 +11,13 @@ import numpy as np
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.errors import InputError
 from tsis.inclusion.relative._light import REFERENCE_TISSUE, UNTOUCHED
-from tsis.model import ContentValue
+from tsis.model.content import ContentValue
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from tsis.inclusion._prior import Floats
-    from tsis.model import Calibration
+    from tsis.model.calibration import Calibration
 
 
 NOTES = {

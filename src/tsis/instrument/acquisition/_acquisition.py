@@ -11,7 +11,7 @@ from tsis.errors import CameraError, TsisError
 from tsis.instrument._camera import LATE_FRAMES, named_mode
 from tsis.instrument.acquisition._intake import Intake, silence
 from tsis.instrument.acquisition._ring import FrameRing
-from tsis.model import require_number
+from tsis.model.require import require_number
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from tsis.errors import CameraError, ImageMismatchError
 from tsis.instrument.acquisition._ring import ReceivedFrame
-from tsis.model import require_number
+from tsis.model.require import require_number
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -7,7 +7,7 @@ from collections import deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from tsis.model import require_integer, require_number
+from tsis.model.require import require_integer, require_number
 
 if TYPE_CHECKING:
     from tsis.instrument._camera import Frame

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.errors import CameraError, FileInputError, ImageMismatchError
-from tsis.files import LARGEST_PIXELS, as_path, file_size, printable_path, read_head
+from tsis.files.images import LARGEST_PIXELS
+from tsis.files.reading import as_path, file_size, printable_path, read_head
 from tsis.instrument._camera import Frame, Mode
 from tsis.instrument._image_files import grey_of_opencv, read_image
 from tsis.instrument._quiet import opencv, quiet_decoders, quiet_ffmpeg
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.instrument._camera import Setting
-    from tsis.model import TactileImage
+    from tsis.model.image import TactileImage
 
 
 # Numbers of OpenCV's properties CAP_PROP_...: a reader of this module needs no OpenCV.

@@ -15,7 +15,7 @@ from tsis.instrument._discovery import CameraInfo
 from tsis.instrument._image_files import grey_of_opencv
 from tsis.instrument._quiet import opencv, quiet_decoders
 from tsis.instrument.drivers._files import BRIGHTNESS, EXPOSURE, GAIN, HEIGHT, WIDTH, OpenCVCapture, natural_key
-from tsis.model import require_number
+from tsis.model.require import require_number
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

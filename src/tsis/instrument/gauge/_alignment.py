@@ -10,7 +10,7 @@ import numpy as np
 import scipy
 
 from tsis.errors import GaugeError, InputError
-from tsis.model import require_number
+from tsis.model.require import require_number
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

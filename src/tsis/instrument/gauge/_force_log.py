@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from tsis.errors import GaugeError, TsisError
 from tsis.instrument.gauge._alignment import LONGEST_GAP_S, ForceAtTime, force_at
 from tsis.instrument.gauge._serial_gauge import SerialGauge
-from tsis.model import require_integer, require_number
+from tsis.model.require import require_integer, require_number
 from tsis.plugins import find_plugins, load_plugin
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ import scipy
 
 from tsis.errors import GaugeError, InputError
 from tsis.instrument.gauge._alignment import reading_noise
-from tsis.model import require_array, require_number
+from tsis.model.require import require_array, require_number
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -11,7 +11,8 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from tsis.errors import FileInputError, GaugeError, InputError
-from tsis.files import as_path, printable_path, read_bytes, text_lines, write_durably
+from tsis.files.atomic import write_durably
+from tsis.files.reading import as_path, printable_path, read_bytes, text_lines
 from tsis.instrument.gauge._gauge import ForceReading
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from tsis.errors import GaugeError, InputError
 from tsis.instrument.gauge._gauge import LARGEST_FORCE_N, ForceReading
 from tsis.instrument.gauge._replies import Reply, ReplyKind, force_unit, newtons, read_reply
 from tsis.instrument.gauge._serial_line import PORT_FAILURES, SerialLine, opened
-from tsis.model import require_integer, require_number, require_type
+from tsis.model.require import require_integer, require_number, require_type
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from tsis.errors import GaugeError
 from tsis.instrument.gauge._gauge import ForceReading
-from tsis.model import require_number
+from tsis.model.require import require_number
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

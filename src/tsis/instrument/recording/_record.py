@@ -18,7 +18,10 @@ import numpy as np
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.errors import FileInputError, InputError, TsisError
-from tsis.files import QUICK_PNG, as_path, encode_picture, json_bytes, printable_path, read_parsed, write_durably
+from tsis.files.atomic import write_durably
+from tsis.files.canonical_json import json_bytes
+from tsis.files.images import QUICK_PNG, encode_picture
+from tsis.files.reading import as_path, printable_path, read_parsed
 from tsis.instrument._image_files import whole_levels
 from tsis.instrument._quiet import opencv, quiet_decoders, quiet_ffmpeg
 

@@ -13,13 +13,14 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from tsis.errors import MechanicsError
-from tsis.files import content_key, read_cached_arrays, write_cached_arrays
+from tsis.files.cache import content_key, read_cached_arrays, write_cached_arrays
 from tsis.mechanics._mesh import mechanical_content
 from tsis.mechanics.finite_strain import _load_path as load_path
 from tsis.mechanics.finite_strain._meshes import FiniteResolution, slab_lines
 from tsis.mechanics.finite_strain._potential import Load
 from tsis.mechanics.finite_strain._probe_on_slab import SPRING, TRAVEL, ProbeOnSlab, suited
-from tsis.model import MN_PER_N, Inclusion, Phantom
+from tsis.model.phantom import Inclusion, Phantom
+from tsis.model.press import MN_PER_N
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from tsis.mechanics.finite_strain._load_path import State
     from tsis.mechanics.finite_strain._potential import Pressures
     from tsis.mechanics.finite_strain._probe_on_slab import FinitePress
-    from tsis.model import Probe
+    from tsis.model.probe import Probe
 
 
 FORMAT_VERSION = 1

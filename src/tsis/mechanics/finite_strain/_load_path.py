@@ -13,7 +13,7 @@ import numpy as np
 
 from tsis.errors import MechanicsError
 from tsis.mechanics.finite_strain._potential import Load, Potential, Quadratic
-from tsis.model import MN_PER_N
+from tsis.model.press import MN_PER_N
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence

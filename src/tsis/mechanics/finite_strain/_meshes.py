@@ -29,7 +29,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tsis.mechanics._element import Booleans, Floats, Integers
-    from tsis.model import Layer, Phantom, Probe
+    from tsis.model.phantom import Phantom
+    from tsis.model.probe import Layer, Probe
 
 
 SAME_POINT_MM = 1e-7

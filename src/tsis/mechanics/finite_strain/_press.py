@@ -23,7 +23,10 @@ from tsis.mechanics.finite_strain._continuation import (
 from tsis.mechanics.finite_strain._load_path import StalledError
 from tsis.mechanics.finite_strain._meshes import NARROW, FiniteResolution
 from tsis.mechanics.finite_strain._probe_on_slab import FinitePress, ProbeOnSlab
-from tsis.model import MN_PER_N, Inclusion, Phantom, PressField, Probe, require_number, require_type
+from tsis.model.phantom import Inclusion, Phantom
+from tsis.model.press import MN_PER_N, PressField
+from tsis.model.probe import Probe
+from tsis.model.require import require_number, require_type
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

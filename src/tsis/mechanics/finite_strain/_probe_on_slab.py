@@ -27,14 +27,15 @@ from tsis.mechanics.finite_strain._meshes import (
 )
 from tsis.mechanics.finite_strain._potential import Potential
 from tsis.mechanics.finite_strain._surfaces import SmoothFace, SoftFace
-from tsis.model import MN_PER_N, PressField
+from tsis.model.press import MN_PER_N, PressField
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tsis.mechanics.finite_strain._load_path import State
     from tsis.mechanics.finite_strain._meshes import SlabLines
-    from tsis.model import Phantom, Probe
+    from tsis.model.phantom import Phantom
+    from tsis.model.probe import Probe
 
 
 TRAVEL = 0  # index of the probe's travel among the unknowns

@@ -24,13 +24,15 @@ from tsis.mechanics.finite_strain._potential import Potential
 from tsis.mechanics.finite_strain._press import require_ascending_forces, require_enough_force
 from tsis.mechanics.finite_strain._probe_on_slab import STEERING, STIFFNESS, LoadedFace
 from tsis.mechanics.finite_strain._surfaces import Plate, SmoothFace, SoftFace
-from tsis.model import PressField, Probe, require_number, require_type
+from tsis.model.probe import Probe
+from tsis.model.require import require_number, require_type
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tsis.mechanics._element import Floats, Integers
     from tsis.mechanics.finite_strain._load_path import State
+    from tsis.model.press import PressField
 
 
 CORE = 0.5  # half the core's side as a fraction of the radius

@@ -15,7 +15,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from tsis.model import require_number, require_one_of
+from tsis.model.require import require_number, require_one_of
 
 Floats = NDArray[np.float64]
 Complex = NDArray[np.complex128]

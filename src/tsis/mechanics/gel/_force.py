@@ -10,7 +10,9 @@ import scipy
 
 from tsis.errors import InputError, MechanicsError
 from tsis.mechanics.gel._contact import LARGEST_RATIO, GelGrid
-from tsis.model import ContentValue, GelSensor, require_array, require_integer, require_number, require_type
+from tsis.model.content import ContentValue
+from tsis.model.gel_sensor import GelSensor
+from tsis.model.require import require_array, require_integer, require_number, require_type
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

@@ -25,7 +25,7 @@ from tsis.mechanics.small_strain._condensation import EMPTY, FIXED, Condensate, 
 if TYPE_CHECKING:
     from tsis.mechanics._element import Floats, Integers
     from tsis.mechanics._mesh import Spheroid
-    from tsis.model import Probe
+    from tsis.model.probe import Probe
 
 
 LARGEST_CELL_MM = 4.0  # an inclusion a centimetre deep bends the face over a centimetre

@@ -16,14 +16,15 @@ import scipy
 from tsis.errors import InputError, MechanicsError
 from tsis.mechanics._face import EDGE_FRACTION, hats, means, ring_points
 from tsis.mechanics.small_strain import _disc_contact as disc_contact
-from tsis.model import MN_PER_N, require_array, require_number
+from tsis.model.press import MN_PER_N
+from tsis.model.require import require_array, require_number
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from tsis.mechanics._element import Booleans, Floats
     from tsis.mechanics._face import Face
-    from tsis.model import Probe
+    from tsis.model.probe import Probe
 
 
 ROUNDING = 1e-12  # forces and gaps this small, relative to the largest, have no sign

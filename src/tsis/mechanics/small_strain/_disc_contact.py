@@ -20,7 +20,7 @@ import numpy as np
 
 from tsis.errors import MechanicsError
 from tsis.mechanics._element import Floats, gauss_points
-from tsis.model import MN_PER_N
+from tsis.model.press import MN_PER_N
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -13,7 +13,9 @@ from tsis.errors import InputError, MechanicsError
 from tsis.mechanics.small_strain import _disc_contact as disc_contact
 from tsis.mechanics.small_strain._bodies import Resolution, face_of, probe_compliance
 from tsis.mechanics.small_strain._press import STRAIN_LIMIT, half_space_compliance
-from tsis.model import MN_PER_N, Probe, require_number, require_type
+from tsis.model.press import MN_PER_N
+from tsis.model.probe import Probe
+from tsis.model.require import require_number, require_type
 
 if TYPE_CHECKING:
     from tsis.mechanics._element import Floats

@@ -11,19 +11,20 @@ import scipy
 
 from tsis.compiled import one_blas_thread
 from tsis.errors import MechanicsError
-from tsis.files import cached_arrays, content_key
+from tsis.files.cache import cached_arrays, content_key
 from tsis.mechanics._face import FACE_POINTS, Face
 from tsis.mechanics._mesh import block_radius_mm, central_cell_mm, shape_on_axis, sphere_on_axis
 from tsis.mechanics.small_strain._bodies import Resolution, Slab, SlabWithInclusion, face_of, probe_compliance
 from tsis.mechanics.small_strain._contact import FaceContact
 from tsis.mechanics.small_strain._disc_contact import Elastic
-from tsis.model import MN_PER_N, PressField
+from tsis.model.press import MN_PER_N, PressField
 
 if TYPE_CHECKING:
     from tsis.mechanics._element import Floats
     from tsis.mechanics._mesh import Spheroid
     from tsis.mechanics.small_strain._contact import PartialContact
-    from tsis.model import Inclusion, Phantom, Probe
+    from tsis.model.phantom import Inclusion, Phantom
+    from tsis.model.probe import Probe
 
 
 STRAIN_LIMIT = 0.3  # nominal strain; the linear model is not valid beyond it

@@ -17,7 +17,10 @@ from tsis.compiled import one_blas_thread
 from tsis.errors import InputError, MechanicsError
 from tsis.mechanics.small_strain._bodies import Resolution
 from tsis.mechanics.small_strain._press import compliances, strain_problem
-from tsis.model import MN_PER_N, Phantom, Probe, Relaxation, require_array, require_number, require_type
+from tsis.model.phantom import Phantom, Relaxation
+from tsis.model.press import MN_PER_N
+from tsis.model.probe import Probe
+from tsis.model.require import require_array, require_number, require_type
 
 if TYPE_CHECKING:
     from tsis.mechanics._element import Floats
@@ -142,8 +145,9 @@ def settling_time_s(
     --------
     Under a probe far stiffer than the tissue the tissue alone decides, 2 s * ln(0.3 / 0.7 / 0.01):
 
-    >>> from tsis.model import Layer, Phantom, Probe
-    >>> from tsis.model import Relaxation
+    >>> from tsis.model.phantom import Phantom
+    >>> from tsis.model.probe import Layer, Probe
+    >>> from tsis.model.phantom import Relaxation
     >>> rigid = Probe(radius_mm=12.0, layers=(Layer(thickness_mm=2.0, young_kpa=1e6),))
     >>> tissue = Relaxation(shares=(0.3,), times_s=(2.0,))
     >>> time = settling_time_s(rigid, Phantom(young_kpa=5.0, thickness_mm=30.0), tissue, approach_mm=1.0)

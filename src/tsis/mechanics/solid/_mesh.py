@@ -11,7 +11,8 @@ from tsis.errors import MechanicsError, import_extra
 
 if TYPE_CHECKING:
     from tsis.mechanics._element import Floats
-    from tsis.model import Inclusion, Phantom, Probe
+    from tsis.model.phantom import Inclusion, Phantom
+    from tsis.model.probe import Probe
 
 
 ROUNDING_MM = 1e-9

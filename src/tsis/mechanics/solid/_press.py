@@ -19,7 +19,10 @@ from tsis.mechanics.solid._mesh import (
     solid_mesh,
     symmetry_of,
 )
-from tsis.model import MN_PER_N, Phantom, PressField, PressMap, Probe, require_number, require_type
+from tsis.model.phantom import Phantom
+from tsis.model.press import MN_PER_N, PressField, PressMap
+from tsis.model.probe import Probe
+from tsis.model.require import require_number, require_type
 
 if TYPE_CHECKING:
     from collections.abc import Callable

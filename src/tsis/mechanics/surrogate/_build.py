@@ -15,7 +15,7 @@ import numpy as np
 import scipy
 
 from tsis.compiled import one_blas_thread
-from tsis.files import cached_arrays, content_key
+from tsis.files.cache import cached_arrays, content_key
 from tsis.mechanics._mesh import mechanical_content
 from tsis.mechanics.surrogate._polynomial import (
     Box,
@@ -29,7 +29,8 @@ from tsis.mechanics.surrogate._polynomial import (
     signal_scale,
 )
 from tsis.mechanics.surrogate._presses import FACE_POINTS, OUTPUTS, PRESS_OUTPUTS, slabs_of
-from tsis.model import Probe, require_number, require_type
+from tsis.model.probe import Probe
+from tsis.model.require import require_number, require_type
 
 if TYPE_CHECKING:
     from collections.abc import Callable

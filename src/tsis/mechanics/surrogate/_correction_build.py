@@ -14,7 +14,7 @@ import scipy
 
 from tsis.compiled import one_blas_thread
 from tsis.errors import MechanicsError
-from tsis.files import read_cached_arrays, remove_cached, write_cached_arrays
+from tsis.files.cache import read_cached_arrays, remove_cached, write_cached_arrays
 from tsis.mechanics._face import hats, ring_points
 from tsis.mechanics.finite_strain import NARROW, WIDE_LAYERS, FiniteResolution
 from tsis.mechanics.small_strain import Resolution
@@ -43,7 +43,9 @@ from tsis.mechanics.surrogate._presses import (
     narrow_mm,
     row_of_field,
 )
-from tsis.model import MN_PER_N, Probe, require_integer, require_type
+from tsis.model.press import MN_PER_N
+from tsis.model.probe import Probe
+from tsis.model.require import require_integer, require_type
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -28,7 +28,7 @@ from tsis.mechanics.surrogate._polynomial import (
 
 if TYPE_CHECKING:
     from tsis.mechanics._element import Booleans, Floats
-    from tsis.model import Probe
+    from tsis.model.probe import Probe
 
 # At the end the tissue starts to wrap around the rim, on stiff tissue earlier.
 DOMED_LOADS, FLAT_LOADS = (1.0, 3.6, 3.6), (0.1, 1.8, 1.8)

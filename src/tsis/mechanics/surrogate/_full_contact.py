@@ -12,12 +12,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.files import cached_arrays
+from tsis.files.cache import cached_arrays
 from tsis.mechanics.small_strain import Resolution
 from tsis.mechanics.surrogate._build import CHECKED_FRACTION, largest_error, profiles, solve_all, surrogate_key
 from tsis.mechanics.surrogate._polynomial import Box, Degrees, Surrogate
 from tsis.mechanics.surrogate._presses import FACE_POINTS, PRESS_OUTPUTS, SmallStrainSlabs, full_contact_rows
-from tsis.model import MN_PER_N, Probe, require_number, require_type
+from tsis.model.press import MN_PER_N
+from tsis.model.probe import Probe
+from tsis.model.require import require_number, require_type
 
 if TYPE_CHECKING:
     from collections.abc import Callable

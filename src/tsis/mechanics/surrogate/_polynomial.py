@@ -15,7 +15,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from tsis.errors import InputError
-from tsis.model import require_number
+from tsis.model.require import require_number
 
 if TYPE_CHECKING:
     from tsis.mechanics._element import Floats

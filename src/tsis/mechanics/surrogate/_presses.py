@@ -22,7 +22,8 @@ from tsis.mechanics.finite_strain import (
 )
 from tsis.mechanics.small_strain import PressKernel, Resolution, strain_problem
 from tsis.mechanics.surrogate._polynomial import Box, contrast_from_factor, signal_scale
-from tsis.model import MN_PER_N, Inclusion, Phantom
+from tsis.model.phantom import Inclusion, Phantom
+from tsis.model.press import MN_PER_N
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -31,7 +32,8 @@ if TYPE_CHECKING:
     from tsis.mechanics.finite_strain import SolvedPress
     from tsis.mechanics.small_strain import FacePress
     from tsis.mechanics.surrogate._finite_correction import CorrectionBox
-    from tsis.model import PressField, Probe
+    from tsis.model.press import PressField
+    from tsis.model.probe import Probe
 
     RowOfPress = Callable[[PressKernel, float, Floats | None], Floats]
 

@@ -18,7 +18,7 @@ import scipy
 from tsis.mechanics._face import Face
 from tsis.mechanics._mesh import face_lines, graded, mesh_rectangle, outer_lines, two_sided_lines
 from tsis.mechanics.tissue_field._fourier import AXIAL, RADIAL, directions, element_points, solve_body
-from tsis.model import MN_PER_N
+from tsis.model.press import MN_PER_N
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from tsis.mechanics._element import Booleans, Floats, Integers
     from tsis.mechanics._mesh import LayeredMesh
     from tsis.mechanics.tissue_field._fourier import ElementPoints, HarmonicBody
-    from tsis.model import Probe
+    from tsis.model.probe import Probe
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

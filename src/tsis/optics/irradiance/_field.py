@@ -9,15 +9,9 @@ import numpy as np
 import scipy
 
 from tsis.errors import InputError
-from tsis.model import (
-    LightMap,
-    PressField,
-    PressMap,
-    interpolation_matrix,
-    require_array,
-    require_ascending,
-    require_number,
-)
+from tsis.model.calibration import LightMap
+from tsis.model.press import PressField, PressMap, interpolation_matrix, require_ascending
+from tsis.model.require import require_array, require_number
 from tsis.optics._angles import real_contact
 from tsis.optics.irradiance._fit import POWERS, RINGS, powers
 from tsis.optics.rays import face_grid, on_face, slopes

@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 
 if TYPE_CHECKING:
-    from tsis.model import Probe
+    from tsis.model.probe import Probe
     from tsis.optics._inputs import Floats
 
 

@@ -10,8 +10,9 @@ import numpy as np
 from tsis.__about__ import LARGEST_SEED
 from tsis.compiled import one_blas_thread
 from tsis.errors import InputError
-from tsis.files import content_key, read_cached_arrays, write_cached_arrays
-from tsis.model import Probe, require_integer, require_number, require_type
+from tsis.files.cache import content_key, read_cached_arrays, write_cached_arrays
+from tsis.model.probe import Probe
+from tsis.model.require import require_integer, require_number, require_type
 from tsis.optics import _inputs as inputs
 from tsis.optics._angles import real_contact
 from tsis.optics.irradiance._field import Irradiance, leaving_light
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from typing import Any
 
-    from tsis.model import PressField, PressMap
+    from tsis.model.press import PressField, PressMap
     from tsis.optics._inputs import Floats
     from tsis.optics.rays import Batches
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.errors import InputError
-from tsis.model import require_integer, require_number, require_one_of
+from tsis.model.require import require_integer, require_number, require_one_of
 from tsis.optics import _inputs as inputs
 
 if TYPE_CHECKING:

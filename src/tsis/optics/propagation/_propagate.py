@@ -12,7 +12,7 @@ import scipy
 
 from tsis.compiled import one_blas_thread
 from tsis.errors import InputError
-from tsis.model import require_integer, require_number, require_one_of, require_type
+from tsis.model.require import require_integer, require_number, require_one_of, require_type
 from tsis.optics import _inputs as inputs
 from tsis.optics.propagation._grid import (
     MASS,

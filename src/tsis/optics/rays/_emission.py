@@ -9,7 +9,7 @@ import numpy as np
 from tsis.compiled import inlined
 
 if TYPE_CHECKING:
-    from tsis.model import Probe
+    from tsis.model.probe import Probe
     from tsis.optics._inputs import Floats
 
 

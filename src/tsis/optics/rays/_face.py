@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy
 
-from tsis.model import MN_PER_N, PressField, PressMap
+from tsis.model.press import MN_PER_N, PressField, PressMap
 
 if TYPE_CHECKING:
     from tsis.optics._inputs import Floats

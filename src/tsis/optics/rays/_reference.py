@@ -21,7 +21,8 @@ from tsis.optics.rays._trace import Tally
 if TYPE_CHECKING:
     from typing import Any
 
-    from tsis.model import Led, PressField, PressMap, Probe
+    from tsis.model.press import PressField, PressMap
+    from tsis.model.probe import Led, Probe
     from tsis.optics._inputs import Floats
 
     Vector = Floats

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from tsis.errors import InputError
-from tsis.model import PressField, PressMap, Probe, require_type
+from tsis.model.press import PressField, PressMap
+from tsis.model.probe import Probe
+from tsis.model.require import require_type
 from tsis.optics._angles import real_contact
 from tsis.optics.rays import _surface as rays_surface
 from tsis.optics.rays._face import face_grid, on_face

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.__about__ import LARGEST_SEED
-from tsis.model import require_integer, require_number
+from tsis.model.require import require_integer, require_number
 from tsis.optics import _inputs as inputs
 from tsis.optics.rays import _kernel as rays_kernel
 from tsis.optics.rays._emission import emitted, lamps
@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from tsis.model import PressField, PressMap, Probe
+    from tsis.model.press import PressField, PressMap
+    from tsis.model.probe import Probe
     from tsis.optics._inputs import Floats
     from tsis.optics.rays._scene import Scene
 

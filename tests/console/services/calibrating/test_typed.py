@@ -8,7 +8,7 @@ import pytest
 from tsis.calibration.session import CalibrationFrame
 from tsis.console.services.calibrating._session import MOST_TYPED, TypedLoadings
 from tsis.errors import CalibrationError, InputError
-from tsis.model import TactileImage
+from tsis.model.image import TactileImage
 
 
 def shot(force_n: float) -> CalibrationFrame:

@@ -13,11 +13,11 @@ from tests.waiting import HANGS_S
 from tsis.calibration import UsableCalibration, read_usable_calibration
 from tsis.calibration.file import ProbeCalibration, calibration_sha256
 from tsis.calibration.session import SessionFolder, SessionSetup
-from tsis.catalog import load_probe
+from tsis.catalog.probes import load_probe
 from tsis.console.pages.components import drawings
 from tsis.console.services.calibrating._sessions import folder_name
 from tsis.errors import CalibrationError, ControlError, InputError
-from tsis.model import Calibration
+from tsis.model.calibration import Calibration
 from tsis.present.calibration import calibration_page
 from tsis.virtual.calibration_bench import VirtualBench, bench_name
 from tsis.virtual.probe import VirtualProbe

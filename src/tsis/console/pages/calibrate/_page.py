@@ -11,12 +11,12 @@ from nicegui import run, ui
 from tsis.__about__ import LARGEST_SEED
 from tsis.calibration.force import TIPS_MM
 from tsis.calibration.session import SessionSetup
-from tsis.catalog import list_probes
+from tsis.catalog.probes import list_probes
 from tsis.console.live import LiveView
 from tsis.console.pages import components as kit
 from tsis.console.pages.calibrate._steps import CalibrationResultPanel, MakePanel, SavedFrame, StepCard
 from tsis.errors import InputError, TsisError
-from tsis.model import require_integer
+from tsis.model.require import require_integer
 from tsis.virtual.calibration_bench import bench_name
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from tsis.calibration.file import read_calibration
 from tsis.console.files import GREY, thumbnail_png
 from tsis.console.pages import components as kit
 from tsis.console.services import DONE, ENDED, FAILED
-from tsis.files import to_json_value
+from tsis.files.json_values import to_json_value
 from tsis.present.calibration import calibration_page, content_rows
 from tsis.present.page import Table
 

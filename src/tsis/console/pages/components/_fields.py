@@ -16,7 +16,7 @@ from nicegui.elements.upload import Upload
 from tsis.console.pages.components._actions import UndoMemory
 from tsis.console.pages.components._language import address_of, help_texts
 from tsis.errors import InputError
-from tsis.model import require_integer
+from tsis.model.require import require_integer
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping

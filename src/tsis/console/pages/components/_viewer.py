@@ -11,7 +11,7 @@ from nicegui import binding, run, ui
 from tsis.console.auth import client_identity
 from tsis.console.pages.components._language import plain_message
 from tsis.errors import TsisError
-from tsis.files import one_line
+from tsis.files.reading import one_line
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from tsis.catalog import load_probe
+from tsis.catalog.probes import load_probe
 from tsis.console.pages import components as kit
 from tsis.errors import InputError
 from tsis.inclusion.design import MOST_EVALUATIONS, MOST_FRAMES_PER_PRESS
-from tsis.model import Layer, Led, Probe
+from tsis.model.probe import Layer, Led, Probe
 from tsis.present.design import QUICK_DEGREES, DesignQuestion
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from tsis.catalog import list_probes, load_probe
+from tsis.catalog.probes import list_probes, load_probe
 from tsis.console.pages import components as kit
 from tsis.console.pages.design._draft import (
     COMPARED,

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, TypeVar
 
 from nicegui import background_tasks, ui
 
-from tsis.catalog import probe_toml
+from tsis.catalog.probes import probe_toml
 from tsis.console.pages import components as kit
 from tsis.console.pages.design._draft import ProbeEditor
 from tsis.console.pages.design._forms import ProbeForm, QuestionForm
 from tsis.console.services import DONE, JobCancelled
 from tsis.errors import InputError
-from tsis.files import json_bytes
+from tsis.files.canonical_json import json_bytes
 from tsis.present.design import analyse_designs, compared_designs, design_document, design_page, searched_design
 from tsis.present.figures import probe_section
 from tsis.present.page import Picture, address
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from tsis.console.services import Instrument, Job
-    from tsis.model import Probe
+    from tsis.model.probe import Probe
     from tsis.present.design import DesignAnalysis, DesignQuestion
     from tsis.present.page import Page
 

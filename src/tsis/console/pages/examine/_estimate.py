@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from tsis.console.services import Instrument, InstrumentState, JobState, TissueReading
-    from tsis.model import Estimate
+    from tsis.model.estimate import Estimate
     from tsis.present.page import Picture
     from tsis.records.store import Store
     from tsis.records.values import StoredEstimate, StoredPress, Target

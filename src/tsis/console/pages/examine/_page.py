@@ -13,7 +13,7 @@ from tsis.console.pages import components as kit
 from tsis.console.pages.examine._estimate import EstimatePanel, TissueRow, WorkOrder
 from tsis.console.pages.examine._settings import SettingsPanel
 from tsis.console.services import MOST_SEQUENCE_FRAMES
-from tsis.model import require_integer
+from tsis.model.require import require_integer
 from tsis.records.values import ROLE_NAMES
 
 if TYPE_CHECKING:

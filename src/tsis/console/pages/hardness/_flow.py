@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from nicegui import ui
 
 from tsis.calibration import apply_calibration
-from tsis.catalog import load_probe
+from tsis.catalog.probes import load_probe
 from tsis.console.pages import components as kit
 from tsis.console.services import newest_presses
 from tsis.hardness import build_contact_table

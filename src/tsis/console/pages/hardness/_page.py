@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 from nicegui import run, ui
 
-from tsis.catalog import list_spheres, load_probe
+from tsis.catalog.phantoms import list_spheres
+from tsis.catalog.probes import load_probe
 from tsis.console.live import LiveView
 from tsis.console.pages import components as kit
 from tsis.console.pages.examine import snapshot_text
@@ -26,7 +27,7 @@ from tsis.console.pages.hardness._flow import (
 from tsis.console.services import BALL_MM, FAILED, CameraChoice
 from tsis.errors import InputError, TsisError
 from tsis.hardness import RADIUS_SD_MM, require_radius
-from tsis.model import require_number
+from tsis.model.require import require_number
 
 if TYPE_CHECKING:
     from tsis.console.services import Instrument, InstrumentState, Job, JobState, SavedPress

@@ -10,12 +10,12 @@ import numpy as np
 from nicegui import ui
 
 from tsis.__about__ import LARGEST_SEED
-from tsis.catalog import list_probes
+from tsis.catalog.probes import list_probes
 from tsis.console.pages import components as kit
 from tsis.console.pages.study._context import name_in, who_field
 from tsis.console.studies import StudyRepository
 from tsis.errors import InputError
-from tsis.model import require_number
+from tsis.model.require import require_number
 from tsis.study.folder import MOST_TARGETS, printed_targets, random_targets
 from tsis.study.plan import TARGETS
 

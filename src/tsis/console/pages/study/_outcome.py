@@ -12,7 +12,7 @@ from nicegui import ui
 from tsis.console.pages import components as kit
 from tsis.console.pages.study._context import name_in, study_result, who_field
 from tsis.console.studies import begin_publishing, begin_reading, job_of, unread
-from tsis.files import one_line
+from tsis.files.reading import one_line
 from tsis.present.target import count_of
 from tsis.study.folder import verify_study
 from tsis.study.readings import READING_COLUMNS, export_readings, import_table

@@ -10,7 +10,7 @@ from tsis.calibration.file import calibration_sha256
 from tsis.calibration.session import archive_calibration, calibrate, save_calibration, saved_calibration
 from tsis.console.services._jobs import RUNNING, JobCancelled
 from tsis.errors import CalibrationError, ControlError, TsisError
-from tsis.model import require_integer, require_number, require_one_of
+from tsis.model.require import require_integer, require_number, require_one_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence

@@ -13,11 +13,11 @@ import numpy as np
 
 from tsis.calibration.force import loading_forces
 from tsis.calibration.session import PAD_FORCES_N, LiveCalibration, SessionFolder, saved_calibration
-from tsis.catalog import load_probe
+from tsis.catalog.probes import load_probe
 from tsis.console.services.calibrating._session import CalibrationRig, CalibrationSession
 from tsis.errors import CalibrationError, CameraError, InputError, TsisError
 from tsis.imaging import Sensor
-from tsis.model import require_number
+from tsis.model.require import require_number
 from tsis.virtual.calibration_bench import VirtualBench, bench_seed
 from tsis.virtual.loading_machine import PROBE_PAD_SD, tissue_calibration
 from tsis.virtual.probe import VirtualProbe

@@ -13,7 +13,7 @@ from tsis.instrument.drivers._frame_numbers import BlockCount
 from tsis.instrument.drivers.aravis import _features as features
 from tsis.instrument.drivers.aravis._connection import Connection, Stream
 from tsis.instrument.drivers.aravis._library import load
-from tsis.model import require_type
+from tsis.model.require import require_type
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping

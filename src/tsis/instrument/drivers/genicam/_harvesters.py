@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.errors import CameraError, MissingExtraError
-from tsis.files import printable_name
+from tsis.files.reading import printable_name
 from tsis.instrument._discovery import CameraInfo
 from tsis.instrument.drivers._frame_numbers import FULL_SCALE
 from tsis.instrument.drivers.genicam._camera import GenICamCamera

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from tsis.errors import CameraError
 from tsis.instrument._camera import Setting
-from tsis.model import require_one_of
+from tsis.model.require import require_one_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
