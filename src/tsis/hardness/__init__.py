@@ -18,7 +18,7 @@ from tsis.hardness._shore import ShoreHardness, shore
 from tsis.hardness._sphere import hertzian_radius_mm, press_fields, require_small_sphere
 from tsis.hardness._table import ContactTable, build_contact_table
 from tsis.hardness._touch_estimate import estimate_from_contacts
-from tsis.hardness._verdict import HARDNESS_FLAGS
+from tsis.hardness.flags import HARDNESS_FLAGS
 
 __all__ = [
     "BLUR_MM",

@@ -14,7 +14,7 @@ from tsis.hardness._likelihood import DRIFT_SD, ContactPress, HardnessLikelihood
 from tsis.hardness._reading import BLUR_MM, read_contact
 from tsis.hardness._sphere import require_small_sphere
 from tsis.hardness._table import WIDEST_FRACTION, build_contact_table
-from tsis.hardness._verdict import UNTRUSTED_FLAGS, findings, identifiability
+from tsis.hardness.flags import UNTRUSTED_FLAGS, findings, identifiability
 from tsis.model.estimate import NOT_TRUSTED, Estimate
 from tsis.model.image import TactileImage, as_images, require_frames_of_probe, require_image_series, require_same_probe
 from tsis.model.require import require_number, require_type

@@ -17,7 +17,7 @@ from tsis.hardness._exploration import HardnessPrior, modulus_samples
 from tsis.hardness._object_geometry import ObjectGeometry, as_geometry
 from tsis.hardness._touch_likelihood import TouchErrors, TouchLikelihood
 from tsis.hardness._touch_terms import TouchedBody
-from tsis.hardness._verdict import UNTRUSTED_FLAGS, modulus_findings
+from tsis.hardness.flags import DEEPEST_CONTACT, UNTRUSTED_FLAGS, WIDEST_CONTACT, modulus_findings
 from tsis.model.estimate import IMPROBABLE, NOT_TRUSTED, Estimate, probability_bound
 from tsis.model.gel_sensor import GelSensor, gel_sensor_of_probe
 from tsis.model.probe import Probe
@@ -200,8 +200,6 @@ def _explored(
     return samples, least[0], likelihood.residual_count - 1
 
 
-WIDEST_CONTACT = 0.6  # of half the face's smaller side
-DEEPEST_CONTACT = 0.9  # of the object's radius: the model was compared with finite strain up to there
 SAME_FORCE = 0.02
 
 

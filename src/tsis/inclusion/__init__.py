@@ -16,7 +16,7 @@ from tsis.inclusion._frames import binary_image, depletion_per_n, ring_edges, ri
 from tsis.inclusion._prior import PARAMETERS, InclusionPrior
 from tsis.inclusion._reading import PressTables, press_tables, read_frames
 from tsis.inclusion._tissue import TissueModulus, operator_time_s, prior_on_tissue, protocol_forces, tissue_modulus
-from tsis.inclusion._verdict import INCLUSION_FLAGS, NEARLY_CERTAIN, UNTRUSTED_FLAGS, presence_caveats
+from tsis.inclusion.flags import INCLUSION_FLAGS, NEARLY_CERTAIN, UNTRUSTED_FLAGS, presence_caveats
 
 __all__ = [
     "INCLUSION_FLAGS",

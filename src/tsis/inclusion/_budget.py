@@ -18,7 +18,7 @@ from tsis.compiled import one_blas_thread
 from tsis.errors import InputError, NotIdentifiedError, UntrustedError
 from tsis.inclusion._estimate import analyse, estimate
 from tsis.inclusion._prior import PARAMETERS
-from tsis.inclusion._verdict import NAMES
+from tsis.inclusion.flags import NAMES
 from tsis.inclusion.posterior import NUISANCES, SHARED
 from tsis.model.budget import QuantityBudget, UncertaintyComponent
 from tsis.model.content import ContentValue

@@ -14,7 +14,9 @@ from tsis.errors import InputError, NotCalibratedError
 from tsis.inclusion._frames import covering_force_n, mean_of_repeats, require_valid_forces, with_gain_of_presses
 from tsis.inclusion._prior import PARAMETERS, InclusionPrior
 from tsis.inclusion._reading import FrameReading, PressTables, covered_presses, press_tables, read_frames
-from tsis.inclusion._verdict import (
+from tsis.inclusion.checks import image_findings, require_forces_as_lit
+from tsis.inclusion.flags import (
+    INCLUSION_FLAGS,
     UNTRUSTED_FLAGS,
     cramer_rao_sd,
     findings,
@@ -26,7 +28,6 @@ from tsis.inclusion._verdict import (
     position_findings,
     presence_caveats,
 )
-from tsis.inclusion.checks import image_findings, require_forces_as_lit
 from tsis.inclusion.posterior import (
     TISSUE,
     InclusionLikelihood,
@@ -263,7 +264,7 @@ def _contact_findings(
         (
             "contact_not_whole",
             f"At {least:g} N the dome touches the estimated inclusion only in part; the model assumes full contact, "
-            f"from {needed:.2g} N on: press harder.",
+            f"from {needed:.2g} N on: {INCLUSION_FLAGS['contact_not_whole'].cure}.",
         )
     ]
 

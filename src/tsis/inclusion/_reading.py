@@ -13,13 +13,13 @@ from tsis.inclusion._frames import (
     ring_light,
     ring_profiles,
 )
-from tsis.inclusion._verdict import OFF_AXIS_MM
 from tsis.inclusion.checks import (
     FieldHarmonics,
     InclusionPosition,
     heterogeneity_evidence,
     inclusion_position,
 )
+from tsis.inclusion.flags import OFF_AXIS_MM
 from tsis.inclusion.posterior import (
     ForwardModel,
     InclusionLikelihood,

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from tsis.model import content as content
     from tsis.model import estimate as estimate
     from tsis.model import exchange as exchange
+    from tsis.model import flag as flag
     from tsis.model import gel_sensor as gel_sensor
     from tsis.model import image as image
     from tsis.model import phantom as phantom
@@ -24,7 +25,7 @@ else:  # modules load when they are first used
             "calibration",
             "content",
             "estimate",
-            "exchange",
+            "exchange", "flag",
             "gel_sensor",
             "image",
             "phantom",

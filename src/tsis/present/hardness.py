@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from tsis.hardness import shore
+from tsis.hardness.flags import HARDNESS_FLAGS
 from tsis.model.estimate import INTERVAL_LEVEL
 from tsis.present.document import estimate_messages
 from tsis.present.figures import contact_growth, modulus, tactile_image
 from tsis.present.inclusion import inclusion_cards
-from tsis.present.page import Card, Page, Picture, Table, on_axes
+from tsis.present.page import Card, Page, Picture, Table, flags_table, on_axes
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -48,7 +49,7 @@ def hardness_page(
         cards=(hardness_card(estimate, truth_kpa),),
         notes=hardness_notes(estimate),
         pictures=tuple(pictures),
-        tables=(hardness_table(estimate, truth_kpa=truth_kpa),),
+        tables=(hardness_table(estimate, truth_kpa=truth_kpa), *flags_table(estimate.flags, HARDNESS_FLAGS)),
         provenance=provenance,
     )
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.imaging import subtract_background
+from tsis.inclusion.flags import INCLUSION_FLAGS
 from tsis.model.estimate import INTERVAL_LEVEL, NO_UNIT, label_of, probability_text
 from tsis.present.document import estimate_messages, sd_text
 from tsis.present.figures import marginal, posterior, tissue_section, trade_off
@@ -23,7 +24,7 @@ from tsis.present.images import (
     surface_picture,
 )
 from tsis.present.labels import quantity_of
-from tsis.present.page import Card, Column, Page, Picture, Table, on_axes
+from tsis.present.page import Card, Column, Page, Picture, Table, flags_table, on_axes
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -105,6 +106,7 @@ def inclusion_page(
         ),
         tables=(
             estimate_table(estimate, truth=truth),
+            *flags_table(estimate.flags, INCLUSION_FLAGS),
             *(() if budget is None else budget_tables(budget, forces)),
             *(() if comparison is None else comparison_tables(comparison)),
         ),

@@ -9,9 +9,11 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Iterable, Mapping
 
     from matplotlib.figure import Figure
+
+    from tsis.model import Flag
 
 
 DPI = 120
@@ -164,3 +166,16 @@ class Page:
     tables: tuple[Table, ...] = ()
     refused: tuple[tuple[str, str], ...] = ()
     provenance: Mapping[str, Any] = field(default_factory=dict)
+
+
+def flags_table(flags: Iterable[str], known: Mapping[str, Flag]) -> tuple[Table, ...]:
+    """What each flag of a result says, what to do, and whether it withholds numbers; no table without flags."""
+    from tsis.model import Flag  # loads numerical libraries
+
+    rows = tuple(
+        (name, item.means, item.cure, "withheld" if item.withholds else "shown")
+        for name in flags
+        for item in [known.get(name, Flag(name=name, means="unknown to this program"))]
+    )
+    columns = ("flag", "what it means", "what to do", "numbers")
+    return (Table(title="Flags", columns=columns, values=rows),) if rows else ()

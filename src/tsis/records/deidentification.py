@@ -50,7 +50,7 @@ def deidentified_estimate(stored: StoredEstimate, frames: Mapping[str, str]) -> 
         ),
         cramer_rao_sd={names[old]: sd for old, sd in original.cramer_rao_sd.items()},
         flags=flags,
-        notes=tuple(f"{flag}: {known_flags[flag]}." for flag in flags if flag in known_flags),
+        notes=tuple(f"{flag}: {known_flags[flag].means}." for flag in flags if flag in known_flags),
         provenance={},
         identifiability="",
         prior="",

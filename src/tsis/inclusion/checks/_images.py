@@ -12,6 +12,7 @@ from tsis.imaging import rough_contact
 from tsis.inclusion._frames import ring_edges
 from tsis.inclusion.checks._roundness import roundness_findings, tilt_findings
 from tsis.inclusion.checks._sectors import ring_visibility, sector_means
+from tsis.inclusion.flags import INCLUSION_FLAGS
 from tsis.model.press import MN_PER_N
 
 if TYPE_CHECKING:
@@ -177,7 +178,7 @@ def saturated_findings(frames: Sequence[TactileImage], means: Sequence[Sectors])
         (
             "saturated",
             f"{100 * fractions[worst]:.2g} % of the profile's pixels clip at {frame.full_scale:g} in "
-            f"{frame.name or 'an image'!r}: expose shorter or press less.",
+            f"{frame.name or 'an image'!r}: {INCLUSION_FLAGS['saturated'].cure}.",
         )
     ]
 

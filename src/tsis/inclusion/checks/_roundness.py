@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.inclusion.checks._harmonics import harmonic, harmonic_noise, shading_harmonics, unevenness
+from tsis.inclusion.flags import INCLUSION_FLAGS
 from tsis.model.estimate import IMPROBABLE, probability_bound
 
 if TYPE_CHECKING:
@@ -183,7 +184,7 @@ def tilt_findings(
         (
             "tilted",
             f"A reference press is not symmetric: {worst.radius_mm:.1f} mm from the axis one side is "
-            f"brighter by {2 * worst.size_grey:.2g} grey levels, {worst.over_noise:.1f} times the noise; hold the "
-            "probe square to the tissue, or check axis_px.",
+            f"brighter by {2 * worst.size_grey:.2g} grey levels, {worst.over_noise:.1f} times the noise; "
+            f"{INCLUSION_FLAGS['tilted'].cure}.",
         )
     ]

@@ -20,7 +20,7 @@ from tsis.imaging import Sensor, radial_profile
 from tsis.inclusion._estimate import check_calibration
 from tsis.inclusion._frames import averaged_errors, depletion_per_n, ring_edges, ring_light
 from tsis.inclusion._prior import PARAMETERS, Floats, InclusionPrior
-from tsis.inclusion._verdict import MODULUS_SD_KPA
+from tsis.inclusion.flags import MODULUS_SD_KPA
 from tsis.inclusion.posterior import (
     ForwardModel,
     InclusionLikelihood,

@@ -1,8 +1,11 @@
-"""Findings of an inclusion estimate, a flag and a message each, and its identifiability."""
+"""Flags of an inclusion estimate: each is declared once, with its meaning, threshold and cure, and raised by a finding.
+
+A finding is the name of a flag and a message with the numbers of this estimate. Frames raise theirs in
+`tsis.inclusion.checks`.
+"""
 
 from __future__ import annotations
 
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +13,8 @@ import scipy
 
 from tsis.inclusion._prior import PARAMETERS, Floats
 from tsis.inclusion.posterior import least_sd
-from tsis.model.estimate import ABSENCE_FLAG, NOT_IDENTIFIED, probability_bound
+from tsis.model.flag import Flag, declared, withholding
+from tsis.model.estimate import ABSENCE_FLAG, IMPROBABLE, NOT_IDENTIFIED, probability_bound
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -30,17 +34,123 @@ LAYER_LIMIT_MM = 0.6  # size of the layer up to which its effect is linear enoug
 NEARLY_CERTAIN = 0.95  # probability of an inclusion below which presence is flagged
 UNITS = {"diameter_mm": "mm", "depth_mm": "mm", "young_kpa": "kPa"}
 NAMES = {"diameter_mm": "diameter", "depth_mm": "depth", "young_kpa": "modulus"}
-UNTRUSTED_FLAGS = frozenset(  # the model is not valid, or nothing can be measured
-    (
-        "model_does_not_fit",
-        "presses_disagree",
-        "not_one_round_inclusion",
-        "off_axis",
-        "contact_not_whole",
-        "superficial_layer",
-        ABSENCE_FLAG,
-    )
+INCLUSION_FLAGS = declared(
+    *(
+        Flag(
+            name=f"{name}_not_identified",
+            means=f"the presses hardly determine the {text}: only an interval is printed",
+            cure="press harder, or with several forces",
+            raised=f"posterior over prior sd above {NOT_IDENTIFIED:g}"
+            + (f", or sd above {MODULUS_SD_KPA:g} kPa" if name == "young_kpa" else ""),
+        )
+        for name, text in NAMES.items()
+    ),
+    *(
+        Flag(
+            name=f"{name}_at_prior_end",
+            means=f"the {text} piles up at an end of the prior: it may lie beyond, and then other intervals are wrong "
+            "too",
+            cure="give a prior that holds it",
+            raised=f"more than {PILED_UP:g} of the samples in the outer {EDGE:.0%} of the range".replace("%", " %"),
+        )
+        for name, text in NAMES.items()
+    ),
+    Flag(
+        name="inclusion_uncertain",
+        means="whether there is an inclusion is uncertain",
+        cure="press harder, or beside it for reference",
+        raised=f"probability of an inclusion between {1 - NEARLY_CERTAIN:.2g} and {NEARLY_CERTAIN:g}",
+    ),
+    Flag(
+        name="no_reference",
+        means="there is no press on plain tissue: size, depth and place are less certain",
+        cure="press plain tissue at the same forces",
+    ),
+    Flag(
+        name="light_not_measured",
+        means="the calibration does not state what a dent does to the light: usual lamps are assumed, with wide errors",
+        cure="measure it on soft pads: tsis calibrate --pad-kpa 5 --pad-kpa 10",
+    ),
+    Flag(
+        name="layer_corrected",
+        means="a superficial layer of another modulus shows; the intervals allow for it",
+        raised=f"probability of a layer from {LAYER_LIKELY:g}",
+    ),
+    Flag(
+        name="superficial_layer",
+        means="a superficial layer of another modulus is too strong to be corrected for",
+        cure="remove a film or a dried skin, or press where there is none; light on a dent that differs from the "
+        "calibration looks alike: calibrate anew",
+        raised=f"size of the layer beyond {LAYER_LIMIT_MM:g} mm, where its effect is no longer linear",
+        withholds=True,
+    ),
+    Flag(name="rings_left_out", means="rings that are clipped or outside the picture were not used"),
+    Flag(
+        name="saturated",
+        means="pixels that the profile uses are clipped",
+        cure="expose shorter or press less",
+        raised="from one pixel on",
+    ),
+    Flag(
+        name="cropped",
+        means="a part of the profile's disc lies outside the picture",
+        cure="centre the probe in the picture",
+    ),
+    Flag(
+        name="tilted",
+        means="a reference press is brighter on one side: the probe is tilted",
+        cure="hold the probe square to the tissue, or check axis_px",
+        raised=f"chance below {IMPROBABLE:g} over all presses",
+    ),
+    Flag(
+        name="roundness_not_checked",
+        means="too few rings are visible to check whether the change is round",
+        raised="fewer than 4 rings complete and without clipping",
+    ),
+    Flag(
+        name=ABSENCE_FLAG,
+        means="tissue without inclusion explains the frames",
+        cure="to detect a smaller or deeper one, press harder",
+        raised=f"probability of an inclusion below {1 - NEARLY_CERTAIN:.2g}",
+        withholds=True,
+    ),
+    Flag(
+        name="off_axis",
+        means="the inclusion lies too far from the probe's axis",
+        cure="move the probe over it",
+        raised=f"more than {OFF_AXIS_MM:g} mm beyond two standard deviations: the limit of the off-axis model",
+        withholds=True,
+    ),
+    Flag(
+        name="contact_not_whole",
+        means="the dome touches the estimated inclusion only in part",
+        cure="press harder",
+        raised="force below 0.9 of that of full contact, where the rings err by 0.3 % of the mean pressure",
+        withholds=True,
+    ),
+    Flag(
+        name="not_one_round_inclusion",
+        means="the change between target and reference is not round",
+        cure="press where there is one lump",
+        raised=f"chance below {IMPROBABLE:g} over all rings",
+        withholds=True,
+    ),
+    Flag(
+        name="presses_disagree",
+        means="each press fits an inclusion, but not the same inclusion",
+        cure="press one place, and only along the axis",
+        raised=f"chance of the misfit below {IMPROBABLE:g} together, not alone",
+        withholds=True,
+    ),
+    Flag(
+        name="model_does_not_fit",
+        means="no inclusion explains the frames",
+        cure="calibrate this probe anew, and press where the tissue is even",
+        raised=f"chance of the misfit below {IMPROBABLE:g}",
+        withholds=True,
+    ),
 )
+UNTRUSTED_FLAGS = withholding(INCLUSION_FLAGS)  # the model is not valid, or nothing can be measured
 
 
 def presence_caveats(flags: Iterable[str]) -> frozenset[str]:
@@ -82,13 +192,12 @@ def misfit_finding(chance: float, *, disagree: bool) -> Finding:
         return (
             "presses_disagree",
             f"The presses contradict each other (chance below {probability_bound(chance)}): each fits an inclusion, "
-            "but not the same inclusion: press one place, and only along the axis.",
+            f"but not the same inclusion: {INCLUSION_FLAGS['presses_disagree'].cure}.",
         )
     return (
         "model_does_not_fit",
         f"The model does not explain the frames (chance below {probability_bound(chance)}): this is not a single "
-        "sphere in a uniform slab, or the calibration is wrong. Calibrate this probe anew, and press where the tissue "
-        "is even.",
+        f"sphere in a uniform slab, or the calibration is wrong. {INCLUSION_FLAGS['model_does_not_fit'].advice}",
     )
 
 
@@ -101,7 +210,7 @@ def position_findings(inclusion: InclusionPosition | None) -> list[Finding]:
             (
                 "off_axis",
                 f"The inclusion lies {inclusion.distance_mm:.1f} mm from the probe's axis; the model is valid up to "
-                f"{OFF_AXIS_MM:g} mm: move the probe over it.",
+                f"{OFF_AXIS_MM:g} mm: {INCLUSION_FLAGS['off_axis'].cure}.",
             )
         ]
     return []
@@ -123,8 +232,7 @@ def layer_findings(layer: SuperficialLayer) -> list[Finding]:
             "superficial_layer",
             f"The tissue has a superficial layer of another modulus, too strong to be corrected for: depth times the "
             f"logarithm of the ratio of the moduli is {layer.size_mm:.2g} mm, at most {LAYER_LIMIT_MM:g} is valid. "
-            "Remove a film or a dried skin, or press where there is none; light on a dent that differs from the "
-            "calibration looks alike: calibrate anew.",
+            f"{INCLUSION_FLAGS['superficial_layer'].advice}",
         )
     ]
 
@@ -137,7 +245,7 @@ def light_findings(calibration: Calibration) -> list[Finding]:
         (
             "light_not_measured",
             "The calibration does not state what a dent does to the light: the intervals allow for usual lamps and are "
-            "wide. Measure it on soft pads: tsis calibrate --pad-kpa 5 --pad-kpa 10.",
+            f"wide. {INCLUSION_FLAGS['light_not_measured'].advice}",
         )
     ]
 
@@ -179,7 +287,7 @@ def _presence_findings(presence: float) -> list[Finding]:
         (
             ABSENCE_FLAG,
             "Tissue without inclusion explains the frames: the numbers describe an inclusion that could remain "
-            "undetected. To detect a smaller or deeper one, press harder.",
+            f"undetected. {INCLUSION_FLAGS[ABSENCE_FLAG].advice}",
         )
     ]
 
@@ -196,27 +304,3 @@ def _cut_off(column: Floats, name: str, interval: tuple[float, float]) -> list[F
             )
             return [(f"{name}_at_prior_end", message)]
     return []
-
-
-INCLUSION_FLAGS = MappingProxyType(
-    {f"{name}_not_identified": f"the presses do not determine the {text}" for name, text in NAMES.items()}
-    | {f"{name}_at_prior_end": f"the {text} piles up at an end of the prior" for name, text in NAMES.items()}
-    | {
-        "inclusion_uncertain": "whether there is an inclusion is uncertain",
-        "no_reference": "there is no reference press: size and depth are less certain",
-        "light_not_measured": "the calibration does not state what a dent does to the light",
-        "rings_left_out": "rings that are clipped or outside the picture were not used",
-        "saturated": "pixels of the profile are clipped",
-        "cropped": "a part of the profile's disc lies outside the picture",
-        "tilted": "a reference press is brighter on one side: the probe is tilted",
-        "roundness_not_checked": "too few rings are visible to check whether the change is round",
-        ABSENCE_FLAG: "tissue without inclusion explains the frames",
-        "layer_corrected": "a superficial layer of another modulus is allowed for",
-        "superficial_layer": "a superficial layer of another modulus is too strong to be corrected for",
-        "off_axis": "the inclusion lies too far from the probe's axis",
-        "contact_not_whole": "the dome touches the estimated inclusion only in part",
-        "not_one_round_inclusion": "the change between target and reference is not round",
-        "presses_disagree": "each press fits an inclusion, but not the same inclusion",
-        "model_does_not_fit": "no inclusion explains the frames",
-    }
-)

@@ -1,13 +1,17 @@
-"""Findings of a hardness estimate: a flag and a message each."""
+"""Flags of a hardness estimate: each is declared once, with its meaning, threshold and cure.
+
+A finding raises one: its name, and a message with the numbers of this estimate. Contacts of gel sensors raise theirs in
+`tsis.hardness._touch_estimate`.
+"""
 
 from __future__ import annotations
 
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
 
+from tsis.model.flag import Flag, declared, withholding
 from tsis.model.estimate import IMPROBABLE, NOT_IDENTIFIED, probability_bound
 
 if TYPE_CHECKING:
@@ -26,10 +30,80 @@ CLIPPED = 1e-3  # fraction of the contact's pixels
 NOT_ROUND = 1.1  # long over short axis: a sphere on a round probe lights a round patch
 BEYOND = 0.05  # fraction of the moduli for which a press lies outside the table
 SAME_FORCE = 0.02  # relative difference of forces that count as equal
-UNTRUSTED_FLAGS = frozenset(
-    {"model_does_not_fit", "saturated", "not_round", "outside_table"}
-    | {"contact_too_wide", "contact_too_deep", "gel_not_flat"}
+WIDEST_CONTACT = 0.6  # of half the face's smaller side
+DEEPEST_CONTACT = 0.9  # of the object's radius: the model was compared with finite strain up to there
+HARDNESS_FLAGS = declared(
+    Flag(
+        name="young_kpa_not_identified",
+        means="the presses do not determine the modulus",
+        cure="press with more force, or give radius_mm",
+        raised=f"ends of the 90 % interval further apart than a factor of {WIDE:g}, or posterior over prior sd above "
+        f"{NOT_IDENTIFIED:g}",
+    ),
+    Flag(
+        name="young_kpa_cut_off",
+        means="the modulus piles up at an end of the prior: it may lie beyond",
+        cure="give a prior that holds it",
+        raised=f"more than {CUT_OFF:g} of the samples in the outer {EDGE:.0%} of the range".replace("%", " %"),
+    ),
+    Flag(name="radius_unknown", means="the object's radius is not given", cure="give radius_mm"),
+    Flag(
+        name="one_force",
+        means="all presses have one force, so that the model is not tested",
+        cure="press with a second force",
+        raised=f"forces within {SAME_FORCE:.0%} of each other".replace("%", " %"),
+    ),
+    Flag(
+        name="saturated",
+        means="pixels of a contact are clipped",
+        cure="expose shorter",
+        raised=f"more than {CLIPPED:g} of a contact's pixels",
+        withholds=True,
+    ),
+    Flag(
+        name="not_round",
+        means="a contact is not round: no sphere on the probe's axis",
+        cure="press the object's top, straight down",
+        raised=f"long over short axis above {NOT_ROUND:g}",
+        withholds=True,
+    ),
+    Flag(
+        name="outside_table",
+        means="the sphere is flattened further than the mechanics were solved for",
+        cure="press less",
+        raised=f"for more than {BEYOND:.0%} of the moduli".replace("%", " %"),
+        withholds=True,
+    ),
+    Flag(name="contacts_left_out", means="contacts that are not good were left out"),
+    Flag(
+        name="contact_too_wide",
+        means=f"a contact is wider than {WIDEST_CONTACT:g} of the face",
+        cure="press less",
+        raised=f"radius above {WIDEST_CONTACT:g} of half the face's smaller side",
+        withholds=True,
+    ),
+    Flag(
+        name="contact_too_deep",
+        means=f"a contact is wider than {DEEPEST_CONTACT:g} of the object's radius",
+        cure="press less",
+        raised=f"radius above {DEEPEST_CONTACT:g} of the object's: the model was compared with finite strain up to "
+        "there",
+        withholds=True,
+    ),
+    Flag(
+        name="gel_not_flat",
+        means="the gel is not flat, so that its compliance is not that of a layer",
+        withholds=True,
+    ),
+    Flag(
+        name="model_does_not_fit",
+        means="forces, light and contact radii contradict each other",
+        cure="check radius, forces, calibration and probe",
+        raised=f"chance of the misfit below {IMPROBABLE:g}",
+        withholds=True,
+    ),
 )
+UNTRUSTED_FLAGS = withholding(HARDNESS_FLAGS)
 
 
 def findings(
@@ -63,7 +137,8 @@ def identifiability(posterior: HardnessPosterior, prior: HardnessPrior) -> str:
 def _about_frames(presses: Sequence[ContactPress]) -> Iterator[Finding]:
     clipped = max(press.seen.clipped_fraction for press in presses)
     if clipped > CLIPPED:
-        note = f"{100 * clipped:.2g} % of a contact's pixels clip, so its pressure is unknown: expose shorter."
+        cure = HARDNESS_FLAGS["saturated"].cure
+        note = f"{100 * clipped:.2g} % of a contact's pixels clip, so its pressure is unknown: {cure}."
         yield "saturated", note
     oval = max(press.seen.axis_ratio for press in presses)
     if oval > NOT_ROUND:
@@ -114,7 +189,7 @@ def _about_table(
         yield (
             "outside_table",
             f"For {100 * outside:.0f} % of the moduli a force flattens the sphere further than the mechanics were "
-            "solved for: press less.",
+            f"solved for: {HARDNESS_FLAGS['outside_table'].cure}.",
         )
 
 
@@ -127,21 +202,3 @@ def _about_fit(presses: Sequence[ContactPress], posterior: HardnessPosterior, ra
             f"Forces, light and contact radii contradict each other (chance below {probability_bound(chance)}): "
             "this is no homogeneous sphere of that radius, or force, calibration or probe are wrong.",
         )
-
-
-HARDNESS_FLAGS = MappingProxyType(
-    {
-        "young_kpa_not_identified": "the presses do not determine the modulus",
-        "young_kpa_cut_off": "the modulus piles up at an end of the prior",
-        "radius_unknown": "the object's radius is not given",
-        "one_force": "all presses have one force, so that the model is not tested",
-        "saturated": "pixels of a contact are clipped",
-        "not_round": "a contact is not round: no sphere on the probe's axis",
-        "outside_table": "the sphere is flattened further than the mechanics were solved for",
-        "contacts_left_out": "contacts that are not good were left out",
-        "contact_too_wide": "a contact is wider than 0.6 of the face",
-        "contact_too_deep": "a contact is wider than 0.9 of the object's radius",
-        "gel_not_flat": "the gel is not flat, so that its compliance is not that of a layer",
-        "model_does_not_fit": "forces, light and contact radii contradict each other",
-    }
-)
