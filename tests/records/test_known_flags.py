@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 SOURCE, DOCS = Path(tsis.__file__).parent, Path(__file__).parents[2] / "docs"
 RAISING = {
-    "inclusion": ("flags", "_estimate", "checks/_images", "checks/_roundness"),
+    "inclusion": ("flags", "_estimate", "checks/_images", "checks/_position", "checks/_roundness"),
     "hardness": ("flags", "_touch_estimate"),
 }
 LISTED = {"inclusion": INCLUSION, "hardness": HARDNESS}

@@ -14,7 +14,7 @@ from tsis.errors import InputError, NotCalibratedError
 from tsis.inclusion._frames import covering_force_n, mean_of_repeats, require_valid_forces, with_gain_of_presses
 from tsis.inclusion._prior import PARAMETERS, InclusionPrior
 from tsis.inclusion._reading import FrameReading, PressTables, covered_presses, press_tables, read_frames
-from tsis.inclusion.checks import image_findings, require_forces_as_lit
+from tsis.inclusion.checks import image_findings, position_findings, require_forces_as_lit
 from tsis.inclusion.flags import (
     INCLUSION_FLAGS,
     UNTRUSTED_FLAGS,
@@ -25,7 +25,6 @@ from tsis.inclusion.flags import (
     light_findings,
     misfit_chance,
     misfit_finding,
-    position_findings,
     presence_caveats,
 )
 from tsis.inclusion.posterior import (

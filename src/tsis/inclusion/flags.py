@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from tsis.inclusion._prior import InclusionPrior
-    from tsis.inclusion.checks import InclusionPosition
     from tsis.inclusion.posterior import InclusionPosterior, Profiles, SuperficialLayer
     from tsis.model.calibration import Calibration
 
@@ -199,21 +198,6 @@ def misfit_finding(chance: float, *, disagree: bool) -> Finding:
         f"The model does not explain the frames (chance below {probability_bound(chance)}): this is not a single "
         f"sphere in a uniform slab, or the calibration is wrong. {INCLUSION_FLAGS['model_does_not_fit'].advice}",
     )
-
-
-def position_findings(inclusion: InclusionPosition | None) -> list[Finding]:
-    """Findings for a missing reference press or an inclusion off the axis."""
-    if inclusion is None:
-        return [("no_reference", "No reference press: size and depth are less certain than with one.")]
-    if np.isfinite(inclusion.sd_mm) and inclusion.distance_mm - 2 * inclusion.noise_mm > OFF_AXIS_MM:
-        return [
-            (
-                "off_axis",
-                f"The inclusion lies {inclusion.distance_mm:.1f} mm from the probe's axis; the model is valid up to "
-                f"{OFF_AXIS_MM:g} mm: {INCLUSION_FLAGS['off_axis'].cure}.",
-            )
-        ]
-    return []
 
 
 def layer_findings(layer: SuperficialLayer) -> list[Finding]:

@@ -11,6 +11,7 @@ from numpy.polynomial import chebyshev
 from tsis.errors import InputError
 from tsis.imaging import require_same_frame
 from tsis.inclusion._frames import DARKEST, OUTER_FRACTION, RINGS
+from tsis.inclusion.flags import INCLUSION_FLAGS, OFF_AXIS_MM
 from tsis.inclusion.posterior import FARTHEST
 from tsis.model.calibration import Calibration
 from tsis.model.require import require_number, require_type
@@ -245,3 +246,18 @@ def _step(cells: _Cells, centre: Floats) -> tuple[Floats, float]:
     across = (to_shift[0] * cells.x_mm / beside) @ cells.uneven, (to_shift[1] * cells.y_mm / beside) @ cells.uneven
     by_tissue = float((across[0] @ across[0] + across[1] @ across[1]) / 2)
     return shift, float(np.sqrt(max(misfit, 1.0) / information + by_tissue))
+
+
+def position_findings(inclusion: InclusionPosition | None) -> list[tuple[str, str]]:
+    """Findings for a missing reference press or an inclusion off the axis."""
+    if inclusion is None:
+        return [("no_reference", "No reference press: size and depth are less certain than with one.")]
+    if np.isfinite(inclusion.sd_mm) and inclusion.distance_mm - 2 * inclusion.noise_mm > OFF_AXIS_MM:
+        return [
+            (
+                "off_axis",
+                f"The inclusion lies {inclusion.distance_mm:.1f} mm from the probe's axis; the model is valid up to "
+                f"{OFF_AXIS_MM:g} mm: {INCLUSION_FLAGS['off_axis'].cure}.",
+            )
+        ]
+    return []
