@@ -18,7 +18,7 @@ from tsis.inclusion.flags import NAMES
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from tsis.model import Flag
+    from tsis.model.flag import Flag
 
 SOURCE, DOCS = Path(tsis.__file__).parent, Path(__file__).parents[2] / "docs"
 RAISING = {

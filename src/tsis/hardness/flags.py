@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy
 
-from tsis.model.flag import Flag, declared, withholding
 from tsis.model.estimate import IMPROBABLE, NOT_IDENTIFIED, probability_bound
+from tsis.model.flag import Flag, declared, withholding
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -13,8 +13,8 @@ import scipy
 
 from tsis.inclusion._prior import PARAMETERS, Floats
 from tsis.inclusion.posterior import least_sd
-from tsis.model.flag import Flag, declared, withholding
 from tsis.model.estimate import ABSENCE_FLAG, IMPROBABLE, NOT_IDENTIFIED, probability_bound
+from tsis.model.flag import Flag, declared, withholding
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

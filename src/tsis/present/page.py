@@ -8,12 +8,12 @@ import threading
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from tsis.model.flag import Flag
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
 
     from matplotlib.figure import Figure
-
-    from tsis.model import Flag
 
 
 DPI = 120
@@ -170,8 +170,6 @@ class Page:
 
 def flags_table(flags: Iterable[str], known: Mapping[str, Flag]) -> tuple[Table, ...]:
     """What each flag of a result says, what to do, and whether it withholds numbers; no table without flags."""
-    from tsis.model import Flag  # loads numerical libraries
-
     rows = tuple(
         (name, item.means, item.cure, "withheld" if item.withholds else "shown")
         for name in flags
