@@ -24,7 +24,8 @@
     TsisWarning             (a UserWarning) a problem that stops nothing
     └── RecordsWarning      a store of records that others can read
 
-A message is one sentence: the name, the requirement, the value received and, where possible, a cure.
+A message is one sentence: the name, the requirement, the value received and, where possible, a cure. An `InputError`
+about one parameter has them as fields, too, of which pages make sentences of their own.
 """
 
 from __future__ import annotations
@@ -39,7 +40,46 @@ class TsisError(Exception):
 
 
 class InputError(TsisError, ValueError):
-    """An invalid value."""
+    """An invalid value.
+
+    Parameters
+    ----------
+    message
+        The message; made of the fields where it is empty.
+    name
+        Name of the parameter, as ``"gain"``; empty where the message is about several.
+    requirement
+        What it must be, as ``"must be a number"``; empty where the error has a message alone.
+    value
+        The value that was received, as the message shows it.
+    hint
+        Unit, or what the requirement is about, as ``"dB"`` or ``"number of the target"``.
+    cure
+        What was probably meant, or what to do.
+    bounds
+        Least and greatest value, where the requirement is a range.
+
+    Examples
+    --------
+    >>> str(InputError(name="gain", requirement="must lie in [0, 24]", value="-5", hint="dB"))
+    'gain must lie in [0, 24]; got -5 (dB)'
+    """
+
+    def __init__(
+        self,
+        message: str = "",
+        *,
+        name: str = "",
+        requirement: str = "",
+        value: str = "",
+        hint: str = "",
+        cure: str = "",
+        bounds: tuple[float, float] | None = None,
+    ) -> None:
+        ending = (f"; got {value}" if value else "") + (f" ({hint})" if hint else "") + (f"; {cure}" if cure else "")
+        super().__init__(message or f"{name} {requirement}{ending}")
+        self.name, self.requirement, self.value = name, requirement, value
+        self.hint, self.cure, self.bounds = hint, cure, bounds
 
 
 class UnknownNameError(InputError):

@@ -91,9 +91,14 @@ def require_small_sphere(probe: Probe, radius_mm: float) -> None:
     """Refuse an object larger than the probe can measure: its contact would reach the rim."""
     largest = WIDEST_CONTACT * probe.radius_mm
     if radius_mm > largest:
+        requirement = f"must be at most {largest:.3g}, {WIDEST_CONTACT:g} of the face's radius"
+        cure = "use a wider probe"
         raise InputError(
-            f"the object must be smaller than the probe: radius_mm must be at most {largest:.3g}, "
-            f"{WIDEST_CONTACT:g} of the face's radius; got {radius_mm:g} (use a wider probe)"
+            f"the object must be smaller than the probe: radius_mm {requirement}; got {radius_mm:g} ({cure})",
+            name="radius_mm",
+            requirement=requirement,
+            value=f"{radius_mm:g}",
+            cure=cure,
         )
 
 

@@ -59,7 +59,8 @@ class BoundedValue:
         numbers = [require_number(name, part, -1e9, 1e9) for name, part in (("low", low), ("high", high))]
         middle = sum(numbers) / 2 if self.value is None else require_number("value", self.value, -1e9, 1e9)
         if not numbers[0] <= middle <= numbers[1]:
-            raise InputError(f"value must lie between low = {low:g} and high = {high:g}; got {middle:g}")
+            requirement = f"must lie between low = {low:g} and high = {high:g}"
+            raise InputError(name="value", requirement=requirement, value=f"{middle:g}", bounds=(low, high))
         for name, number in zip(("low", "high", "value"), (*numbers, middle), strict=True):
             object.__setattr__(self, name, number)
 

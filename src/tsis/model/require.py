@@ -20,12 +20,19 @@ if TYPE_CHECKING:
 def require_number(name: str, value: object, low: float, high: float, *, hint: str = "") -> float:
     """Return ``value`` as a float when it is finite and lies in ``[low, high]``, else raise `InputError`."""
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
-        raise InputError(f"{name} must be a number; got {value!r:.80}")
+        raise InputError(name=name, requirement="must be a number", value=f"{value!r:.80}")
     result = _as_float(value)
     if not math.isfinite(result) or not low <= result <= high:
-        ending = f" ({hint}){_suspected(result, low, high, hint)}" if hint else ""
-        raise InputError(f"{name} must lie in [{low:g}, {high:g}]; got {result:g}{ending}")
+        cure = _suspected(result, low, high, hint) if hint else ""
+        raise _outside(name, result, low, high, hint=hint, cure=cure)
     return result
+
+
+def _outside(name: str, value: float, low: float, high: float, *, hint: str, cure: str = "") -> InputError:
+    requirement = f"must lie in [{low:g}, {high:g}]"
+    return InputError(
+        name=name, requirement=requirement, value=f"{value:g}", hint=hint, cure=cure, bounds=(float(low), float(high))
+    )
 
 
 _MISTAKEN = {"newtons": ("millinewtons", 1e-3), "millimetres": ("metres", 1e3), "kilopascals": ("pascals", 1e-3)}
@@ -35,19 +42,18 @@ def _suspected(value: float, low: float, high: float, hint: str) -> str:
     """Names the unit that was probably meant, where the value would lie within its range."""
     unit, factor = _MISTAKEN.get(hint.split()[0], ("", 0.0))
     meant = value * factor
-    return f"; that would be {meant:g} if it was given in {unit}" if unit and meant > 0 and low <= meant <= high else ""
+    return f"that would be {meant:g} if it was given in {unit}" if unit and meant > 0 and low <= meant <= high else ""
 
 
 def require_integer(name: str, value: object, low: int, high: int, *, hint: str = "") -> int:
     """Return ``value`` as an int when it is a whole number, e.g. 3 or 3.0 or 1e6, in ``[low, high]``."""
-    ending = f" ({hint})" if hint else ""
     # Infinity and NaN are not whole.
     fraction = isinstance(value, (float, np.floating)) and not float(value).is_integer()
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)) or fraction:
-        raise InputError(f"{name} must be a whole number; got {value!r:.80}{ending}")
+        raise InputError(name=name, requirement="must be a whole number", value=f"{value!r:.80}", hint=hint)
     result = int(value)  # a float would round large seeds
     if not low <= result <= high:
-        raise InputError(f"{name} must lie in [{low:g}, {high:g}]; got {_as_float(result):g}{ending}")
+        raise _outside(name, _as_float(result), low, high, hint=hint)
     return result
 
 
@@ -61,7 +67,7 @@ def _as_float(value: float | np.integer[Any] | np.floating[Any]) -> float:
 def require_type(name: str, value: object, requested: type) -> None:
     """Raise `InputError` unless ``value`` is of the class ``requested``."""
     if not isinstance(value, requested):
-        raise InputError(f"{name} must be a {requested.__name__}; got {value!r:.80}")
+        raise InputError(name=name, requirement=f"must be a {requested.__name__}", value=f"{value!r:.80}")
 
 
 def require_pair(name: str, value: Any) -> tuple[float, float]:
@@ -70,7 +76,7 @@ def require_pair(name: str, value: Any) -> tuple[float, float]:
         return value  # the fast path of stored presses
     result = require_array(name, value, ndim=1)
     if result.shape != (2,):
-        raise InputError(f"{name} must hold two numbers; got {value!r:.80}")
+        raise InputError(name=name, requirement="must hold two numbers", value=f"{value!r:.80}")
     return float(result[0]), float(result[1])
 
 

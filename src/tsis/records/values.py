@@ -51,13 +51,15 @@ def require_text(name: str, value: object, longest: int) -> None:
     require_type(name, value, str)
     assert isinstance(value, str)
     if len(value) > longest or not _ALLOWED_CONTROLS.sub("", value).isprintable():
-        raise InputError(f"{name} must be printable text of at most {longest} characters; got {value!r:.80}")
+        requirement = f"must be printable text of at most {longest} characters"
+        raise InputError(name=name, requirement=requirement, value=f"{value!r:.80}")
 
 
 def require_label(name: str, value: object) -> None:
     """Require a printable label on one line."""
     if not isinstance(value, str) or not 0 < len(value) <= LONGEST_NAME or not value.isprintable() or value.isspace():
-        raise InputError(f"{name} must be 1 to {LONGEST_NAME} printable characters; got {value!r:.80}")
+        requirement = f"must be 1 to {LONGEST_NAME} printable characters"
+        raise InputError(name=name, requirement=requirement, value=f"{value!r:.80}")
 
 
 def require_moment(name: str, value: object) -> None:
@@ -110,7 +112,8 @@ class Target(ContentValue):
         require_one_of("kind", self.kind, KINDS)
         require_text("name", self.name, LONGEST_NAME)
         if "\n" in self.name:
-            raise InputError(f"name must be one line; got {self.name!r:.80} (a note may have several)")
+            value = f"{self.name!r:.80}"
+            raise InputError(name="name", requirement="must be one line", value=value, hint="a note may have several")
         require_text("note", self.note, LONGEST_NOTE)
         require_moment("made", self.made)
         require_integer("version", self.version, 1, LARGEST_VERSION)
@@ -279,7 +282,8 @@ def parse_truth(lines: Iterable[str], *, called: str = "truth") -> dict[str, flo
         try:
             truth[name.strip()] = float(value)
         except ValueError as error:
-            raise InputError(f"{called} must be a name and a number as diameter_mm=10; got {line!r:.60}") from error
+            requirement = "must be a name and a number as diameter_mm=10"
+            raise InputError(name=called, requirement=requirement, value=f"{line!r:.60}") from error
     return truth
 
 
@@ -302,7 +306,8 @@ def parse_force(text: str, *, called: str = "force_n", nothing: str = "none") ->
         value = float(text)
     except ValueError as error:
         instead = nothing or "nothing"
-        raise InputError(f"{called} must be a number of newtons, or {instead}; got {text!r:.40}") from error
+        requirement = f"must be a number of newtons, or {instead}"
+        raise InputError(name=called, requirement=requirement, value=f"{text!r:.40}") from error
     return require_number(called, value, 0.0, LARGEST_FORCE_N)
 
 

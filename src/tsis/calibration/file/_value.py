@@ -50,11 +50,11 @@ def require_name(what: str, text: object, *, longest: int = LONGEST_NAME) -> Non
     tsis.errors.InputError: name must be printable, on one line; got 'bench\n2'
     """
     if not isinstance(text, str):
-        raise InputError(f"{what} must be a str; got {text!r:.80}")
+        raise InputError(name=what, requirement="must be a str", value=f"{text!r:.80}")
     if len(text) > longest:
-        raise InputError(f"{what} must hold at most {longest} characters; got {len(text)}")
+        raise InputError(name=what, requirement=f"must hold at most {longest} characters", value=str(len(text)))
     if not text.isprintable():
-        raise InputError(f"{what} must be printable, on one line; got {text!r:.80}")
+        raise InputError(name=what, requirement="must be printable, on one line", value=f"{text!r:.80}")
 
 
 def require_time(what: str, moment: object) -> None:

@@ -209,14 +209,20 @@ class SessionSetup(ContentValue):
         require_number("gauge_share", self.gauge_share, 0.0, 0.5, hint="a fraction of 1")
         require_number("pad_sd", self.pad_sd, 0.001, 0.5, hint="a fraction of 1")
         if len(set(self.pads_kpa)) < len(self.pads_kpa):
-            raise InputError(f"pads_kpa must hold each pad once; got {list(self.pads_kpa)}")
+            raise InputError(name="pads_kpa", requirement="must hold each pad once", value=str(list(self.pads_kpa)))
         steps = [step.name for step in plan_steps(self.tips_mm, repeats=self.repeats, pads_kpa=self.pads_kpa)]
         if len(set(steps)) < len(steps):
-            raise InputError(f"tips_mm must hold each tip once; got {list(self.tips_mm)} (take repeats instead)")
+            raise InputError(
+                name="tips_mm",
+                requirement="must hold each tip once",
+                value=str(list(self.tips_mm)),
+                hint="take repeats instead",
+            )
         if self.patch_px is not None:
             left, top, right, bottom = self.patch_px
             if not (0 <= left < right and 0 <= top < bottom):
-                raise InputError(f"patch_px must be left < right and top < bottom, from 0; got {self.patch_px}")
+                requirement = "must be left < right and top < bottom, from 0"
+                raise InputError(name="patch_px", requirement=requirement, value=str(self.patch_px))
         object.__setattr__(self, "settings", MappingProxyType(dict(self.settings)))
 
     def differing(self, other: SessionSetup) -> tuple[str, ...]:

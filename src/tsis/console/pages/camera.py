@@ -120,7 +120,7 @@ class GaugePanel:
         try:
             ports = await run.io_bound(find_ports) or ()
         except GaugeError as error:
-            self._viewer.complain(kit.plain_message(str(error)))
+            self._viewer.complain(kit.plain_message(error))
             return
         self._port.set_options([port.device for port in ports], value=ports[0].device if ports else None)
 

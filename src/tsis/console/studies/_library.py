@@ -111,9 +111,10 @@ class StudyRepository:
     ) -> Study:
         """Make a study; ``terms`` and errors as of `tsis.study.folder.new_study`."""
         if not NAME.fullmatch(name):
-            raise InputError(f"name must be 1 to 60 letters, digits, dashes and underscores; got {name!r:.80}")
+            requirement = "must be 1 to 60 letters, digits, dashes and underscores"
+            raise InputError(name="name", requirement=requirement, value=f"{name!r:.80}")
         if (self._folder / name).exists():
-            raise InputError(f"name must be a new one; there is {name!r} already (choose another)")
+            raise InputError(f"name must be a new one; there is {name!r} already (choose another)", name="name")
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:

@@ -75,7 +75,7 @@ class SerialGauge:
     ) -> None:
         require_type("port", port, str)
         if not port:
-            raise InputError("port must be the name of a serial port; got an empty one")
+            raise InputError(name="port", requirement="must be the name of a serial port", value="an empty one")
         self._name, self._baud = port, require_integer("baud", baud, 50, 4_000_000, hint="bits per second")
         self._stated_unit = None if unit is None else force_unit(unit)
         self._poll, self._tare_command = _command("poll", poll), _command("tare_command", tare_command)

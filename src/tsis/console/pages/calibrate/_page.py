@@ -273,7 +273,6 @@ class TermsForm:
                 "pitch_sd_mm": self._pitch_sd,
                 "tips_mm": self._tips,
                 "tip_radius_mm": self._tips,
-                "a calibration": self._tips,
                 "pads_kpa": self._pads,
                 "pad_kpa": self._pads,
                 "loadings of each tip": self._repeats,
@@ -312,12 +311,14 @@ class TermsForm:
         if len(tips) * repeats < LEAST_LOADINGS:
             raise InputError(
                 f"a calibration needs at least {LEAST_LOADINGS} loadings, of two tips or of one twice; got {len(tips)} "
-                f"tip and {repeats} loading of it (add a tip, or load it twice)"
+                f"tip and {repeats} loading of it (add a tip, or load it twice)",
+                name="tips_mm",
             )
         seed = kit.typed_integer("seed", self._seed.value, 0, LARGEST_SEED)
         name = (self._name.value or "").strip()
         if not name:
-            raise InputError("name must be given: what the calibration will be called; got none")
+            requirement = "must be given: what the calibration will be called"
+            raise InputError(name="name", requirement=requirement, value="none")
         return SessionSetup(
             name=name,
             probe=self._probe.value or "",
@@ -348,6 +349,7 @@ def typed_patch(text: str) -> tuple[int, int, int, int] | None:
         return None
     result = kit.typed_numbers("lamps seen past the probe", text)
     if len(result) != SIDES:
-        raise InputError(f"lamps seen past the probe must be left, top, right, bottom in pixels; got {text!r:.60}")
+        requirement = "must be left, top, right, bottom in pixels"
+        raise InputError(name="lamps seen past the probe", requirement=requirement, value=f"{text!r:.60}")
     left, top, right, bottom = (require_integer("lamps seen past the probe", side, 0, 100_000) for side in result)
     return left, top, right, bottom

@@ -18,6 +18,7 @@ from tsis.console.pages.components._fields import (
     explained_fields,
     field_messages,
     file_field,
+    labelled,
     number_text_of_field,
     one_file,
     select_field,
@@ -30,11 +31,6 @@ from tsis.console.pages.components._fields import (
     typed_numbers,
     unit_field,
     with_field_labels,
-)
-from tsis.console.pages.components._language import (
-    address_of,
-    help_texts,
-    plain_message,
 )
 from tsis.console.pages.components._lists import (
     FactList,
@@ -64,6 +60,11 @@ from tsis.console.pages.components._lists import (
     table,
     title_row,
     titled_dialog,
+)
+from tsis.console.pages.components._messages import (
+    address_of,
+    help_texts,
+    plain_message,
 )
 from tsis.console.pages.components._summary import StatePoller, Tabs, camera_line, force_text, press_label, time_label
 from tsis.console.pages.components._viewer import LONGEST_OPERATOR, Viewer
@@ -101,6 +102,7 @@ __all__ = [
     "force_text",
     "help_texts",
     "is_confirmed",
+    "labelled",
     "list_message",
     "loading",
     "message_list",

@@ -14,7 +14,7 @@ from nicegui import ui
 from nicegui.elements.upload import Upload
 
 from tsis.console.pages.components._actions import UndoMemory
-from tsis.console.pages.components._language import address_of, help_texts
+from tsis.console.pages.components._messages import address_of, help_texts, plain_message
 from tsis.errors import InputError
 from tsis.model.require import require_integer
 
@@ -46,13 +46,29 @@ def with_field_labels(message: str, labels: Mapping[str, str]) -> str:
     return re.sub(r"\w+", lambda result: labels.get(result[0], result[0]), message)
 
 
+def labelled(error: InputError, labels: Mapping[str, str]) -> InputError:
+    """An error with the page's labels for its parameters, in its message and in its fields."""
+    message, name, requirement, hint = (
+        with_field_labels(text, labels) for text in (str(error), error.name, error.requirement, error.hint)
+    )
+    return InputError(
+        message,
+        name=name,
+        requirement=requirement,
+        value=error.value,
+        hint=hint,
+        cure=error.cure,
+        bounds=error.bounds,
+    )
+
+
 @contextmanager
 def field_messages(labels: Mapping[str, str]) -> Iterator[None]:
     """Show an `InputError` about these parameters with these labels."""
     try:
         yield
     except InputError as error:
-        raise InputError(with_field_labels(str(error), labels)) from error
+        raise labelled(error, labels) from error
 
 
 async def submit(
@@ -64,13 +80,13 @@ async def submit(
     """
     result: list[Result] = []
     refusal = await viewer.refusal(lambda: result.append(act(*given)))
-    for name, field in fields.items():
-        if about := re.match(rf"(each |.*: )?{re.escape(name)}\b", refusal, re.IGNORECASE):
-            field.error = label_of(field) + refusal[about.end() :] if "_" in name else refusal
-            field.run_method("focus")
-            return None
-    if refusal:
-        viewer.complain(refusal)
+    name = refusal.name.removeprefix("each ") if isinstance(refusal, InputError) else ""
+    if isinstance(refusal, InputError) and name in fields:
+        field = fields[name]
+        field.error = plain_message(labelled(refusal, {name: label_of(field)} if "_" in name else {}))
+        field.run_method("focus")
+    elif refusal is not None:
+        viewer.complain(plain_message(refusal))
     return result[0] if result else None
 
 
@@ -95,7 +111,7 @@ def typed_number(name: str, typed: str | None) -> float:
     """
     text = (typed or "").strip()
     if not _NUMBER.fullmatch(text):
-        raise InputError(f"{name} must be a number, as 2 or 0.5; got {text!r:.40}")
+        raise InputError(name=name, requirement="must be a number, as 2 or 0.5", value=f"{text!r:.40}")
     return float(text)
 
 
@@ -178,7 +194,7 @@ def typed_forces(typed: str | None, *, most: int) -> tuple[float, ...]:
     """Typed forces, at most so many; `InputError` for other text."""
     forces = typed_numbers("force", typed)
     if len(forces) > most:
-        raise InputError(f"forces must be at most {most}; got {len(forces)}")
+        raise InputError(name="forces", requirement=f"must be at most {most}", value=str(len(forces)))
     return forces
 
 
@@ -248,12 +264,12 @@ class NumberField:
             return
         self._typing, self._sent = False, True
         before = self._value
-        message = await self._viewer.refusal(partial(self._accept, text))
+        refusal = await self._viewer.refusal(partial(self._accept, text))
         self._sent = False
         if not self._typing:
             self._accepted()
-        if message:
-            self.refuse(message)
+        if refusal is not None:
+            self.refuse(plain_message(refusal))
         if not self._typing:
             self.element.set_value(number_text_of_field(self._value))
         if self._value != before:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final, ParamSpec, TypeVar
 from nicegui import binding, run, ui
 
 from tsis.console.auth import client_identity
-from tsis.console.pages.components._language import plain_message
+from tsis.console.pages.components._messages import plain_message
 from tsis.errors import TsisError
 from tsis.files.reading import one_line
 
@@ -88,20 +88,20 @@ class Viewer:
         """Run a slow call outside the event loop; show an error, and return None then."""
         result: list[Result] = []
         refusal = await self.refusal(lambda: result.append(act(*given, **named)))
-        if refusal:
-            self.complain(refusal)
+        if refusal is not None:
+            self.complain(plain_message(refusal))
         return result[0] if result else None
 
-    async def refusal(self, act: Callable[[], object]) -> str:
-        """Run a slow call outside the event loop, and return its error, which a field shows itself; empty without."""
+    async def refusal(self, act: Callable[[], object]) -> TsisError | None:
+        """Run a slow call outside the event loop, and return its error, which a field shows itself; None without."""
         try:
             await run.io_bound(act)
         except TsisError as error:
-            return plain_message(str(error))
+            return error
         except Exception as error:
             _log.exception("a command of a page failed")
-            return f"Unexpected error: {type(error).__name__}: {error}"
-        return ""
+            return TsisError(f"Unexpected error: {type(error).__name__}: {error}")
+        return None
 
     def command(self, act: Callable[..., object], *given: object) -> Callable[[], Awaitable[object]]:
         """A handler of a control that attempts a command of this client."""

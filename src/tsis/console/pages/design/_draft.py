@@ -129,7 +129,8 @@ class ProbeDraft:
             return self.start.leds
         count = kit.typed_number("lamps", self.lamps)
         if not count.is_integer() or not 1 <= count <= MOST_LAMPS:
-            raise InputError(f"lamps must be a whole number in [1, {MOST_LAMPS}]; got {self.lamps.strip()}")
+            requirement = f"must be a whole number in [1, {MOST_LAMPS}]"
+            raise InputError(name="lamps", requirement=requirement, value=self.lamps.strip())
         values = {name: kit.typed_number(text, self.lamp[name]) for name, text in LAMP.items()}
         first = self.start.leds[0]
         return tuple(replace(first, azimuth_deg=360.0 * number / count, **values) for number in range(int(count)))
@@ -172,7 +173,7 @@ def draft_message(make: Callable[[], object]) -> str:
     try:
         make()
     except InputError as error:
-        return kit.plain_message(kit.with_field_labels(str(error), LABELS))
+        return kit.plain_message(kit.labelled(error, LABELS))
     return ""
 
 

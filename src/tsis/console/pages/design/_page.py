@@ -57,7 +57,7 @@ class Section:
         except InputError as error:
             beside = any(self._editor.probe.field_faults())  # which has its own message
             self._fault.text = (
-                "Not drawn while a field is invalid." if beside else f"Not drawn: {kit.plain_message(str(error))}"
+                "Not drawn while a field is invalid." if beside else f"Not drawn: {kit.plain_message(error)}"
             )
             return
         self._fault.text = ""
@@ -202,7 +202,7 @@ class DesignResultPanel:
         try:
             return read()
         except InputError as error:
-            self._viewer.complain(kit.plain_message(str(error)))
+            self._viewer.complain(kit.plain_message(error))
             return None
 
 

@@ -59,10 +59,10 @@ class SettingLine:
 
     async def _released(self, event: GenericEventArguments) -> None:
         value = min(max(float(event.args), self._setting.low), self._setting.high)
-        message = await self._viewer.refusal(partial(self._adjust, value))
+        refusal = await self._viewer.refusal(partial(self._adjust, value))
         self._moving = False
-        if message:
-            self._field.refuse(message)
+        if refusal is not None:
+            self._field.refuse(kit.plain_message(refusal))
 
 
 def setting_label(name: str) -> str:

@@ -87,7 +87,8 @@ class ObjectPart:
         radius_text, sd_text = ((each.value or "").strip() for each in (self.radius_field, self.sd_field))
         if not radius_text:
             if sd_text:
-                raise InputError("radius_mm must be given with its standard deviation; got none")
+                requirement = "must be given with its standard deviation"
+                raise InputError(name="radius_mm", requirement=requirement, value="none")
             return {}
         radius = kit.typed_number("radius_mm", radius_text)
         given = self._instrument.calibration

@@ -326,7 +326,8 @@ def backup_button(instrument: Instrument, viewer: kit.Viewer, place: ui.element)
 def _whole_path(text: str) -> Path:
     path = Path(text.strip())
     if not path.is_absolute():
-        raise InputError(f"folder must be a whole path on the console's computer; got {text.strip()!r:.80}")
+        requirement = "must be a whole path on the console's computer"
+        raise InputError(name="folder", requirement=requirement, value=f"{text.strip()!r:.80}")
     return path
 
 

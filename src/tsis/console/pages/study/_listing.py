@@ -318,7 +318,7 @@ class _NewStudy:
         try:
             self._size.text = self._draft().size().text()
         except InputError as error:
-            self._size.text = kit.plain_message(str(error))
+            self._size.text = kit.plain_message(error)
 
     async def _make(self) -> None:
         draft = self._draft()

@@ -95,7 +95,9 @@ class CalibrationSessions:
         folder = SessionFolder(self._folder / folder_name(terms.name))
         if folder.path.exists():
             raise InputError(
-                f"name must be new; a session in {folder.path.name!r} exists already (go on with it, or choose another)"
+                f"name must be new; a session in {folder.path.name!r} exists already "
+                "(go on with it, or choose another)",
+                name="name",
             )
         folder.begin(self._virtual(terms) if bench_seed(terms.camera) is not None else self._with_camera(terms))
         return self.open(folder.path.name)
