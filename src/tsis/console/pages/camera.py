@@ -126,7 +126,7 @@ class GaugePanel:
 
     async def _begin(self) -> None:
         with kit.loading(self._connect):
-            await kit.submit(self._viewer, {"baud": self._baud, "gauge": self._port}, self._connected)
+            await kit.submit(self._viewer, {"baud": self._baud, "port": self._port}, self._connected)
 
     def _connected(self) -> None:
         baud = kit.typed_integer("baud", self._baud.value, 50, FASTEST, hint="bits per second")
