@@ -25,7 +25,6 @@ _PAGES = (
     ("/records/compare/{pair}", "Records", "records", "compare_targets"),
     ("/records/{number}", "Records", "records", "show_target"),
     ("/design", "Design", "design", "design_tab"),
-    ("/sweeps", "Sweeps", "sweeps", "SweepsPage"),
     ("/jobs", "Jobs", "jobs", "jobs_page"),
     ("/about", "About", "about", "about_page"),
 )

@@ -47,7 +47,6 @@ from tsis.console.services._subject import (
     TissueReading,
     VirtualSubject,
 )
-from tsis.console.services._sweeps import Sweeps, SweepState, sweep_title, varying_columns
 
 __all__ = [
     "BALL_MM",
@@ -86,8 +85,6 @@ __all__ = [
     "Owner",
     "PressForce",
     "SavedPress",
-    "SweepState",
-    "Sweeps",
     "TissueReading",
     "VirtualSubject",
     "estimate_title",
@@ -95,8 +92,6 @@ __all__ = [
     "newest_presses",
     "open_images",
     "save_images",
-    "sweep_title",
     "tissue_title",
-    "varying_columns",
     "warm_up",
 ]

@@ -31,7 +31,6 @@ from tsis.console.services._subject import (
     TissueReadings,
     read_tissue,
 )
-from tsis.console.services._sweeps import Sweeps
 from tsis.console.services._watcher import Watcher
 from tsis.console.services.calibrating import CalibrationSessions
 from tsis.errors import ControlError
@@ -86,7 +85,6 @@ class Instrument:
             self.store.erase_expired()
         self.control, self._store_check = ControlLock(), StoreCheck(self.store)
         self.jobs = Jobs(terms.workspace / "jobs.jsonl")
-        self.sweeps = Sweeps(terms.workspace / "sweeps", self.jobs)
         self._tissues = TissueReadings(terms.workspace / "tissues.json")
         self._memory = InstrumentMemory(terms.workspace / "last-run.state")
         restored = self._memory.begin(terms.choice)
