@@ -9,8 +9,8 @@ import typer.main
 
 import tsis
 from tsis.cli._app import app
-from tsis.console.api._application import api_app
-from tsis.console.api._responses import CONTROL
+from tsis.console.api.application import api_app
+from tsis.console.api.responses import CONTROL
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

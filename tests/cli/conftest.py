@@ -15,7 +15,7 @@ from tests.records.pressed_object import stored_object
 from tests.records.sample import WHEN, levels
 
 from tsis.cli import main
-from tsis.console._worker import WorkerProcess
+from tsis.console.worker import WorkerProcess
 from tsis.model.image import TactileImage
 from tsis.records.store import open_store
 
@@ -41,7 +41,7 @@ def idle_solver(monkeypatch: pytest.MonkeyPatch) -> WorkerProcess:
     """What a console gets as its solving process, which never begins: quick tests start no processes."""
     result = WorkerProcess()
     monkeypatch.setattr(result, "begin", lambda: None)
-    monkeypatch.setattr("tsis.console._worker.solving_process", lambda: result)
+    monkeypatch.setattr("tsis.console.worker.solving_process", lambda: result)
     return result
 
 

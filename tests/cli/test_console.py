@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import pytest
 from tests.waiting import HANGS_S
 
-from tsis.console import _serving as serving
-from tsis.console.auth._key import FOLDER
+from tsis.console import serving as serving
+from tsis.console.auth import FOLDER
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from tests.cli.conftest import RunTsis
 
     from tsis.console import ConsoleSettings
-    from tsis.console._worker import WorkerProcess
+    from tsis.console.worker import WorkerProcess
 
 TOKEN = "t" * 43
 ADDRESS = f"http://127.0.0.1:8642/?token={TOKEN}"
@@ -61,7 +61,7 @@ def test_who_wants_no_browser_gets_none(
     run_tsis: RunTsis, monkeypatch: pytest.MonkeyPatch, opened: queue.Queue[str], options: tuple[str, ...]
 ) -> None:
     monkeypatch.setattr(serving, "serve_console", lambda _, ready, solver: ready(ADDRESS))
-    monkeypatch.setattr("tsis.console._app.opened_in_browser", lambda _: pytest.fail("it opens a browser"))
+    monkeypatch.setattr("tsis.console.app.opened_in_browser", lambda _: pytest.fail("it opens a browser"))
     ended = run_tsis("console", *options)
     assert ended.code == 0
     assert ADDRESS in (json.loads(ended.out)["address"] if "--json" in options else ended.out)

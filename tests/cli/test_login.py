@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tsis.console.auth import Logins
-from tsis.console.auth._key import FOLDER
+from tsis.console.auth import FOLDER, Logins
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -8,7 +8,7 @@ import weakref
 
 from tests.waiting import until
 
-from tsis.console._worker import collecting_garbage, share_memory_among_threads
+from tsis.console.worker import collecting_garbage, share_memory_among_threads
 
 
 class Knot:

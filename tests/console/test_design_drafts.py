@@ -7,9 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tsis.catalog.probes import list_probes, load_probe
-from tsis.console.pages.components import typed_forces
-from tsis.console.pages.design._draft import LAMP, LAYER, ProbeDraft, QuestionDraft, draft_message
-from tsis.console.pages.design._page import file_name
+from tsis.console.pages.design import LAMP, LAYER, ProbeDraft, QuestionDraft, draft_message, file_name
+from tsis.console.widgets import typed_forces
 from tsis.errors import InputError
 
 typed = st.one_of(

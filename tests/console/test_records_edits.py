@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import pytest
 from tests.records.sample import sample_record
 
-from tsis.console.pages.records._context import AT_ONCE, UNKNOWN_FLAG, flags_of, read_target
-from tsis.console.pages.records._edit import changed, edit_press, edit_target, truth_text
+from tsis.console.pages.records import AT_ONCE, UNKNOWN_FLAG, flags_of, read_target
+from tsis.console.pages.target import changed, edit_press, edit_target, truth_text
 from tsis.errors import InputError
 from tsis.model.image import TactileImage
 from tsis.records.store import open_store, verify_store

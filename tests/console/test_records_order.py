@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tsis.console.pages.records._listing import ESTIMATED, KINDS, NOT_ESTIMATED, SHEETS, Order, sheet_of
+from tsis.console.pages.records import ESTIMATED, KINDS, NOT_ESTIMATED, SHEETS, Order, sheet_of
 from tsis.records.reader import TargetState, TargetSummary
 from tsis.records.values import Target
 

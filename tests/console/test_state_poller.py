@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from tsis.console.pages.components import StatePoller, address_of
 from tsis.console.pages.shell import NOWHERE, title_of
+from tsis.console.viewer import StatePoller
+from tsis.console.widgets import address_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -33,13 +34,13 @@ class CountedInstrument:
 def clock(monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
     """Time that passes on request."""
     now = [100.0]
-    monkeypatch.setattr("tsis.console.pages.components._summary.time", SimpleNamespace(monotonic=lambda: now[0]))
+    monkeypatch.setattr("tsis.console.viewer.time", SimpleNamespace(monotonic=lambda: now[0]))
 
     async def here(command: Callable[[], Any]) -> Any:
         await asyncio.sleep(0)
         return command()
 
-    monkeypatch.setattr("tsis.console.pages.components._summary.run", SimpleNamespace(io_bound=here))
+    monkeypatch.setattr("tsis.console.viewer.run", SimpleNamespace(io_bound=here))
     return lambda seconds: now.__setitem__(0, now[0] + seconds)
 
 

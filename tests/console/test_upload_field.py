@@ -7,7 +7,7 @@ import weakref
 
 from nicegui import Client, ui
 
-from tsis.console.pages.components._fields import FileField
+from tsis.console.widgets import FileField
 
 
 class Page:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import pytest
 from tests.waiting import HANGS_S
 
-from tsis.console._worker import WorkerProcess
+from tsis.console.worker import WorkerProcess
 from tsis.errors import ControlError, InputError, UnknownNameError
 from tsis.model.require import require_integer, require_one_of
 
@@ -102,7 +102,7 @@ def test_what_cannot_be_sent_is_said_at_once(apart: WorkerProcess) -> None:
 
 CONSOLE = """
 import os, sys, time
-from tsis.console._worker import WorkerProcess
+from tsis.console.worker import WorkerProcess
 
 if __name__ == "__main__":
     print(WorkerProcess().call(os.getpid), flush=True)

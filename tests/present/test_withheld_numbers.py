@@ -28,7 +28,7 @@ from tests.records.dicom.variants import with_estimate
 from tests.records.sample import sample_record
 
 import tsis
-from tsis.console.api._responses import estimate_item
+from tsis.console.api.responses import estimate_item
 from tsis.errors import NotIdentifiedError, UnknownNameError, UntrustedError
 from tsis.hardness import build_contact_table
 from tsis.inclusion import InclusionPrior

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 from tsis.errors import require_extra
 
 if TYPE_CHECKING:
-    from tsis.console._app import opened_in_browser
-    from tsis.console._serving import Certificate, ConsoleSettings, serve_console
-    from tsis.console._worker import solving_process
+    from tsis.console.app import opened_in_browser
     from tsis.console.auth import Logins
-    from tsis.console.services import Instrument, InstrumentSettings
+    from tsis.console.services.instrument import Instrument
+    from tsis.console.services.state import InstrumentSettings
+    from tsis.console.serving import Certificate, ConsoleSettings, serve_console
+    from tsis.console.worker import solving_process
 
 __all__ = [
     "Certificate",
@@ -28,14 +29,14 @@ __all__ = [
 require_extra("nicegui", "fastapi", "uvicorn", "argon2", "itsdangerous", feature="the console", extra="console")
 
 _HOMES = {
-    "Certificate": "_serving",
-    "ConsoleSettings": "_serving",
-    "Instrument": "services",
-    "InstrumentSettings": "services",
+    "Certificate": "serving",
+    "ConsoleSettings": "serving",
+    "Instrument": "services.instrument",
+    "InstrumentSettings": "services.state",
     "Logins": "auth",
-    "opened_in_browser": "_app",
-    "serve_console": "_serving",
-    "solving_process": "_worker",
+    "opened_in_browser": "app",
+    "serve_console": "serving",
+    "solving_process": "worker",
 }
 
 

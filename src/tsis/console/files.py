@@ -15,9 +15,9 @@ from starlette.responses import FileResponse, PlainTextResponse
 
 from tsis.__about__ import LARGEST_TARGET
 from tsis.calibration import read_press_image
-from tsis.console._statuses import AbsentError, absent_if_unknown, status_of
-from tsis.console._worker import WorkerProcess
+from tsis.console.statuses import AbsentError, absent_if_unknown, status_of
 from tsis.console.studies import FORMS, report_bytes
+from tsis.console.worker import WorkerProcess
 from tsis.errors import FileInputError, InputError, TsisError
 from tsis.files.frame_names import target_folder
 from tsis.files.images import encode_picture

@@ -132,9 +132,8 @@ def parse_reading(document: Mapping[str, Any]) -> DeviceReading:
 def require_short_name(what: str, name: object) -> str:
     """Return a short printable name, or refuse it."""
     if not isinstance(name, str) or not 0 < len(name) <= LONGEST or not name.isprintable() or name != name.strip():
-        raise InputError(
-            f"{what} must be 1 to {LONGEST} printable letters without spaces around them; got {name!r:.80}"
-        )
+        requirement = f"must be 1 to {LONGEST} printable letters without spaces around them"
+        raise InputError(name=what, requirement=requirement, value=f"{name!r:.80}")
     return name
 
 

@@ -373,7 +373,9 @@ def import_table(
     """Enter the content of an uploaded file; as `import_readings`."""
     require_short_name("device", device)
     if device == study.plan.device:
-        raise InputError(f"device must not be {device!r:.60}, which tsis study run reads with (choose another name)")
+        raise InputError(
+            f"device must not be {device!r:.60}, which tsis study run reads with (choose another name)", name="device"
+        )
     limit = _threshold(study, device, threshold)
     readings: dict[tuple[str, str, str, int], DeviceReading] = {}
     entered, codes = {reading.key for reading in study.readings}, frozenset(study.plan.codes)

@@ -10,7 +10,7 @@ from unittest.mock import MagicMock
 import pytest
 from tests.waiting import until
 
-import tsis.console.api._application  # noqa: F401 - a library that it loads starts a process, which no test may
+import tsis.console.api.application  # noqa: F401 - a library that it loads starts a process, which no test may
 from tsis.console import api
 from tsis.console.api import Calls
 

@@ -12,8 +12,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tsis import errors
-from tsis.console._statuses import AbsentError, NoControlError, status_of
-from tsis.console.api._errors import kind_of, message_of, problem
+from tsis.console.api.responses import kind_of, message_of, problem
+from tsis.console.statuses import AbsentError, NoControlError, status_of
 
 if TYPE_CHECKING:
     from tests.console.api.script import Script

@@ -10,9 +10,8 @@ from unittest.mock import MagicMock
 
 import pytest
 
-from tsis.console.api._application import api_app
-from tsis.console.api._models_camera import CamerasResponse, SettingsResponse
-from tsis.console.api._models_records import PressesResponse, TargetResponse
+from tsis.console.api.application import api_app
+from tsis.console.api.models import CamerasResponse, PressesResponse, SettingsResponse, TargetResponse
 from tsis.instrument import CameraInfo, Setting
 from tsis.records.values import StoredPress, Target
 

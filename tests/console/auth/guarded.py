@@ -10,8 +10,7 @@ from starlette.applications import Starlette
 from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse
 from starlette.routing import Route
 
-from tsis.console.auth import Access, AuthMiddleware, client_identity
-from tsis.console.auth._rate_limit import LoginRateLimiter
+from tsis.console.auth import Access, AuthMiddleware, LoginBound, client_identity
 
 if TYPE_CHECKING:
     from starlette.requests import Request
@@ -64,7 +63,7 @@ def client(guarded_app: AuthMiddleware, **options: Any) -> httpx.AsyncClient:
 
 def guarded_app(*, logins: Logins | None = None, clock: Clock | None = None, secure: bool = False) -> AuthMiddleware:
     access = Access(TOKEN, logins=logins, port=8642, secure=secure)
-    attempts = LoginRateLimiter(clock=clock or Clock())
+    attempts = LoginBound(clock=clock or Clock())
     return AuthMiddleware(Starlette(routes=ROUTES), access=access, hosts=("127.0.0.1", "localhost"), tries=attempts)
 
 

@@ -9,9 +9,15 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from tsis.console.auth import name_of
-from tsis.console.auth._access import headers_of, is_known, is_own_origin, is_repeated, without_forwarded
-from tsis.console.auth._login_routes import local_address
+from tsis.console.auth import (
+    headers_of,
+    is_known,
+    is_own_origin,
+    is_repeated,
+    local_address,
+    name_of,
+    without_forwarded,
+)
 
 NAMES = frozenset(("127.0.0.1", "localhost", "[::1]", "lab.example"))
 # Addresses made of parts that fit together now and then, and mislead often.

@@ -17,7 +17,7 @@ from tests.console.browser import needs_browser
 from tests.console.running import running_console
 from tests.waiting import HANGS_S
 
-from tsis.console._serving import listen
+from tsis.console.serving import listen
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser

@@ -14,10 +14,7 @@ import pytest
 from tests.console.auth.plain_requests import answer_to, status_of, upgraded
 from tests.waiting import HANGS_S
 
-from tsis.console.auth import Access, Sessions
-from tsis.console.auth._access import SAFE_METHODS
-from tsis.console.auth._login_routes import KEY_NEEDED
-from tsis.console.auth._sessions import KEY_S
+from tsis.console.auth import KEY_NEEDED, KEY_S, SAFE_METHODS, Access, Sessions
 
 if TYPE_CHECKING:
     from tests.console.running import RunningConsole

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import pytest
 import uvicorn
 
-from tsis.console import _serving as serving
-from tsis.console._serving import FILE, listen, logging_to
+from tsis.console import serving as serving
+from tsis.console.serving import FILE, listen, logging_to
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def test_who_came_in_is_in_the_file_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    controller, other = logging.getLogger("tsis.console.auth._login_routes"), logging.getLogger("uvicorn.error")
+    controller, other = logging.getLogger("tsis.console.auth"), logging.getLogger("uvicorn.error")
     with logging_to(tmp_path):
         controller.info("anna logged in from 192.0.2.7")
         other.log(logging.INFO, "a connection was opened")
@@ -40,7 +40,7 @@ def test_an_error_is_a_sentence_on_the_terminal_and_a_story_in_the_file(
         try:
             int("a reason\nin lines")
         except ValueError:
-            logging.getLogger("tsis.console._app").exception("it failed")
+            logging.getLogger("tsis.console.app").exception("it failed")
     reported = capsys.readouterr().err
     assert reported.startswith("Error: it failed: ValueError: invalid literal")
     assert reported.count("\n") == 1

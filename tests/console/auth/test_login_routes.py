@@ -9,8 +9,7 @@ import pytest
 from argon2 import PasswordHasher
 from tests.console.auth.guarded import TOKEN, Clock, answered, client, guarded_app
 
-from tsis.console.auth import Logins
-from tsis.console.auth._rate_limit import A_MINUTE
+from tsis.console.auth import A_MINUTE, Logins
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -22,8 +21,8 @@ PASSWORD = "a long enough password"
 def _cheap_passwords(monkeypatch: pytest.MonkeyPatch) -> None:
     """Hash at the least cost; `test_logins` checks the real one."""
     cheap = PasswordHasher(time_cost=1, memory_cost=8, parallelism=1)
-    monkeypatch.setattr("tsis.console.auth._access.ARGON2ID", cheap)
-    monkeypatch.setattr("tsis.console.auth._access.NOBODY", cheap.hash("nobody's password"))
+    monkeypatch.setattr("tsis.console.auth.ARGON2ID", cheap)
+    monkeypatch.setattr("tsis.console.auth.NOBODY", cheap.hash("nobody's password"))
 
 
 def test_the_login_asks_says_no_waits_and_lets_in(tmp_path: Path) -> None:

@@ -12,8 +12,7 @@ from argon2 import extract_parameters
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tsis.console.auth import Logins, write_private
-from tsis.console.auth._access import ARGON2ID, FILE, MOST, NOBODY
+from tsis.console.auth import ARGON2ID, LOGINS_FILE, MOST_LOGINS, NOBODY, Logins, write_private
 from tsis.errors import FileInputError, InputError, UnknownNameError
 
 if TYPE_CHECKING:
@@ -34,12 +33,12 @@ def test_the_right_password_and_no_other(tmp_path: Path) -> None:
 
 def test_what_is_kept_is_argon2id_of_the_password(tmp_path: Path) -> None:
     Logins(tmp_path).add("anna", PASSWORD)
-    text = (tmp_path / FILE).read_text()
+    text = (tmp_path / LOGINS_FILE).read_text()
     assert PASSWORD not in text
     remaining = json.loads(text)["logins"][0]["hash"]
     assert argon2.low_level.verify_secret(remaining.encode(), PASSWORD.encode(), argon2.low_level.Type.ID)
     Logins(tmp_path).add("bob", PASSWORD)
-    hashes = {item["hash"] for item in json.loads((tmp_path / FILE).read_text())["logins"]}
+    hashes = {item["hash"] for item in json.loads((tmp_path / LOGINS_FILE).read_text())["logins"]}
     assert len(hashes) == 2  # each with its own salt
 
 
@@ -93,9 +92,9 @@ def test_a_removed_login_is_gone_for_consoles_that_run(tmp_path: Path) -> None:
 
 
 def test_there_is_an_end_to_logins(tmp_path: Path) -> None:
-    remaining = [{"name": f"n{number}", "hash": NOBODY, "given": "2026-11-01"} for number in range(MOST)]
-    write_private(tmp_path / FILE, json.dumps({"logins": remaining}).encode())
-    with pytest.raises(InputError, match=f"at most {MOST}"):
+    remaining = [{"name": f"n{number}", "hash": NOBODY, "given": "2026-11-01"} for number in range(MOST_LOGINS)]
+    write_private(tmp_path / LOGINS_FILE, json.dumps({"logins": remaining}).encode())
+    with pytest.raises(InputError, match=f"at most {MOST_LOGINS}"):
         Logins(tmp_path).add("anna", PASSWORD)
 
 
@@ -117,7 +116,7 @@ def test_damaged_files_are_one_sentence_and_let_nobody_in(
     tmp_path_factory: pytest.TempPathFactory, content: bytes
 ) -> None:
     folder = tmp_path_factory.mktemp("logins")
-    write_private(folder / FILE, content)
+    write_private(folder / LOGINS_FILE, content)
     logins = Logins(folder)
     with suppress(FileInputError):  # anything else is an error of the test
         assert logins.names() == ()
@@ -126,6 +125,6 @@ def test_damaged_files_are_one_sentence_and_let_nobody_in(
 
 @pytest.mark.parametrize("content", [b"{", b"[]", b'{"logins": [{"name": "anna"}]}', b'{"logins": 3}'])
 def test_damaged_files_are_named_with_a_cure(tmp_path: Path, content: bytes) -> None:
-    write_private(tmp_path / FILE, content)
+    write_private(tmp_path / LOGINS_FILE, content)
     with pytest.raises(FileInputError, match=r"it is damaged \(remove it and add them again\)"):
         Logins(tmp_path).names()

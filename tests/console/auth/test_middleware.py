@@ -9,9 +9,7 @@ import httpx
 import pytest
 from tests.console.auth.guarded import KEY, METHODS, TOKEN, answered, guarded_app
 
-from tsis.console.auth import Access, AuthMiddleware
-from tsis.console.auth._login_routes import FAILED
-from tsis.console.auth._middleware import LARGEST_BYTES, TOO_LARGE
+from tsis.console.auth import FAILED, LARGEST_BYTES, TOO_LARGE, Access, AuthMiddleware
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator

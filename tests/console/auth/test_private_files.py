@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tsis.console.auth import console_folder, saved_token, write_private
-from tsis.console.auth._key import FILE, FOLDER, read_private
+from tsis.console.auth import FOLDER, TOKEN_FILE, console_folder, read_private, saved_token, write_private
 from tsis.errors import FileInputError
 
 if TYPE_CHECKING:
@@ -98,7 +97,7 @@ def test_consoles_that_start_together_have_one_key(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("content", [b"", b"short", b"\xff" * 43, b"x" * 44, b"x" * 5000])
 def test_a_damaged_key_is_named_with_its_cure(tmp_path: Path, content: bytes) -> None:
-    write_private(tmp_path / FILE, content)
+    write_private(tmp_path / TOKEN_FILE, content)
     with pytest.raises(FileInputError, match="--new-token makes another"):
         saved_token(folder=tmp_path)
     assert saved_token(new=True, folder=tmp_path)

@@ -13,9 +13,8 @@ from tests.console.auth.conftest import OPENSSL
 
 import tsis.console
 from tsis.console import Certificate, ConsoleSettings, serve_console
-from tsis.console._serving import is_loopback, listen, public_host, resolve_host
-from tsis.console.auth import Logins, saved_token
-from tsis.console.auth._key import FOLDER
+from tsis.console.auth import FOLDER, Logins, saved_token
+from tsis.console.serving import is_loopback, listen, public_host, resolve_host
 from tsis.errors import FileInputError, InputError
 
 if TYPE_CHECKING:

@@ -11,9 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tsis.console.auth import Access, Logins, Sessions, write_private
-from tsis.console.auth._access import cookie_of
-from tsis.console.auth._sessions import DAY_S, ENDED, KEY_S, LOGIN_S
+from tsis.console.auth import DAY_S, ENDED, KEY_S, LOGIN_S, Access, Logins, Sessions, cookie_of, write_private
 from tsis.errors import FileInputError
 
 if TYPE_CHECKING:

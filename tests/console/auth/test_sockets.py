@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from tests.waiting import HANGS_S
 
-from tsis.console.auth import Access, AuthMiddleware
-from tsis.console.auth._middleware import DENIAL, MOST, OpenSockets
+from tsis.console.auth import DENIAL, MOST_SOCKETS, Access, AuthMiddleware, OpenSockets
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -117,7 +116,7 @@ def test_there_is_an_end_to_sockets() -> None:
     async def tried() -> None:
         access = Access(TOKEN)
         guarded_app, headers = AuthMiddleware(accepting, access=access, hosts=("127.0.0.1",)), key(access)
-        peers = [Peer() for _ in range(MOST)]
+        peers = [Peer() for _ in range(MOST_SOCKETS)]
         tasks = [asyncio.create_task(guarded_app(scope(headers), peer.receive, peer.send)) for peer in peers]
         await settled()
         late = Peer()
@@ -148,7 +147,7 @@ def test_a_socket_that_fails_is_closed() -> None:
 def test_the_watch_goes_on_whatever_it_meets_until_it_is_told_to_end(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr("tsis.console.auth._middleware.CHECK_EVERY_S", 0.0)
+    monkeypatch.setattr("tsis.console.auth.CHECK_EVERY_S", 0.0)
 
     def unknown() -> bool:
         raise OSError("the disk is gone")

@@ -13,8 +13,8 @@ import httpx
 import pytest
 import uvicorn
 
-from tsis.console._serving import CONNECTIONS, SILENT, TimeoutProtocol, listen
 from tsis.console.auth import Access, AuthMiddleware, Logins
+from tsis.console.serving import CONNECTIONS, SILENT, TimeoutProtocol, listen
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -146,7 +146,7 @@ def test_an_answer_that_takes_long_is_waited_for(port: int) -> None:
 
 
 def test_a_login_that_is_never_sent_whole_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tsis.console.auth._login_routes.FORM_S", 0.05)
+    monkeypatch.setattr("tsis.console.auth.FORM_S", 0.05)
     logins = Logins(tmp_path)
     logins.add("anna", "correct horse battery")
     guarded_app, sent = AuthMiddleware(slow, access=Access("t" * 43, logins=logins), hosts=("127.0.0.1",)), []

@@ -11,14 +11,15 @@ from nicegui import ui
 
 from tsis.console import ConsoleSettings, serve_console
 from tsis.console import pages as directory
-from tsis.console.live import Histogram, LiveView, SurfaceView
-from tsis.console.live._hub import MAPS
-from tsis.console.services import InstrumentSettings
+from tsis.console.live.hub import MAPS
+from tsis.console.live.view import Histogram, LiveView, SurfaceView
+from tsis.console.services.state import InstrumentSettings
 
 if TYPE_CHECKING:
-    from tsis.console.live._element import ColouredFrames
-    from tsis.console.pages.components import Viewer
-    from tsis.console.services import Instrument, InstrumentState
+    from tsis.console.live.view import ColouredFrames
+    from tsis.console.services.instrument import Instrument
+    from tsis.console.services.state import InstrumentState
+    from tsis.console.viewer import Viewer
 
 ENDS: dict[str, str | tuple[float, float]] = {
     "whole": (0.0, 255.0),

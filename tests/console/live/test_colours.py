@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from matplotlib import colormaps
 
-from tsis.console.live._hub import GREY, MAPS, checked_ends, packed_colours
+from tsis.console.live.hub import GREY, MAPS, checked_ends, packed_colours
 from tsis.errors import InputError, UnknownNameError
 from tsis.imaging import colour_map
 from tsis.model.image import TactileImage

@@ -10,7 +10,7 @@ import pytest
 from tests.console.browser import needs_browser
 from tests.console.live.elements_page import ENDS, LIVE, SURFACE
 
-from tsis.console.live._hub import GREY, MAPS, packed_colours
+from tsis.console.live.hub import GREY, MAPS, packed_colours
 from tsis.imaging import colour_map
 from tsis.model.image import TactileImage
 

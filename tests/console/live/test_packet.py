@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 from PIL import Image
 
-from tsis.console.live import display_levels
-from tsis.console.live._hub import packet
+from tsis.console.live.hub import display_levels, packet
 from tsis.instrument import Frame
 from tsis.instrument.acquisition import ReceivedFrame
 

@@ -22,10 +22,8 @@ from tests.waiting import HANGS_S, until
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
-from tsis.console.live import LiveHub, live_view
-from tsis.console.live._hub import analysis_json, is_here, packet
-from tsis.console.services import FrameAnalysis
-from tsis.console.services._frame_analysis import ContactView
+from tsis.console.live.hub import LiveHub, analysis_json, is_here, live_view, packet
+from tsis.console.services.frames import ContactView, FrameAnalysis
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -280,7 +278,7 @@ def test_a_frame_is_made_once_for_all_and_not_where_all_wait_for_it(
             second.wait(0.2 if len(created) == 1 else 0.0)  # in which another one could begin
         return packet(*given, **named)
 
-    monkeypatch.setattr("tsis.console.live._hub.packet", packed)
+    monkeypatch.setattr("tsis.console.live.hub.packet", packed)
     with served.viewer(asks) as one, served.viewer(asks) as other:
         served.bring(full_scale=full_scale)
         assert next_frame(one)[0] == next_frame(other)[0] == 1
@@ -296,7 +294,7 @@ def test_words_of_a_frame_are_made_once_for_all(served: Served, monkeypatch: pyt
         created.append(analysis)
         return analysis_json(analysis)
 
-    monkeypatch.setattr("tsis.console.live._hub.analysis_json", text)
+    monkeypatch.setattr("tsis.console.live.hub.analysis_json", text)
     with served.viewer() as one, served.viewer() as other:
         for analysis in (ANALYSIS, replace(ANALYSIS, number=2)):
             served.instrument.frame_analysis = analysis

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tsis.console.live._element import analysis_text, histogram_text, notice
-from tsis.console.services import FrameAnalysis
-from tsis.console.services._frame_analysis import ContactView
+from tsis.console.live.view import analysis_text, histogram_text, notice
+from tsis.console.services.frames import ContactView, FrameAnalysis
 
 ANALYSIS = FrameAnalysis(
     number=1, flags=(), force=None, still="", contact=None, histogram=(4, 0), clipped_share=0.0, warnings=()

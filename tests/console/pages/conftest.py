@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from tsis.console.services import Instrument
+    from tsis.console.services.instrument import Instrument
 
 
 @pytest.fixture
@@ -30,9 +30,9 @@ def lit(tmp_path: Path, world: World) -> Iterator[Instrument]:
 @pytest.fixture(autouse=True)
 def _fresh_readings(monkeypatch: pytest.MonkeyPatch) -> None:
     """Have threads read camera and store as often as the fast clock of the simulated console asks for it."""
-    for name in ("_summary.FRESH_S", "_summary.ENTRIES_FRESH_S"):
-        monkeypatch.setattr(f"tsis.console.pages.components.{name}", 0.01)
-    monkeypatch.setattr("tsis.console.services._watcher.EVERY_S", 0.01)
+    for name in ("FRESH_S", "ENTRIES_FRESH_S"):
+        monkeypatch.setattr(f"tsis.console.viewer.{name}", 0.01)
+    monkeypatch.setattr("tsis.console.services.frames.EVERY_S", 0.01)
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, cast
 from nicegui import Client
 from nicegui.page import page
 
-from tsis.console.pages.components import StatePoller, Tabs, Viewer
+from tsis.console.viewer import StatePoller, Tabs, Viewer
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from nicegui.element import Element
     from nicegui.elements.mixins.text_element import TextElement
 
-    from tsis.console.services import Instrument
+    from tsis.console.services.instrument import Instrument
 
 
 class RecordingViewer(Viewer):

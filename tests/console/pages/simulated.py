@@ -26,7 +26,7 @@ from nicegui.testing.general import nicegui_reset_globals
 from nicegui.testing.user_notify import UserNotify
 from tests.waiting import HANGS_S
 
-from tsis.console._app import console_app
+from tsis.console.app import console_app
 from tsis.console.auth import Access
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from starlette.types import ASGIApp
 
-    from tsis.console.services import Instrument
+    from tsis.console.services.instrument import Instrument
 
 TOKEN = "t" * 43
 HOST = "console.test"

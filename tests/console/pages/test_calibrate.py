@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from tests.console.pages.simulated import Operator
 
-    from tsis.console.services import Instrument
+    from tsis.console.services.instrument import Instrument
 
 WRONG = (
     ("Name", " ", "Name must be given"),

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from tests.console.pages.simulated import Operator
     from tests.console.services.lit_camera import World
 
-    from tsis.console.services import Instrument
+    from tsis.console.services.instrument import Instrument
 
 MADE = datetime.now(UTC).replace(microsecond=0) - timedelta(days=1)
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from tests.console.pages.open_page import RecordingViewer, on_a_page
 
 from tsis.console.pages.shell import ControlButtons
-from tsis.console.services import ControlLock, Owner
+from tsis.console.services.control import ControlLock, Owner
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -17,7 +17,7 @@ from tsis.present.design import DesignQuestion, analyse_designs, compared_design
 if TYPE_CHECKING:
     from tests.console.pages.simulated import Operator
 
-    from tsis.console.services import Instrument
+    from tsis.console.services.instrument import Instrument
 
 
 def test_what_is_typed_is_drawn_and_what_is_wrong_is_said_beside_it(lit: Instrument) -> None:

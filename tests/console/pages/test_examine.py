@@ -15,14 +15,14 @@ from tests.console.services.instruments import ANN, BOB, gauge
 from tests.records.sample import sample_record
 from tests.waiting import HANGS_S
 
-from tsis.console.live import LiveView
+from tsis.console.live.view import LiveView
 from tsis.files.frame_names import target_folder
 
 if TYPE_CHECKING:
     from tests.console.pages.simulated import Operator
     from tests.console.services.lit_camera import World
 
-    from tsis.console.services import Instrument
+    from tsis.console.services.instrument import Instrument
 
 
 async def started(operator: Operator) -> None:

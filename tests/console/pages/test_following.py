@@ -9,9 +9,9 @@ from nicegui import run, ui
 from tests.console.pages.open_page import RecordingViewer, on_a_page, texts
 from tests.console.services.instruments import lit_instrument
 
-from tsis.console.pages.examine._estimate import EstimatePanel
-from tsis.console.pages.records._context import follow_store
-from tsis.console.pages.records._target import TargetPage
+from tsis.console.pages.examine import EstimatePanel
+from tsis.console.pages.records import follow_store
+from tsis.console.pages.target import TargetPage
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable
@@ -50,7 +50,7 @@ def test_a_page_that_nobody_sees_looks_once(monkeypatch: pytest.MonkeyPatch) -> 
 
 def test_every_change_is_told_once_whoever_made_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     checks, reported = timers(monkeypatch), []
-    monkeypatch.setattr("tsis.console.pages.components._summary.ENTRIES_FRESH_S", 0.0)
+    monkeypatch.setattr("tsis.console.viewer.ENTRIES_FRESH_S", 0.0)
 
     async def changed() -> None:
         reported.append(1)
@@ -73,7 +73,7 @@ def test_every_change_is_told_once_whoever_made_it(tmp_path: Path, monkeypatch: 
 
 def test_a_name_that_was_changed_is_shown_on_examine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     checks = timers(monkeypatch)
-    monkeypatch.setattr("tsis.console.pages.components._summary.ENTRIES_FRESH_S", 0.0)
+    monkeypatch.setattr("tsis.console.viewer.ENTRIES_FRESH_S", 0.0)
     with lit_instrument(tmp_path) as instrument:
         target = instrument.store.add_target(number=1, name="one")
 
@@ -104,7 +104,7 @@ def test_of_two_readings_the_one_asked_for_last_is_shown(tmp_path: Path, monkeyp
                 await pages[0].load()
             return result
 
-        monkeypatch.setattr("tsis.console.pages.records._target.run", SimpleNamespace(io_bound=slow_at_first))
+        monkeypatch.setattr("tsis.console.pages.target.run", SimpleNamespace(io_bound=slow_at_first))
 
         async def overtaken(viewer: RecordingViewer) -> None:
             pages.append(TargetPage(instrument, viewer, "1"))

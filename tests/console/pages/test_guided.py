@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any, cast
 import pytest
 from tests.console.pages.simulated import at_console
 
-from tsis.console.pages.examine._estimate import SavedTarget, next_step, work_steps
+from tsis.console.pages.examine import SavedTarget, next_step, work_steps
 
 if TYPE_CHECKING:
     from tests.console.pages.simulated import Operator
 
-    from tsis.console.services import Instrument
+    from tsis.console.services.instrument import Instrument
 
 WHEN = datetime(2026, 3, 1, tzinfo=UTC)
 

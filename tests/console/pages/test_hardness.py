@@ -11,14 +11,14 @@ from tests.records.pressed_object import pressed, stored_object
 
 from tsis.calibration import parse_usable_calibration
 from tsis.calibration.file import write_calibration
-from tsis.console.services import CameraChoice
+from tsis.console.services.state import CameraChoice
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from tests.console.pages.simulated import Operator
 
-    from tsis.console.services import Instrument
+    from tsis.console.services.instrument import Instrument
 
 
 def test_without_camera_or_calibration_it_says_what_to_do_first(lit: Instrument, tmp_path: Path) -> None:

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from tsis.calibration.file import ProbeCalibration
-from tsis.console.pages.hardness._flow import SavedPresses, missing_text, next_free, next_step_text, saved_presses
-from tsis.console.services import CameraChoice
+from tsis.console.pages.hardness import SavedPresses, missing_text, next_free, next_step_text, saved_presses
+from tsis.console.services.state import CameraChoice
 from tsis.model.image import TactileImage
 from tsis.records.store import open_store
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from tests.console.pages.open_page import RecordingViewer, on_a_page, texts
 from tests.console.services.instruments import ANN, lit_instrument
 
-from tsis.console.pages.hardness._page import HardnessPage
+from tsis.console.pages.hardness import HardnessPage
 from tsis.errors import RecordsError
 
 if TYPE_CHECKING:

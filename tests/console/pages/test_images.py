@@ -11,7 +11,7 @@ from tests.console.services.instruments import lit_instrument
 from tests.console.services.test_own_images import disc
 
 from tsis.console.pages import images
-from tsis.console.pages.components import FileField
+from tsis.console.widgets import FileField
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -11,9 +11,9 @@ from tests.console.pages.open_page import RecordingViewer, on_a_page
 from tests.console.services.instruments import FixedGauge, lit_instrument
 from tests.waiting import HANGS_S
 
-from tsis.console.pages.components._fields import FileField
-from tsis.console.pages.records._listing import import_button
-from tsis.console.services._jobs import AT_ONCE
+from tsis.console.pages.records import import_button
+from tsis.console.services.jobs import AT_ONCE
+from tsis.console.widgets import FileField
 
 if TYPE_CHECKING:
     from pathlib import Path

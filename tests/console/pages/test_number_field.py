@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from tests.console.pages.open_page import RecordingViewer, on_a_page
 from tests.console.services.instruments import lit_instrument
 
-from tsis.console.pages.components import NumberField, number_text_of_field, typed_number
+from tsis.console.widgets import NumberField, number_text_of_field, typed_number
 from tsis.errors import InputError
 
 if TYPE_CHECKING:
@@ -64,17 +64,17 @@ def test_a_state_that_comes_meanwhile_does_not_replace_what_is_refused(tmp_path:
         field = NumberField(viewer, "Force", lambda _: None)
         field.show(1.5)
 
-        async def refusal(act: Callable[[], object]) -> str:
+        async def refusal(act: Callable[[], object]) -> InputError:
             field.show(1.5)  # the page follows the instrument while it refuses
             with pytest.raises(InputError):
                 act()
-            return "refused"
+            return InputError("refused")
 
         viewer.refusal = refusal  # type: ignore[method-assign]
         field._typed()
         field.element.value = "hard"
         await field._done()
-        assert (field.element.value, field.element.error) == ("hard", "refused")
+        assert (field.element.value, field.element.error) == ("hard", "refused.")
 
     with lit_instrument(tmp_path) as instrument:
         on_a_page(instrument, typed)

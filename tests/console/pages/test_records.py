@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from tests.console.pages.simulated import Operator
 
-    from tsis.console.services import Instrument
+    from tsis.console.services.instrument import Instrument
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from tsis.study.folder import open_study
 if TYPE_CHECKING:
     from tests.console.pages.simulated import Operator
 
-    from tsis.console.services import Instrument
+    from tsis.console.services.instrument import Instrument
     from tsis.study.folder import Study
 
 TRUTH = ("detection-", "blank-", "printed")

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tsis.console.pages.study._listing import StudyDraft
+from tsis.console.pages.study import StudyDraft
 from tsis.errors import InputError
 
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from tests.console.pages.simulated import Operator
 
-    from tsis.console.services import Instrument
+    from tsis.console.services.instrument import Instrument
     from tsis.study.folder import Study
 
 

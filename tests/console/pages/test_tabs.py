@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from tsis.console.pages.components import Tabs
-from tsis.console.pages.components._summary import MOST_NAMES, MOST_VALUES
-from tsis.console.pages.design._draft import ProbeEditor
+from tsis.console.pages.design import ProbeEditor
+from tsis.console.viewer import MOST_NAMES, MOST_VALUES, Tabs
 
 
 def test_names_of_tabs_are_unique_and_limited() -> None:

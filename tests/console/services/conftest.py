@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from tsis.console.services import Instrument
+    from tsis.console.services.instrument import Instrument
 
 
 @pytest.fixture

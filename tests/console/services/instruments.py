@@ -9,13 +9,14 @@ import numpy as np
 from tests.console.services.lit_camera import World
 from tests.waiting import HANGS_S
 
-from tsis.console.services import Instrument, InstrumentSettings
+from tsis.console.services.instrument import Instrument
+from tsis.console.services.state import InstrumentSettings
 from tsis.instrument.gauge import ForceLog, SimulatedGauge
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tsis.console.services import Job
+    from tsis.console.services.jobs import Job
 
 ANN, BOB = "tab ann", "tab bob"
 LIT = "aravis:lit"

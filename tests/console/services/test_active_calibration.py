@@ -17,7 +17,7 @@ from tests.waiting import until
 from tsis.calibration import MeasuredValue, UsableCalibration
 from tsis.calibration.file import calibration_sha256, write_calibration
 from tsis.calibration.scale import PixelScale
-from tsis.console.services import CameraChoice
+from tsis.console.services.state import CameraChoice
 from tsis.errors import CalibrationError, FileInputError
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from tests.console.services.lit_camera import World
 
-    from tsis.console.services import Instrument
+    from tsis.console.services.instrument import Instrument
 
 NOW = datetime.now(UTC)
 

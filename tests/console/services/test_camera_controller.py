@@ -10,8 +10,9 @@ from tests.console.services.instruments import LIT
 from tests.console.services.lit_camera import COLUMNS, ROWS, World, observed
 from tests.waiting import HANGS_S, until
 
-from tsis.console.services import CameraChoice, _camera
-from tsis.console.services._camera import CameraController
+from tsis.console.services import camera
+from tsis.console.services.camera import CameraController
+from tsis.console.services.state import CameraChoice
 from tsis.errors import CameraError, ControlError, InputError, UnknownNameError
 
 if TYPE_CHECKING:
@@ -230,7 +231,7 @@ class Subject:
 @pytest.fixture
 def prepared(monkeypatch: pytest.MonkeyPatch) -> Iterator[CameraController]:
     """A controller of a virtual probe whose first press is being solved ahead."""
-    monkeypatch.setattr(_camera, "VirtualSubject", Subject)
+    monkeypatch.setattr(camera, "VirtualSubject", Subject)
     Subject.solved.clear()
     Subject.let_go.clear()
     controller = CameraController(CameraChoice(seed=1))

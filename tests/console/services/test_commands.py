@@ -7,8 +7,7 @@ import threading
 import pytest
 from tests.waiting import HANGS_S
 
-from tsis.console.services import ControlLock
-from tsis.console.services._control import Commands
+from tsis.console.services.control import Commands, ControlLock
 from tsis.errors import ControlError, InputError
 
 

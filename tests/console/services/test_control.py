@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from tests.waiting import HANGS_S
 
-from tsis.console.services import ControlLock, Owner
+from tsis.console.services.control import ControlLock, Owner
 from tsis.errors import ControlError, InputError
 
 

@@ -19,12 +19,11 @@ from tests.waiting import HANGS_S
 
 import tsis
 import tsis.hardness
-from tsis.console._serving import warm_up_once
-from tsis.console.services import BALL_MM, LIGHT_N, CameraChoice, TissueReading, newest_presses
-from tsis.console.services import _estimates as estimates_module
-from tsis.console.services import _subject as subject_module
-from tsis.console.services._estimates import estimate_target
-from tsis.console.services._subject import read_tissue
+from tsis.console.services import instrument as estimates_module
+from tsis.console.services import state as subject_module
+from tsis.console.services.instrument import estimate_target, newest_presses
+from tsis.console.services.state import BALL_MM, LIGHT_N, CameraChoice, TissueReading, read_tissue
+from tsis.console.serving import warm_up_once
 from tsis.errors import ControlError, InputError
 from tsis.imaging import Sensor
 from tsis.inclusion import InclusionPrior
@@ -34,7 +33,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
 
-    from tsis.console.services import Instrument, Job, SavedPress
+    from tsis.console.services.captures import SavedPress
+    from tsis.console.services.instrument import Instrument
+    from tsis.console.services.jobs import Job
     from tsis.records.values import StoredPress, TargetRecord
 
 SAMPLE = sample_record()

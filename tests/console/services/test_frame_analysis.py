@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 
 from tsis.calibration.guard import FrameShape, GuardReference, PressWatch, WatchState
 from tsis.calibration.settling import UNKNOWN
-from tsis.console.services import PressForce
-from tsis.console.services._frame_analysis import (
+from tsis.console.services.frames import (
     BINS,
     LARGEST_SIDE_PX,
     analyse_frame,
@@ -23,6 +22,7 @@ from tsis.console.services._frame_analysis import (
     histogram,
     reduced,
 )
+from tsis.console.services.state import PressForce
 from tsis.instrument import Frame
 from tsis.model.image import TactileImage
 

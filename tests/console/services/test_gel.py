@@ -12,7 +12,7 @@ from tests.console.services.instruments import ANN, BOB, virtual_instrument
 from tests.waiting import until
 
 from tsis.catalog.sensors import load_sensor, sensor_toml
-from tsis.console.services import CameraChoice
+from tsis.console.services.state import CameraChoice
 from tsis.errors import CameraError, ControlError, FileInputError, InputError, UnknownNameError
 from tsis.files.images import encode_picture
 from tsis.imaging.depth import calibrate_depth, depth_calibration_json
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from tsis.console.services import Instrument
+    from tsis.console.services.instrument import Instrument
     from tsis.imaging.depth import GelReading
     from tsis.virtual.gel_frames import RenderedPress
 
@@ -47,7 +47,7 @@ def calibration() -> bytes:
 @pytest.fixture
 def instrument(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Instrument]:
     """An instrument before the virtual gel sensor, which runs untouched."""
-    monkeypatch.setattr("tsis.console.services._watcher.EVERY_S", 0.01)
+    monkeypatch.setattr("tsis.console.services.frames.EVERY_S", 0.01)
     with virtual_instrument(tmp_path) as created:
         created.choose(CameraChoice(spec=f"virtual-gel:{SENSOR}", seed=SEED), by=ANN)
         yield created

@@ -12,8 +12,7 @@ import pytest
 from tests.console.services.instruments import FixedGauge
 from tests.waiting import HANGS_S, until
 
-from tsis.console.services import RESULTS, Job, Jobs
-from tsis.console.services._jobs import AT_ONCE, REMEMBERED
+from tsis.console.services.jobs import AT_ONCE, REMEMBERED, RESULTS, Job, Jobs
 from tsis.errors import ControlError, InputError
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tsis.console.services import OwnImage, measure_images, open_images, save_images
+from tsis.console.services.captures import OwnImage, measure_images, open_images, save_images
 from tsis.errors import InputError
 from tsis.records.sources import ImportOptions
 from tsis.records.store import open_store

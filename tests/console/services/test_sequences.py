@@ -26,7 +26,8 @@ if TYPE_CHECKING:
 
     from tests.console.services.lit_camera import World
 
-    from tsis.console.services import Instrument, Job
+    from tsis.console.services.instrument import Instrument
+    from tsis.console.services.jobs import Job
     from tsis.instrument.acquisition import Acquisition
 
 

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from tests.console.services.lit_camera import World
 
-    from tsis.console.services import Instrument
+    from tsis.console.services.instrument import Instrument
 
 
 def sha256(pixels: NDArray[Any]) -> str:

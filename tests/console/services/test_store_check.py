@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 import pytest
 from tests.console.services.instruments import ANN
 
-from tsis.console.services import _reading as reading
-from tsis.console.services._reading import STORE_CHECK_EVERY_S, StoreCheck
+from tsis.console.services import captures as reading
+from tsis.console.services.captures import STORE_CHECK_EVERY_S, StoreCheck
 from tsis.errors import RecordsError
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tsis.console.services import Instrument
+    from tsis.console.services.instrument import Instrument
 
 
 def test_a_store_that_was_moved_is_trouble_until_it_is_back(

@@ -12,15 +12,16 @@ from tests.console.services.instruments import ANN, virtual_instrument
 from tests.waiting import until
 
 from tsis.catalog.phantoms import list_spheres
-from tsis.console._worker import WorkerProcess
-from tsis.console.services import CameraChoice, VirtualSubject, _subject
+from tsis.console.services import state
+from tsis.console.services.state import CameraChoice, VirtualSubject
+from tsis.console.worker import WorkerProcess
 from tsis.errors import ControlError, InputError, MechanicsError
 from tsis.records.recomputation import REFERENCE_ROLES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from tsis.console.services import Instrument
+    from tsis.console.services.instrument import Instrument
 
 
 USUAL = CameraChoice(probe="tsis-2011")
@@ -111,7 +112,7 @@ def test_what_cannot_be_pressed_leaves_the_press_as_it_was(probe: Instrument, mo
     def too_hard(*_: object, **__: object) -> None:
         raise MechanicsError("the tissue cannot be pressed so hard")
 
-    monkeypatch.setattr(_subject, "light_of", too_hard)
+    monkeypatch.setattr(state, "light_of", too_hard)
     with pytest.raises(MechanicsError, match="so hard"):
         probe.hold(role="plain", force_n=3.0, by=ANN)
     monkeypatch.undo()

@@ -11,8 +11,8 @@ from tests.console.live.feed import Feed
 from tests.waiting import until
 
 from tsis.calibration.guard import GuardReference
-from tsis.console.services._subject import PressForce
-from tsis.console.services._watcher import Watcher
+from tsis.console.services.frames import Watcher
+from tsis.console.services.state import PressForce
 from tsis.model.image import TactileImage
 
 if TYPE_CHECKING:

@@ -8,10 +8,9 @@ import pytest
 from tests.console.services.instruments import FixedGauge
 from tests.waiting import HANGS_S
 
-from tsis.console._statuses import AbsentError
-from tsis.console.services import Jobs
-from tsis.console.studies import StudyRepository, begin_publishing, begin_reading, job_of, report_bytes
-from tsis.console.studies._work import reading_title
+from tsis.console.services.jobs import Jobs
+from tsis.console.statuses import AbsentError
+from tsis.console.studies import StudyRepository, begin_publishing, begin_reading, job_of, reading_title, report_bytes
 from tsis.errors import ControlError, InputError, RecordsError
 from tsis.study.folder import Study, printed_targets
 from tsis.study.readings import import_table

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from starlette.types import Receive, Scope, Send
 
     from tsis.console.files import Reports
-    from tsis.console.services import Instrument
+    from tsis.console.services.instrument import Instrument
 
 __all__ = ["PLACE", "Calls"]
 PLACE = "/api"
@@ -38,7 +38,7 @@ class Calls:
         """The application, which is built now if it was not yet."""
         with self._building:
             if self._application is None:
-                build = import_module(f"{__name__}._application").api_app
+                build = import_module(f"{__name__}.application").api_app
                 self._application = build(self._instrument, self._reports)
             result: FastAPI = self._application
         return result

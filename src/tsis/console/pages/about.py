@@ -9,14 +9,16 @@ from typing import TYPE_CHECKING
 from nicegui import ui
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.console.pages import components as kit
+from tsis.console import widgets
 from tsis.records.provenance import environment
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from tsis.calibration import UsableCalibration
-    from tsis.console.services import Instrument, InstrumentState
+    from tsis.console.services.instrument import Instrument
+    from tsis.console.services.state import InstrumentState
+    from tsis.console.viewer import Viewer
 
 
 CITATION = (
@@ -58,7 +60,7 @@ def calibration_facts(state: InstrumentState, cited: UsableCalibration | None) -
     given = cited.calibration
     dates: Facts = (("Made", "with the virtual probe; it does not expire"),)
     if given.made is not None and given.expires is not None:
-        dates = (("Made", kit.time_label(given.made)), ("Good until", kit.time_label(given.expires)))
+        dates = (("Made", widgets.time_label(given.made)), ("Good until", widgets.time_label(given.expires)))
     return (
         ("Active", given.name),
         ("Identity", f"SHA-256 {cited.identity[:SHORT]}…"),
@@ -102,20 +104,20 @@ DESCRIPTION = "/api/openapi.json"
 FINDINGS = "Numbers and images describe pressed objects and their uncertainty. They are not medical findings or advice."
 
 
-async def about_page(instrument: Instrument, viewer: kit.Viewer) -> None:
+async def about_page(instrument: Instrument, viewer: Viewer) -> None:
     """Build the page."""
     with ui.element("div").classes("about"):
         with _panel("Research use only"):
             ui.label(RESEARCH_USE_ONLY).classes("strong")
             ui.label(FINDINGS)
         with _panel("Calibration"):
-            calibration = kit.FactList()
+            calibration = widgets.FactList()
         with _panel("Camera"):
-            camera = kit.FactList()
+            camera = widgets.FactList()
         with _panel("Where data are stored"):
-            positions = kit.FactList()
+            positions = widgets.FactList()
         with _panel("Versions"):
-            versions = kit.FactList()
+            versions = widgets.FactList()
         with _panel("API for scripts"):
             ui.label("Scripts can do what the pages do, over HTTP and JSON, with the same key and permissions.")
             ui.link("API description (OpenAPI)", DESCRIPTION, new_tab=True)
@@ -137,7 +139,7 @@ async def about_page(instrument: Instrument, viewer: kit.Viewer) -> None:
 
 @contextmanager
 def _panel(title: str) -> Iterator[None]:
-    with kit.panel(title, style="panel"):
+    with widgets.panel(title, style="panel"):
         yield
 
 

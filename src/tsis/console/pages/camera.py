@@ -14,8 +14,9 @@ from tsis.calibration import parse_usable_calibration
 from tsis.calibration.file import LARGEST_BYTES
 from tsis.catalog.phantoms import list_phantoms, list_spheres
 from tsis.catalog.probes import list_probes
-from tsis.console.pages import components as kit
-from tsis.console.services import DONE, CameraChoice
+from tsis.console import widgets
+from tsis.console.services.jobs import DONE
+from tsis.console.services.state import CameraChoice
 from tsis.errors import GaugeError
 from tsis.instrument.gauge import BAUD, connected_gauge, find_ports
 
@@ -23,7 +24,10 @@ if TYPE_CHECKING:
     from nicegui.events import UploadEventArguments
 
     from tsis.calibration import UsableCalibration
-    from tsis.console.services import CameraState, Instrument, InstrumentState, JobState
+    from tsis.console.services.instrument import Instrument
+    from tsis.console.services.jobs import JobState
+    from tsis.console.services.state import CameraState, InstrumentState
+    from tsis.console.viewer import Viewer
     from tsis.instrument import CameraInfo, CameraListing
 
 
@@ -39,17 +43,17 @@ SHORT = 12
 class CalibrationPanel:
     """Show and change the active calibration."""
 
-    def __init__(self, instrument: Instrument, viewer: kit.Viewer, controls: kit.OperatorControls) -> None:
+    def __init__(self, instrument: Instrument, viewer: Viewer, controls: widgets.OperatorControls) -> None:
         self._instrument, self._viewer = instrument, viewer
-        with kit.panel("Active calibration", style="panel stack tight"):
+        with widgets.panel("Active calibration", style="panel stack tight"):
             self._name = ui.label()
             self._identity = ui.label().classes("muted wordy")
             refused = f"a calibration file must end in .json and hold at most {LARGEST_BYTES // 2**20} MiB"
-            self._upload = kit.one_file(
+            self._upload = widgets.one_file(
                 viewer, "Calibration file", accept=".json", refused=refused, most_bytes=LARGEST_BYTES
             )
             self._upload.on_upload(self._uploaded)
-            self._none = kit.button("Deactivate", viewer.command(instrument.use_calibration, None))
+            self._none = widgets.button("Deactivate", viewer.command(instrument.use_calibration, None))
             controls.add(self._upload, self._none)
 
     def show(self, state: InstrumentState) -> None:
@@ -79,8 +83,8 @@ def calibration_text(usable: UsableCalibration | None) -> str:
     if usable is None:
         return "Without one presses are saved, but nothing can be estimated from them."
     created, expires = usable.calibration.made, usable.calibration.expires
-    when = "" if created is None else f", made {kit.time_label(created)}"
-    until = "" if expires is None else f", expires {kit.time_label(expires)}"
+    when = "" if created is None else f", made {widgets.time_label(created)}"
+    until = "" if expires is None else f", expires {widgets.time_label(expires)}"
     left = "" if expires is None else f" ({max(0, (expires - datetime.now(UTC)).days)} days left)"
     return f"{usable.identity[:SHORT]}{when}{until}{left}"
 
@@ -93,18 +97,18 @@ FASTEST = 4_000_000
 class GaugePanel:
     """Connect and disconnect a gauge; only there for real cameras."""
 
-    def __init__(self, instrument: Instrument, viewer: kit.Viewer, controls: kit.OperatorControls) -> None:
+    def __init__(self, instrument: Instrument, viewer: Viewer, controls: widgets.OperatorControls) -> None:
         self._instrument, self._viewer = instrument, viewer
-        with kit.panel("Force gauge", style="panel stack tight") as self._panel:
+        with widgets.panel("Force gauge", style="panel stack tight") as self._panel:
             self._in_use = ui.label().props("role=status")
             with ui.element("div").classes("row"):
-                self._port = kit.select_field([], label="Serial port", with_input=True, new_value_mode="add-unique")
-                self._unit = kit.select_field(list(UNITS), value=ITS_OWN, label="Unit")
-                self._baud = kit.unit_field("Bits per second", str(BAUD), keys="numeric")
+                self._port = widgets.select_field([], label="Serial port", with_input=True, new_value_mode="add-unique")
+                self._unit = widgets.select_field(list(UNITS), value=ITS_OWN, label="Unit")
+                self._baud = widgets.unit_field("Bits per second", str(BAUD), keys="numeric")
             self._sends = ui.switch("Sends continuously (do not query it)")
             with ui.element("div").classes("row"):
-                self._connect = kit.button("Connect", self._begin)
-                leave = kit.button("Use no gauge", viewer.command(instrument.use_gauge, None))
+                self._connect = widgets.button("Connect", self._begin)
+                leave = widgets.button("Use no gauge", viewer.command(instrument.use_gauge, None))
             controls.add(self._port, self._unit, self._baud, self._sends, self._connect, leave)
         self._panel.set_visibility(False)
         ui.timer(0.0, self._ports, once=True)
@@ -120,16 +124,16 @@ class GaugePanel:
         try:
             ports = await run.io_bound(find_ports) or ()
         except GaugeError as error:
-            self._viewer.complain(kit.plain_message(error))
+            self._viewer.complain(widgets.plain_message(error))
             return
         self._port.set_options([port.device for port in ports], value=ports[0].device if ports else None)
 
     async def _begin(self) -> None:
-        with kit.loading(self._connect):
-            await kit.submit(self._viewer, {"baud": self._baud, "port": self._port}, self._connected)
+        with widgets.loading(self._connect):
+            await widgets.submit(self._viewer, {"baud": self._baud, "port": self._port}, self._connected)
 
     def _connected(self) -> None:
-        baud = kit.typed_integer("baud", self._baud.value, 50, FASTEST, hint="bits per second")
+        baud = widgets.typed_integer("baud", self._baud.value, 50, FASTEST, hint="bits per second")
         unit = None if self._unit.value == ITS_OWN else str(self._unit.value)
         self._instrument.control.require(self._viewer.identity)
         log = connected_gauge(str(self._port.value or ""), unit=unit, baud=baud, sends=bool(self._sends.value))
@@ -146,28 +150,28 @@ CHANGED = {"diameter_mm": ("Diameter", "mm"), "depth_mm": ("Depth", "mm"), "youn
 class VirtualPanel:
     """Choose the virtual probe and its subject; a button applies the choice."""
 
-    def __init__(self, instrument: Instrument, viewer: kit.Viewer, controls: kit.OperatorControls) -> None:
+    def __init__(self, instrument: Instrument, viewer: Viewer, controls: widgets.OperatorControls) -> None:
         self._instrument, self._viewer = instrument, viewer
         choice = instrument.camera_controller.choice
-        with kit.panel("Virtual probe", style="panel stack tight"):
-            kit.muted("No hardware: mechanics, light and camera are calculated.")
+        with widgets.panel("Virtual probe", style="panel stack tight"):
+            widgets.muted("No hardware: mechanics, light and camera are calculated.")
             with ui.element("div").classes("row"):
-                self._probe = kit.select_field(list(list_probes()), value=choice.probe, label="Probe")
-                self._phantom = kit.select_field(subjects(), value=choice.phantom, label="Pressed object")
+                self._probe = widgets.select_field(list(list_probes()), value=choice.probe, label="Probe")
+                self._phantom = widgets.select_field(subjects(), value=choice.phantom, label="Pressed object")
                 self._phantom.on_value_change(self._show_changes)
-                self._seed = kit.unit_field("Seed", str(choice.seed), keys="numeric").classes("seed")
+                self._seed = widgets.unit_field("Seed", str(choice.seed), keys="numeric").classes("seed")
             self._changes = ui.element("div").classes("row")
             with self._changes:
                 ui.label("Inclusion other than the catalog's:").classes("muted whole-line")
                 self._values = {
-                    name: kit.unit_field(label, kit.number_text_of_field(getattr(choice, name)), unit=unit).classes(
-                        "number-field"
-                    )
+                    name: widgets.unit_field(
+                        label, widgets.number_text_of_field(getattr(choice, name)), unit=unit
+                    ).classes("number-field")
                     for name, (label, unit) in CHANGED.items()
                 }
             for select in (self._probe, self._phantom):
                 controls.add(select).props("dense outlined")
-            self._use = kit.button("Use the virtual probe", self._chosen, look="unelevated")
+            self._use = widgets.button("Use the virtual probe", self._chosen, look="unelevated")
             controls.add(self._seed, *self._values.values(), self._use)
         self._show_changes()
 
@@ -180,21 +184,21 @@ class VirtualPanel:
         self._changes.set_visibility(self._phantom.value not in list_spheres())
 
     async def _chosen(self) -> None:
-        with kit.loading(self._use):
-            await kit.submit(self._viewer, {**self._values, "seed": self._seed}, self._apply)
+        with widgets.loading(self._use):
+            await widgets.submit(self._viewer, {**self._values, "seed": self._seed}, self._apply)
 
     def _apply(self) -> None:
         changed: dict[str, Any] = {}
         if self._phantom.value not in list_spheres():
             changed = {
-                name: kit.typed_number(name, text)
+                name: widgets.typed_number(name, text)
                 for name, field in self._values.items()
                 if (text := (field.value or "").strip())
             }
         choice = CameraChoice(
             probe=self._probe.value,
             phantom=self._phantom.value,
-            seed=kit.typed_integer("seed", self._seed.value, 0, LARGEST_SEED),
+            seed=widgets.typed_integer("seed", self._seed.value, 0, LARGEST_SEED),
             **changed,
         )
         choose_and_start(self._instrument, choice, by=self._viewer.identity)
@@ -210,17 +214,17 @@ def subjects() -> dict[str, str]:
 class ChosenPanel:
     """The present camera."""
 
-    def __init__(self, instrument: Instrument, viewer: kit.Viewer, controls: kit.OperatorControls) -> None:
+    def __init__(self, instrument: Instrument, viewer: Viewer, controls: widgets.OperatorControls) -> None:
         self._instrument, self._viewer = instrument, viewer
         with ui.element("div").classes("row"):
             with ui.element("div"):
-                kit.panel_title("Camera in use")
+                widgets.panel_title("Camera in use")
                 self._name = ui.label()
-                self._how = kit.muted()
+                self._how = widgets.muted()
             ui.element("div").classes("spring")
-            select = kit.select_field({}, label="Mode").classes("mode")
-            self._mode = kit.ChoiceField(viewer, select, self._in_mode)
-            self._run = kit.RunButton(instrument, viewer)
+            select = widgets.select_field({}, label="Mode").classes("mode")
+            self._mode = widgets.ChoiceField(viewer, select, self._in_mode)
+            self._run = widgets.RunButton(instrument, viewer)
             ui.link("Examine", "/")
         controls.add(select, self._run.element)
 
@@ -259,14 +263,14 @@ def streaming_text(camera: CameraState) -> str:
 class SearchPanel:
     """Search for cameras, and use one of them."""
 
-    def __init__(self, instrument: Instrument, viewer: kit.Viewer, controls: kit.OperatorControls) -> None:
+    def __init__(self, instrument: Instrument, viewer: Viewer, controls: widgets.OperatorControls) -> None:
         self._instrument, self._viewer, self._controls = instrument, viewer, controls
         with ui.element("section").classes("panel stack tight"):
-            with kit.title_row("Cameras"):
-                self._search = kit.button("Search", self._begin, icon="search")
-            self._bar = kit.ProgressBar("Search")
-            self._message = kit.status()
-            self._cameras = kit.Redrawn(ui.element("div").classes("stack"))
+            with widgets.title_row("Cameras"):
+                self._search = widgets.button("Search", self._begin, icon="search")
+            self._bar = widgets.ProgressBar("Search")
+            self._message = widgets.status()
+            self._cameras = widgets.Redrawn(ui.element("div").classes("stack"))
 
     def show(self, _: InstrumentState) -> None:
         """Show the last search."""
@@ -285,7 +289,7 @@ class SearchPanel:
 
     def _show_cameras(self, findings: CameraListing) -> None:
         if findings.cameras:
-            with ui.element("div").classes("scroll"), kit.rows_under(("Camera", "Source", "Details", "")):
+            with ui.element("div").classes("scroll"), widgets.rows_under(("Camera", "Source", "Details", "")):
                 for camera in findings.cameras:
                     self._line(camera)
         if findings.missing:
@@ -295,16 +299,18 @@ class SearchPanel:
                 for source, message in findings.missing.items():
                     with ui.element("p"):
                         ui.label(source).classes("strong")
-                        kit.muted(message)
+                        widgets.muted(message)
 
     def _line(self, camera: CameraInfo) -> None:
         with ui.element("tr"):
-            kit.cell(" ".join(filter(None, (camera.maker, camera.model))) or camera.identity)
-            kit.cell(camera.source)
-            kit.cell(", ".join(filter(None, (camera.identity, camera.note)))).classes("muted")
+            widgets.cell(" ".join(filter(None, (camera.maker, camera.model))) or camera.identity)
+            widgets.cell(camera.source)
+            widgets.cell(", ".join(filter(None, (camera.identity, camera.note)))).classes("muted")
             with ui.element("td"):
                 self._controls.add(
-                    kit.button("Use", partial(self._use, camera), look="outline dense", label=f"Use {camera.identity}")
+                    widgets.button(
+                        "Use", partial(self._use, camera), look="outline dense", label=f"Use {camera.identity}"
+                    )
                 )
 
     async def _use(self, camera: CameraInfo) -> None:
@@ -320,9 +326,9 @@ def search_text(job: JobState | None) -> str:
     return "Searching all sources; this takes some seconds." if job.running else job.sentence
 
 
-def camera_page(instrument: Instrument, viewer: kit.Viewer) -> None:
+def camera_page(instrument: Instrument, viewer: Viewer) -> None:
     """Build the page."""
-    controls = kit.OperatorControls(viewer)
+    controls = widgets.OperatorControls(viewer)
     with ui.element("div").classes("panel stack"):
         chosen = ChosenPanel(instrument, viewer, controls)
         controls.why()

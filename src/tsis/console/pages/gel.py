@@ -9,15 +9,18 @@ from nicegui import ui
 
 from tsis.catalog.probes import list_probes
 from tsis.catalog.sensors import list_sensors
-from tsis.console.live import LiveView
-from tsis.console.pages import components as kit
+from tsis.console import widgets
+from tsis.console.live.view import LiveView
 from tsis.console.pages.camera import choose_and_start
-from tsis.console.services import CameraChoice
+from tsis.console.services.state import CameraChoice
 from tsis.imaging import REASONS
 from tsis.virtual.camera import GEL_PRESS_SETTING, GEL_PRESSES, virtual_gel_sensor
 
 if TYPE_CHECKING:
-    from tsis.console.services import GelSetup, Instrument, InstrumentState
+    from tsis.console.services.frames import GelSetup
+    from tsis.console.services.instrument import Instrument
+    from tsis.console.services.state import InstrumentState
+    from tsis.console.viewer import Viewer
     from tsis.imaging.depth import GelReading
 
 __all__ = ["GelPage"]
@@ -28,33 +31,33 @@ PICTURES = ".png,.bmp,.tif,.tiff,.jpg,.jpeg"
 class GelPage:
     """The live image with the contact, what it shows in numbers, and the files that this needs."""
 
-    def __init__(self, instrument: Instrument, viewer: kit.Viewer) -> None:
+    def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
         self._instrument, self._viewer, self._gel = instrument, viewer, instrument.gel
-        self._controls = kit.OperatorControls(viewer)
+        self._controls = widgets.OperatorControls(viewer)
         with ui.element("div").classes("split camera-columns"):
             with ui.element("section").classes("panel stack"):
                 with ui.element("div").classes("row"):
-                    self._run = kit.RunButton(instrument, viewer)
-                    self._virtual = kit.button("Use a virtual sensor", self.use_virtual)
-                    press = kit.select_field({UNTOUCHED: "untouched"}, value=UNTOUCHED, label="Virtual press")
-                    self._press = kit.ChoiceField(viewer, press, self._pressed)
+                    self._run = widgets.RunButton(instrument, viewer)
+                    self._virtual = widgets.button("Use a virtual sensor", self.use_virtual)
+                    press = widgets.select_field({UNTOUCHED: "untouched"}, value=UNTOUCHED, label="Virtual press")
+                    self._press = widgets.ChoiceField(viewer, press, self._pressed)
                     ui.element("div").classes("spring")
                     ui.link("Another camera", "/camera")
                 self.view = LiveView(map_name="grey")
                 self._camera = ui.label().classes("muted camera-line")
                 self._controls.why()
             with ui.element("div").classes("stack"):
-                with kit.panel("Contact", style="panel stack tight"):
+                with widgets.panel("Contact", style="panel stack tight"):
                     self._message = ui.label().props("role=status")
-                    self.facts = kit.FactList()
-                with kit.panel("Gel sensor", style="panel stack tight"):
-                    sensor = kit.select_field({NONE: "none: a probe"}, value=NONE, label="Sensor")
-                    self._sensor = kit.ChoiceField(viewer, sensor, self._chosen)
-                    files = [kit.file_field(viewer, "Sensor file", accept=".toml", act=self._gel.use_sensor)]
-                    take = kit.button("Take the untouched frame now", viewer.command(self._gel.use_reference))
+                    self.facts = widgets.FactList()
+                with widgets.panel("Gel sensor", style="panel stack tight"):
+                    sensor = widgets.select_field({NONE: "none: a probe"}, value=NONE, label="Sensor")
+                    self._sensor = widgets.ChoiceField(viewer, sensor, self._chosen)
+                    files = [widgets.file_field(viewer, "Sensor file", accept=".toml", act=self._gel.use_sensor)]
+                    take = widgets.button("Take the untouched frame now", viewer.command(self._gel.use_reference))
                     files += [
-                        kit.file_field(viewer, "Untouched frame", accept=PICTURES, act=self._gel.use_reference),
-                        kit.file_field(viewer, "Depth calibration", accept=".json", act=self._gel.use_calibration),
+                        widgets.file_field(viewer, "Untouched frame", accept=PICTURES, act=self._gel.use_reference),
+                        widgets.file_field(viewer, "Depth calibration", accept=".json", act=self._gel.use_calibration),
                     ]
         self._controls.add(self._run.element, self._virtual, take, press, sensor, *files)
         viewer.follow(self.show)
@@ -65,7 +68,7 @@ class GelPage:
         scale = None if setup.sensor is None or not camera.rows else setup.sensor.scale_of(camera.columns, camera.rows)
         self.view.update_state(replace(state, camera=replace(camera, mm_per_pixel=scale)))
         self._run.show(camera)
-        self._camera.text = kit.camera_line(state)
+        self._camera.text = widgets.camera_line(state)
         self._press.element.set_visibility(bool(virtual_gel_sensor(camera.choice.spec)) and camera.running)
         place = next((item.value for item in camera.settings if item.name == GEL_PRESS_SETTING), 0.0)
         presses = {str(number): f"press {number}" for number in range(1, GEL_PRESSES + 1)}
@@ -88,7 +91,7 @@ class GelPage:
             choose_and_start(self._instrument, CameraChoice(spec=f"virtual-gel:{name}", seed=SEED), by=by)
             self._gel.use_sensor(name, by=by)
 
-        with kit.loading(self._virtual):
+        with widgets.loading(self._virtual):
             await self._viewer.attempt(started)
 
     def _chosen(self, name: str) -> None:

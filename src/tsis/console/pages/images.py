@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 from nicegui import ui
 
 from tsis.__about__ import LARGEST_TARGET
-from tsis.console.pages import components as kit
-from tsis.console.services import (
+from tsis.console import widgets
+from tsis.console.services.captures import (
     IMAGE_ROLES,
     MOST_OWN_FRAMES,
     OPENABLE,
@@ -34,7 +34,8 @@ if TYPE_CHECKING:
 
     from nicegui.events import UploadEventArguments
 
-    from tsis.console.services import Instrument
+    from tsis.console.services.instrument import Instrument
+    from tsis.console.viewer import Viewer
 
 __all__ = ["images_page"]
 
@@ -44,7 +45,7 @@ SAYS = (
 )
 
 
-def images_page(instrument: Instrument, viewer: kit.Viewer) -> None:
+def images_page(instrument: Instrument, viewer: Viewer) -> None:
     """Build the page."""
     with ui.element("div").classes("stack"):
         OwnImagesPage(instrument, viewer)
@@ -53,41 +54,41 @@ def images_page(instrument: Instrument, viewer: kit.Viewer) -> None:
 class OwnImagesPage:
     """The opened frames with their roles and forces, what they measure, and the button that saves them."""
 
-    def __init__(self, instrument: Instrument, viewer: kit.Viewer) -> None:
+    def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
         self._instrument, self._viewer = instrument, viewer
         self._folder = Path(tempfile.mkdtemp(prefix="tsis-images-"))
         ui.context.client.on_delete(lambda: shutil.rmtree(self._folder, ignore_errors=True))
         self.rows: list[FrameRow] = []
-        with kit.panel("My images"):
-            kit.muted(SAYS.format(frames=MOST_OWN_FRAMES, most=kit.LARGEST_MIB))
-            field = kit.FileField(
+        with widgets.panel("My images"):
+            widgets.muted(SAYS.format(frames=MOST_OWN_FRAMES, most=widgets.LARGEST_MIB))
+            field = widgets.FileField(
                 label="Drop files here, or choose them",
                 multiple=True,
                 auto_upload=True,
-                max_file_size=kit.LARGEST_MIB * 2**20,
+                max_file_size=widgets.LARGEST_MIB * 2**20,
                 on_upload=self.uploaded,
                 on_rejected=lambda: viewer.complain(
-                    f"A file is larger than {kit.LARGEST_MIB} MiB or has an unsupported format."
+                    f"A file is larger than {widgets.LARGEST_MIB} MiB or has an unsupported format."
                 ),
             ).props("flat bordered")
             field.props["accept"] = ",".join(OPENABLE)
             field.name_parts("Choose images")
-            kit.explain(field, "Choose images")
+            widgets.explain(field, "Choose images")
             with ui.element("div").classes("row"):
-                self.path_field = kit.unit_field("File or folder on the console's computer", "").classes("path")
-                kit.button("Open", self.open_path, icon="folder_open")
-            self._refused = kit.message_list()
-        with kit.panel("Frames") as self._panel:
+                self.path_field = widgets.unit_field("File or folder on the console's computer", "").classes("path")
+                widgets.button("Open", self.open_path, icon="folder_open")
+            self._refused = widgets.message_list()
+        with widgets.panel("Frames") as self._panel:
             with ui.element("div").classes("scroll"):
-                self._rows = kit.rows_under(("File", "Size", "Pressed on", "Force", ""), label="Frames")
+                self._rows = widgets.rows_under(("File", "Size", "Pressed on", "Force", ""), label="Frames")
             with ui.element("div").classes("row"):
-                self.scale_field = kit.unit_field("Scale, or x,y", "", unit="mm/pixel")
+                self.scale_field = widgets.unit_field("Scale, or x,y", "", unit="mm/pixel")
                 self._invert = ui.switch("Light falls where pressed", value=False)
                 self._calibrated = ui.switch("Taken with the active calibration", value=False)
             with ui.element("div").classes("row"):
-                self._measure = kit.button("Measure contact", self.measure, icon="straighten")
-                self.number_field = kit.unit_field("Target (empty: a new one)", "").classes("long-label")
-                self._save = kit.button("Save as target", self.save, icon="save", look="unelevated")
+                self._measure = widgets.button("Measure contact", self.measure, icon="straighten")
+                self.number_field = widgets.unit_field("Target (empty: a new one)", "").classes("long-label")
+                self._save = widgets.button("Save as target", self.save, icon="save", look="unelevated")
         self._panel.set_visibility(False)
         self._results = ui.element("section").classes("stack").props('role="status"')
 
@@ -116,7 +117,7 @@ class OwnImagesPage:
             return
         with self._refused:
             for message in opened.refused:
-                kit.list_message(message, "flag")
+                widgets.list_message(message, "flag")
         with self._rows:
             self.rows += [FrameRow(image, self._remove) for image in opened.images[: MOST_OWN_FRAMES - len(self.rows)]]
         self._panel.set_visibility(bool(self.rows))
@@ -128,7 +129,7 @@ class OwnImagesPage:
 
     def scale(self) -> tuple[float, float] | None:
         """The typed scale (x, y) in millimetres per pixel; `InputError` when it is no scale."""
-        parts = kit.typed_numbers("mm_per_pixel", self.scale_field.value)
+        parts = widgets.typed_numbers("mm_per_pixel", self.scale_field.value)
         return require_pixel_scale((parts[0], parts[-1])) if parts else None
 
     def _fields(self) -> dict[str, ui.input]:
@@ -137,8 +138,8 @@ class OwnImagesPage:
 
     async def measure(self) -> None:
         """Measure the contact in each frame, and show the features and their limits."""
-        with kit.loading(self._measure):
-            findings = await kit.submit(
+        with widgets.loading(self._measure):
+            findings = await widgets.submit(
                 self._viewer,
                 self._fields(),
                 lambda: measure_images(
@@ -151,10 +152,10 @@ class OwnImagesPage:
         with self._results, ui.element("div").classes("panel stack"):
             for finding in findings[0]:
                 name = finding.image.name
-                kit.table(
+                widgets.table(
                     Table(title=f"Contact in {name}", columns=("quantity", "value"), values=finding_rows(finding))
                 )
-                kit.message_list(finding_notes(finding))
+                widgets.message_list(finding_notes(finding))
             for message in findings[1]:
                 ui.label(message).classes("flag")
 
@@ -169,19 +170,19 @@ class OwnImagesPage:
             own_scale = given is not None and given.scale is not None
             options = ImportOptions(mm_per_pixel=None if own_scale else self.scale(), calibration=given)
             number = (
-                kit.typed_integer("target", self.number_field.value, 1, LARGEST_TARGET)
+                widgets.typed_integer("target", self.number_field.value, 1, LARGEST_TARGET)
                 if self.number_field.value
                 else None
             )
             images = [row.frame() for row in self.rows]
             return save_images(self._instrument.store, images, number=number, options=options)
 
-        with kit.loading(self._save):
-            result = await kit.submit(self._viewer, self._fields(), saved)
+        with widgets.loading(self._save):
+            result = await widgets.submit(self._viewer, self._fields(), saved)
         if result is not None:
             number, added = result
             with self._results, ui.element("div").classes("panel row"):
-                ui.label(f"Saved {kit.count_text(added, 'press')} of target {number}.").classes("good")
+                ui.label(f"Saved {widgets.count_text(added, 'press')} of target {number}.").classes("good")
                 ui.link(f"Open target {number}: estimate and report", f"/records/{number}").classes("link")
 
 
@@ -191,16 +192,16 @@ class FrameRow:
     def __init__(self, image: OwnImage, remove: Callable[[FrameRow], None]) -> None:
         self._image, self.name = image, image.name
         with ui.element("tr") as self.element:
-            kit.cell(image.name)
-            kit.cell(f"{image.columns} x {image.rows}")
+            widgets.cell(image.name)
+            widgets.cell(f"{image.columns} x {image.rows}")
             with ui.element("td"):
                 self.role = ui.select({role: ROLE_NAMES[role] for role in IMAGE_ROLES}, value=image.role)
                 self.role.props("dense outlined").props["aria-label"] = f"Pressed on, {image.name}"
-                kit.explain(self.role, "Pressed on")
+                widgets.explain(self.role, "Pressed on")
             with ui.element("td"):
-                self.force = kit.unit_field("", unit="N")
+                self.force = widgets.unit_field("", unit="N")
                 self.force.props["aria-label"] = f"Force in newtons, {image.name}"
-                kit.explain(self.force, "Force in newtons")
+                widgets.explain(self.force, "Force in newtons")
             with ui.element("td"):
                 button = ui.button(icon="close", on_click=lambda: remove(self)).props("flat dense round")
                 button.props["aria-label"] = f"Remove {image.name}"
@@ -209,5 +210,7 @@ class FrameRow:
         """The frame as its fields say; `InputError` when the force is no number."""
         force = self.force.value
         called = f"force of {self.name}"
-        force_n = require_number(called, kit.typed_number(called, force), 0.0, 100.0, hint="newtons") if force else None
+        force_n = (
+            require_number(called, widgets.typed_number(called, force), 0.0, 100.0, hint="newtons") if force else None
+        )
         return replace(self._image, role=self.role.value, force_n=force_n)

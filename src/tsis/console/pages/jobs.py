@@ -9,14 +9,17 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from tsis.console.pages import components as kit
-from tsis.console.services import DONE, ENDED, FAILED
+from tsis.console import widgets
+from tsis.console.services.jobs import DONE, ENDED, FAILED
 from tsis.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Sequence
 
-    from tsis.console.services import Instrument, InstrumentState, JobState
+    from tsis.console.services.instrument import Instrument
+    from tsis.console.services.jobs import JobState
+    from tsis.console.services.state import InstrumentState
+    from tsis.console.viewer import Viewer
 
 
 SHOWN = 8  # the newest
@@ -25,7 +28,7 @@ SHOWN = 8  # the newest
 class JobRows:
     """A list of jobs with their progress; the camera's owner may end them."""
 
-    def __init__(self, instrument: Instrument, viewer: kit.Viewer, place: ui.element, nothing: str) -> None:
+    def __init__(self, instrument: Instrument, viewer: Viewer, place: ui.element, nothing: str) -> None:
         self._instrument, self._viewer, self._list = instrument, viewer, place
         self._rows: dict[str, _Row] = {}
         with place:
@@ -60,7 +63,7 @@ class JobRows:
 class JobList:
     """The header's button, which says how far running jobs are, and its list."""
 
-    def __init__(self, instrument: Instrument, viewer: kit.Viewer) -> None:
+    def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
         self._button = ui.button("Jobs").props('flat dense aria-haspopup="dialog"').classes("jobs")
         with self._button, ui.menu().props('anchor="bottom right" self="top right" role=dialog') as menu:
             menu.props["aria-label"] = "Jobs"
@@ -83,19 +86,19 @@ class _Row:
             with ui.element("div").classes("row"):
                 ui.label(state.title).classes("strong")
                 ui.element("div").classes("spring")
-                self._text = kit.muted()
-                self._end = kit.button(
+                self._text = widgets.muted()
+                self._end = widgets.button(
                     "Cancel",
                     lambda: end(state.identity),
                     look="flat dense",
                     label=f"Cancel {state.title}",
                 )
-            self._bar = kit.ProgressBar(f"Progress of {state.title}")
+            self._bar = widgets.ProgressBar(f"Progress of {state.title}")
             with ui.element("div").classes("row"):
-                self._when = kit.muted()
+                self._when = widgets.muted()
                 if address := job_address(state.title):
                     ui.link("Open target", address).classes("link")
-            self._message = kit.muted()
+            self._message = widgets.muted()
 
     def show(self, state: JobState) -> None:
         """Show how far it is."""
@@ -118,19 +121,19 @@ LINK = """<q-td :props="props">
 </q-td>"""
 
 
-def jobs_page(instrument: Instrument, viewer: kit.Viewer) -> None:
+def jobs_page(instrument: Instrument, viewer: Viewer) -> None:
     """Build the page: what runs, and what was done by this run of the program and those before."""
     with ui.element("div").classes("stack"):
-        with kit.panel("Running"):
+        with widgets.panel("Running"):
             place = ui.element("ul").classes("job-list wide")
             running = JobRows(instrument, viewer, place, "Nothing is running.")
-        with kit.panel("History"):
-            kit.muted("Jobs of this session and of earlier ones; a target's job links to its page.")
+        with widgets.panel("History"):
+            widgets.muted("Jobs of this session and of earlier ones; a target's job links to its page.")
             columns = [{"name": name, "label": label, "field": name, "align": "left"} for name, label in COLUMNS]
             table = ui.table(rows=[], columns=columns, row_key="identity", pagination=25)
             table.props("flat dense wrap-cells").props["rows-per-page-label"] = "Jobs on a page"
             with table.add_slot("no-data"):
-                kit.muted("No job has finished yet.")
+                widgets.muted("No job has finished yet.")
             table.add_slot("body-cell-title", LINK)
 
     def show(now: InstrumentState) -> None:

@@ -13,12 +13,13 @@ from nicegui.element import Element
 from nicegui.translations import translations
 
 from tsis.__about__ import RESEARCH_USE_ONLY
+from tsis.console import widgets
 from tsis.console.auth import LOGOUT
-from tsis.console.live import FIRST_MAP, packed_colours
+from tsis.console.live.hub import FIRST_MAP, packed_colours
 from tsis.console.pages import PAGES, UNLISTED, load_pages
-from tsis.console.pages import components as kit
 from tsis.console.pages.examine import SHORTCUTS
 from tsis.console.pages.jobs import JobList
+from tsis.console.viewer import StatePoller, Tabs, Viewer
 from tsis.errors import ControlError, TsisError
 from tsis.present.page import Picture, address
 from tsis.virtual.camera import load_exposure
@@ -30,7 +31,9 @@ if TYPE_CHECKING:
     from nicegui.elements.label import Label
     from nicegui.events import GenericEventArguments, KeyEventArguments
 
-    from tsis.console.services import Instrument, InstrumentState, Owner
+    from tsis.console.services.control import Owner
+    from tsis.console.services.instrument import Instrument
+    from tsis.console.services.state import InstrumentState
 
 
 REMEMBERED = "tsis-colours"  # key in the browser's local storage; theme.js has it too
@@ -128,7 +131,7 @@ class Navigation:
             self._heading.text = title_of(path)
 
     def _mark(self) -> None:
-        here = kit.address_of(self._path)
+        here = widgets.address_of(self._path)
         for place, link in self._links.items():
             if place == here:
                 link.classes(add="here").props('aria-current="page"')
@@ -140,16 +143,16 @@ class Navigation:
 
 def title_of(path: str) -> str:
     """Title of a path's page."""
-    return PAGES[kit.address_of(path)][0] if kit.address_of(path) in PAGES else NOWHERE
+    return PAGES[widgets.address_of(path)][0] if widgets.address_of(path) in PAGES else NOWHERE
 
 
 class Notices:
     """The banner below the header; empty without problems."""
 
-    def __init__(self, viewer: kit.Viewer) -> None:
+    def __init__(self, viewer: Viewer) -> None:
         self._viewer = viewer
-        self._trouble = kit.Redrawn(ui.element("div").classes("banner").props('role="alert"').mark("banner"))
-        self._calm = kit.Redrawn(ui.element("div").classes("banner").props('role="status"').mark("watching"))
+        self._trouble = widgets.Redrawn(ui.element("div").classes("banner").props('role="alert"').mark("banner"))
+        self._calm = widgets.Redrawn(ui.element("div").classes("banner").props('role="status"').mark("watching"))
 
     def show(self, now: InstrumentState) -> None:
         """Show changes only."""
@@ -166,7 +169,7 @@ class Notices:
 class PageVisibility(Element, component="presence.js"):
     """Reports to the viewer when the page becomes visible or hidden, and the operator's name that the browser keeps."""
 
-    def __init__(self, viewer: kit.Viewer) -> None:
+    def __init__(self, viewer: Viewer) -> None:
         super().__init__()
 
         def changed(event: GenericEventArguments) -> None:
@@ -186,21 +189,21 @@ class ControlButtons:
     They are two, so that a click does what the button said when it was clicked, whatever changes meanwhile.
     """
 
-    def __init__(self, instrument: Instrument, viewer: kit.Viewer) -> None:
+    def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
         self._instrument, self._viewer = instrument, viewer
         self._released = self._in_control = False
-        self._take = kit.button(TAKE, self._take_control, look="flat dense")
-        self._release = kit.button(RELEASE, self._release_control, look="flat dense")
+        self._take = widgets.button(TAKE, self._take_control, look="flat dense")
+        self._release = widgets.button(RELEASE, self._release_control, look="flat dense")
         self._release.set_visibility(False)
         with (
             ui.dialog().props('role="alertdialog" aria-label="Take over the camera?"') as self._dialog,
             ui.element("div").classes("panel question"),
         ):
-            kit.panel_title("Take over the camera?")
+            widgets.panel_title("Take over the camera?")
             self._question = ui.label()
             with ui.element("div").classes("row"):
-                kit.button("Take over", self._take_over, look="unelevated dense")
-                kit.button("Cancel", self._dialog.close, look="outline dense")
+                widgets.button("Take over", self._take_over, look="unelevated dense")
+                widgets.button("Cancel", self._dialog.close, look="outline dense")
 
     def show(self, now: InstrumentState) -> None:
         """Show the applicable button; notify when somebody else has taken the camera."""
@@ -273,11 +276,11 @@ class Help:
         """Open the help of the page that is open; once."""
         if self._open is not None and self._open.value:
             return
-        address = kit.address_of(self._client.sub_pages_router.current_path)
-        page, meanings = kit.help_texts().get(address, {"text": (), "terms": ()}), kit.help_texts()["terms"]
-        fields = kit.explained_fields(self._client)
+        address = widgets.address_of(self._client.sub_pages_router.current_path)
+        page, meanings = widgets.help_texts().get(address, {"text": (), "terms": ()}), widgets.help_texts()["terms"]
+        fields = widgets.explained_fields(self._client)
         title = f"Help: {title_of(address)}"
-        with kit.open_dialog(self._client.layout, title, style="dialog-card help") as self._open:
+        with widgets.open_dialog(self._client.layout, title, style="dialog-card help") as self._open:
             for text in page["text"]:
                 ui.label(text)
             keys = [(item.cap, item.does) for item in SHORTCUTS] if address == "/" else []
@@ -287,9 +290,9 @@ class Help:
                 ("Terms", [(term, meanings[term]) for term in page["terms"]]),
             ):
                 if facts:
-                    kit.panel_title(heading, level=3)
-                    kit.FactList().show(facts)
-            kit.button("Close", self._open.close)
+                    widgets.panel_title(heading, level=3)
+                    widgets.FactList().show(facts)
+            widgets.button("Close", self._open.close)
 
 
 OPEN_EVERY_S = 2.0  # between two reports that a page is still open
@@ -301,7 +304,7 @@ class Shell:
     """Builds the page of every tab of a console."""
 
     def __init__(self, instrument: Instrument) -> None:
-        self._instrument, self._poller, self._tabs = instrument, kit.StatePoller(instrument), kit.Tabs()
+        self._instrument, self._poller, self._tabs = instrument, StatePoller(instrument), Tabs()
         self._shown = threading.Event()  # the first page
 
     @contextmanager
@@ -329,7 +332,7 @@ class Shell:
 
     def build(self) -> None:
         """Build the page of the tab that opens now."""
-        viewer = kit.Viewer(ui.context.client, self._instrument, self._poller, self._tabs)
+        viewer = Viewer(ui.context.client, self._instrument, self._poller, self._tabs)
         ui.context.client.on_connect(self._shown.set)
         if viewer.logged_in:
             viewer.operator = viewer.name

@@ -13,8 +13,8 @@ from tests.console.services.instruments import gauge as gauge_at
 from tests.waiting import HANGS_S, until
 
 from tsis.calibration.session import SessionSetup
-from tsis.console.services.calibrating import _session as session_module
-from tsis.console.services.calibrating._sessions import IDLE
+from tsis.console.services import calibrating as session_module
+from tsis.console.services.calibrating import IDLE
 from tsis.errors import CalibrationError, CameraError, ControlError, FileInputError, InputError
 
 if TYPE_CHECKING:
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from tests.console.services.lit_camera import World
 
     from tsis.calibration.session import SessionFolder
-    from tsis.console.services import Instrument
     from tsis.console.services.calibrating import CalibrationSession, StepState
+    from tsis.console.services.instrument import Instrument
 
 LOADING = "tip-2mm-1"
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tsis.calibration.session import CalibrationFrame
-from tsis.console.services.calibrating._session import MOST_TYPED, TypedLoadings
+from tsis.console.services.calibrating import MOST_TYPED, TypedLoadings
 from tsis.errors import CalibrationError, InputError
 from tsis.model.image import TactileImage
 

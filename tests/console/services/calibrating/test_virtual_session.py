@@ -14,8 +14,8 @@ from tsis.calibration import UsableCalibration, read_usable_calibration
 from tsis.calibration.file import ProbeCalibration, calibration_sha256
 from tsis.calibration.session import SessionFolder, SessionSetup
 from tsis.catalog.probes import load_probe
-from tsis.console.pages.components import drawings
-from tsis.console.services.calibrating._sessions import folder_name
+from tsis.console.services.calibrating import folder_name
+from tsis.console.widgets import drawings
 from tsis.errors import CalibrationError, ControlError, InputError
 from tsis.model.calibration import Calibration
 from tsis.present.calibration import calibration_page
@@ -25,8 +25,8 @@ from tsis.virtual.probe import VirtualProbe
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tsis.console.services import Instrument
     from tsis.console.services.calibrating import CalibrationSession
+    from tsis.console.services.instrument import Instrument
 
 TERMS = SessionSetup(name="May, left", probe="tsis-domed", camera=bench_name(3), tips_mm=(6.0, 14.0))
 

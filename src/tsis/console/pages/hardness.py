@@ -1,0 +1,464 @@
+"""Hardness: two presses on an object itself, and how stiff it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from nicegui import run, ui
+
+from tsis.calibration import apply_calibration
+from tsis.catalog.phantoms import list_spheres
+from tsis.catalog.probes import load_probe
+from tsis.console import widgets
+from tsis.console.live.view import LiveView
+from tsis.console.pages.examine import snapshot_text
+from tsis.console.services.instrument import newest_presses
+from tsis.console.services.jobs import FAILED
+from tsis.console.services.state import BALL_MM, CameraChoice
+from tsis.errors import InputError, TsisError
+from tsis.hardness import RADIUS_SD_MM, build_contact_table, require_radius
+from tsis.model.require import require_number
+from tsis.present.hardness import hardness_page
+from tsis.records.importing import target_by_number
+
+if TYPE_CHECKING:
+    from tsis.console.services.captures import SavedPress
+    from tsis.console.services.instrument import Instrument
+    from tsis.console.services.jobs import Job, JobState
+    from tsis.console.services.state import InstrumentState
+    from tsis.console.viewer import Viewer
+    from tsis.present.page import Page
+    from tsis.records.store import Store
+    from tsis.records.values import StoredEstimate, StoredPress, TargetRecord
+
+
+HARDNESS, TARGET, BALL = "hardness", "target", "ball"
+PRESSES = 2  # at different forces, of which the second tests the first
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SavedPresses:
+    """The stored presses of the object."""
+
+    number: int  # of the target
+    record: TargetRecord | None = None  # None while nothing is stored
+    presses: tuple[StoredPress, ...] = ()  # those of the next estimate: the newest of each force
+    estimate: StoredEstimate | None = None  # the current hardness
+
+    @property
+    def on_object(self) -> tuple[StoredPress, ...]:
+        """Presses on the object."""
+        return tuple(press for press in self.presses if press.role == TARGET)
+
+    @property
+    def is_current(self) -> bool:
+        """Whether the estimate rests on these very presses."""
+        return self.estimate is not None and set(self.estimate.presses) == {press.id for press in self.presses}
+
+
+def saved_presses(store: Store, number: int) -> SavedPresses:
+    """Read what is stored of a target; errors as of the store."""
+    if (target := target_by_number(store, number)) is None:
+        return SavedPresses(number=number)
+    record = store.record(target)
+    estimate = next((stored for stored in record.active_estimates if stored.kind == HARDNESS), None)
+    return SavedPresses(number=number, record=record, presses=newest_presses(record, HARDNESS), estimate=estimate)
+
+
+def next_free(store: Store, number: int) -> int:
+    """``number`` while nothing is stored of it, else the next after all targets."""
+    free = target_by_number(store, number) is None
+    return number if free else max(target.target.number for target in store.targets()) + 1
+
+
+def missing_text(state: InstrumentState, *, scaled: bool, responds: bool) -> tuple[str, ...]:
+    """Messages of what an estimate still needs; empty when it can run.
+
+    ``scaled`` and ``responds`` say whether the active calibration has the size of a pixel and the response to pressure.
+    """
+    camera = state.camera
+    if camera.choice.is_virtual:
+        return () if camera.choice.is_sphere and camera.running else ("place an object under the virtual probe.",)
+    stopped = "start the camera, on the page Examine; it is stopped."
+    results = [] if camera.running else [f"wait; the console is {state.busy}." if state.busy else stopped]
+    if camera.running and camera.lost:
+        results.append("wait until the camera is back; it is away.")
+    if not state.calibration_identity:
+        results.append("activate a calibration, on the page Camera; there is none (the page Calibrate makes one).")
+    elif not (responds and scaled):
+        lacking = "size of a pixel" if responds else "response to pressure"
+        results.append(f"choose another calibration; {state.calibration!r} lacks the {lacking}.")
+    return tuple(results)
+
+
+def next_step_text(saved: SavedPresses, missing: tuple[str, ...], *, estimating: bool) -> str:
+    """The next step, or the state, as a message."""
+    if estimating:
+        return "The estimate is running."
+    if saved.is_current:
+        return "Done. Press again at another force to test it, or begin with another object."
+    if (count := len(saved.on_object)) >= PRESSES:
+        return "Next: estimate, now that there are presses at two forces."
+    if missing:
+        return f"Next: {missing[0]}"
+    again = "Next: press it again at another force; the second press tests the first."
+    return again if count else "Next: press the object, and save the press."
+
+
+class HardnessPanel:
+    """Shows the current hardness."""
+
+    def __init__(self, viewer: Viewer) -> None:
+        self._viewer = viewer
+        panel = ui.element("section").classes("panel stack hardness-result").props('aria-label="Result"')
+        self._panel = widgets.Redrawn(panel.set_visibility(False))
+
+    async def show(self, saved: SavedPresses) -> None:
+        """Show the estimate where there is one."""
+        stored, record = saved.estimate, saved.record
+        now = None if stored is None else (stored.id, saved.is_current)
+        if not self._panel.changes_to(now):
+            return
+        self._panel.element.set_visibility(False)
+        built = None
+        if stored is not None and record is not None:
+            built = await self._viewer.attempt(_page_and_figures, record, stored)
+        if built is None or self._panel.content != now:
+            return
+        page, sources = built
+        with self._panel.element:
+            with widgets.title_row(page.title):
+                ui.link(f"Report and export of target {saved.number}", f"/records/{saved.number}")
+            if not saved.is_current:
+                ui.label("New presses were saved: estimate again to include them.").classes("doubtful")
+            with ui.element("div").classes("hardness-report"):
+                with ui.element("div").classes("stack"):
+                    widgets.cards(page.cards)
+                    for item in page.tables:
+                        widgets.table(item)
+                    widgets.message_list(page.notes)
+                with ui.element("div").classes("hardness-figures"):
+                    for parts in zip(page.pictures, sources, strict=True):
+                        widgets.figure(*parts)
+        self._panel.element.set_visibility(True)
+
+
+def _page_and_figures(record: TargetRecord, stored: StoredEstimate) -> tuple[Page, tuple[str, ...]]:
+    """The estimate's page with its figures drawn."""
+    presses = [press for press in record.presses if press.id in stored.presses and press.role == TARGET]
+    images = [record.image(press) for press in presses]
+    ready, _ = apply_calibration(record.calibrations[stored.calibration], images, identity=stored.calibration)
+    page = hardness_page(
+        stored.estimate,
+        title=f"Hardness of target {record.target.number}" + (f", {record.target.name}" if record.target.name else ""),
+        images=ready,
+        table=build_contact_table(load_probe(stored.probe)),
+        provenance=stored.estimate.provenance,
+        truth_kpa=record.target.truth.get("young_kpa"),
+    )
+    return page, widgets.drawings(page)
+
+
+BARE = "tsis-direct"  # the probe of the catalog that touches objects without tissue between
+
+
+class ObjectPart:
+    """Shows and changes the measured object."""
+
+    def __init__(self, instrument: Instrument, viewer: Viewer, controls: widgets.OperatorControls) -> None:
+        self._instrument, self._viewer = instrument, viewer
+        self._filled: object = None
+        with ui.element("div").classes("panel stack tight"):
+            with widgets.title_row("1  Object"):
+                self._target = ui.label().classes("chip")
+            with ui.element("div").classes("row") as self._virtual:
+                spheres = list(list_spheres())
+                self._sphere = widgets.select_field(spheres, value=spheres[0], label="Virtual sphere")
+                self._sphere.classes("hardness-sphere")
+                self._lay = controls.add(
+                    widgets.button(
+                        "Place it under the probe", self._laid, icon="vertical_align_bottom", look="unelevated"
+                    )
+                )
+            with ui.element("div").classes("row") as self._real:
+                self._name = widgets.muted()
+                controls.add(widgets.button("Another object", self._another, icon="add"))
+            with ui.element("div").classes("row") as self._size:
+                self.radius_field = widgets.unit_field("Radius of the object", unit="mm").classes("hardness-number")
+                self.sd_field = widgets.unit_field("Its standard uncertainty", unit="mm").classes("hardness-number")
+            self._message = widgets.muted()
+
+    def show(self, state: InstrumentState, saved: SavedPresses) -> None:
+        """Show the instrument's object; known values of a virtual one are filled in once."""
+        choice = state.camera.choice
+        self._virtual.set_visibility(choice.is_virtual)
+        self._real.set_visibility(not choice.is_virtual)
+        self._name.text = state.camera.name or widgets.camera_line(state)
+        self._target.text = f"target {state.target}"
+        subject = self._instrument.camera_controller.subject
+        written = None if subject is None else subject.written_radius_mm
+        self._size.set_visibility(written is not None or not choice.is_virtual)
+        if written is not None:
+            self._fill((choice, written), written, RADIUS_SD_MM)
+            self._message.text = f"{choice.phantom} is under {choice.probe}; its radius was measured with a calliper."
+        elif not choice.is_virtual:
+            self._message.text = "Leave both empty if unknown; the intervals are then wider."
+            options = {} if saved.estimate is None else saved.estimate.options
+            if "radius_mm" in options:  # as it was typed for the last estimate
+                self._fill((choice, saved.number), options["radius_mm"], options.get("radius_sd_mm"))
+        else:
+            self._message.text = ""
+
+    def radius(self) -> dict[str, float]:
+        """The typed options of an estimate; `InputError` when they cannot be of an object under this probe."""
+        radius_text, sd_text = ((each.value or "").strip() for each in (self.radius_field, self.sd_field))
+        if not radius_text:
+            if sd_text:
+                requirement = "must be given with its standard deviation"
+                raise InputError(name="radius_mm", requirement=requirement, value="none")
+            return {}
+        radius = widgets.typed_number("radius_mm", radius_text)
+        given = self._instrument.calibration
+        name = "" if given is None else given.calibration.probe
+        name = name or self._instrument.camera_controller.choice.probe
+        require_radius("radius_mm", load_probe(name), radius)
+        if not sd_text:
+            return {"radius_mm": radius}
+        sd = widgets.typed_number("radius_sd_mm", sd_text)
+        require_number("radius_sd_mm", sd, 0.0, radius / 10, hint="millimetres, up to a tenth of the radius")
+        return {"radius_mm": radius, "radius_sd_mm": sd}
+
+    def _fill(self, which: object, radius_mm: float, sd_mm: float | None) -> None:
+        if which != self._filled:
+            self._filled = which
+            self.radius_field.set_value(f"{radius_mm:.3f}")
+            self.sd_field.set_value(widgets.number_text_of_field(sd_mm))
+
+    async def _laid(self) -> None:
+        with widgets.loading(self._lay):
+            await self._viewer.attempt(self._lay_under, str(self._sphere.value))
+
+    def _lay_under(self, sphere: str) -> None:
+        by, seed = self._viewer.identity, self._instrument.camera_controller.choice.seed
+        self._instrument.choose(CameraChoice(probe=BARE, phantom=sphere, seed=seed), by=by)
+        self._choose_free_target()
+        self._instrument.start(by=by)
+
+    async def _another(self) -> None:
+        await self._viewer.attempt(self._choose_free_target)
+
+    def _choose_free_target(self) -> None:
+        number = next_free(self._instrument.store, self._instrument.state().target)
+        self._instrument.set_target(number, by=self._viewer.identity)
+
+
+FORCES_N = ("0.7", "1.2")  # that are offered
+
+
+class PressPart:
+    """Takes presses and shows the saved ones."""
+
+    def __init__(self, instrument: Instrument, viewer: Viewer, controls: widgets.OperatorControls) -> None:
+        self._instrument, self._viewer = instrument, viewer
+        self._gauge = False
+        self._offered = FORCES_N[0]
+        with ui.element("div").classes("panel stack tight"):
+            widgets.panel_title("2  Presses")
+            self._list = widgets.Redrawn(ui.element("ol").classes("hardness-presses"))
+            self._none = widgets.muted(f"None yet; {PRESSES} at different forces are best.")
+            with ui.element("div").classes("row") as self._row:
+                self._force = widgets.unit_field("Force", FORCES_N[0], unit="N").classes("hardness-number")
+                self._press = controls.add(
+                    widgets.button("Press and save", lambda: self._save(TARGET), icon="photo_camera", look="unelevated")
+                )
+            self._extra = ui.expansion("Rigid ball, for a soft probe").props("dense").classes("hardness-ball")
+            with self._extra:
+                widgets.muted("A rigid ball shows how much the probe itself yields.")
+                with ui.element("div").classes("row"):
+                    self.ball_mm = widgets.unit_field(
+                        "Radius of the ball", widgets.number_text_of_field(BALL_MM), unit="mm"
+                    )
+                    self._ball_force = widgets.unit_field("Force on the ball", FORCES_N[0], unit="N")
+                    for field in (self.ball_mm, self._ball_force):
+                        field.classes("hardness-number")
+                    self._ball = controls.add(widgets.button("Press the ball and save", lambda: self._save(BALL)))
+
+    def show(self, state: InstrumentState) -> None:
+        """Ask for forces where there is no gauge."""
+        force = None if state.frame_analysis is None else state.frame_analysis.force
+        self._gauge = force is not None and force.source == "gauge"
+        self._force.set_visibility(not self._gauge)
+        self._ball_force.set_visibility(not self._gauge)
+
+    def show_presses(self, saved: SavedPresses) -> None:
+        """Show the presses of the next estimate, and offer the next force."""
+        lines = tuple(press_text(press) for press in saved.presses)
+        if self._list.changes_to(lines):
+            self._none.set_visibility(not lines)
+            with self._list.element:
+                for line in lines:
+                    widgets.list_message(line)
+        offered = FORCES_N[min(len(saved.on_object), 1)]
+        if self._force.value == self._offered != offered:
+            self._force.set_value(offered)
+        self._offered = offered
+
+    def allow(self, possible: bool) -> None:
+        """Show whether a press can be saved now."""
+        for part in (self._row, self._extra):
+            part.set_visibility(possible)
+
+    def ball_radius(self) -> float:
+        """The typed radius in mm; `InputError` when it is no number."""
+        return widgets.typed_number("reference_radius_mm", self.ball_mm.value)
+
+    async def _save(self, role: str) -> None:
+        button, field = (self._press, self._force) if role == TARGET else (self._ball, self._ball_force)
+        with widgets.loading(button):
+            press: SavedPress | None = await widgets.submit(
+                self._viewer, {"force_n": field}, self._pressed, role, field.value
+            )
+        if press is not None:
+            self._viewer.notify(snapshot_text(press))
+
+    def _pressed(self, role: str, text: str | None) -> SavedPress:
+        force_n = None if self._gauge else widgets.typed_number("force_n", text)
+        state = self._instrument.state()
+        if (state.role, state.force_n) != (role, force_n):
+            self._instrument.hold(role=role, force_n=force_n, by=self._viewer.identity)
+        return self._instrument.snapshot(by=self._viewer.identity)
+
+
+def press_text(press: StoredPress) -> str:
+    """A press in a line."""
+    where = "Object" if press.role == TARGET else "Rigid ball"
+    against = f"; warnings: {', '.join(press.flags)}" if press.flags else ""
+    return f"{where}, {widgets.force_text(press.force_n)}, saved at {widgets.time_label(press.taken)}{against}"
+
+
+LABELS = {
+    "radius_mm": "radius of the object",
+    "radius_sd_mm": "its standard deviation",
+    "reference_radius_mm": "radius of the ball",
+}
+
+
+class Estimating:
+    """Begins the estimate, with the typed radii."""
+
+    def __init__(self, instrument: Instrument, viewer: Viewer, measured: ObjectPart, presses: PressPart) -> None:
+        self._instrument, self._viewer, self._object, self._presses = instrument, viewer, measured, presses
+        with ui.element("div").classes("panel stack tight"):
+            with widgets.title_row("3  Estimate"):
+                self._button = widgets.button("Estimate", self._begin, icon="analytics", look="unelevated")
+            self._bar = widgets.ProgressBar("Progress of the estimate")
+            self._message = widgets.status()
+
+    def show(self, job: JobState | None, *, enough: bool, two: bool) -> None:
+        """Show whether it can begin, and how far it is."""
+        running = job is not None and job.running
+        failed = job is not None and job.status == FAILED
+        self._button.set_enabled(enough and not running)
+        self._bar.show(job)
+        if running:
+            text = "The contact of a probe that was never used before is solved once, which takes some minutes."
+        elif job is not None and failed:
+            text = widgets.with_field_labels(job.sentence, LABELS)
+        else:
+            text = "" if two or not enough else "One press is nearly as precise, but nothing tests it."
+        self._message.text = text
+        widgets.set_class(self._message, "doubtful", failed)
+
+    async def _begin(self) -> None:
+        def begin() -> Job:
+            number = self._instrument.state().target
+            presses = saved_presses(self._instrument.store, number).presses
+            options = self._object.radius()
+            if any(press.role == BALL for press in presses):
+                options["reference_radius_mm"] = self._presses.ball_radius()
+            identities = [press.id for press in presses] or None
+            return self._instrument.estimate(number, kind=HARDNESS, presses=identities, options=options)
+
+        fields = {"radius_mm": self._object.radius_field, "radius_sd_mm": self._object.sd_field}
+        await widgets.submit(self._viewer, {**fields, "reference_radius_mm": self._presses.ball_mm}, begin)
+
+
+EVERY_S = 0.5  # between two readings of the store
+
+
+class HardnessPage:
+    """The parts of the page, and what they show."""
+
+    def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
+        self._instrument, self._viewer = instrument, viewer
+        self._state: InstrumentState | None = None
+        self._results = SavedPresses(number=0)
+        self._mark: object = None
+        self._trouble = ""
+        self._controls = widgets.OperatorControls(viewer)
+        with ui.element("div").classes("split hardness"):
+            with ui.element("section").classes("panel").props('aria-label="Live image"'):
+                self._live = LiveView()
+                self._analysis = widgets.muted()
+            with ui.element("section").classes("stack").props('aria-label="Steps"'):
+                with ui.element("div").classes("panel hardness-next"):
+                    self._next = ui.label().classes("strong").props("role=status")
+                    self._controls.why()
+                self._object = ObjectPart(instrument, viewer, self._controls)
+                self._presses = PressPart(instrument, viewer, self._controls)
+                self._estimating = Estimating(instrument, viewer, self._object, self._presses)
+        self._result = HardnessPanel(viewer)
+        viewer.every(EVERY_S, self._refresh)
+        viewer.follow(self._show)
+
+    def _show(self, state: InstrumentState) -> None:
+        self._state = state
+        self._live.update_state(state)
+        analysis = state.frame_analysis
+        self._analysis.text = "" if analysis is None else "; ".join(flag.advice for flag in analysis.flags)
+        widgets.set_class(self._analysis, "doubtful", analysis is not None and bool(analysis.flags))
+        self._controls.show(state)
+        self._presses.show(state)
+        self._notify(state)
+
+    async def _refresh(self) -> None:
+        """Read the store after a possible change, also by another tab or a script."""
+        state = self._state = self._state or self._instrument.state()
+        self._controls.show(state)  # a client that was away for a moment may own the camera again
+        touches = not state.camera.choice.is_virtual or state.camera.choice.is_sphere
+        try:
+            now = (await self._viewer.entries(), state.target, touches)
+            if now == self._mark:
+                return
+            result = await run.io_bound(saved_presses, self._instrument.store, state.target)
+        except TsisError as error:
+            self._mark, self._trouble = None, str(error)
+            self._notify(self._state or state)
+            return
+        if result is None:  # the console is shutting down
+            return
+        if not touches and result.estimate is None:  # presses on the virtual tissue give no hardness
+            result = replace(result, presses=())
+        self._mark, self._results, self._trouble = now, result, ""
+        self._notify(self._state or state)
+        await self._result.show(result)
+
+    def _notify(self, state: InstrumentState) -> None:
+        """Say what is to be done next; while a target was not yet read, that it is being read."""
+        read = self._results.number == state.target
+        result = self._results if read else SavedPresses(number=state.target)
+        self._object.show(state, result)
+        self._presses.show_presses(result)
+        given = state.active
+        missing = missing_text(
+            state,
+            scaled=given is not None and given.calibration.scale is not None,
+            responds=given is not None and given.calibration.response is not None,
+        )
+        job = widgets.estimate_job(state)
+        running = job is not None and job.running
+        text = next_step_text(result, missing, estimating=running) if read else f"Target {state.target} is being read."
+        self._next.text = self._trouble or text
+        self._presses.allow(not missing)
+        self._estimating.show(job, enough=len(result.on_object) >= 1, two=len(result.on_object) >= PRESSES)

@@ -1,0 +1,583 @@
+"""Records: every target of the store, and one target with its presses and estimates."""
+
+from __future__ import annotations
+
+import json
+import logging
+import shutil
+import tempfile
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+from nicegui import ui
+
+from tsis.calibration.guard import GUARD_FLAGS
+from tsis.console import widgets
+from tsis.console.files import target_of
+from tsis.console.services.jobs import DONE
+from tsis.errors import FileInputError, InputError, TsisError
+from tsis.present.records import FORM_LABELS, MASKED, import_message, verdict, verification_notes
+from tsis.present.target import time_text, without_identity
+from tsis.records.reader import ARCHIVED, DELETED
+from tsis.records.store import back_up_store, verify_store
+from tsis.records.target import read_bundle
+
+if TYPE_CHECKING:
+    from collections.abc import Awaitable, Callable, Mapping, Sequence
+
+    from nicegui.events import GenericEventArguments, UploadEventArguments
+
+    from tsis.console.services.instrument import Instrument
+    from tsis.console.services.jobs import Job
+    from tsis.console.viewer import Viewer
+    from tsis.records.reader import TargetState, TargetSummary
+    from tsis.records.store import Store, StoreVerification
+    from tsis.records.transfer import ImportedTarget
+    from tsis.records.values import StoredPress, Target, TargetRecord
+
+
+AT_ONCE = 24  # presses of a sheet
+UNKNOWN_FLAG = "a flag unknown to tsis"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TargetView:
+    """A target as it is stored now."""
+
+    target: Target
+    record: TargetRecord  # without presses; of a subject the pseudonym only
+    presses: tuple[StoredPress, ...]  # one page of them
+    offset: int  # presses before that page
+    total: int  # of all presses
+    state: TargetState | None = None  # whether it is archived or deleted
+
+    @property
+    def private(self) -> bool:
+        """Whether this is a subject, whose notes and names are hidden at first."""
+        return self.target.kind == "subject"
+
+    @property
+    def sheet(self) -> tuple[object, ...]:
+        """Fingerprint of the presses: equal ones have the same view."""
+        return self.private, self.offset, self.total, self.presses
+
+    @property
+    def fingerprint(self) -> tuple[object, ...]:
+        """Fingerprint of the whole page: equal ones have the same view."""
+        record = self.record
+        estimates = tuple(estimate.id for estimate in record.estimates)
+        return self.target, self.state, self.sheet, estimates, tuple(record.calibrations), record.damaged
+
+
+def read_target(store: Store, number: str, offset: int) -> TargetView:
+    """Read a target; ``offset`` behind its presses becomes that of the last page of presses.
+
+    Raises `InputError` when there is no target of that number, and `RecordsError` when the store cannot be read.
+    """
+    target = target_of(store, number)
+    total = store.press_count(target)
+    offset = min(offset, max(0, (total - 1) // AT_ONCE * AT_ONCE))
+    return TargetView(
+        target=target,
+        record=without_identity(store.record(target, limit=0)),
+        presses=store.presses(target, limit=AT_ONCE, offset=offset),
+        offset=offset,
+        total=total,
+        state=store.state(target),
+    )
+
+
+def fault_of(store: Store, press: StoredPress) -> str:
+    """Why the frame of a press cannot be read; empty when it can."""
+    try:
+        store.levels(press.frame)
+    except TsisError as error:
+        return str(error)
+    return ""
+
+
+def flags_of(press: StoredPress, *, private: bool) -> tuple[str, ...]:
+    """Flags as they may be shown: of a subject only those that tsis raises."""
+    return tuple(flag if not private or flag in GUARD_FLAGS else UNKNOWN_FLAG for flag in press.flags)
+
+
+class ChosenPresses(Protocol):
+    """The presses that the person has ticked."""
+
+    chosen: list[str]
+
+
+class TargetContext(Protocol):
+    """The open page of a target, as its parts use it; ``below``, ``dialogs`` and ``compared`` are places on it."""
+
+    instrument: Instrument
+    viewer: Viewer
+    below: ui.element
+    dialogs: ui.element
+    compared: ui.element
+
+    @property
+    def presses(self) -> ChosenPresses:
+        """The table of presses."""
+
+    async def load(self) -> None:
+        """Read the target anew and show it."""
+
+    async def compare(self, view: TargetView) -> None:
+        """Show the two chosen presses beside each other."""
+
+
+LONGEST_S = 600.0
+FETCH = """
+    const answer = await fetch(%s);
+    if (!answer.ok) return await answer.text();
+    const link = document.createElement("a");
+    const said = answer.headers.get("content-disposition") || "";
+    link.download = (said.match(/filename="([^"]+)"/) || ["", "tsis"])[1];
+    link.href = URL.createObjectURL(await answer.blob());
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 60000);
+    return "";
+"""
+CUT = "the download failed: the connection was lost or it took too long; try again, or use tsis records export"
+
+
+async def fetch_file(viewer: Viewer, address: str) -> bool:
+    """Download a file in the browser; False, after a message, when there is none."""
+    try:
+        message = await ui.run_javascript(FETCH % json.dumps(address), timeout=LONGEST_S)
+    except TimeoutError:
+        message = CUT
+    if message:
+        viewer.complain(str(message))
+    return not message
+
+
+EVERY_S = 0.3
+
+
+async def follow_job(viewer: Viewer, place: ui.element, begin: Callable[[], Job], show: Callable[[Any], None]) -> bool:
+    """Begin a job and show it in ``place`` until it is over; then ``show`` its result there, or say why it failed.
+
+    False, after a message, when it cannot begin.
+    """
+    job = await viewer.attempt(begin)
+    if job is None:
+        return False
+    place.clear()
+    with place, ui.element("div").classes("job").props('role="status"'):
+        ui.label(job.title)
+        bar = widgets.ProgressBar(job.title)
+        count = widgets.muted()
+        widgets.button("Cancel", job.end, look="outline dense")
+
+    def refresh() -> None:
+        state = job.state()
+        if state.running:
+            bar.show(state)
+            count.text = f"{state.done} of {state.total}" if state.total else "under way"
+            return
+        timer.cancel()
+        place.clear()
+        with place:
+            if state.status == DONE:
+                show(job.result)
+            else:
+                ui.label(state.sentence).classes("flag").props('role="alert"')
+
+    with place:
+        timer = ui.timer(EVERY_S, refresh)
+    return True
+
+
+IDENTIFIED = "include label, names and true times"
+MEANT = {
+    True: "Masked: label, names and times are removed or shifted unless you include them below.",
+    False: "Not masked: notes, names and settings are included.",
+}
+PAGE = "Contains what the report shows; of a subject only the pseudonym."
+
+
+def export_button(page: TargetContext, view: TargetView) -> None:
+    """A button that asks for the form, and downloads the file."""
+    widgets.button("Export", lambda: _ask(page, view), icon="download", look="outline dense")
+
+
+def _ask(page: TargetContext, view: TargetView) -> None:
+    with widgets.open_dialog(page.dialogs, f"Export target {view.target.number}") as dialog:
+        form = widgets.select_field(FORM_LABELS, value="csv", label="Form", on_change=lambda: explain())
+        meant = widgets.muted()
+        identified = ui.switch(IDENTIFIED, value=False).props("dense")
+        waiting = ui.linear_progress(show_value=False).props('indeterminate aria-label="writing the file"')
+        waiting.set_visibility(False)
+
+        def explain() -> None:
+            masked = form.value in MASKED
+            meant.text = PAGE if form.value in ("html", "pdf") else MEANT[masked]
+            identified.set_visibility(masked)
+
+        async def begin() -> None:
+            with_names = bool(identified.value) and form.value in MASKED
+            waiting.set_visibility(True)
+            button.disable()
+            address = f"/files/export/{view.target.number}/{form.value}" + ("?identified=true" if with_names else "")
+            if await fetch_file(page.viewer, address):
+                page.viewer.notify(f"Exported as {form.value}: the browser saves the file.")
+                dialog.close()
+            waiting.set_visibility(False)
+            button.enable()
+
+        button = widgets.dialog_buttons(dialog, "Export", begin)
+        explain()
+
+
+STORE_EVERY_S = 1.0  # between two readings
+UNREAD, FAILED = -2, -1  # in place of the number of the store's entries
+_log = logging.getLogger(__name__)
+
+
+def follow_store(viewer: Viewer, changed: Callable[[], Awaitable[None]]) -> None:
+    """Call ``changed`` now and after every change of the store, while the present part of the page is visible."""
+    last: int | None = UNREAD
+
+    async def refresh() -> None:
+        nonlocal last
+        try:
+            entries = await viewer.entries()
+        except TsisError as error:  # a page that is shown needs no message every second
+            _log.debug("the store was not read: %s", error)
+            entries = FAILED
+        if entries != last:
+            last = entries
+            await changed()
+
+    viewer.every(STORE_EVERY_S, refresh)
+
+
+ALL, ESTIMATED, NOT_ESTIMATED = "all", "estimated", "not estimated"
+KINDS = (ALL, ESTIMATED, NOT_ESTIMATED, ARCHIVED, DELETED)
+SHEETS = (25, 50, 100)  # rows of a sheet that one may choose
+NEVER = datetime.min.replace(tzinfo=UTC)
+KEYS: dict[str, Callable[[TargetSummary], Any]] = {
+    "number": lambda item: item.target.number,
+    "name": lambda item: item.target.name.casefold(),
+    "presses": lambda item: item.presses,
+    "estimates": lambda item: item.estimates,
+    "last": lambda item: item.last or NEVER,
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Order:
+    """The request of a list: part of a name or the start of a number, kind, order and page."""
+
+    search: str = ""
+    kind: str = ALL  # one of KINDS
+    column: str = "number"
+    descending: bool = False
+    sheet: int = 1  # page, from 1
+    rows: int = SHEETS[1]  # of a page
+
+    @classmethod
+    def requested(cls, pagination: Mapping[str, Any], *, search: str, kind: str) -> Order:
+        """The request of a browser's table; invalid values become defaults."""
+        column, sheet, rows = (pagination.get(name) for name in ("sortBy", "page", "rowsPerPage"))
+        return cls(
+            search=search,
+            kind=kind if kind in KINDS else ALL,
+            column=column if isinstance(column, str) and column in KEYS else "number",
+            descending=pagination.get("descending") is True,
+            sheet=sheet if isinstance(sheet, int) and sheet > 0 else 1,
+            rows=next((sheet for sheet in SHEETS if sheet == rows), SHEETS[1]),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sheet:
+    """A page of a list: its targets, its number, and the number of all targets."""
+
+    targets: tuple[TargetSummary, ...]
+    sheet: int
+    total: int
+
+
+def sheet_of(targets: Sequence[TargetSummary], order: Order) -> Sheet:
+    """The targets to show; a page beyond the last becomes the last."""
+    requested = order.search.strip().casefold()
+    results = [target for target in targets if _is_requested(target, requested, order.kind)]
+    results.sort(key=lambda item: item.target.number)
+    results.sort(key=KEYS[order.column], reverse=order.descending)  # stable: equal ones stay by number
+    sheet = min(order.sheet, max(1, -(-len(results) // order.rows)))
+    begin = (sheet - 1) * order.rows
+    return Sheet(targets=tuple(results[begin : begin + order.rows]), sheet=sheet, total=len(results))
+
+
+def _is_requested(summary: TargetSummary, search: str, kind: str) -> bool:
+    if (summary.state.name if summary.state else "") != (kind if kind in (ARCHIVED, DELETED) else ""):
+        return False
+    if kind in (ESTIMATED, NOT_ESTIMATED) and (summary.estimates > 0) != (kind == ESTIMATED):
+        return False
+    return search in summary.target.name.casefold() or str(summary.target.number).startswith(search)
+
+
+COLUMNS = (
+    ("number", "Number", "left"),
+    ("name", "Name", "left"),
+    ("presses", "Presses", "right"),
+    ("estimates", "Estimates", "right"),
+    ("last", "Last press (UTC)", "left"),
+)
+LINK = '<q-td :props="props"><a class="link" :href="props.row.address">{{ props.value }}</a></q-td>'
+BEGIN = (
+    "Nothing is saved yet. Start the camera on the page Examine and take a snapshot: it becomes the first press of a "
+    "target. A bundle of another store can be imported here. On the command line, tsis demo --save fills a store."
+)
+
+
+def target_listing(instrument: Instrument, viewer: Viewer) -> None:
+    """Build the list."""
+    with ui.element("section").classes("panel stack"):
+        with ui.element("div").classes("row"):
+            widgets.panel_title("Targets")
+            count = widgets.muted()
+            ui.element("div").classes("spring")
+            buttons = ui.element("div").classes("row")
+        below = ui.element("div")
+        with buttons:
+            verify_button(instrument, viewer, below)
+            backup_button(instrument, viewer, below)
+            import_button(instrument, viewer, below)
+        targets = _TargetTable(instrument, viewer, count)
+    follow_store(viewer, targets.load)
+
+
+class _TargetTable:
+    """The table of targets, and its request."""
+
+    def __init__(self, instrument: Instrument, viewer: Viewer, count: ui.label) -> None:
+        self._instrument, self._viewer, self._count = instrument, viewer, count
+        self._targets: tuple[TargetSummary, ...] = ()
+        self._order = Order()
+        with ui.element("div").classes("row") as self._request:
+            self._search = widgets.text_field("Search number or name", on_change=self._requested).props(
+                "clearable debounce=200"
+            )
+            self._kind = (
+                widgets.select_field(list(KINDS), value=KINDS[0], label="Show", on_change=self._requested)
+                .props("dense outlined")
+                .classes("kind-choice")
+            )
+        self._empty = widgets.muted(BEGIN)
+        self._table = ui.table(
+            rows=[],
+            columns=[
+                {"name": name, "label": label, "field": name, "align": align, "sortable": True}
+                for name, label, align in COLUMNS
+            ],
+            row_key="number",
+            pagination=self._pages(sheet_of((), self._order)),  # else it asks for a sheet of its own making
+        )
+        widgets.sheets_of_targets(self._table, SHEETS, lambda: self._pages(sheet_of(self._targets, self._order)))
+        for name in ("number", "name"):
+            self._table.add_slot(f"body-cell-{name}", LINK)
+        self._table.on("request", self._page_changed)
+        for part in (self._request, self._empty, self._table):
+            part.set_visibility(False)
+
+    async def load(self) -> None:
+        """Read the list anew."""
+        everything = await self._viewer.attempt(self._instrument.store.targets, hidden=True)
+        if everything is None:
+            return
+        self._targets = everything
+        targets = tuple(item for item in everything if item.state is None)
+        presses = sum(target.presses for target in targets)
+        kind = self._instrument.store.kind
+        of_kind = "phantoms" if kind == "phantom" else "subjects"
+        self._count.text = (
+            f"{widgets.count_text(len(targets), 'target')} ({of_kind}), {widgets.count_text(presses, 'press')}"
+        )
+        self._empty.set_visibility(not everything)
+        self._request.set_visibility(bool(everything))
+        self._table.set_visibility(bool(everything))
+        self._show()
+
+    def _requested(self) -> None:
+        self._order = replace(self._order, search=self._search.value or "", kind=self._kind.value, sheet=1)
+        self._show()
+
+    def _page_changed(self, event: GenericEventArguments) -> None:
+        pagination = event.args.get("pagination") if isinstance(event.args, dict) else None
+        requested: dict[str, Any] = pagination if isinstance(pagination, dict) else {}
+        self._order = Order.requested(requested, search=self._order.search, kind=self._order.kind)
+        self._show()
+
+    def _show(self) -> None:
+        sheet = sheet_of(self._targets, self._order)
+        self._table.rows = [_row(target) for target in sheet.targets]
+        self._table.pagination = self._pages(sheet)
+
+    def _pages(self, sheet: Sheet) -> dict[str, Any]:
+        """Pagination for the browser's table."""
+        return {
+            "sortBy": self._order.column,
+            "descending": self._order.descending,
+            "page": sheet.sheet,
+            "rowsPerPage": self._order.rows,
+            "rowsNumber": sheet.total,
+        }
+
+
+def _row(summary: TargetSummary) -> dict[str, Any]:
+    return {
+        "number": summary.target.number,
+        "name": summary.target.name or "(no name)",
+        "presses": summary.presses,
+        "estimates": summary.estimates,
+        "last": "never" if summary.last is None else time_text(summary.last),
+        "address": f"/records/{summary.target.number}",
+    }
+
+
+BUNDLE = "bundle.zip"
+EXPLAINED = (
+    "A bundle is the zip file that a target's export creates. Existing targets, presses and estimates are not "
+    "changed, and nothing is imported twice."
+)
+TOO_LARGE = f"a bundle must be one zip file of at most {widgets.LARGEST_MIB} MiB here; larger ones: tsis records import"
+
+
+def import_button(instrument: Instrument, viewer: Viewer, place: ui.element) -> None:
+    """A button that asks for a bundle, imports it, and shows the result in ``place``."""
+    with widgets.titled_dialog("Import a bundle") as dialog:
+        widgets.muted(EXPLAINED)
+        upload = widgets.one_file(viewer, "Zip file of a bundle", accept=".zip", refused=TOO_LARGE)
+        widgets.button("Close", dialog.close, look="flat dense")
+
+    async def uploaded(event: UploadEventArguments) -> None:
+        upload.reset()
+        dialog.close()
+        folder = await _saved(event, viewer)
+        if folder is None:
+            return
+        remove = partial(shutil.rmtree, folder, ignore_errors=True)
+        work = partial(_import, instrument, folder)
+        begin = partial(instrument.jobs.begin, "import of a bundle", work, after=remove)  # also of a cancelled one
+        if not await follow_job(viewer, place, begin, _show):
+            remove()
+
+    upload.on_upload(uploaded)
+    widgets.button("Import a bundle", dialog.open, icon="upload_file", look="outline dense")
+
+
+async def _saved(event: UploadEventArguments, viewer: Viewer) -> Path | None:
+    """The upload in its own folder; None, after a message, when the disk is full."""
+    folder: Path | None = None
+    try:
+        folder = Path(tempfile.mkdtemp(prefix="tsis-import-"))
+        await event.file.save(folder / BUNDLE)
+    except OSError as error:
+        viewer.complain(f"There is no space for a copy of the bundle: {error.strerror or error}")
+        if folder is not None:
+            shutil.rmtree(folder, ignore_errors=True)
+        return None
+    return folder
+
+
+def _import(instrument: Instrument, folder: Path, job: Job) -> ImportedTarget:
+    try:
+        return instrument.store.import_target(read_bundle(folder / BUNDLE), progress=job.advance)
+    except FileInputError as error:  # it names the temporary folder
+        raise FileInputError(str(error).replace(f"{folder}/", "")) from error
+
+
+def _show(imported: ImportedTarget) -> None:
+    with ui.element("div").classes("row").props('role="status"'):
+        ui.label(import_message(imported)).classes("good")
+        ui.link(f"Open target {imported.target.number}", f"/records/{imported.target.number}").classes("link")
+
+
+MOST_SHOWN = 100  # faults; a store that has more has one cause
+
+
+def verify_button(instrument: Instrument, viewer: Viewer, place: ui.element) -> None:
+    """A button that verifies the store against its audit, and shows the result in ``place``."""
+
+    async def begin() -> None:
+        def verify() -> Job:
+            return instrument.jobs.begin(
+                "verify the store", lambda job: verify_store(instrument.store, progress=job.advance)
+            )
+
+        await follow_job(viewer, place, verify, partial(_show_verification, place))
+
+    widgets.button("Verify the store", begin, icon="verified_user", look="outline dense")
+
+
+BACKUP = (
+    "Copies the whole store to a new folder on the console's computer and verifies the copy, which is a store itself. "
+    "To restore: tsis records restore FOLDER --store NEW, then tsis console --store NEW."
+)
+
+
+def backup_button(instrument: Instrument, viewer: Viewer, place: ui.element) -> None:
+    """A button that asks for a folder, copies the store there, and shows the verification of the copy in ``place``."""
+
+    def ask() -> None:
+        with widgets.open_dialog(place, "Back up the store") as dialog:
+            widgets.muted(BACKUP)
+            folder = widgets.text_field(
+                "New folder (absolute path)", value=str(instrument.store.folder.resolve()) + "-backup"
+            )
+            folder.props("outlined dense")
+
+            async def begin() -> None:
+                path = await widgets.submit(viewer, {"folder": folder}, _whole_path, folder.value or "")
+                if path is None:
+                    return
+                dialog.close()
+                await follow_job(
+                    viewer, results, lambda: _backup(instrument, path), partial(_show_backup, results, path)
+                )
+
+            widgets.dialog_buttons(dialog, "Back up", begin)
+
+    with place:
+        results = ui.element("div")
+    widgets.button("Back up", ask, icon="save", look="outline dense")
+
+
+def _whole_path(text: str) -> Path:
+    path = Path(text.strip())
+    if not path.is_absolute():
+        requirement = "must be a whole path on the console's computer"
+        raise InputError(name="folder", requirement=requirement, value=f"{text.strip()!r:.80}")
+    return path
+
+
+def _backup(instrument: Instrument, path: Path) -> Job:
+    return instrument.jobs.begin(
+        "backup of the store", lambda job: back_up_store(instrument.store, path, progress=job.advance)
+    )
+
+
+def _show_backup(place: ui.element, path: Path, verification: StoreVerification) -> None:
+    _show_verification(place, verification)
+    with place:
+        ui.label(f"The backup is in {path}").classes("good identity")
+
+
+def _show_verification(place: ui.element, verification: StoreVerification) -> None:
+    with ui.element("section").classes("outcome").props('role="status"'):
+        ui.label(verdict(verification)).classes("good" if verification.sound else "flag")
+        with widgets.message_list():
+            for fault in verification.faults[:MOST_SHOWN]:
+                widgets.list_message(fault, "doubtful")
+        if len(verification.faults) > MOST_SHOWN:
+            ui.label(f"and {len(verification.faults) - MOST_SHOWN} more faults (tsis records verify shows all)")
+        for note in verification_notes(verification):
+            ui.label(note).classes("muted identity")
+        widgets.button("Close", place.clear, look="flat dense")
