@@ -23,15 +23,17 @@ from benchmarks.worlds import WORLDS
 from tsis.cli import progress_bar
 from tsis.compiled import one_blas_thread
 from tsis.errors import TsisError
-from tsis.inclusion import PARAMETERS, InclusionPrior, press_tables, read_frames
-from tsis.inclusion.posterior import explore_inclusion
+from tsis.inclusion import InclusionPrior
+from tsis.inclusion.posterior.exploration import explore_inclusion
+from tsis.inclusion.prior import PARAMETERS
+from tsis.inclusion.reading import press_tables, read_frames
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from numpy.typing import NDArray
 
-    from tsis.inclusion import PressTables
+    from tsis.inclusion.reading import PressTables
 
 KNOWN = 1e-4  # standard deviation of what is taken as known
 

@@ -22,7 +22,8 @@ import numpy as np
 from benchmarks.harness import Bench, Choice, Goal
 
 import tsis
-from tsis.calibration.force import (
+from tsis.calibration.camera_reference import make_reference
+from tsis.calibration.force_line import (
     HYSTERESIS_POINT,
     TIPS_MM,
     Loading,
@@ -30,16 +31,15 @@ from tsis.calibration.force import (
     loading_forces,
     read_loading_frame,
 )
-from tsis.calibration.reference import make_reference
 from tsis.calibration.response import fit_response
-from tsis.imaging import Sensor
+from tsis.imaging.sensor import Sensor
 from tsis.virtual.loading_machine import FLAT_LEVELS, VirtualLoadingMachine
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from tsis.calibration.force import ForceLine
-    from tsis.calibration.reference import CameraReference
+    from tsis.calibration.camera_reference import CameraReference
+    from tsis.calibration.force_line import ForceLine
 
 PROBE = tsis.load_probe("tsis-direct")
 SENSOR = Sensor(columns=256, rows=216)

@@ -19,10 +19,11 @@ import numpy as np
 from benchmarks.harness import Bench
 from scipy.optimize import root
 
-from tsis.calibration.scale import axis_ratio_from_ball, scale_from_ball, scale_from_dots
+from tsis.calibration.dot_board import scale_from_dots
+from tsis.calibration.scale import axis_ratio_from_ball, scale_from_ball
 from tsis.errors import CalibrationError
-from tsis.imaging import Sensor
-from tsis.instrument import read_image
+from tsis.imaging.sensor import Sensor
+from tsis.instrument.image_files import read_image
 from tsis.virtual.calibration_bench import ball_frame, dot_board_frame, untouched_frame
 
 if TYPE_CHECKING:

@@ -21,7 +21,8 @@ from rich.console import Console
 from scipy.ndimage import gaussian_filter
 
 import tsis
-from tsis.imaging import Sensor, expose, render, render_reference
+from tsis.imaging.rendering import render, render_reference
+from tsis.imaging.sensor import Sensor, expose
 from tsis.model.calibration import LightMap
 from tsis.virtual.probe import nominal_calibration
 

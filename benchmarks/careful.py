@@ -17,8 +17,10 @@ from benchmarks.harness import Bench
 from rich.progress import track
 
 import tsis
-from tsis.inclusion import InclusionPrior, operator_time_s, protocol_forces
-from tsis.inclusion.design import even_inclusions, protocol_information, protocol_of
+from tsis.inclusion import InclusionPrior
+from tsis.inclusion.design.information import even_inclusions, protocol_information
+from tsis.inclusion.design.protocol import protocol_of
+from tsis.inclusion.tissue import operator_time_s, protocol_forces
 from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:

@@ -30,7 +30,8 @@ import tsis
 from tsis.cli import progress_bar
 from tsis.errors import TsisError
 from tsis.files.cache import cache_folder, content_key
-from tsis.inclusion import PARAMETERS, InclusionPrior, estimate
+from tsis.inclusion import InclusionPrior, estimate
+from tsis.inclusion.prior import PARAMETERS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

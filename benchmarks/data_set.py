@@ -39,8 +39,9 @@ from tsis.calibration.file import ProbeCalibration, calibration_bytes
 from tsis.cli import progress_bar
 from tsis.errors import FileInputError, MechanicsError, TsisError
 from tsis.files.atomic import remove_unfinished, write_durably
-from tsis.inclusion import PARAMETERS, InclusionPrior, estimate
-from tsis.instrument import png_bytes, read_image
+from tsis.inclusion import InclusionPrior, estimate
+from tsis.inclusion.prior import PARAMETERS
+from tsis.instrument.image_files import png_bytes, read_image
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence

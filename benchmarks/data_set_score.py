@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.errors import FileInputError
-from tsis.inclusion import PARAMETERS
+from tsis.inclusion.prior import PARAMETERS
 from tsis.study.probabilities import brier_score
 from tsis.study.roc import Roc
 

@@ -23,7 +23,7 @@ from benchmarks.harness import Goal, show
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.errors import InputError
-from tsis.inclusion import NEARLY_CERTAIN, UNTRUSTED_FLAGS
+from tsis.inclusion.flags import NEARLY_CERTAIN, UNTRUSTED_FLAGS
 from tsis.model.estimate import ABSENCE_FLAG
 from tsis.model.phantom import Inclusion
 from tsis.study.classifier import ClassifierSettings, ClassSplit, TargetEvidence, cross_validate

@@ -100,8 +100,8 @@ def judge(task: Task) -> dict[str, Any]:
     return line | probe | seconds | {
         "presence": found.presence,
         "evidence": found.log_bayes_factor,
-        "mean": [found.untrusted.mean[name] for name in tsis.inclusion.PARAMETERS],
-        "sd": [found.untrusted.sd[name] for name in tsis.inclusion.PARAMETERS],
+        "mean": [found.untrusted.mean[name] for name in tsis.inclusion.prior.PARAMETERS],
+        "sd": [found.untrusted.sd[name] for name in tsis.inclusion.prior.PARAMETERS],
         "samples": np.round(result.samples, 3).tolist(),
         "trusted": found.trusted,
         "flags": list(found.flags),

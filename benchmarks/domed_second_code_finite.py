@@ -5,9 +5,9 @@
     python -m benchmarks.domed_second_code_finite --again              # solve with NGSolve again (the extra fem3d)
 
 The other code is `benchmarks.peers.ngsolve_dome`. States without a stored value are solved and stored one by one, so
-that an interrupted run goes on where it stopped. Forces are those of `tsis.inclusion.protocol_forces`. A signal is the
-field with the inclusion less that without, on one mesh; each code has its own. Deviations are shares of the largest
-signal within 0.95 of the face's radius.
+that an interrupted run goes on where it stopped. Forces are those of `tsis.inclusion.tissue.protocol_forces`. A signal
+is the field with the inclusion less that without, on one mesh; each code has its own. Deviations are shares of the
+largest signal within 0.95 of the face's radius.
 """
 
 from __future__ import annotations
@@ -26,8 +26,9 @@ from rich.console import Console
 from rich.progress import Progress, TextColumn, TimeElapsedColumn
 
 import tsis
-from tsis.inclusion import protocol_forces
-from tsis.mechanics.finite_strain import FiniteResolution, PressSeries, press_pairs
+from tsis.inclusion.tissue import protocol_forces
+from tsis.mechanics.finite_strain.neo_hookean_press import PressSeries, press_pairs
+from tsis.mechanics.finite_strain.patches import FiniteResolution
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -23,8 +23,8 @@ from rich.console import Console
 from rich.table import Table
 
 from tsis.catalog.sensors import load_sensor
-from tsis.imaging import contacts
-from tsis.instrument import read_colour
+from tsis.imaging.gel_contact import contacts
+from tsis.instrument.image_files import read_colour
 from tsis.model.phantom import SoftSphere
 from tsis.virtual.gel_frames import random_gel_press
 from tsis.virtual.gel_sensor import VirtualGelSensor

@@ -20,8 +20,8 @@ from rich.console import Console
 from rich.table import Table
 
 from tsis.catalog.sensors import load_sensor
-from tsis.imaging import GelContact, contacts
 from tsis.imaging.depth import DepthMap, DepthMapper, calibrate_depth, cap_error_mm
+from tsis.imaging.gel_contact import GelContact, contacts
 from tsis.virtual.gel_frames import rendered_series
 
 

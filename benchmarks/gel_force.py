@@ -17,8 +17,8 @@ from scipy.interpolate import RegularGridInterpolator
 
 import tsis
 from tsis.errors import MechanicsError
-from tsis.mechanics.finite_strain import squeeze_path
-from tsis.mechanics.gel import gel_force
+from tsis.mechanics.finite_strain.soft_sphere import squeeze_path
+from tsis.mechanics.gel.force import gel_force
 from tsis.model.gel_sensor import BoundedValue, GelSensor
 
 PIXEL_MM, COLUMNS, ROWS = 0.0632, 320, 240

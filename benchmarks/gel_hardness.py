@@ -22,9 +22,11 @@ from benchmarks.soft_cylinder import Solid, cylinder_presses
 from rich.progress import track
 
 from tsis.errors import MechanicsError
-from tsis.hardness import ObjectGeometry, estimate_from_contacts, hertzian_radius_mm, press_fields
-from tsis.mechanics.finite_strain import SphereResolution
-from tsis.mechanics.gel import layer_contact
+from tsis.hardness import estimate_from_contacts
+from tsis.hardness.contacts import ObjectGeometry
+from tsis.hardness.sphere import hertzian_radius_mm, press_fields
+from tsis.mechanics.finite_strain.soft_sphere import SphereResolution
+from tsis.mechanics.gel.contact import layer_contact
 from tsis.model.gel_sensor import BoundedValue, GelSensor
 from tsis.model.phantom import SoftSphere
 from tsis.model.probe import Layer, Probe

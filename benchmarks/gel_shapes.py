@@ -19,7 +19,8 @@ import numpy as np
 from benchmarks.harness import Bench
 from netgen.geom2d import SplineGeometry
 
-from tsis.mechanics.gel import gel_force, layer_contact
+from tsis.mechanics.gel.contact import layer_contact
+from tsis.mechanics.gel.force import gel_force
 from tsis.model.gel_sensor import BoundedValue, GelSensor
 
 if TYPE_CHECKING:

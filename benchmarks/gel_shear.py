@@ -4,7 +4,7 @@
 
 Tetrahedra are quadratic, by NGSolve (extra fem3d), on a mesh that follows the contact's edge. Bricks have 8 nodes on a
 grid of 0.4 mm (B-bar, so that a nearly incompressible gel does not lock), written here. Both share nothing with the
-Green's function of `tsis.mechanics.gel.gel_shear`. A disc is dragged along: an even shear
+Green's function of `tsis.mechanics.gel.shear.gel_shear`. A disc is dragged along: an even shear
 traction, or one that grows towards the edge, beside a normal pressure. Markers lie 0.9 mm apart and are read with an
 error of 5 µm. Linear elasticity; the gel's values are known to the estimate.
 """
@@ -20,7 +20,7 @@ from benchmarks.harness import Bench, Choice
 from scipy.sparse import coo_matrix
 from scipy.sparse.linalg import splu
 
-from tsis.mechanics.gel import gel_shear
+from tsis.mechanics.gel.shear import gel_shear
 from tsis.model.gel_sensor import BoundedValue, GelSensor
 
 WIDE_MM, CELL_MM, LAYERS = 24.0, 0.4, 5

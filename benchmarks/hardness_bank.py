@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.files.cache import cached_arrays, content_key
-from tsis.hardness import hertzian_radius_mm, press_fields
-from tsis.mechanics.surrogate import mechanical_content
+from tsis.hardness.sphere import hertzian_radius_mm, press_fields
+from tsis.mechanics.mesh import mechanical_content
 from tsis.model.phantom import SoftSphere
 from tsis.model.press import PressField
 from tsis.virtual.direct_contact import DIRECT_CONTACT_RESOLUTION
@@ -71,7 +71,7 @@ class SolvedSphere:
     def __call__(
         self, probe: Probe, sphere: SoftSphere, *, forces_n: Sequence[float], resolution: object
     ) -> list[PressField]:
-        """Fields at ``forces_n``, as `tsis.hardness.press_fields` gives them."""
+        """Fields at ``forces_n``, as `tsis.hardness.sphere.press_fields` gives them."""
         del probe, resolution
         arrays = self.arrays()
         return [self._field(arrays, float(np.log(sphere.young_kpa)), float(force)) for force in forces_n]

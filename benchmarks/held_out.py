@@ -20,7 +20,8 @@ from benchmarks.simulated_presses import PROTOCOLS, SMALL, Protocol, SimulatedCa
 from tsis.catalog.probes import load_probe
 from tsis.cli import progress_bar
 from tsis.errors import TsisError
-from tsis.inclusion import PARAMETERS, estimate
+from tsis.inclusion import estimate
+from tsis.inclusion.prior import PARAMETERS
 from tsis.model.phantom import Inclusion, Phantom
 from tsis.virtual.probe import VirtualProbe
 

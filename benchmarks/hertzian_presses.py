@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.hardness import build_contact_table
+from tsis.hardness.table import build_contact_table
 from tsis.model.press import PressField
 
 if TYPE_CHECKING:

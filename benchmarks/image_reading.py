@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from PIL import Image
 
-from tsis.instrument import read_image
+from tsis.instrument.image_files import read_image
 
 if TYPE_CHECKING:
     from collections.abc import Callable

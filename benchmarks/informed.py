@@ -13,15 +13,16 @@ import numpy as np
 from benchmarks.lamp_laws import calibrated_probe
 
 from tsis.compiled import one_blas_thread
-from tsis.inclusion import press_tables, read_frames
-from tsis.inclusion.posterior import explore_inclusion
+from tsis.inclusion.posterior.exploration import explore_inclusion
+from tsis.inclusion.reading import press_tables, read_frames
 
 if TYPE_CHECKING:
     from benchmarks.press_bank import PressBank
     from benchmarks.simulated_presses import SimulatedCase
 
-    from tsis.inclusion import InclusionPrior, PressTables
-    from tsis.inclusion.posterior import InclusionPosterior
+    from tsis.inclusion import InclusionPrior
+    from tsis.inclusion.posterior.exploration import InclusionPosterior
+    from tsis.inclusion.reading import PressTables
     from tsis.model.probe import Probe
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.stats import binomtest, kstest
 
-from tsis.inclusion import PARAMETERS
+from tsis.inclusion.prior import PARAMETERS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping

@@ -17,14 +17,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import tsis
-from tsis.calibration import UsableCalibration
 from tsis.calibration.file import calibration_bytes, calibration_sha256, read_calibration
+from tsis.calibration.frames import UsableCalibration
 from tsis.calibration.scale import PixelScale
 from tsis.calibration.session import SessionFolder, SessionSetup, calibrate
 from tsis.files.atomic import write_durably
 from tsis.files.cache import cache_folder, content_key
 from tsis.model.calibration import Calibration, LightMap
-from tsis.optics.irradiance import Irradiance, irradiance
+from tsis.optics.face_light import Irradiance, irradiance
 from tsis.virtual.calibration_bench import VirtualBench
 from tsis.virtual.loading_machine import MachineErrors, VirtualLoadingMachine
 

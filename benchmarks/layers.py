@@ -25,7 +25,8 @@ from benchmarks.worlds import FINE_MESH, UnevenProbe
 
 import tsis
 from tsis.errors import TsisError
-from tsis.inclusion import PARAMETERS, InclusionPrior, estimate
+from tsis.inclusion import InclusionPrior, estimate
+from tsis.inclusion.prior import PARAMETERS
 from tsis.mechanics.tissue_field import TissueFieldResponse
 from tsis.virtual.examinations import draw_phantom
 

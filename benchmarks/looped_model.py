@@ -19,8 +19,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.inclusion.posterior import ForwardModel, Profiles
-    from tsis.mechanics.surrogate import Surrogate
+    from tsis.inclusion.posterior.forward import ForwardModel
+    from tsis.inclusion.posterior.likelihood import Profiles
+    from tsis.mechanics.surrogate.polynomial import Surrogate
 
     Numbers = NDArray[np.float64]
     # Plain tissue: values and two axes; change by an inclusion: values and five axes.
@@ -155,7 +156,7 @@ def _answers(
 ) -> Numbers:
     """Signal of each ring per newton and, under a dome, by its shape.
 
-    `tsis.inclusion.posterior._forward` lists the nuisances.
+    `tsis.inclusion.posterior.forward` lists the nuisances.
 
     A probe stiffer by a factor on some tissue does what the believed one does on tissue softer by that factor, with
     pressures and forces in units larger by it.

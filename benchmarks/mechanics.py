@@ -24,11 +24,16 @@ from rich.console import Console
 from threadpoolctl import threadpool_limits
 
 import tsis
-from tsis.mechanics import hats, mesh_rectangle, press, stiffness
-from tsis.mechanics.finite_strain import FiniteResolution, ProbeOnSlab, press_pairs, squeeze_path
-from tsis.mechanics.small_strain import PressKernel, Resolution
+from tsis.mechanics import press
+from tsis.mechanics.finite_strain.neo_hookean_press import press_pairs
+from tsis.mechanics.finite_strain.patches import FiniteResolution
+from tsis.mechanics.finite_strain.probe_on_slab import ProbeOnSlab
+from tsis.mechanics.finite_strain.soft_sphere import squeeze_path
+from tsis.mechanics.mesh import hats, mesh_rectangle, stiffness
+from tsis.mechanics.small_strain.linear_press import PressKernel
+from tsis.mechanics.small_strain.slab import Resolution
 from tsis.mechanics.solid import press_solid
-from tsis.mechanics.surrogate import build_surrogate
+from tsis.mechanics.surrogate.building import build_surrogate
 from tsis.model.phantom import Inclusion, Phantom
 
 if TYPE_CHECKING:
@@ -36,8 +41,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.mechanics.small_strain import PartialContact
-    from tsis.mechanics.surrogate import PressSurrogate, TissueSurrogate
+    from tsis.mechanics.small_strain.unilateral import PartialContact
+    from tsis.mechanics.surrogate.polynomial import PressSurrogate, TissueSurrogate
 
 PROBE, DOMED = tsis.load_probe("tsis-2011"), tsis.load_probe("tsis-domed")
 SPHERE = Inclusion(diameter_mm=10.0, depth_mm=5.0, young_kpa=100.0)

@@ -22,7 +22,8 @@ from studies.section_6_3 import PRINTED, PRINTED_ERROR, relative_error, without_
 
 import tsis
 from tsis.cli import progress_bar
-from tsis.inclusion import PARAMETERS, InclusionPrior, estimate
+from tsis.inclusion import InclusionPrior, estimate
+from tsis.inclusion.prior import PARAMETERS
 from tsis.virtual.examinations import surround
 
 if TYPE_CHECKING:

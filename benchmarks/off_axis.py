@@ -28,10 +28,11 @@ from rich.table import Table
 from scipy.interpolate import RectBivariateSpline
 
 import tsis
-from tsis.imaging import Sensor, expose, render
-from tsis.inclusion import ring_edges
-from tsis.inclusion.checks import APPARENT_FRACTION, inclusion_position
-from tsis.inclusion.posterior import off_axis_profile
+from tsis.imaging.rendering import render
+from tsis.imaging.sensor import Sensor, expose
+from tsis.inclusion.checks.position import APPARENT_FRACTION, inclusion_position
+from tsis.inclusion.frames import ring_edges
+from tsis.inclusion.posterior.rings import off_axis_profile
 from tsis.mechanics import press
 from tsis.mechanics.solid import SolidResolution, press_solid
 from tsis.mechanics.tissue_field import TissueFieldResponse

@@ -20,9 +20,10 @@ from benchmarks.harness import Bench
 from threadpoolctl import threadpool_limits
 
 import tsis
-from tsis.inclusion import InclusionPrior, estimate, press_tables, read_frames
-from tsis.inclusion.posterior import explore_inclusion
-from tsis.mechanics.surrogate import build_full_contact_surrogate
+from tsis.inclusion import InclusionPrior, estimate
+from tsis.inclusion.posterior.exploration import explore_inclusion
+from tsis.inclusion.reading import press_tables, read_frames
+from tsis.mechanics.surrogate.full_contact import build_full_contact_surrogate
 from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:
@@ -30,7 +31,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.inclusion.posterior import InclusionLikelihood, InclusionPosterior
+    from tsis.inclusion.posterior.exploration import InclusionPosterior
+    from tsis.inclusion.posterior.likelihood import InclusionLikelihood
     from tsis.model.calibration import Calibration
     from tsis.model.image import TactileImage
 

@@ -24,11 +24,11 @@ import tsis
 from tsis.cli import progress_bar
 from tsis.errors import MechanicsError
 from tsis.files.atomic import remove_unfinished, write_durably
-from tsis.imaging import Sensor
+from tsis.imaging.sensor import Sensor
 from tsis.inclusion import InclusionPrior
 from tsis.model.image import TactileImage
 from tsis.model.phantom import Inclusion, Phantom
-from tsis.optics.irradiance import irradiance
+from tsis.optics.face_light import irradiance
 from tsis.virtual.probe import nominal_calibration
 
 if TYPE_CHECKING:

@@ -27,19 +27,13 @@ from scipy.optimize import brentq
 from scipy.stats import binomtest, norm
 
 import tsis
-from tsis.calibration.guard import (
-    FrameShape,
-    GuardLimits,
-    GuardReference,
-    PressHistory,
-    PressWatch,
-    WatchState,
-    check_press,
-)
+from tsis.calibration.guard.limits import GuardLimits
+from tsis.calibration.guard.reading import FrameShape, GuardReference
+from tsis.calibration.guard.watch import PressHistory, PressWatch, WatchState, check_press
 from tsis.calibration.lamps import ReferencePatch
 from tsis.calibration.settling import assess_history
-from tsis.instrument import Frame
-from tsis.mechanics.small_strain import relaxing_press, settling_time_s
+from tsis.instrument.camera import Frame
+from tsis.mechanics.small_strain.relaxation import relaxing_press, settling_time_s
 from tsis.model.image import TactileImage
 from tsis.model.phantom import Relaxation
 from tsis.virtual.probe import VirtualProbe

@@ -33,7 +33,8 @@ from tsis.catalog.priors import inclusion_prior_toml, list_inclusion_priors, par
 from tsis.cli import progress_bar
 from tsis.errors import TsisError
 from tsis.files.cache import cache_folder, content_key
-from tsis.inclusion import PARAMETERS, InclusionPrior, estimate
+from tsis.inclusion import InclusionPrior, estimate
+from tsis.inclusion.prior import PARAMETERS
 
 if TYPE_CHECKING:
     from collections.abc import Callable

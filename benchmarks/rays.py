@@ -22,11 +22,13 @@ from rich.console import Console
 
 import tsis
 from tsis.mechanics import press
-from tsis.mechanics.small_strain import indent
+from tsis.mechanics.small_strain.rigid_ball import indent
 from tsis.model.press import PressField, PressMap
 from tsis.model.probe import FOUR_LEDS, Glass, Led, Probe
-from tsis.optics.irradiance import irradiance, leaving_light
-from tsis.optics.rays import WAYS_OUT, tip_press, trace_photons, trace_rays
+from tsis.optics.face_light import irradiance, leaving_light
+from tsis.optics.rays.geometry import tip_press
+from tsis.optics.rays.reference import WAYS_OUT, trace_photons
+from tsis.optics.rays.tracing import trace_rays
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

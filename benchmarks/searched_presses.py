@@ -15,7 +15,7 @@ import numpy as np
 from benchmarks.simulated_presses import Protocol, SimulatedCase
 from benchmarks.uneven_tissue import SPACING_MM, FaceGrid, Site, lump_changes, uneven
 
-from tsis.imaging import render
+from tsis.imaging.rendering import render
 from tsis.inclusion import InclusionPrior
 from tsis.mechanics import press
 from tsis.mechanics.solid import SolidResolution, press_solid

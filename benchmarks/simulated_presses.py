@@ -16,7 +16,7 @@ import numpy as np
 from benchmarks.solved_data import solved_data
 
 import tsis
-from tsis.inclusion import PARAMETERS
+from tsis.inclusion.prior import PARAMETERS
 from tsis.virtual.examinations import draw_phantom, reference_site
 from tsis.virtual.probe import VirtualProbe
 

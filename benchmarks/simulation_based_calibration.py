@@ -27,20 +27,18 @@ from scipy.stats import chisquare, gaussian_kde
 from threadpoolctl import threadpool_limits
 
 from tsis.cli import progress_bar
-from tsis.imaging import Sensor, radial_profile
-from tsis.inclusion import PARAMETERS, InclusionPrior, depletion_per_n, ring_edges, ring_light
-from tsis.inclusion.posterior import (
-    THICKNESS,
-    ForwardModel,
-    InclusionLikelihood,
-    Profiles,
-    explore_inclusion,
-    ring_correlation,
-    ring_responses,
-)
-from tsis.mechanics.surrogate import build_full_contact_surrogate
+from tsis.imaging.profile import radial_profile
+from tsis.imaging.sensor import Sensor
+from tsis.inclusion import InclusionPrior
+from tsis.inclusion.frames import depletion_per_n, ring_edges, ring_light
+from tsis.inclusion.posterior.exploration import explore_inclusion
+from tsis.inclusion.posterior.forward import THICKNESS, ForwardModel
+from tsis.inclusion.posterior.likelihood import InclusionLikelihood, Profiles
+from tsis.inclusion.posterior.rings import ring_correlation, ring_responses
+from tsis.inclusion.prior import PARAMETERS
+from tsis.mechanics.surrogate.full_contact import build_full_contact_surrogate
 from tsis.model.image import TactileImage
-from tsis.optics.irradiance import irradiance
+from tsis.optics.face_light import irradiance
 from tsis.virtual.examinations import DEEPEST_FRACTION
 from tsis.virtual.probe import nominal_calibration
 
@@ -49,7 +47,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.inclusion.posterior import InclusionPosterior
+    from tsis.inclusion.posterior.exploration import InclusionPosterior
 
 PROTOCOLS = {one.name: one for one in SMALL}
 ALONE = ("flat-alone", "domed")

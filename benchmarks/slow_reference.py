@@ -27,14 +27,16 @@ from scipy.stats import gaussian_kde, multivariate_normal
 from threadpoolctl import threadpool_limits
 
 from tsis.inclusion import InclusionPrior
-from tsis.inclusion.posterior import InclusionLikelihood, explore_inclusion
+from tsis.inclusion.posterior.exploration import explore_inclusion
+from tsis.inclusion.posterior.likelihood import InclusionLikelihood
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from tsis.inclusion.posterior import InclusionPosterior, Profiles
+    from tsis.inclusion.posterior.exploration import InclusionPosterior
+    from tsis.inclusion.posterior.likelihood import Profiles
 
 PROTOCOLS = {one.name: one for one in SMALL}
 CASES = (

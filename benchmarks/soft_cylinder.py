@@ -18,7 +18,7 @@ import numpy as np
 from benchmarks.harness import Bench
 from netgen.geom2d import SplineGeometry
 
-from tsis.mechanics.gel import layer_contact
+from tsis.mechanics.gel.contact import layer_contact
 
 WIDE = 4.0  # gel thicknesses from the middle to the free side, at least
 FINE, COARSE, ORDER = 0.03, 0.25, 2  # meshes over the cylinder's radius

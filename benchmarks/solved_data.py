@@ -6,7 +6,8 @@ from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, NoReturn
 from unittest.mock import patch
 
-from tsis.mechanics.surrogate import FiniteCorrection, Surrogate, TissueSurrogate
+from tsis.mechanics.surrogate.finite_correction import FiniteCorrection
+from tsis.mechanics.surrogate.polynomial import Surrogate, TissueSurrogate
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -14,7 +14,7 @@ from benchmarks.harness import Bench, Goal
 
 import tsis
 from tsis.errors import MechanicsError
-from tsis.mechanics.finite_strain import PressSeries
+from tsis.mechanics.finite_strain.neo_hookean_press import PressSeries
 
 MODULI_KPA = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
 FORCES_N = (0.1, 0.2, 0.5, 1.0, 2.0)

@@ -29,7 +29,8 @@ from benchmarks.simulated_presses import DEFAULT, PROTOCOLS, Protocol, examine
 from tsis.cli import progress_bar
 from tsis.errors import TsisError
 from tsis.files.cache import cache_folder, content_key
-from tsis.inclusion import PARAMETERS, InclusionPrior, estimate
+from tsis.inclusion import InclusionPrior, estimate
+from tsis.inclusion.prior import PARAMETERS
 from tsis.model.phantom import Inclusion, Phantom
 
 DEPTH_MM, THICKNESS_MM, TISSUE_KPA = 10.0, 35.0, 5.0

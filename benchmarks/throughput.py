@@ -27,8 +27,8 @@ from benchmarks.mechanics import PROBE, drawn_inclusions, slab_kernel, solved, t
 from threadpoolctl import threadpool_limits
 
 import tsis
-from tsis.mechanics.small_strain import Resolution
-from tsis.mechanics.surrogate import build_surrogate
+from tsis.mechanics.small_strain.slab import Resolution
+from tsis.mechanics.surrogate.building import build_surrogate
 
 if TYPE_CHECKING:
     from collections.abc import Callable

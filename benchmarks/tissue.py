@@ -19,10 +19,13 @@ from rich.progress import track
 
 import tsis
 from tsis.errors import MechanicsError
-from tsis.inclusion import PARAMETERS, InclusionPrior, prior_on_tissue, protocol_forces, tissue_modulus
-from tsis.inclusion.posterior import ring_correction, ring_means, ring_responses
-from tsis.mechanics.finite_strain import PressSeries
-from tsis.mechanics.surrogate import build_finite_correction, build_full_contact_surrogate
+from tsis.inclusion import InclusionPrior
+from tsis.inclusion.posterior.rings import ring_correction, ring_means, ring_responses
+from tsis.inclusion.prior import PARAMETERS
+from tsis.inclusion.tissue import prior_on_tissue, protocol_forces, tissue_modulus
+from tsis.mechanics.finite_strain.neo_hookean_press import PressSeries
+from tsis.mechanics.surrogate.correction_building import build_finite_correction
+from tsis.mechanics.surrogate.full_contact import build_full_contact_surrogate
 from tsis.model.calibration import LIGHT_REACH, LIGHT_RINGS
 from tsis.model.phantom import Inclusion, Phantom
 from tsis.virtual.examinations import RepeatedExamination, coverage_counts

@@ -3,7 +3,8 @@
 Lumps are spheres of 4 to 10 mm that do not meet; the logarithm of each one's modulus over the tissue's is normal. Their
 centres lie within 6 mm of the probe's axis and their tops 1 to 15 mm deep, so tissue farther out is even, and so is
 what lies between them. In three dimensions they are pressed as they are. Elsewhere what each changes is solved on the
-axis, moved beside it (`tsis.inclusion.posterior.off_axis_profile`), and added up: right for weak lumps, as they are.
+axis, moved beside it (`tsis.inclusion.posterior.rings.off_axis_profile`), and added up: right for weak lumps, as they
+are.
 """
 
 from __future__ import annotations
@@ -16,9 +17,10 @@ import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 
 from tsis.files.cache import cached_arrays, content_key
-from tsis.inclusion.posterior import FARTHEST, SHIFTED
+from tsis.inclusion.posterior.rings import FARTHEST, SHIFTED
 from tsis.mechanics import press
-from tsis.mechanics.surrogate import contrast_factor, mechanical_content
+from tsis.mechanics.mesh import mechanical_content
+from tsis.mechanics.surrogate.polynomial import contrast_factor
 from tsis.model.phantom import Inclusion, Phantom
 from tsis.model.press import PressField, PressMap
 from tsis.virtual.probe import FINE_RESOLUTION

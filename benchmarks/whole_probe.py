@@ -23,7 +23,8 @@ import numpy as np
 from benchmarks.harness import Bench
 from benchmarks.rays import INNER, LEVEL, PROBE
 
-from tsis.optics.rays import scene, trace_rays
+from tsis.optics.rays.geometry import scene
+from tsis.optics.rays.tracing import trace_rays
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -13,10 +13,14 @@ import numpy as np
 
 import tsis
 from tsis.calibration.file import ProbeCalibration, write_calibration
-from tsis.imaging import Sensor, expose, features, render
-from tsis.inclusion import InclusionPrior, ring_edges
-from tsis.optics.irradiance import irradiance
-from tsis.present.inclusion import inclusion_report
+from tsis.imaging import features
+from tsis.imaging.rendering import render
+from tsis.imaging.sensor import Sensor, expose
+from tsis.inclusion import InclusionPrior
+from tsis.inclusion.frames import ring_edges
+from tsis.optics.face_light import irradiance
+from tsis.present.html import html_bytes
+from tsis.present.inclusion import inclusion_page
 
 FORCES_N = (0.5, 1.0)
 
@@ -57,7 +61,7 @@ def main(folder: Path) -> None:
     low, high = estimate.interval(0.9)["diameter_mm"]
 
     # The report, one page without scripts.
-    page = inclusion_report(
+    page = inclusion_page(
         estimate,
         title="Press on a phantom",
         subtitle=f"{probe.name}, {FORCES_N[0]:g} and {FORCES_N[1]:g} N",
@@ -67,7 +71,7 @@ def main(folder: Path) -> None:
         ring_edges_mm=ring_edges(probe),
         truth={"diameter_mm": inclusion.diameter_mm, "depth_mm": inclusion.depth_mm, "young_kpa": inclusion.young_kpa},
     )
-    (folder / "report.html").write_bytes(page)
+    (folder / "report.html").write_bytes(html_bytes(page))
     print(f"diameter {low:.2f} to {high:.2f} mm; it is {inclusion.diameter_mm:g} mm. Research use only.")
     assert low < inclusion.diameter_mm < high < low + 2.0
 

@@ -19,12 +19,13 @@ import tomli_w
 import tsis
 from tsis.catalog.probes import list_probes
 from tsis.files.cache import SHIPPED_KEYS, shipped_tables
-from tsis.hardness import build_contact_table
-from tsis.inclusion import InclusionPrior, prior_on_tissue
-from tsis.inclusion.posterior import build_field_table
+from tsis.hardness.table import build_contact_table
+from tsis.inclusion import InclusionPrior
+from tsis.inclusion.posterior.uneven_tissue import build_field_table
+from tsis.inclusion.tissue import prior_on_tissue
 from tsis.mechanics import press
-from tsis.mechanics.finite_strain import PressSeries
-from tsis.mechanics.surrogate import build_finite_correction
+from tsis.mechanics.finite_strain.neo_hookean_press import PressSeries
+from tsis.mechanics.surrogate.correction_building import build_finite_correction
 from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:

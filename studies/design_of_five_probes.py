@@ -18,17 +18,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.cli import progress_bar
-from tsis.imaging import Sensor
-from tsis.inclusion import PARAMETERS, InclusionPrior
-from tsis.inclusion.design import (
-    Design,
-    ProtocolInformation,
-    compare_designs,
-    default_protocols,
-    dissertation_inclusions,
-    protocol_information,
-)
-from tsis.mechanics.surrogate import FULL_CONTACT_DEGREES
+from tsis.imaging.sensor import Sensor
+from tsis.inclusion import InclusionPrior
+from tsis.inclusion.design.alternatives import Design, compare_designs
+from tsis.inclusion.design.information import ProtocolInformation, dissertation_inclusions, protocol_information
+from tsis.inclusion.design.protocol import default_protocols
+from tsis.inclusion.prior import PARAMETERS
+from tsis.mechanics.surrogate.full_contact import FULL_CONTACT_DEGREES
 from tsis.virtual.probe import nominal_calibration
 
 if TYPE_CHECKING:
@@ -36,7 +32,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.inclusion.design import Protocol
+    from tsis.inclusion.design.protocol import Protocol
 
 # Expected root mean square errors over the ranges of diameter (mm), depth (mm) and modulus (kPa).
 EARLIER = {

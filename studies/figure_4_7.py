@@ -20,8 +20,11 @@ from scipy import ndimage
 from studies.shown import Shown
 
 import tsis
-from tsis.imaging import Sensor, features, height_surface, signal
-from tsis.optics.irradiance import irradiance
+from tsis.imaging import features
+from tsis.imaging.corrections import signal
+from tsis.imaging.sensor import Sensor
+from tsis.imaging.surface import height_surface
+from tsis.optics.face_light import irradiance
 from tsis.present.figures import relief, tactile_image
 from tsis.virtual.probe import VirtualProbe, nominal_calibration
 

@@ -22,7 +22,7 @@ from skimage import data
 from skimage.feature import corner_peaks, corner_shi_tomasi
 from studies.shown import Shown
 
-from tsis.matching import match_points
+from tsis.matching.registration import match_points
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -19,8 +19,8 @@ import numpy as np
 from studies.shown import Shown
 
 import tsis
-from tsis.mechanics import effective_modulus_kpa
-from tsis.mechanics.small_strain import indent
+from tsis.mechanics.closed_forms import effective_modulus_kpa
+from tsis.mechanics.small_strain.rigid_ball import indent
 from tsis.model.probe import Layer, Probe
 
 if TYPE_CHECKING:

@@ -4,7 +4,8 @@ The source presses a tip of 2 mm radius with 0 to 2 N in steps of 0.1 N and back
 the sums a straight line without hysteresis, and finds 2.45 % between the lines of tips of 10 and 14 mm at 0.8 N.
 `studies/section_5_1.py` asks which contact model makes such a line, with Hertz's contact on a soft half-space into
 which the tip of 2 mm would sink over its equator. Here the probe is the catalog's stiff one, on which all twenty forces
-of that tip can be solved with large strains; the wide tips are those of `tsis.mechanics.small_strain.indent`.
+of that tip can be solved with large strains; the wide tips are those of
+`tsis.mechanics.small_strain.rigid_ball.indent`.
 
 The pressure is Hertz's with the solved contact radius: pointwise pressures under a rigid tip carry the elements' own
 waves, the radius does not. Frames are a camera's, with lamps that drift, noise and rounding, less a frame without
@@ -42,11 +43,12 @@ from studies.section_5_1 import (
 from studies.shown import Shown
 
 import tsis
-from tsis.hardness import hertzian_radius_mm, press_fields
-from tsis.imaging import expose, render
-from tsis.mechanics import HertzContact
-from tsis.mechanics.finite_strain import SphereResolution
-from tsis.mechanics.small_strain import indent
+from tsis.hardness.sphere import hertzian_radius_mm, press_fields
+from tsis.imaging.rendering import render
+from tsis.imaging.sensor import expose
+from tsis.mechanics.closed_forms import HertzContact
+from tsis.mechanics.finite_strain.soft_sphere import SphereResolution
+from tsis.mechanics.small_strain.rigid_ball import indent
 from tsis.model.phantom import SoftSphere
 from tsis.model.press import MN_PER_N, PressField
 from tsis.present.figures import contact_rows, grey_sums

@@ -31,7 +31,8 @@ from studies.shown import Shown
 
 import tsis
 from tsis.catalog.phantoms import load_sphere
-from tsis.hardness import STRESSES, PrintedHardness, estimate, printed_estimate
+from tsis.hardness import estimate
+from tsis.hardness.strain_map import STRESSES, PrintedHardness, printed_estimate
 from tsis.virtual.direct_contact import DirectContactRig
 
 if TYPE_CHECKING:

@@ -31,7 +31,8 @@ from scipy.special import erfinv
 
 import tsis
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.optics.rays import evenly_pressed_face, evenly_raised_face, trace_rays
+from tsis.optics.rays.geometry import evenly_pressed_face, evenly_raised_face
+from tsis.optics.rays.tracing import trace_rays
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -33,12 +33,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import tsis
-from tsis.imaging import CONTACT_MODELS, LedDrift, Sensor, expose, find_lost_light, render
-from tsis.mechanics import effective_modulus_kpa, hertz_under_force
-from tsis.mechanics.small_strain import indent
+from tsis.imaging.corrections import find_lost_light
+from tsis.imaging.rendering import CONTACT_MODELS, render
+from tsis.imaging.sensor import LedDrift, Sensor, expose
+from tsis.mechanics.closed_forms import effective_modulus_kpa, hertz_under_force
+from tsis.mechanics.small_strain.rigid_ball import indent
 from tsis.model.calibration import Calibration
 from tsis.model.press import PressField
-from tsis.optics.irradiance import irradiance
+from tsis.optics.face_light import irradiance
 from tsis.virtual.probe import nominal_calibration
 
 if TYPE_CHECKING:
@@ -46,9 +48,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.imaging import LostLight
+    from tsis.imaging.corrections import LostLight
     from tsis.model.calibration import LightMap
-    from tsis.optics.irradiance import Irradiance
+    from tsis.optics.face_light import Irradiance
 
 
 PRINTED_SLOPE = 1.4778e6  # grey levels a newton, (5.4)

@@ -25,7 +25,6 @@ import numpy as np
 
 import tsis
 from tsis.cli import progress_bar
-from tsis.inclusion import PARAMETERS
 from tsis.inclusion.network import (
     change_reading,
     fit_mapping,
@@ -36,7 +35,9 @@ from tsis.inclusion.network import (
     simulated_outputs,
 )
 from tsis.inclusion.network_training import estimate_by_networks
-from tsis.mechanics.surrogate import Box, build_surrogate
+from tsis.inclusion.prior import PARAMETERS
+from tsis.mechanics.surrogate.building import build_surrogate
+from tsis.mechanics.surrogate.polynomial import Box
 from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:

@@ -33,7 +33,7 @@ from tsis.errors import TsisError
 from tsis.files.cache import cached_arrays, content_key
 from tsis.inclusion import estimate
 from tsis.mechanics import press
-from tsis.mechanics.surrogate import mechanical_content
+from tsis.mechanics.mesh import mechanical_content
 from tsis.model.press import PressField
 from tsis.study.proportions import Counts, Proportion
 from tsis.study.roc import Roc, newcombe_interval

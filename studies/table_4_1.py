@@ -20,8 +20,8 @@ import numpy as np
 from studies.shown import Shown
 
 import tsis
-from tsis.calibration.force import TIPS_MM, Loading, fit_force_line, loading_forces, read_loading_frame
-from tsis.calibration.reference import CameraReference, make_reference
+from tsis.calibration.camera_reference import CameraReference, make_reference
+from tsis.calibration.force_line import TIPS_MM, Loading, fit_force_line, loading_forces, read_loading_frame
 from tsis.calibration.specification import edge_width, specification_sheet
 from tsis.present.figures import hysteresis_loops
 from tsis.virtual.loading_machine import FLAT_LEVELS, VirtualLoadingMachine
@@ -30,9 +30,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from tsis.calibration import MeasuredValue
+    from tsis.calibration.measured import MeasuredValue
     from tsis.calibration.specification import Specification
-    from tsis.imaging import Sensor
+    from tsis.imaging.sensor import Sensor
 
 PROBE = tsis.load_probe("tsis-direct")
 RUNS = 2  # loadings of each tip: what is repeated needs a repeat

@@ -18,7 +18,7 @@ from studies.section_6_3 import PRINTED, ROUTES, relative_error
 from studies.section_6_3 import run as train_networks
 from studies.shown import Shown
 
-from tsis.inclusion import PARAMETERS
+from tsis.inclusion.prior import PARAMETERS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 from benchmarks.curves.curve import Curve, Line
 from benchmarks.mechanics import PROBE
 
-from tsis.mechanics.surrogate import Box, Degrees, build_surrogate
+from tsis.mechanics.surrogate.building import build_surrogate
+from tsis.mechanics.surrogate.polynomial import Box, Degrees
 
 if TYPE_CHECKING:
     from collections.abc import Callable

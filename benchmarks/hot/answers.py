@@ -18,7 +18,7 @@ from benchmarks.posterior_speed import DENSE, PROTOCOLS, PosteriorBench, grid_wi
 from benchmarks.store_speed import BEGUN, frame, kept_plainly, plain_database
 from sklearn.metrics import roc_auc_score
 
-from tsis.inclusion.posterior import explore_inclusion
+from tsis.inclusion.posterior.exploration import explore_inclusion
 from tsis.records.store import open_store
 from tsis.study.roc import auc_covariance
 

@@ -11,7 +11,7 @@ from benchmarks.harness import Contest, Side, missing, timed, version
 from benchmarks.image_reading import frame_file, readers
 
 import tsis
-from tsis.imaging import expose
+from tsis.imaging.sensor import expose
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -11,7 +11,7 @@ from benchmarks.slab_modes import CASES, by_peer
 
 from tsis.optics import guided_modes
 from tsis.optics.propagation import Dent, propagate, thin_guide
-from tsis.optics.rays import trace_rays
+from tsis.optics.rays.tracing import trace_rays
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

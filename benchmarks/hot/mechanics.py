@@ -23,8 +23,8 @@ from benchmarks.mechanics import (
 from benchmarks.peers.chebyshev_rings import rings_by_numpy
 
 from tsis.mechanics import press
-from tsis.mechanics.small_strain import Resolution
-from tsis.mechanics.surrogate import build_surrogate
+from tsis.mechanics.small_strain.slab import Resolution
+from tsis.mechanics.surrogate.building import build_surrogate
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

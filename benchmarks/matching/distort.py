@@ -17,7 +17,7 @@ import numpy as np
 import scipy
 
 from tsis.errors import InputError
-from tsis.matching import UNMATCHED
+from tsis.matching.methods import UNMATCHED
 from tsis.model.require import require_array, require_integer, require_number, require_one_of
 
 if TYPE_CHECKING:

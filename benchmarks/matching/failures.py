@@ -15,7 +15,7 @@ from benchmarks.matching.trials import matching_error
 from benchmarks.matching.trust_shapes import trust_trial
 from matplotlib.figure import Figure
 
-from tsis.matching import match_points
+from tsis.matching.registration import match_points
 from tsis.present.figures import point_sets
 
 SEED = 60001

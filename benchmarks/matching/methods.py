@@ -14,7 +14,7 @@ import numpy as np
 from benchmarks.matching.runs import MatchOutcome
 
 from tsis.errors import MissingExtraError
-from tsis.matching import METHODS, match_points
+from tsis.matching.registration import METHODS, match_points
 from tsis.model.require import require_one_of
 
 if TYPE_CHECKING:

@@ -11,7 +11,9 @@ import numpy as np
 import scipy
 from benchmarks.matching.trials import matching_error
 
-from tsis.matching import RELIABLE, NormalFrame, fit_and_measures, probability_right, trust_features
+from tsis.matching.methods import NormalFrame
+from tsis.matching.posterior import RELIABLE, probability_right, trust_features
+from tsis.matching.registration import fit_and_measures
 from tsis.model.require import require_number
 
 if TYPE_CHECKING:
@@ -20,7 +22,7 @@ if TYPE_CHECKING:
     from benchmarks.matching.distort import Floats, Trial
     from benchmarks.matching.runs import TrialRow
 
-    from tsis.matching import PosePosterior
+    from tsis.matching.posterior import PosePosterior
 
 
 FAILURE_RMS = 0.1  # least root-mean-square error of a failure, for a shape that about fills the unit box
@@ -271,7 +273,7 @@ class TrustCase:
 
 
 def trust_cases(trial: Trial, methods: Sequence[str], *, rotation_sd_deg: float | None = None) -> Iterator[TrustCase]:
-    """Match a trial by methods of `tsis.matching.METHODS` and compare the answers with the truth.
+    """Match a trial by methods of `tsis.matching.registration.METHODS` and compare the answers with the truth.
 
     The search for poses is that of the first method.
     """

@@ -13,7 +13,7 @@ from benchmarks.matching.distort import PUBLIC_LEVELS, SHAPES, Trial, distort, p
 
 from tsis.errors import FileInputError, InputError
 from tsis.files.reading import printable_path, read_bytes
-from tsis.matching import UNMATCHED
+from tsis.matching.methods import UNMATCHED
 from tsis.model.require import require_array, require_integer, require_number, require_one_of
 
 if TYPE_CHECKING:

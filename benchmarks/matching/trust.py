@@ -7,7 +7,7 @@ rows in the file. ``--peers`` are programs of `benchmarks.matching.methods.PEERS
 the calibration generator, each cell is compared with the peer that erred least there. ``--figure`` draws the
 reliability diagram. ``--rate`` computes the confidence of rows again, of a version with the same search but other
 weights.
-``--generator calibration --calibrate`` prints the weights of `tsis.matching._posterior` instead, how well the
+``--generator calibration --calibrate`` prints the weights of `tsis.matching.posterior` instead, how well the
 present ones fit, and how often answers above a log odds of being right were wrong, with weights of the other trials.
 ``--clutter 30`` matches as many shapes among three outliers an inlier instead, uniform and in clusters.
 """
@@ -33,7 +33,8 @@ from scipy.optimize import minimize
 from scipy.stats import beta
 
 from tsis.compiled import one_blas_thread
-from tsis.matching import METHODS, trust_features, trust_log_odds
+from tsis.matching.posterior import trust_features, trust_log_odds
+from tsis.matching.registration import METHODS
 
 if TYPE_CHECKING:
     from benchmarks.matching.distort import Trial

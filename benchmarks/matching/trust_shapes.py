@@ -13,7 +13,7 @@ import numpy as np
 from benchmarks.matching.distort import SHAPES, Distortion, Trial, distort
 from scipy.interpolate import CubicSpline
 
-from tsis.matching import UNMATCHED
+from tsis.matching.methods import UNMATCHED
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.mechanics import face_lines, graded, outer_lines, two_sided_lines
+from tsis.mechanics.mesh import face_lines, graded, outer_lines, two_sided_lines
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from tsis.mechanics.surrogate import contrast_factor, signal_scale
+from tsis.mechanics.surrogate.polynomial import contrast_factor, signal_scale
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import NDArray
 
-    from tsis.mechanics.surrogate import TissueSurrogate
+    from tsis.mechanics.surrogate.polynomial import TissueSurrogate
 
 AT_ONCE = 2000  # inclusions, so that what lies between fits into memory
 

@@ -6,7 +6,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import tsis
-from tsis.imaging import features, subtract_background
+from tsis.imaging import features
+from tsis.imaging.corrections import subtract_background
 from tsis.inclusion import InclusionPrior, estimate
 from tsis.present.figures import marginal, tactile_image
 from tsis.virtual.probe import VirtualProbe

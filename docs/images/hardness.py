@@ -7,7 +7,8 @@ from matplotlib.figure import Figure
 
 import tsis
 from tsis.catalog.phantoms import load_sphere
-from tsis.hardness import build_contact_table, estimate
+from tsis.hardness import estimate
+from tsis.hardness.table import build_contact_table
 from tsis.imaging import features
 from tsis.present.figures import contact_growth, tactile_image
 from tsis.virtual.direct_contact import DirectContactRig

@@ -10,9 +10,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from studies.section_5_1 import PROBE, bench, draw, pressed, run
 
-from tsis.imaging import Sensor, expose, render
+from tsis.imaging.rendering import render
+from tsis.imaging.sensor import Sensor, expose
 from tsis.model.image import TactileImage
-from tsis.optics.irradiance import irradiance
+from tsis.optics.face_light import irradiance
 from tsis.present.figures import tactile_image
 
 if TYPE_CHECKING:

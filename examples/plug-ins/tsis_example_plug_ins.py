@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.errors import CameraError, GaugeError
-from tsis.instrument import CameraInfo, Frame, Mode
+from tsis.instrument.camera import Frame, Mode
+from tsis.instrument.discovery import CameraInfo
 from tsis.instrument.gauge import ForceReading
-from tsis.matching import MatchFit
+from tsis.matching.methods import MatchFit
 from tsis.model.probe import Layer, Probe
 from tsis.model.require import require_number
 
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from tsis.instrument import Setting
+    from tsis.instrument.camera import Setting
     from tsis.records.values import TargetRecord
 
 

@@ -16,12 +16,15 @@ from tsis.__about__ import __version__
 
 if TYPE_CHECKING:
     from tsis import calibration as calibration
+    from tsis import catalog as catalog
+    from tsis import files as files
     from tsis import hardness as hardness
     from tsis import imaging as imaging
     from tsis import inclusion as inclusion
     from tsis import instrument as instrument
     from tsis import matching as matching
     from tsis import mechanics as mechanics
+    from tsis import model as model
     from tsis import optics as optics
     from tsis import plugins as plugins
     from tsis import present as present

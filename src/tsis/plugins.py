@@ -29,7 +29,7 @@ PLUGIN_KINDS: Mapping[str, str] = MappingProxyType(  # by the end of the group's
         "cameras": "an object with find_cameras_here(), missing_requirement() and connect(identity)",
         "probes": "a function without arguments that returns a tsis.Probe",
         "gauges": "a function of the text after 'NAME:' that returns a tsis.instrument.gauge.Gauge",
-        "matching": "a function as tsis.matching.MatchMethod",
+        "matching": "a function as tsis.matching.methods.MatchMethod",
         "exporters": "a function of a tsis.records.values.TargetRecord and the path of a new file, which it writes",
     }
 )

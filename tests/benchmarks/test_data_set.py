@@ -15,7 +15,7 @@ from benchmarks.simulated_presses import SimulatedCase
 import tsis
 from benchmarks import data_set
 from tsis.errors import FileInputError
-from tsis.inclusion import PARAMETERS
+from tsis.inclusion.prior import PARAMETERS
 from tsis.model.image import TactileImage
 
 if TYPE_CHECKING:

@@ -13,8 +13,8 @@ from benchmarks.searched_presses import MovingProbe, draw
 from benchmarks.uneven_tissue import FaceGrid, Site, uneven
 
 import tsis
-from tsis.imaging import Sensor
-from tsis.inclusion.posterior import off_axis_profile
+from tsis.imaging.sensor import Sensor
+from tsis.inclusion.posterior.rings import off_axis_profile
 from tsis.model.phantom import Inclusion, Phantom
 from tsis.virtual.probe import VirtualProbe
 

@@ -14,7 +14,7 @@ from benchmarks.peers.chebyshev_rings import rings_by_numpy
 from benchmarks.peers.placement_matrix import area_and_variance
 from benchmarks.speed import PATHS, cells, measured
 
-from tsis.mechanics.surrogate import Box, TissueSurrogate
+from tsis.mechanics.surrogate.polynomial import Box, TissueSurrogate
 from tsis.study.roc import auc_covariance
 
 if TYPE_CHECKING:

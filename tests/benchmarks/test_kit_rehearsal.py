@@ -9,7 +9,7 @@ import pytest
 from benchmarks.kit_rehearsal import bench_table, held_cylinder_force, made_phantoms, measured_phantoms, rehearse
 
 from tsis.inclusion import InclusionPrior
-from tsis.mechanics import bonded_factor
+from tsis.mechanics.bench_tests import bonded_factor
 from tsis.study.kit import bench_moduli
 from tsis.study.readings import read_truth_table
 

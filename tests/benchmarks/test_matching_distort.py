@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.spatial.distance import pdist
 
 from tsis.errors import InputError
-from tsis.matching import UNMATCHED
+from tsis.matching.methods import UNMATCHED
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

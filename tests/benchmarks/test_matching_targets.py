@@ -15,7 +15,7 @@ from benchmarks.matching.__main__ import (
 from benchmarks.matching.runs import TrialRow
 from benchmarks.matching.summary import summarise, summarise_pooled
 
-from tsis.matching import UNMATCHED
+from tsis.matching.methods import UNMATCHED
 
 
 def rows_of(name: str, method: str, errors: list[float], *, seconds: float = 0.1) -> list[TrialRow]:

@@ -19,7 +19,7 @@ from benchmarks.matching.trials import (
 )
 
 from tsis.errors import FileInputError, InputError
-from tsis.matching import UNMATCHED
+from tsis.matching.methods import UNMATCHED
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -11,7 +11,7 @@ from benchmarks.matching.trials import matching_error
 from benchmarks.matching.trust import best_peers, draw_reliability, ratio_table, tenths, trust_table
 from benchmarks.matching.trust_shapes import trust_trial
 
-from tsis.matching import match_points
+from tsis.matching.registration import match_points
 
 if TYPE_CHECKING:
     from pathlib import Path

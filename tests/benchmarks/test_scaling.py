@@ -17,7 +17,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
-from tsis.mechanics.surrogate import Box
+from tsis.mechanics.surrogate.polynomial import Box
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -22,7 +22,9 @@ def test_an_estimate_that_is_called_while_data_are_made_is_refused(strain: str) 
     arguments: dict[str, Any] = {"probe": PROBE, "calibration": virtual.calibration, "strain": strain}
     with solved_data(), pytest.raises(TableReadError):
         tsis.inclusion.estimate(frame, **arguments)
-    assert tsis.inclusion.estimate(frame, **arguments).names == tsis.inclusion.PARAMETERS  # the guard is gone again
+    assert (
+        tsis.inclusion.estimate(frame, **arguments).names == tsis.inclusion.prior.PARAMETERS
+    )  # the guard is gone again
 
 
 def test_presses_of_a_benchmark_need_no_table() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from benchmarks.successors import DEPTH_MM, EVALUATED, PRIOR, SPHERES, relative_errors, sphere, sphere_rows, totals
 
-from tsis.inclusion import PARAMETERS
+from tsis.inclusion.prior import PARAMETERS
 
 
 def test_every_stated_sphere_lies_well_inside_the_prior() -> None:

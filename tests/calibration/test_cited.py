@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from tests.calibration.file.bench import bench
 
-from tsis.calibration import read_usable_calibration
 from tsis.calibration.file import calibration_bytes, calibration_sha256, write_calibration
+from tsis.calibration.frames import read_usable_calibration
 from tsis.errors import CalibrationError, FileInputError
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from tsis.calibration import MeasuredValue
+from tsis.calibration.measured import MeasuredValue
 from tsis.errors import InputError
 
 

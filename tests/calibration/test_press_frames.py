@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tsis.calibration import _press_frames, load_frames
+from tsis.calibration import frames, load_frames
 from tsis.errors import TsisError
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def test_a_folder_may_hold_as_many_sidecars_as_the_limit(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, most: int, refusal: str
 ) -> None:
-    monkeypatch.setattr(_press_frames, "MOST_FRAMES", most)
+    monkeypatch.setattr(frames, "MOST_FRAMES", most)
     for number in range(3):
         (tmp_path / f"{number}.json").write_text("{}", encoding="utf-8")
     with pytest.raises(TsisError, match=refusal):

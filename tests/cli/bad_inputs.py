@@ -28,7 +28,7 @@ import numpy as np
 import tsis
 from tsis.calibration.file import ProbeCalibration, calibration_bytes
 from tsis.cli import main as main_of_tsis
-from tsis.imaging import Sensor
+from tsis.imaging.sensor import Sensor
 from tsis.virtual.probe import nominal_calibration
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ import pytest
 from tsis.calibration.file import ProbeCalibration, write_calibration
 from tsis.catalog.phantoms import load_phantom
 from tsis.catalog.probes import load_probe
-from tsis.instrument import CameraInfo, CameraListing
+from tsis.instrument.discovery import CameraInfo, CameraListing
 from tsis.instrument.gauge import SimulatedGauge
 from tsis.virtual.camera import VirtualCamera
 from tsis.virtual.probe import VirtualProbe
@@ -91,7 +91,7 @@ def test_a_list_shows_cameras_and_what_is_missing(run_tsis: RunTsis, monkeypatch
     findings = CameraListing(
         cameras=(found,), missing={"pylon": "the camera source pylon needs pypylon; pip install ..."}
     )
-    monkeypatch.setattr("tsis.instrument.find_cameras", lambda: findings)
+    monkeypatch.setattr("tsis.instrument.discovery.find_cameras", lambda: findings)
     document = json.loads(run_tsis("acquire", "--list", "--json").out)
     assert document["found"] == [
         {"source": "aravis", "identity": "Maker-[red]7", "maker": "Maker [/]", "model": "M", "note": "10.0.0.2"}
@@ -358,7 +358,7 @@ def test_the_gauges_force_stands_beside_each_frame(
         assert port == "port"
         return SimulatedGauge(lambda time_s: 1.25, rng=np.random.default_rng(1), rate_per_s=200.0)
 
-    monkeypatch.setattr("tsis.instrument.gauge._force_log.SerialGauge", gauge)
+    monkeypatch.setattr("tsis.instrument.force_log.SerialGauge", gauge)
     finished = run_tsis("acquire", *UNTOUCHED, "--gauge", "port", "--json")
     assert finished.code == 0, finished.err
     assert json.loads(finished.out)["force"]["force_n"] == pytest.approx(1.25, abs=0.01)

@@ -12,8 +12,8 @@ import pytest
 from tsis.catalog.sensors import load_sensor
 from tsis.errors import ImageMismatchError, InputError
 from tsis.files.images import encode_picture
-from tsis.imaging import contacts
 from tsis.imaging.depth import DepthCalibration, DepthMapper, depth_calibration_json
+from tsis.imaging.gel_contact import contacts
 from tsis.virtual.gel_frames import random_gel_press
 
 if TYPE_CHECKING:

@@ -355,8 +355,8 @@ def answered(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
 def playing(monkeypatch: pytest.MonkeyPatch) -> Playing:
     camera = Playing()
     monkeypatch.setattr(GUIDE, "live_connector", lambda spec: lambda: camera)
-    monkeypatch.setattr("tsis.calibration.session._live_bench.TIMEOUT_S", HANGS_S)  # a busy machine brings frames late
-    monkeypatch.setattr("tsis.instrument.acquisition._acquisition.FIRST_FRAME_S", HANGS_S)
+    monkeypatch.setattr("tsis.calibration.session.TIMEOUT_S", HANGS_S)  # a busy machine brings frames late
+    monkeypatch.setattr("tsis.instrument.acquisition.FIRST_FRAME_S", HANGS_S)
     return camera
 
 

@@ -279,7 +279,7 @@ def test_a_calibration_of_another_probe_is_refused(
     def built(*_: object, **__: object) -> None:
         raise AssertionError("the surrogate is built before the calibration is looked at")
 
-    monkeypatch.setattr("tsis.inclusion._reading.build_full_contact_surrogate", built)
+    monkeypatch.setattr("tsis.inclusion.reading.build_full_contact_surrogate", built)
     (tmp_path / "calibration.json").write_bytes(_known(probe="tsis-domed"))
     options = ("--calibration", "calibration.json", "--force-n", "1", "--scale-mm", "0.05", "--probe", "tsis-2011")
     finished = run_tsis("examine", "press.png", *options)

@@ -82,15 +82,15 @@ def test_a_terminal_shows_whole_numbers(columns: int) -> None:
 
 
 def test_withheld_numbers_stay_withheld(run: RunTsis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from tsis.inclusion import _budget
-    from tsis.inclusion._estimate import analyse
+    from tsis.inclusion import budget
+    from tsis.inclusion.estimation import analyse
 
     def untrusted(*args: Any, **options: Any) -> Any:
         found = analyse(*args, **options)
         estimate = Estimate(untrusted=found.estimate.untrusted, trusted=False, flags=("model_does_not_fit",))
         return replace(found, estimate=estimate)
 
-    monkeypatch.setattr(_budget, "analyse", untrusted)
+    monkeypatch.setattr(budget, "analyse", untrusted)
     finished = run(*BUDGET, "--out", str(tmp_path / "made"))
     assert finished.code == 3
     assert "The uncertainty budget of the depth is withheld: not to be trusted." in " ".join(finished.out.split())

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from tests.records.sample import sample_estimate
 
-from tsis.calibration import MeasuredValue
+from tsis.calibration.camera_reference import CameraReference
 from tsis.calibration.file import ProbeCalibration, write_calibration
-from tsis.calibration.force import ForceLine
-from tsis.calibration.reference import CameraReference
+from tsis.calibration.force_line import ForceLine
+from tsis.calibration.measured import MeasuredValue
 from tsis.calibration.scale import PixelScale
 from tsis.errors import InputError
 from tsis.model.calibration import Calibration

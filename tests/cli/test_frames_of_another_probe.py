@@ -13,8 +13,8 @@ from tests.calibration.file.bench import bench_reference, bench_scale
 from tests.cli.test_saved_frames import snapshot
 
 import tsis
-from tsis.calibration import UsableCalibration
 from tsis.calibration.file import ProbeCalibration, calibration_bytes
+from tsis.calibration.frames import UsableCalibration
 from tsis.errors import CalibrationError, FileInputError, ImageMismatchError, NotCalibratedError, TsisError
 from tsis.files.cache import cache_folder, read_cached_arrays, write_cached_arrays
 from tsis.inclusion.network import TrainedNetworks
@@ -60,8 +60,8 @@ def no_surrogate(monkeypatch: pytest.MonkeyPatch) -> None:
     def built(*_: object, **__: object) -> None:
         raise AssertionError("the frames must be refused before the surrogate is built")
 
-    monkeypatch.setattr("tsis.inclusion._estimate._tables", built)
-    monkeypatch.setattr("tsis.inclusion._reading.build_full_contact_surrogate", built)
+    monkeypatch.setattr("tsis.inclusion.estimation._tables", built)
+    monkeypatch.setattr("tsis.inclusion.reading.build_full_contact_surrogate", built)
 
 
 def test_1_a_calibration_of_another_probe() -> None:
@@ -106,7 +106,7 @@ def test_4_a_file_whose_sidecar_names_another_probe_camera_or_setting(
     assert "Traceback" not in finished.err
     if not about:
         sidecar.write_text("{")  # of another program: nothing is compared
-        read = tsis.calibration.read_press_image(raw)
+        read = tsis.calibration.frames.read_press_image(raw)
         assert "camera" not in read.settings
 
 
@@ -142,7 +142,7 @@ def test_7_colour_files_among_grey_ones_and_the_coloured_picture(run_tsis: RunTs
     raw = sidecar.with_name(f"{sidecar.stem}-raw.bmp")
     Image.fromarray(np.full((40, 50), 9, np.uint8)).save(raw)  # overwritten by a frame of another probe
     with pytest.raises(FileInputError, match="content does not match its sidecar"):
-        tsis.calibration.read_press_image(raw)
+        tsis.calibration.frames.read_press_image(raw)
 
 
 @pytest.mark.parametrize(("reach_mm", "says"), [(9.0, "of a smaller probe"), (16.0, "of a larger probe")])

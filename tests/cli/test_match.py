@@ -9,7 +9,9 @@ from benchmarks.matching.trials import generated_trials
 from matplotlib.figure import Figure
 from PIL import Image
 
-from tsis.matching import UNMATCHED, read_points, register
+from tsis.matching import register
+from tsis.matching.methods import UNMATCHED
+from tsis.matching.point_files import read_points
 from tsis.present.matching import draw_poses, draw_registration
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ import tsis
 from tsis.calibration.file import ProbeCalibration, calibration_bytes, read_calibration
 from tsis.inclusion import InclusionPrior
 from tsis.inclusion.network import read_networks, train_networks, write_networks
-from tsis.instrument import png_bytes, read_image
+from tsis.instrument.image_files import png_bytes, read_image
 from tsis.model.calibration import LightMap
 from tsis.virtual.probe import VirtualProbe
 

@@ -68,13 +68,13 @@ def test_the_example_offers_one_of_each_kind() -> None:
 
 @pytest.mark.usefixtures("example")
 def test_a_camera_is_searched_and_connected() -> None:
-    (found,) = tsis.instrument.find_cameras(["ramp"]).cameras
-    camera = tsis.instrument.connect(found.spec)
-    assert isinstance(camera, tsis.instrument.Camera)
+    (found,) = tsis.instrument.discovery.find_cameras(["ramp"]).cameras
+    camera = tsis.instrument.discovery.connect(found.spec)
+    assert isinstance(camera, tsis.instrument.camera.Camera)
     camera.open()
     camera.start()
     assert [int(frame.pixels[0, 0]) for frame in camera.frames()] == [0, 1, 2]
-    assert "ramp" in tsis.instrument.live_sources()
+    assert "ramp" in tsis.instrument.discovery.live_sources()
 
 
 @pytest.mark.usefixtures("example")
@@ -89,7 +89,7 @@ def test_a_probe_is_loaded_by_name_and_presses() -> None:
 
 @pytest.mark.usefixtures("example")
 def test_a_gauge_is_read_beside_the_camera() -> None:
-    log = tsis.instrument.gauge.connected_gauge("dead-weight:0.75")
+    log = tsis.instrument.force_log.connected_gauge("dead-weight:0.75")
     try:
         assert {reading.force_n for reading in log.readings()} == {0.75}
     finally:
@@ -132,7 +132,7 @@ def test_a_broken_plug_in_is_named_and_the_rest_goes_on(
     }
     text = "half = 3\ndef fails(record, path):\n    raise ValueError('no\\nluck')\ndef nothing():\n    return None\n"
     install("broken", groups, "broken_one", text)
-    missing = tsis.instrument.find_cameras(["dead", "half"]).missing
+    missing = tsis.instrument.discovery.find_cameras(["dead", "half"]).missing
     assert "the plug-in dead of broken 1.0 must be importable from broken_one" in missing["dead"]
     assert "the plug-in half of broken 1.0 must be an object with find_cameras_here()" in missing["half"]
     with pytest.raises(PluginError, match=r"exporter failing of broken 1.0 failed: no luck"):
@@ -153,7 +153,7 @@ def test_names_of_tsis_cannot_be_replaced(install: Callable[..., None]) -> None:
     install("thief", groups, "thief", "def other():\n    raise RuntimeError\n")
     assert tsis.load_probe("tsis-2011").thickness_mm == 10.0
     assert tsis.catalog.probes.list_probes().count("tsis-2011") == 1
-    assert tsis.instrument.live_sources().count("opencv") == 1
+    assert tsis.instrument.discovery.live_sources().count("opencv") == 1
 
 
 def test_two_packages_of_one_name_take_turns_by_the_alphabet(install: Callable[..., None]) -> None:

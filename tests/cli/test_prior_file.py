@@ -16,9 +16,10 @@ from tsis.calibration.file import read_calibration
 from tsis.catalog.priors import default_prior_toml, inclusion_prior_toml, parse_prior, read_prior_file
 from tsis.cli._options import chosen_prior, other_priors
 from tsis.errors import FileInputError, InputError, UnknownNameError
-from tsis.hardness import HardnessPrior
-from tsis.inclusion import InclusionPrior, PriorShift, estimate, prior_sensitivity, with_prior_sensitivity
-from tsis.instrument import read_image
+from tsis.hardness.posterior import HardnessPrior
+from tsis.inclusion import InclusionPrior, estimate
+from tsis.inclusion.budget import PriorShift, prior_sensitivity, with_prior_sensitivity
+from tsis.instrument.image_files import read_image
 from tsis.model.estimate import Estimate
 
 if TYPE_CHECKING:
@@ -196,8 +197,8 @@ def test_other_priors_move_an_answer_by_the_difference_of_the_means(monkeypatch:
         mean = 8.0 if prior.presence == 0.9 else 7.0
         return Estimate(samples={"diameter_mm": [mean - 1, mean, mean + 1]}, prior_sd={"diameter_mm": 4.0})
 
-    monkeypatch.setattr("tsis.inclusion._budget.estimate", fake)
-    monkeypatch.setattr("tsis.inclusion._budget.PARAMETERS", ("diameter_mm",))
+    monkeypatch.setattr("tsis.inclusion.budget.estimate", fake)
+    monkeypatch.setattr("tsis.inclusion.budget.PARAMETERS", ("diameter_mm",))
     own = fake([], prior=InclusionPrior())
     priors = {"sure": InclusionPrior(presence=0.9), "dim": InclusionPrior(presence=0.3)}
     shifts = prior_sensitivity(own, [], priors, prior=InclusionPrior())

@@ -13,7 +13,7 @@ import tsis
 from tsis.calibration.file import ProbeCalibration, calibration_bytes, read_calibration
 from tsis.inclusion.relative import relative_depth, relative_hardness, relative_size
 from tsis.inclusion.shape import object_shape
-from tsis.instrument import png_bytes, read_image
+from tsis.instrument.image_files import png_bytes, read_image
 from tsis.model.calibration import LightMap
 from tsis.model.image import TactileImage
 from tsis.virtual.probe import VirtualProbe

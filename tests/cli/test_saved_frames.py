@@ -16,9 +16,10 @@ from release.notebooks import five_lines
 from tests.cli.kept_demo import KNOWN
 
 import tsis
-from tsis.calibration import UsableCalibration
+from tsis.calibration.frames import UsableCalibration
 from tsis.errors import CalibrationError, FileInputError, ImageMismatchError, InputError
-from tsis.instrument import Frame, save_snapshot
+from tsis.instrument.camera import Frame
+from tsis.instrument.snapshot import save_snapshot
 from tsis.model.calibration import Calibration
 from tsis.model.estimate import Estimate
 

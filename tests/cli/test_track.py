@@ -11,7 +11,7 @@ import pytest
 
 from tsis.calibration.settling import assess_settling
 from tsis.inclusion.mobility import mobility
-from tsis.instrument import png_bytes, read_image
+from tsis.instrument.image_files import png_bytes, read_image
 from tsis.instrument.recording import RECORDING_COLUMNS
 from tsis.model.image import TactileImage
 

@@ -20,9 +20,9 @@ expect.set_options(timeout=PATIENCE_MS)
 def _busy_machine() -> Iterator[None]:
     """Wait for a camera of a test as long as a busy machine needs; tests unplug it to lose it."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("tsis.console.services.camera.LOST_AFTER_S", HANGS_S)
+        patch.setattr("tsis.instrument.acquisition.LOST_AFTER_S", HANGS_S)
         patch.setattr("tsis.console.services.camera.FRESH_S", HANGS_S)
-        patch.setattr("tsis.calibration.session._live_bench.TIMEOUT_S", HANGS_S)
+        patch.setattr("tsis.calibration.session.TIMEOUT_S", HANGS_S)
         yield
 
 

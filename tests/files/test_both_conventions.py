@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-import tsis.files.atomic as atomic
 from tsis.errors import InputError
+from tsis.files import atomic
 from tsis.files.atomic import exclusive_lock
 from tsis.files.frame_names import require_file_stem
 from tsis.records import target as bundle

@@ -40,11 +40,11 @@ def test_a_first_answer_computes_no_table(empty_cache: Path, monkeypatch: pytest
             getattr(value, "cache_clear", lambda: None)()  # what earlier tests solved is in memory
     hits = set[str]()
     monkeypatch.setattr("tsis.files.cache.read_cached", hit)
-    monkeypatch.setattr("tsis.hardness._table._solve", solve)
-    monkeypatch.setattr("tsis.mechanics.surrogate._full_contact._solve", solve)
-    monkeypatch.setattr("tsis.inclusion.posterior._heterogeneity._features", solve)
-    monkeypatch.setattr("tsis.mechanics.surrogate._correction_build._solve", solve)
-    monkeypatch.setattr("tsis.optics.irradiance._trace._traced", solve)
+    monkeypatch.setattr("tsis.hardness.table._solve", solve)
+    monkeypatch.setattr("tsis.mechanics.surrogate.full_contact._solve", solve)
+    monkeypatch.setattr("tsis.inclusion.posterior.uneven_tissue._features", solve)
+    monkeypatch.setattr("tsis.mechanics.surrogate.correction_building._solve", solve)
+    monkeypatch.setattr("tsis.optics.face_light._traced", solve)
     monkeypatch.setattr(tables, "VirtualProbe", partial(VirtualProbe, strain="small"))  # whose presses need no table
     asked = set(tables.compute_tables())
     assert not empty_cache.exists(), "nothing was missing, so nothing was cached"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from benchmarks.hertzian_presses import by_table, hertzian_field
 
-from tsis.hardness import build_contact_table
+from tsis.hardness.table import build_contact_table
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -10,7 +10,7 @@ from benchmarks.hardness import summary, wilson
 from benchmarks.hardness_bank import SolvedSphere
 
 import tsis
-from tsis.hardness import hertzian_radius_mm, press_fields
+from tsis.hardness.sphere import hertzian_radius_mm, press_fields
 from tsis.model.phantom import SoftSphere
 from tsis.virtual.direct_contact import DIRECT_CONTACT_RESOLUTION
 

@@ -12,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import tsis
-from tsis.hardness import build_contact_table, hertzian_radius_mm, press_fields
-from tsis.hardness._table import LOADS, SphereCase, added_log_radius, design_of, terms
-from tsis.mechanics.finite_strain import SphereResolution
+from tsis.hardness.sphere import hertzian_radius_mm, press_fields
+from tsis.hardness.table import LOADS, SphereCase, added_log_radius, build_contact_table, design_of, terms
+from tsis.mechanics.finite_strain.soft_sphere import SphereResolution
 from tsis.model.phantom import SoftSphere
 
 if TYPE_CHECKING:

@@ -13,8 +13,10 @@ from tests.hardness.stand_ins import by_table, hertzian_field, wrong_by
 import tsis
 from tsis.catalog.phantoms import load_sphere
 from tsis.errors import ImageMismatchError, InputError, NotCalibratedError
-from tsis.hardness import HardnessPrior, build_contact_table, estimate
-from tsis.mechanics.finite_strain import SphereResolution
+from tsis.hardness import estimate
+from tsis.hardness.posterior import HardnessPrior
+from tsis.hardness.table import build_contact_table
+from tsis.mechanics.finite_strain.soft_sphere import SphereResolution
 from tsis.model.phantom import SoftSphere
 from tsis.virtual.direct_contact import DirectContactRig
 

@@ -10,10 +10,12 @@ import pytest
 
 from tsis.catalog.sensors import load_sensor
 from tsis.errors import FileInputError, InputError, NotIdentifiedError, UnknownNameError, UntrustedError
-from tsis.hardness import ObjectGeometry, TouchReading, as_touch_readings, estimate_from_contacts, press_fields
-from tsis.hardness import hertzian_radius_mm as contact_radius_of
-from tsis.imaging import contacts as find_contacts
-from tsis.mechanics.finite_strain import SphereResolution
+from tsis.hardness import estimate_from_contacts
+from tsis.hardness.contacts import ObjectGeometry, TouchReading, as_touch_readings
+from tsis.hardness.sphere import hertzian_radius_mm as contact_radius_of
+from tsis.hardness.sphere import press_fields
+from tsis.imaging.gel_contact import contacts as find_contacts
+from tsis.mechanics.finite_strain.soft_sphere import SphereResolution
 from tsis.model.gel_sensor import BoundedValue, GelSensor
 from tsis.model.phantom import SoftSphere
 from tsis.model.probe import Layer, Probe
@@ -228,7 +230,8 @@ def test_any_program_may_have_read_the_contacts(tmp_path: Path) -> None:
 
 
 def test_the_scale_counts_once(tmp_path: Path) -> None:
-    """Contacts of `tsis.imaging.contacts` state the scale in their sd; the sensor states it again for all of them."""
+    """Contacts of `tsis.imaging.gel_contact.contacts` state the scale in their sd; the sensor states it again for all
+    of them."""
     row = {"force_n": 0.2, "radius_mm": 2.0, "radius_sd_mm": 2.0 * float(np.hypot(0.01, 0.05)), "scale_sd": 0.05}
     file = tmp_path / "contacts.csv"
     file.write_text(",".join(row) + "\n" + ",".join(str(value) for value in row.values()) + "\n")

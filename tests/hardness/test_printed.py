@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tsis.errors import InputError, UnknownNameError
-from tsis.hardness import PrintedHardness, printed_estimate
+from tsis.hardness.strain_map import PrintedHardness, printed_estimate
 from tsis.model.image import TactileImage
 
 PIXEL_MM = 0.04

@@ -10,8 +10,9 @@ from tests.hardness.stand_ins import hertzian_field
 
 import tsis
 from tsis.errors import InputError
-from tsis.hardness import ContactReading, read_contact
-from tsis.imaging import Sensor, expose, render
+from tsis.hardness.reading import ContactReading, read_contact
+from tsis.imaging.rendering import render
+from tsis.imaging.sensor import Sensor, expose
 from tsis.model.calibration import Calibration, LightMap
 from tsis.model.image import TactileImage
 from tsis.virtual.direct_contact import direct_contact_calibration

@@ -7,8 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tsis.errors import InputError
-from tsis.hardness import shore
-from tsis.hardness._shore import young_of_shore_00, young_of_shore_a
+from tsis.hardness.shore import shore, young_of_shore_00, young_of_shore_a
 
 
 @pytest.mark.parametrize(("reading", "megapascals"), [(30.0, 1.15), (50.0, 2.46), (70.0, 5.54)])

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from tsis.errors import InputError
-from tsis.hardness import axial_strain, lagrangian_strain, printed_axial_strain
-from tsis.matching import fit_spline
+from tsis.hardness.strain_map import axial_strain, lagrangian_strain, printed_axial_strain
+from tsis.matching.spline import fit_spline
 
 ANGLES = st.floats(-3.0, 3.0)
 STRETCHES = st.floats(0.2, 3.0)

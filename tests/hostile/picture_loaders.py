@@ -15,8 +15,8 @@ from PIL import Image
 from tests.hostile.loader import Loader
 from tests.hostile.png_changed import forged
 
-from tsis.instrument import read_image
-from tsis.instrument.drivers import ImageFiles, VideoFile
+from tsis.instrument.drivers.files import ImageFiles, VideoFile
+from tsis.instrument.image_files import read_image
 
 if TYPE_CHECKING:
     from collections.abc import Hashable

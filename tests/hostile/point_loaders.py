@@ -18,7 +18,7 @@ from tsis.files.archive import read_arrays
 from tsis.files.cache import cached_arrays, cached_sha256
 from tsis.files.reading import one_line, read_bytes
 from tsis.instrument.gauge import RecordedGauge
-from tsis.matching import csv_text, read_points
+from tsis.matching.point_files import csv_text, read_points
 
 if TYPE_CHECKING:
     from collections.abc import Hashable

@@ -15,7 +15,7 @@ from tests.hostile.json_changed import changed_document, text_of
 from tests.hostile.loader import Loader
 from tests.hostile.picture_loaders import token
 
-from tsis.calibration import MeasuredValue
+from tsis.calibration.camera_reference import CameraReference
 from tsis.calibration.file import (
     ProbeCalibration,
     calibration_bytes,
@@ -24,7 +24,7 @@ from tsis.calibration.file import (
     read_calibration,
     read_handwritten_calibration,
 )
-from tsis.calibration.reference import CameraReference
+from tsis.calibration.measured import MeasuredValue
 from tsis.calibration.session import CalibrationFrame, SessionFolder, SessionSetup
 from tsis.catalog.probes import load_probe
 from tsis.errors import FileInputError

@@ -20,7 +20,8 @@ from tests.records.export.bundles import plain, sealed
 from tests.records.sample import sample_estimate, sample_record
 
 from tsis.files.reading import read_bytes
-from tsis.instrument import Frame, png_bytes, save_snapshot
+from tsis.instrument.camera import Frame
+from tsis.instrument.image_files import png_bytes
 from tsis.instrument.recording import (
     RECORDING_COLUMNS,
     RECORDING_FORMAT,
@@ -28,6 +29,7 @@ from tsis.instrument.recording import (
     RECORDING_SUMMARY,
     RECORDING_VERSION,
 )
+from tsis.instrument.snapshot import save_snapshot
 from tsis.model.image import TactileImage
 from tsis.records.blobs import samples_bytes, samples_of
 from tsis.records.sources import ImportOptions, find_import_batches

@@ -5,7 +5,7 @@ import pytest
 from matplotlib import colormaps
 
 from tsis.errors import ImageMismatchError, InputError, UnknownNameError
-from tsis.imaging import change_magnitude, colour_map
+from tsis.imaging.colour import change_magnitude, colour_map
 from tsis.model.image import TactileImage
 
 

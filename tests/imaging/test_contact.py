@@ -9,7 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tsis.errors import InputError, UnknownNameError
-from tsis.imaging import features, find_colour_contact, find_contact, segment
+from tsis.imaging import features, find_contact
+from tsis.imaging.contact import find_colour_contact
+from tsis.imaging.patch import segment
 from tsis.model.image import TactileImage
 
 if TYPE_CHECKING:

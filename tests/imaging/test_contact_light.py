@@ -10,9 +10,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tsis.errors import InputError
-from tsis.imaging import Sensor, as_contact_model, rough_contact
-from tsis.imaging._contact_models import CurvatureLoss, RoughContact, SmoothContact
-from tsis.imaging._render import contact_edges, coverage
+from tsis.imaging.rendering import (
+    CurvatureLoss,
+    RoughContact,
+    SmoothContact,
+    as_contact_model,
+    contact_edges,
+    coverage,
+    rough_contact,
+)
+from tsis.imaging.sensor import Sensor
 from tsis.model.calibration import Calibration
 from tsis.model.press import PressField
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tsis.errors import ImageMismatchError, InputError
-from tsis.imaging import flatten, match_light, signal, subtract_background, subtract_dark
+from tsis.imaging.corrections import flatten, match_light, signal, subtract_background, subtract_dark
 from tsis.model.image import TactileImage
 
 if TYPE_CHECKING:

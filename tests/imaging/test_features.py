@@ -11,7 +11,8 @@ from skimage.measure import regionprops
 
 import tsis
 from tsis.errors import ImageMismatchError, InputError, UnknownNameError
-from tsis.imaging import features, segment
+from tsis.imaging import features
+from tsis.imaging.patch import segment
 from tsis.model.image import TactileImage
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.ndimage import gaussian_filter
 from skimage.transform import resize_local_mean
 
-from tsis.imaging._filters import block_means, gaussian_blur
+from tsis.imaging.pixels import block_means, gaussian_blur
 
 
 @pytest.mark.parametrize("mode", ["reflect", "nearest", "mirror"])

@@ -10,9 +10,8 @@ import pytest
 
 from tsis.catalog.sensors import load_sensor
 from tsis.errors import ImageMismatchError, InputError
-from tsis.imaging import contacts
-from tsis.imaging._contact_fit import ContactFit, GelLayer, fit_contact, joined_fits, layer_hill
-from tsis.instrument import read_colour
+from tsis.imaging.gel_contact import ContactFit, GelLayer, contacts, fit_contact, joined_fits, layer_hill
+from tsis.instrument.image_files import read_colour
 from tsis.virtual.gel_frames import RenderedPress, ball_press, random_gel_light, random_gel_press, render_gel
 
 if TYPE_CHECKING:

@@ -19,11 +19,11 @@ from tsis.imaging.depth import (
     DepthMapper,
     calibrate_depth,
     depth_calibration_json,
-    integrate_gradients,
     parse_depth_calibration,
     polynomial_features,
     polynomial_slopes,
 )
+from tsis.imaging.surface import integrate_gradients
 from tsis.virtual.gel_frames import marker_ink, rendered_series
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tsis.errors import InputError
-from tsis.imaging import LedDrift
+from tsis.imaging.sensor import LedDrift
 
 TIMES = np.array([0.0, 60.0, 900.0, 3600.0])
 

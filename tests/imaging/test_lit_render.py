@@ -11,8 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tsis.errors import InputError
-from tsis.imaging import Sensor, find_lost_light, render, render_reference
-from tsis.imaging._contact_models import CurvatureLoss
+from tsis.imaging.corrections import find_lost_light
+from tsis.imaging.rendering import CurvatureLoss, render, render_reference
+from tsis.imaging.sensor import Sensor
 from tsis.model.calibration import Calibration, LightMap
 from tsis.model.press import PressField
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from tests.interpreted import assert_interpreted_alike
 
-from tsis.imaging._pixel_loops import develop, paint, ring_sums
-from tsis.inclusion.checks._sectors import _gather
+from tsis.imaging.pixels import develop, paint, ring_sums
+from tsis.inclusion.checks.sectors import _gather
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tsis.errors import ImageMismatchError, InputError
-from tsis.imaging import radial_profile
+from tsis.imaging.profile import radial_profile
 from tsis.model.image import TactileImage
 
 EDGES = np.array([0.0, 0.5, 1.1, 1.5, 2.4])

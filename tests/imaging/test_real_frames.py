@@ -5,8 +5,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from tsis.imaging import Contact, features, find_colour_contact, find_contact, match_light, signal
-from tsis.instrument import read_image
+from tsis.imaging import features, find_contact
+from tsis.imaging.contact import Contact, find_colour_contact
+from tsis.imaging.corrections import match_light, signal
+from tsis.instrument.image_files import read_image
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -11,10 +11,11 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 
 from tsis.errors import InputError
-from tsis.imaging import Sensor, render, rough_contact, rough_contact_slope
+from tsis.imaging.rendering import render, rough_contact, rough_contact_slope
+from tsis.imaging.sensor import Sensor
 from tsis.model.calibration import Calibration
 from tsis.model.press import PressField
-from tsis.optics import ERF_SLOPE
+from tsis.optics.angles import ERF_SLOPE
 
 ANSWER = Calibration(gain_grey_per_kpa=50.0, saturation_kpa=20.0)
 FINE = Sensor(columns=400, rows=300, mm_per_pixel=(0.02, 0.03))

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from tsis.errors import InputError
-from tsis.imaging import Sensor, expose
-from tsis.imaging._sensor import interlace
+from tsis.imaging.sensor import Sensor, expose, interlace
 
 SENSOR = Sensor(columns=400, rows=300)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tsis.errors import InputError
-from tsis.imaging import height_surface
+from tsis.imaging.surface import height_surface
 from tsis.model.image import TactileImage
 
 

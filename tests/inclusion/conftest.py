@@ -8,12 +8,14 @@ import pytest
 import tsis
 from tsis.files.cache import cache_folder
 from tsis.inclusion import InclusionPrior
-from tsis.mechanics.surrogate import build_full_contact_surrogate, build_surrogate
+from tsis.mechanics.surrogate.building import build_surrogate
+from tsis.mechanics.surrogate.full_contact import build_full_contact_surrogate
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from tsis.mechanics.surrogate import FullContactSurrogate, PressSurrogate
+    from tsis.mechanics.surrogate.full_contact import FullContactSurrogate
+    from tsis.mechanics.surrogate.polynomial import PressSurrogate
 
 T = TypeVar("T")
 

@@ -11,17 +11,25 @@ import pytest
 
 import tsis
 from tsis.errors import NotIdentifiedError, UnknownNameError, UntrustedError
-from tsis.imaging import Sensor
-from tsis.inclusion import InclusionPrior, UncertaintyBudget, estimate, uncertainty_budget
-from tsis.inclusion._budget import OF_NUISANCE, OF_PRIOR, nuisance_columns, propagate
-from tsis.inclusion._estimate import analyse
-from tsis.inclusion.posterior import NUISANCES, ErrorSources
+from tsis.imaging.sensor import Sensor
+from tsis.inclusion import InclusionPrior, estimate
+from tsis.inclusion.budget import (
+    OF_NUISANCE,
+    OF_PRIOR,
+    UncertaintyBudget,
+    nuisance_columns,
+    propagate,
+    uncertainty_budget,
+)
+from tsis.inclusion.estimation import analyse
+from tsis.inclusion.posterior.forward import NUISANCES
+from tsis.inclusion.posterior.likelihood import ErrorSources
 from tsis.model.calibration import LightMap
 from tsis.virtual.probe import VirtualProbe, nominal_calibration
 
 if TYPE_CHECKING:
-    from tsis.inclusion._prior import Floats
-    from tsis.mechanics.surrogate import FullContactSurrogate
+    from tsis.inclusion.prior import Floats
+    from tsis.mechanics.surrogate.full_contact import FullContactSurrogate
     from tsis.model.calibration import Calibration
     from tsis.model.image import TactileImage
 
@@ -166,7 +174,7 @@ def test_what_is_withheld_has_no_budget(monkeypatch: pytest.MonkeyPatch, budget:
     analysed = partial(replaced, trusted=False, flags=("model_does_not_fit",), notes=("",))
     original = analyse
     monkeypatch.setattr(
-        "tsis.inclusion._budget.analyse",
+        "tsis.inclusion.budget.analyse",
         lambda *args, **kwargs: (lambda whole: replace(whole, estimate=analysed(whole.estimate)))(
             original(*args, **kwargs)
         ),

@@ -9,7 +9,7 @@ import pytest
 
 import tsis
 from tsis.errors import NotCalibratedError
-from tsis.inclusion._estimate import check_calibration
+from tsis.inclusion.estimation import check_calibration
 from tsis.model.calibration import Calibration, LightMap
 
 PROBE = tsis.load_probe("tsis-2011")

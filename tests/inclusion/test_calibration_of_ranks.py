@@ -21,9 +21,12 @@ from benchmarks.simulation_based_calibration import (
 )
 from scipy.stats import kstest
 
-from tsis.inclusion import PARAMETERS, InclusionPrior, ring_edges
-from tsis.inclusion.posterior import THICKNESS, InclusionLikelihood, explore_inclusion
-from tsis.inclusion.posterior._forward import SHARED
+from tsis.inclusion import InclusionPrior
+from tsis.inclusion.frames import ring_edges
+from tsis.inclusion.posterior.exploration import explore_inclusion
+from tsis.inclusion.posterior.forward import SHARED, THICKNESS
+from tsis.inclusion.posterior.likelihood import InclusionLikelihood
+from tsis.inclusion.prior import PARAMETERS
 from tsis.virtual.examinations import DEEPEST_FRACTION
 
 if TYPE_CHECKING:

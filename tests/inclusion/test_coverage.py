@@ -16,7 +16,8 @@ from benchmarks.simulated_presses import PROTOCOLS, simulate
 from benchmarks.worlds import WORLDS
 
 from tsis.errors import InputError
-from tsis.inclusion import PARAMETERS, InclusionPrior
+from tsis.inclusion import InclusionPrior
+from tsis.inclusion.prior import PARAMETERS
 from tsis.model.estimate import Estimate
 from tsis.model.phantom import Inclusion
 from tsis.virtual.examinations import DEEPEST_FRACTION, LARGEST_DRAWN_POISSON, draw_phantom

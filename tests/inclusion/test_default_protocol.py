@@ -11,13 +11,16 @@ import pytest
 
 import tsis
 from tsis.errors import InputError, NotCalibratedError
-from tsis.inclusion import UNTRUSTED_FLAGS, InclusionPrior, press_tables, read_frames, ring_edges
-from tsis.inclusion._estimate import NEARLY_COVERED
-from tsis.inclusion._frames import covering_force_n, require_valid_forces
-from tsis.inclusion._reading import covered_presses
-from tsis.inclusion.posterior import explore_inclusion, ring_means
+from tsis.inclusion import InclusionPrior
+from tsis.inclusion.estimation import NEARLY_COVERED
+from tsis.inclusion.flags import UNTRUSTED_FLAGS
+from tsis.inclusion.frames import covering_force_n, require_valid_forces, ring_edges
+from tsis.inclusion.posterior.exploration import explore_inclusion
+from tsis.inclusion.posterior.rings import ring_means
+from tsis.inclusion.reading import covered_presses, press_tables, read_frames
 from tsis.mechanics import press
-from tsis.mechanics.surrogate import Degrees, build_full_contact_surrogate
+from tsis.mechanics.surrogate.full_contact import build_full_contact_surrogate
+from tsis.mechanics.surrogate.polynomial import Degrees
 from tsis.model.calibration import LightMap
 from tsis.virtual.probe import VirtualProbe
 

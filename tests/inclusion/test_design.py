@@ -15,34 +15,36 @@ from scipy.stats import multivariate_normal
 
 import tsis
 from tsis.errors import InputError, NotCalibratedError, UnknownNameError
-from tsis.imaging import Sensor
+from tsis.imaging.sensor import Sensor
 from tsis.inclusion import InclusionPrior
-from tsis.inclusion._frames import largest_force_n
-from tsis.inclusion.design import (
+from tsis.inclusion.design import alternatives
+from tsis.inclusion.design import information as made_ready
+from tsis.inclusion.design.alternatives import (
     ASPECTS,
-    PlannedPress,
-    Protocol,
-    ProtocolInformation,
-    _alternatives,
+    calibration_for,
     compare_designs,
-    default_protocols,
     design_alternatives,
+    rank_designs,
+    with_moduli,
+)
+from tsis.inclusion.design.information import (
+    PlannedView,
+    ProtocolInformation,
     dissertation_inclusions,
     even_inclusions,
-    optimise_design,
+    information_of,
+    planned_view,
     protocol_information,
-    protocol_of,
-    rank_designs,
+    view_of,
 )
-from tsis.inclusion.design import _information as made_ready
-from tsis.inclusion.design._alternatives import calibration_for, with_moduli
-from tsis.inclusion.design._information import PlannedView, information_of, planned_view, view_of
-from tsis.inclusion.design._limits import covering_n, limits_of
-from tsis.inclusion.design._search import at_forces
-from tsis.inclusion.posterior import explore_inclusion
+from tsis.inclusion.design.limits import covering_n, limits_of
+from tsis.inclusion.design.protocol import PlannedPress, Protocol, default_protocols, protocol_of
+from tsis.inclusion.design.search import at_forces, optimise_design
+from tsis.inclusion.frames import largest_force_n
+from tsis.inclusion.posterior.exploration import explore_inclusion
 from tsis.mechanics import press
-from tsis.mechanics.small_strain import STRAIN_LIMIT, nominal_strain
-from tsis.mechanics.surrogate import FULL_CONTACT_DEGREES
+from tsis.mechanics.small_strain.linear_press import STRAIN_LIMIT, nominal_strain
+from tsis.mechanics.surrogate.full_contact import FULL_CONTACT_DEGREES
 from tsis.model.calibration import LightMap
 from tsis.present.figures import design_errors
 from tsis.virtual.probe import nominal_calibration
@@ -50,7 +52,7 @@ from tsis.virtual.probe import nominal_calibration
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.mechanics.surrogate import FullContactSurrogate
+    from tsis.mechanics.surrogate.full_contact import FullContactSurrogate
     from tsis.model.calibration import Calibration
 
 FLAT, DOMED = tsis.load_probe("tsis-2011"), tsis.load_probe("tsis-domed")
@@ -285,7 +287,7 @@ def test_traced_light_keeps_the_grey_level_of_the_brightest_place(
     monkeypatch: pytest.MonkeyPatch, before: float | None
 ) -> None:
     traced = replace(LightMap.uniform(), relative=np.full((2, 2), 4.0))
-    monkeypatch.setattr(_alternatives, "irradiance", lambda _: SimpleNamespace(near_undented=lambda: traced))
+    monkeypatch.setattr(alternatives, "irradiance", lambda _: SimpleNamespace(near_undented=lambda: traced))
     known = None if before is None else replace(LightMap.uniform(), relative=np.full((2, 2), before))
     found = calibration_for(FLAT, of=FLAT, calibration=replace(ANSWER, light=known), traced=True)
     assert found.light is traced

@@ -7,8 +7,11 @@ import pytest
 
 import tsis
 from tsis.inclusion import InclusionPrior
-from tsis.inclusion.design import Design, DesignLimits, ProtocolInformation, protocol_of
-from tsis.inclusion.design._search import _binding, _Forces
+from tsis.inclusion.design.alternatives import Design
+from tsis.inclusion.design.information import ProtocolInformation
+from tsis.inclusion.design.limits import DesignLimits
+from tsis.inclusion.design.protocol import protocol_of
+from tsis.inclusion.design.search import _binding, _Forces
 
 FORCES = _Forces(low_n=0.1, high_n=10.0, low_by="contact", high_by="saturation")
 SILENT = ProtocolInformation(

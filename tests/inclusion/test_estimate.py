@@ -11,12 +11,13 @@ import pytest
 
 import tsis
 from tsis.errors import ImageMismatchError, InputError, NotCalibratedError
-from tsis.imaging import Sensor
-from tsis.inclusion import InclusionPrior, press_tables, read_frames, ring_edges
-from tsis.inclusion import _reading as reading
-from tsis.inclusion._frames import ring_profiles
-from tsis.inclusion.posterior import explore_inclusion
-from tsis.mechanics.surrogate import Degrees, build_full_contact_surrogate
+from tsis.imaging.sensor import Sensor
+from tsis.inclusion import InclusionPrior, reading
+from tsis.inclusion.frames import ring_edges, ring_profiles
+from tsis.inclusion.posterior.exploration import explore_inclusion
+from tsis.inclusion.reading import press_tables, read_frames
+from tsis.mechanics.surrogate.full_contact import build_full_contact_surrogate
+from tsis.mechanics.surrogate.polynomial import Degrees
 from tsis.model.calibration import LightMap
 from tsis.model.probe import Layer, Probe
 from tsis.virtual.probe import VirtualProbe, nominal_calibration
@@ -24,7 +25,7 @@ from tsis.virtual.probe import VirtualProbe, nominal_calibration
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from tsis.mechanics.surrogate import FullContactSurrogate
+    from tsis.mechanics.surrogate.full_contact import FullContactSurrogate
     from tsis.model.estimate import Estimate
     from tsis.model.image import TactileImage
     from tsis.model.phantom import Phantom

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from tsis.inclusion import InclusionPrior
-from tsis.inclusion.posterior._exploration import CHECKED, SignalChart, _corrected, _search
+from tsis.inclusion.posterior.exploration import CHECKED, SignalChart, _corrected, _search
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.inclusion.posterior._grid import Grid
+    from tsis.inclusion.posterior.grid import Grid
 
 CHART = SignalChart(prior=InclusionPrior(), bend_mm=np.zeros(2))
 MIDDLE, SD = np.array([9.0, 7.0, 80.0]), np.array([0.5, 0.4, 8.0])

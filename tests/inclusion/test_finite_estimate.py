@@ -13,8 +13,9 @@ import pytest
 import tsis
 from tsis.errors import InputError
 from tsis.inclusion import InclusionPrior, estimate
-from tsis.inclusion._frames import require_valid_forces
-from tsis.mechanics.surrogate import build_finite_correction, build_full_contact_surrogate
+from tsis.inclusion.frames import require_valid_forces
+from tsis.mechanics.surrogate.correction_building import build_finite_correction
+from tsis.mechanics.surrogate.full_contact import build_full_contact_surrogate
 from tsis.model.calibration import LightMap
 from tsis.model.phantom import Phantom
 from tsis.model.press import PressField
@@ -111,7 +112,7 @@ def test_a_force_is_refused_before_a_table_is_built(monkeypatch: pytest.MonkeyPa
     def build(*_: Any, **__: Any) -> None:
         raise AssertionError("the table was built")
 
-    monkeypatch.setattr("tsis.inclusion._reading.build_finite_correction", build)
+    monkeypatch.setattr("tsis.inclusion.reading.build_finite_correction", build)
     virtual, other = virtual_probe(), replace(InclusionPrior(), offset_sd_mm=0.7)
     for force, progress in ((0.1, None), (5.0, lambda _done, _total: None)):
         frame = replace(virtual.no_contact(), force_n=force, settings={})

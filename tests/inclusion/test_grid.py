@@ -10,7 +10,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.stats import truncnorm
 
-from tsis.inclusion.posterior._grid import refine
+from tsis.inclusion.posterior.grid import refine
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -15,13 +15,21 @@ from scipy.stats import multivariate_normal
 
 import tsis
 from tsis.errors import InputError
-from tsis.imaging import Sensor, expose, render
-from tsis.inclusion import InclusionPrior, estimate, press_tables, read_frames, ring_edges
-from tsis.inclusion._frames import correct_light
-from tsis.inclusion.checks import FieldHarmonics, heterogeneity_evidence
-from tsis.inclusion.posterior import HARMONICS, LENGTHS_MM, SuperficialLayer, build_field_table, heterogeneity
-from tsis.inclusion.posterior._heterogeneity import LAYERS_MM
-from tsis.inclusion.posterior._likelihood import noise_covariance
+from tsis.imaging.rendering import render
+from tsis.imaging.sensor import Sensor, expose
+from tsis.inclusion import InclusionPrior, estimate
+from tsis.inclusion.checks.unevenness import FieldHarmonics, heterogeneity_evidence
+from tsis.inclusion.frames import correct_light, ring_edges
+from tsis.inclusion.posterior.likelihood import noise_covariance
+from tsis.inclusion.posterior.uneven_tissue import (
+    HARMONICS,
+    LAYERS_MM,
+    LENGTHS_MM,
+    SuperficialLayer,
+    build_field_table,
+    heterogeneity,
+)
+from tsis.inclusion.reading import press_tables, read_frames
 from tsis.mechanics import press
 from tsis.mechanics.tissue_field import FieldMesh, TissueFieldResponse
 from tsis.model.calibration import LightMap
@@ -32,7 +40,7 @@ from tsis.virtual.probe import VirtualProbe, nominal_calibration
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.inclusion.posterior import FieldTable
+    from tsis.inclusion.posterior.uneven_tissue import FieldTable
 
 PROBE, PRIOR = tsis.load_probe("tsis-domed"), InclusionPrior()
 EVEN = replace(PRIOR, heterogeneity_sd=0.0)

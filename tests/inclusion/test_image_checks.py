@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import tsis
 from tsis.errors import InputError
-from tsis.inclusion.checks import image_findings, require_forces_as_lit
+from tsis.inclusion.checks.images import image_findings, require_forces_as_lit
 from tsis.model.image import TactileImage
 from tsis.virtual.probe import VirtualProbe
 

@@ -10,14 +10,13 @@ import pytest
 from scipy.stats import multivariate_normal
 
 import tsis
-from tsis.imaging import rough_contact
-from tsis.inclusion import InclusionPrior, ring_edges
-from tsis.inclusion.posterior import (
-    THICKNESS,
-    TISSUE,
-    ForwardModel,
-    InclusionLikelihood,
-    Profiles,
+from tsis.imaging.rendering import rough_contact
+from tsis.inclusion import InclusionPrior
+from tsis.inclusion.frames import ring_edges
+from tsis.inclusion.posterior.forward import POISSON, SHARED, SITE, THICKNESS, TISSUE, ForwardModel
+from tsis.inclusion.posterior.forward import PROBE as PROBE_STIFFNESS
+from tsis.inclusion.posterior.likelihood import InclusionLikelihood, Profiles, noise_covariance
+from tsis.inclusion.posterior.rings import (
     RingShading,
     ShadingUncertainty,
     ring_correction,
@@ -25,18 +24,15 @@ from tsis.inclusion.posterior import (
     ring_means,
     ring_responses,
 )
-from tsis.inclusion.posterior._forward import POISSON, SHARED, SITE
-from tsis.inclusion.posterior._forward import PROBE as PROBE_STIFFNESS
-from tsis.inclusion.posterior._likelihood import noise_covariance
 from tsis.mechanics import press
-from tsis.mechanics.surrogate import build_finite_correction
+from tsis.mechanics.surrogate.correction_building import build_finite_correction
 from tsis.model.calibration import Calibration
 from tsis.virtual.probe import FINE_RESOLUTION
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.mechanics.surrogate import FullContactSurrogate
+    from tsis.mechanics.surrogate.full_contact import FullContactSurrogate
 
 PROBE = tsis.load_probe("tsis-2011")
 ANSWER = Calibration(gain_grey_per_kpa=60.0, saturation_kpa=20.0)

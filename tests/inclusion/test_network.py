@@ -30,7 +30,7 @@ from tsis.model.image import TactileImage
 from tsis.model.phantom import Inclusion, Phantom
 
 if TYPE_CHECKING:
-    from tsis.mechanics.surrogate import PressSurrogate
+    from tsis.mechanics.surrogate.polynomial import PressSurrogate
 
 
 PROBE = tsis.load_probe("tsis-2011")

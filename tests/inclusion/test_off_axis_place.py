@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 
 import tsis
 from tsis.errors import ImageMismatchError, InputError
-from tsis.imaging import Sensor, expose, render
+from tsis.imaging.rendering import render
+from tsis.imaging.sensor import Sensor, expose
 from tsis.inclusion import InclusionPrior
-from tsis.inclusion._reading import _offset
-from tsis.inclusion.checks import APPARENT_FRACTION, InclusionPosition, inclusion_position
-from tsis.inclusion.checks._position import APPARENT_SD
-from tsis.inclusion.posterior import FARTHEST
+from tsis.inclusion.checks.position import APPARENT_FRACTION, APPARENT_SD, InclusionPosition, inclusion_position
+from tsis.inclusion.posterior.rings import FARTHEST
+from tsis.inclusion.reading import _offset
 from tsis.mechanics import press
 from tsis.model.calibration import LightMap
 from tsis.model.image import TactileImage

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from scipy.special import ive
 
 from tsis.errors import InputError
-from tsis.inclusion._reading import position_error
-from tsis.inclusion.posterior import FARTHEST, SHIFTED, off_axis_profile
+from tsis.inclusion.posterior.rings import FARTHEST, SHIFTED, off_axis_profile
+from tsis.inclusion.reading import position_error
 
 EDGE = 12.0
 RADIUS = np.linspace(0.0, EDGE, 121)

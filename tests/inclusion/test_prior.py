@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from tsis.errors import InputError
 from tsis.inclusion import InclusionPrior
-from tsis.inclusion.posterior._exploration import SignalChart
-from tsis.mechanics.surrogate import contrast_factor
+from tsis.inclusion.posterior.exploration import SignalChart
+from tsis.mechanics.surrogate.polynomial import contrast_factor
 
 BEND = np.zeros(2)
 PRIOR = InclusionPrior()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tsis.inclusion import ring_light
+from tsis.inclusion.frames import ring_light
 from tsis.model.calibration import Calibration, LightMap
 from tsis.model.image import TactileImage
 

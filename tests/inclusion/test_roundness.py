@@ -10,10 +10,16 @@ import pytest
 from scipy.stats import kstest
 
 import tsis
-from tsis.imaging import Sensor, expose, render
-from tsis.inclusion.checks import RINGS, SECTORS, roundness, sector_means, tilt_evidence
-from tsis.inclusion.checks._harmonics import harmonic, unevenness
-from tsis.inclusion.checks._roundness import harmonic_variance, roundness_findings, tilt_findings
+from tsis.imaging.rendering import render
+from tsis.imaging.sensor import Sensor, expose
+from tsis.inclusion.checks.roundness import (
+    harmonic_variance,
+    roundness,
+    roundness_findings,
+    tilt_evidence,
+    tilt_findings,
+)
+from tsis.inclusion.checks.sectors import RINGS, SECTORS, harmonic, sector_means, unevenness
 from tsis.model.calibration import Calibration, LightMap
 from tsis.model.image import TactileImage
 from tsis.model.phantom import Inclusion, Phantom
@@ -21,7 +27,7 @@ from tsis.model.press import PressMap
 from tsis.virtual.probe import VirtualProbe, nominal_calibration
 
 if TYPE_CHECKING:
-    from tsis.inclusion.checks._sectors import Sectors
+    from tsis.inclusion.checks.sectors import Sectors
 
 PROBE = tsis.load_probe("tsis-2011")
 PLAIN = tsis.load_phantom("plain")

@@ -10,8 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import tsis
-from tsis.inclusion.checks import RINGS, SECTORS, sector_means
-from tsis.inclusion.checks._sectors import ring_visibility
+from tsis.inclusion.checks.sectors import RINGS, SECTORS, ring_visibility, sector_means
 from tsis.model.calibration import Calibration, LightMap
 from tsis.model.image import TactileImage
 

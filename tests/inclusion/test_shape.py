@@ -15,7 +15,7 @@ from skimage.filters import threshold_otsu
 from skimage.measure import label, regionprops
 
 from tsis.errors import ImageMismatchError, InputError, UnknownNameError
-from tsis.inclusion import binary_image
+from tsis.inclusion.frames import binary_image
 from tsis.inclusion.shape import object_shape, two_means
 from tsis.model.image import TactileImage
 

@@ -11,7 +11,7 @@ from benchmarks.slow_reference import PROTOCOLS, compare, simulated
 from scipy.linalg import block_diag
 from scipy.stats import multivariate_normal
 
-from tsis.inclusion.posterior._forward import SHARED
+from tsis.inclusion.posterior.forward import SHARED
 
 pytestmark = pytest.mark.usefixtures("flat", "domed")
 

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 import tsis
 from tsis.errors import InputError, TsisError
-from tsis.inclusion import InclusionPrior, prior_on_tissue, protocol_forces, tissue_modulus
+from tsis.inclusion import InclusionPrior
+from tsis.inclusion.tissue import prior_on_tissue, protocol_forces, tissue_modulus
 from tsis.mechanics import press
 from tsis.model.calibration import Calibration, LightMap
 from tsis.model.image import TactileImage
@@ -40,7 +41,7 @@ def light_press(young_kpa: float, *, seed: int, probe: tsis.Probe = DOMED, force
     y, x = np.mgrid[-half : half + 1, -half : half + 1] * SCALE
     pressure = np.interp(np.hypot(x, y), field.radius_mm, field.pressure_kpa, right=0.0)
     gain = 4.0 * (1 + 0.03 * rng.standard_normal())
-    grey = gain * 60.0 * tsis.optics.real_contact(pressure, 60.0)
+    grey = gain * 60.0 * tsis.optics.angles.real_contact(pressure, 60.0)
     grey = np.clip(np.round(grey + rng.normal(0.0, 1.0, grey.shape)), 0, 255)
     return TactileImage(
         grey=grey, mm_per_pixel=(SCALE, SCALE), axis_px=(half, half), force_n=force_n, name="light press"

@@ -10,7 +10,7 @@ import numpy as np
 from tests.waiting import HANGS_S
 
 from tsis.errors import CameraError
-from tsis.instrument import Frame, Mode, Setting
+from tsis.instrument.camera import Frame, Mode, Setting
 from tsis.model.require import require_one_of
 
 if TYPE_CHECKING:

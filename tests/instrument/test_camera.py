@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from tsis.errors import ImageMismatchError, InputError
-from tsis.instrument import Camera, Frame, Mode, Setting
-from tsis.instrument.drivers import ImageFiles, OpenCVDevice, VideoFile
+from tsis.instrument.camera import Camera, Frame, Mode, Setting
+from tsis.instrument.drivers.files import ImageFiles, VideoFile
+from tsis.instrument.drivers.opencv import OpenCVDevice
 
 
 def test_every_source_follows_the_protocol() -> None:

@@ -14,7 +14,7 @@ from PIL import Image
 
 from tsis.errors import FileInputError
 from tsis.files.images import jpeg_fault
-from tsis.instrument import read_image
+from tsis.instrument.image_files import read_image
 
 if TYPE_CHECKING:
     from pathlib import Path

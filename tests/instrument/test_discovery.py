@@ -9,9 +9,12 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from tsis.errors import InputError, UnknownNameError
-from tsis.instrument import LIVE_SOURCES, Camera, CameraInfo, _discovery, connect, find_cameras
-from tsis.instrument.drivers import ImageFiles, OpenCVDevice, VideoFile
-from tsis.instrument.drivers import _opencv as opencv_search
+from tsis.instrument import discovery
+from tsis.instrument.camera import Camera
+from tsis.instrument.discovery import LIVE_SOURCES, CameraInfo, connect, find_cameras
+from tsis.instrument.drivers import opencv as opencv_search
+from tsis.instrument.drivers.files import ImageFiles, VideoFile
+from tsis.instrument.drivers.opencv import OpenCVDevice
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -85,7 +88,7 @@ def test_a_camera_is_named_without_its_library(name: str, identity: str) -> None
 
 @pytest.mark.parametrize("source", LIVE_SOURCES)
 def test_every_source_has_its_search(source: str) -> None:
-    module = _discovery._searching_module(source)
+    module = discovery._searching_module(source)
     assert callable(module.find_cameras_here)
     assert callable(module.missing_requirement)
 
@@ -104,7 +107,7 @@ def test_specs_that_name_nothing_are_refused_with_the_nearest() -> None:
 @pytest.mark.system
 def test_no_library_of_a_camera_maker_is_imported_before_its_source_is_asked() -> None:
     code = (
-        "import sys, tsis.instrument, tsis.instrument._discovery as d; d.connect('pylon:'); d.connect('genicam:');"
+        "import sys, tsis.instrument, tsis.instrument.discovery as d; d.connect('pylon:'); d.connect('genicam:');"
         "d.connect('files:x');"
         "print([m for m in sys.modules if m.partition('.')[0] in ('pypylon', 'harvesters', 'genicam')])"
     )

@@ -17,7 +17,7 @@ from PIL import Image
 
 from tsis.errors import FileInputError, InputError
 from tsis.files.images import LARGEST_PIXELS
-from tsis.instrument import read_colour, read_image
+from tsis.instrument.image_files import read_colour, read_image
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -26,7 +26,7 @@ from tsis.files.images import (
     tiff_fault,
     without_metadata,
 )
-from tsis.instrument import png_bytes, read_colour, read_image, whole_levels
+from tsis.instrument.image_files import png_bytes, read_colour, read_image, whole_levels
 from tsis.model.image import TactileImage
 
 if TYPE_CHECKING:

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from tsis.errors import UnknownNameError
-from tsis.instrument import Setting, preset
+from tsis.instrument.camera import Setting, preset
 
 SETTINGS = (
     Setting(name="exposure_ms", value=20.0, low=0.1, high=33.0, unit="ms"),

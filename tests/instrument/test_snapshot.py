@@ -11,8 +11,10 @@ import pytest
 
 from tsis.errors import FileInputError, InputError, UnknownNameError
 from tsis.files.atomic import write_durably
-from tsis.instrument import Frame, read_colour, read_image, save_snapshot
-from tsis.instrument import _snapshot as room
+from tsis.instrument import snapshot as room
+from tsis.instrument.camera import Frame
+from tsis.instrument.image_files import read_colour, read_image
+from tsis.instrument.snapshot import save_snapshot
 
 if TYPE_CHECKING:
     from pathlib import Path

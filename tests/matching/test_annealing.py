@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from tsis.matching import _annealing as annealing
-from tsis.matching._annealing import Cooling, anneal, reference_soft_pairs, soft_pairs
-from tsis.matching._spline import spline_basis
+from tsis.matching import annealing
+from tsis.matching.annealing import Cooling, anneal, reference_soft_pairs, soft_pairs
+from tsis.matching.spline import spline_basis
 
 if TYPE_CHECKING:
     from tests.matching.conftest import Warped

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from tsis.matching import _posterior as tprl
-from tsis.matching._fit import UNMATCHED, NormalFrame, spacing
-from tsis.matching._outline import RANK_SIGMA, Ranking, chains
-from tsis.matching._pose_evidence import AMPLITUDES, SIGMAS, SmoothField, gaussian_kernel, hard_evidence
-from tsis.matching._pose_search import PoseSearch, _followed, settled
-from tsis.matching._refinement import chained, grown, predicted, repatched, segment_shifts, shifted
+from tsis.matching import posterior as tprl
+from tsis.matching.methods import UNMATCHED, NormalFrame, spacing
+from tsis.matching.outline import RANK_SIGMA, Ranking, chains
+from tsis.matching.pose_evidence import AMPLITUDES, SIGMAS, SmoothField, gaussian_kernel, hard_evidence
+from tsis.matching.pose_search import PoseSearch, _followed, settled
+from tsis.matching.refinement import chained, grown, predicted, repatched, segment_shifts, shifted
 
 if TYPE_CHECKING:
     from tests.matching.conftest import Warped

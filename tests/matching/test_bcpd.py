@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from tsis.matching import _bcpd as bcpd
+from tsis.matching import bayesian_drift as bcpd
 from tsis.matching import register
-from tsis.matching._cpd import WIDTH
+from tsis.matching.drift import WIDTH
 
 if TYPE_CHECKING:
     from tests.matching.conftest import Warped

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from tsis.matching import _cpd as cpd
+from tsis.matching import drift as cpd
 
 if TYPE_CHECKING:
     from tests.matching.conftest import Warped

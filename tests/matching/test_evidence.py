@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from scipy.stats import special_ortho_group, vonmises
 
-from tsis.matching._fit import UNMATCHED, NormalFrame
-from tsis.matching._pose_evidence import PoseEvidence, SmoothField, hard_evidence, soft_evidence, unrelated_evidence
-from tsis.matching._pose_search import PoseSearch, settled
-from tsis.matching._posterior import log_rotation_prior, pose_posterior, rotation_deg
-from tsis.matching._refinement import one_to_one
+from tsis.matching.methods import UNMATCHED, NormalFrame
+from tsis.matching.pose_evidence import PoseEvidence, SmoothField, hard_evidence, soft_evidence, unrelated_evidence
+from tsis.matching.pose_search import PoseSearch, settled
+from tsis.matching.posterior import log_rotation_prior, pose_posterior, rotation_deg
+from tsis.matching.refinement import one_to_one
 
 if TYPE_CHECKING:
     from tests.matching.conftest import Warped

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tsis.matching._fit import NormalFrame
+from tsis.matching.methods import NormalFrame
 
 
 @pytest.mark.parametrize("dimension", [2, 3], ids=["plane", "space"])

@@ -11,10 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from tsis.matching import _registration as registration
-from tsis.matching import register
-from tsis.matching._fit import MatchFit, NormalFrame
-from tsis.matching._posterior import (
+from tsis.matching import register, registration
+from tsis.matching.methods import MatchFit, NormalFrame
+from tsis.matching.posterior import (
     MOST_UNSOUND,
     RELIABLE,
     PosePosterior,

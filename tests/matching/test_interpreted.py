@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 from tests.interpreted import assert_interpreted_alike
 
-from tsis.matching._annealing import annealed_map, field_design, soft_pairs
-from tsis.matching._cpd import expect
-from tsis.matching._fit import UNMATCHED, assign, pairs_within
-from tsis.matching._pose_evidence import PoseEvidence, SmoothField, _tridiagonal, hard_evidence, soft_evidence
-from tsis.matching._pose_search import _is_far
-from tsis.matching._refinement import _along_curves, chained, predicted
-from tsis.matching._relaxation import Labels, Neighbourhood, label
-from tsis.matching._rpm_lns import candidates, neighbours, support
-from tsis.matching._shape_context import chi_squared, histograms
-from tsis.matching._spline import spread_indices
+from tsis.matching.annealing import annealed_map, field_design, soft_pairs
+from tsis.matching.drift import expect
+from tsis.matching.methods import UNMATCHED, assign, pairs_within
+from tsis.matching.neighbourhoods import candidates, neighbours, support
+from tsis.matching.pose_evidence import PoseEvidence, SmoothField, _tridiagonal, hard_evidence, soft_evidence
+from tsis.matching.pose_search import _is_far
+from tsis.matching.refinement import _along_curves, chained, predicted
+from tsis.matching.relaxation import Labels, Neighbourhood, label
+from tsis.matching.shape_context import chi_squared, histograms
+from tsis.matching.spline import spread_indices
 
 if TYPE_CHECKING:
     from collections.abc import Callable

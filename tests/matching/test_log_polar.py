@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from tsis.errors import InputError
-from tsis.matching import _shape_context as log_polar
-from tsis.matching._shape_context import ANGLE_BINS, DISTANCE_BINS, INNER, OUTER, POLAR_BINS
+from tsis.matching import shape_context as log_polar
+from tsis.matching.shape_context import ANGLE_BINS, DISTANCE_BINS, INNER, OUTER, POLAR_BINS
 
 COORDINATE = st.floats(-3, 3, allow_nan=False).map(lambda x: round(x, 3))
 

@@ -14,9 +14,8 @@ from scipy.optimize import linear_sum_assignment
 from scipy.spatial import KDTree, cKDTree
 from scipy.spatial.distance import cdist
 
-from tsis.matching import UNMATCHED
-from tsis.matching._fit import assign, assign_listed, nearest_pairs, nearest_within, pairs_within, spacing
-from tsis.matching._refinement import MANY_PAIRS, one_to_one
+from tsis.matching.methods import UNMATCHED, assign, assign_listed, nearest_pairs, nearest_within, pairs_within, spacing
+from tsis.matching.refinement import MANY_PAIRS, one_to_one
 
 if TYPE_CHECKING:
     from collections.abc import Callable

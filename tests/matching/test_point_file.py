@@ -12,9 +12,9 @@ from hypothesis.extra import numpy as hnp
 from PIL import Image
 
 from tsis.errors import FileInputError
-from tsis.matching import _point_files as point_file
-from tsis.matching import csv_text, read_points
-from tsis.matching._fit import MOST_POINTS
+from tsis.matching import point_files as point_file
+from tsis.matching.methods import MOST_POINTS
+from tsis.matching.point_files import csv_text, read_points
 
 if TYPE_CHECKING:
     from pathlib import Path

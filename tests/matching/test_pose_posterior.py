@@ -8,9 +8,9 @@ from scipy.linalg import null_space
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
-from tsis.matching import match_points, register
-from tsis.matching._outline import Ranking, _local_medians, chains, laid_pieces, main_curve, successors
-from tsis.matching._pose_evidence import (
+from tsis.matching import register
+from tsis.matching.outline import Ranking, _local_medians, chains, laid_pieces, main_curve, successors
+from tsis.matching.pose_evidence import (
     AMPLITUDES,
     SIGMAS,
     WIDTHS,
@@ -21,7 +21,8 @@ from tsis.matching._pose_evidence import (
     hard_evidence,
     size_and_stretch,
 )
-from tsis.matching._posterior import is_sound, log_rotation_prior, pose_posterior, probability_right
+from tsis.matching.posterior import is_sound, log_rotation_prior, pose_posterior, probability_right
+from tsis.matching.registration import match_points
 
 
 def _outline(*radii: float, count: int = 80) -> np.ndarray:

@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from tsis.matching._fit import NormalFrame
-from tsis.matching._posterior import pose_posterior
-from tsis.matching._relaxation import Pose, agreed, poses, rotations
+from tsis.matching.methods import NormalFrame
+from tsis.matching.posterior import pose_posterior
+from tsis.matching.relaxation import Pose, agreed, poses, rotations
 
 FOUND = 0.15  # root-mean-square radii from where the points belong, from which soft pairs find the rest
 

@@ -13,10 +13,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tsis.errors import InputError, UnknownNameError
-from tsis.matching import METHODS, UNMATCHED, Registration, match_points, register
-from tsis.matching import _fit as fit
-from tsis.matching import _registration as registration
-from tsis.matching._fit import MatchFit
+from tsis.matching import Registration, register, registration
+from tsis.matching import methods as fit
+from tsis.matching.methods import UNMATCHED, MatchFit
+from tsis.matching.registration import METHODS, match_points
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

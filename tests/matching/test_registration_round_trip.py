@@ -8,7 +8,8 @@ import pickle
 import numpy as np
 import pytest
 
-from tsis.matching import METHODS, register
+from tsis.matching import register
+from tsis.matching.registration import METHODS
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import cdist
 
-from tsis.matching._relaxation import (
+from tsis.matching.relaxation import (
     CANDIDATES,
     NEIGHBOURS,
     TARGET_NEIGHBOURS,
@@ -21,7 +21,7 @@ from tsis.matching._relaxation import (
     reference_label,
     reference_supports,
 )
-from tsis.matching._shape_context import chi_squared, histograms
+from tsis.matching.shape_context import chi_squared, histograms
 
 if TYPE_CHECKING:
     from tests.matching.conftest import Warped

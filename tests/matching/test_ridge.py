@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tsis.matching._fit import ridge_solution
+from tsis.matching.methods import ridge_solution
 
 
 @pytest.mark.parametrize("ridge", [0.3, np.array([0.3, 2.0, 1e-3, 0.5, 1.0])])

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import cdist
 
-from tsis.matching import _rpm_lns as rpm_lns
-from tsis.matching._shape_context import chi_squared, histograms
+from tsis.matching import neighbourhoods as rpm_lns
+from tsis.matching.shape_context import chi_squared, histograms
 
 if TYPE_CHECKING:
     from tests.matching.conftest import Warped

@@ -9,9 +9,9 @@ import pytest
 from benchmarks.matching.distort import even_texture, fourier_curve, tactile_surface
 from scipy.spatial.distance import cdist
 
-from tsis.matching import UNMATCHED, register
-from tsis.matching import _fit as sampled
-from tsis.matching._fit import drawn, mutual_nearest
+from tsis.matching import methods as sampled
+from tsis.matching import register
+from tsis.matching.methods import UNMATCHED, drawn, mutual_nearest
 
 if TYPE_CHECKING:
     from benchmarks.matching.distort import Shape

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from tsis.matching import _shape_context as shape_context
+from tsis.matching import shape_context
 
 if TYPE_CHECKING:
     from tests.matching.conftest import Warped

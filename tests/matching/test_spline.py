@@ -12,8 +12,7 @@ from scipy.interpolate import RBFInterpolator
 from scipy.spatial.transform import Rotation
 
 from tsis.errors import InputError
-from tsis.matching import ThinPlateSpline, fit_spline
-from tsis.matching._spline import CONTROL_POINTS, spline_basis, spread_indices
+from tsis.matching.spline import CONTROL_POINTS, ThinPlateSpline, fit_spline, spline_basis, spread_indices
 
 PEER: dict[int, Literal["thin_plate_spline", "linear"]] = {2: "thin_plate_spline", 3: "linear"}
 DIMENSIONS = pytest.mark.parametrize("dimension", [2, 3], ids=["plane", "space"])

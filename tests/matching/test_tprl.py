@@ -11,7 +11,7 @@ from benchmarks.matching.trials import DATA, matching_error, public_trials
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tsis.matching import _posterior as tprl
+from tsis.matching import posterior as tprl
 from tsis.matching import register
 
 if TYPE_CHECKING:

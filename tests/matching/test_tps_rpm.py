@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.matching import _annealing as tps_rpm
+from tsis.matching import annealing as tps_rpm
 
 if TYPE_CHECKING:
     from tests.matching.conftest import Warped

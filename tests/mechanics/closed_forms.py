@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.polynomial import legendre
 
-from tsis.mechanics import HertzContact
+from tsis.mechanics.closed_forms import HertzContact
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

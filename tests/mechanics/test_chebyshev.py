@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tsis.mechanics.surrogate._polynomial import chebyshev_points, chebyshev_weights
+from tsis.mechanics.surrogate.polynomial import chebyshev_points, chebyshev_weights
 
 INTERVAL = (4.0, 12.0)
 

@@ -19,7 +19,7 @@ from tests.mechanics.closed_forms import (
 )
 
 from tsis.errors import InputError
-from tsis.mechanics import effective_modulus_kpa, hertz_under_force
+from tsis.mechanics.closed_forms import effective_modulus_kpa, hertz_under_force
 from tsis.model.probe import Layer
 
 STACK = tuple(Layer(thickness_mm=t, young_kpa=e, poisson=0.49) for t, e in ((2.0, 140.0), (3.0, 80.0), (5.0, 34.0)))

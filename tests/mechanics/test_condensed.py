@@ -9,13 +9,10 @@ import pytest
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from tsis.mechanics import stiffness
-from tsis.mechanics._mesh import LayeredMesh, Spheroid, sphere_on_axis
-from tsis.mechanics.small_strain import Resolution
-from tsis.mechanics.small_strain import _bodies as bodies
-from tsis.mechanics.small_strain import _bodies as slab
-from tsis.mechanics.small_strain._bodies import face_of
-from tsis.mechanics.small_strain._condensation import EMPTY, FIXED, Condensate, condense_layers
+from tsis.mechanics.mesh import LayeredMesh, Spheroid, sphere_on_axis, stiffness
+from tsis.mechanics.small_strain import slab
+from tsis.mechanics.small_strain import slab as bodies
+from tsis.mechanics.small_strain.slab import EMPTY, FIXED, Condensate, Resolution, condense_layers, face_of
 from tsis.model.probe import Layer, Probe
 
 if TYPE_CHECKING:

@@ -13,8 +13,8 @@ from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import nnls
 
 from tsis.errors import InputError, MechanicsError
-from tsis.mechanics.small_strain import _contact as contact
-from tsis.mechanics.small_strain._contact import unilateral_contact
+from tsis.mechanics.small_strain import unilateral as contact
+from tsis.mechanics.small_strain.unilateral import unilateral_contact
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

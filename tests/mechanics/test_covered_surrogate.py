@@ -13,11 +13,13 @@ from hypothesis import strategies as st
 
 import tsis
 from tsis.errors import InputError
-from tsis.mechanics import hats, press
-from tsis.mechanics._face import ring_points
-from tsis.mechanics.small_strain import PressKernel, Resolution
-from tsis.mechanics.small_strain._bodies import face_of
-from tsis.mechanics.surrogate import Box, Degrees, build_full_contact_surrogate, build_surrogate
+from tsis.mechanics import press
+from tsis.mechanics.mesh import hats, ring_points
+from tsis.mechanics.small_strain.linear_press import PressKernel
+from tsis.mechanics.small_strain.slab import Resolution, face_of
+from tsis.mechanics.surrogate.building import build_surrogate
+from tsis.mechanics.surrogate.full_contact import build_full_contact_surrogate
+from tsis.mechanics.surrogate.polynomial import Box, Degrees
 from tsis.model.phantom import Inclusion, Phantom
 
 if TYPE_CHECKING:
@@ -25,7 +27,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.mechanics.surrogate import FullContactParts, FullContactProfiles, FullContactSurrogate, Surrogate
+    from tsis.mechanics.surrogate.full_contact import FullContactParts, FullContactProfiles, FullContactSurrogate
+    from tsis.mechanics.surrogate.polynomial import Surrogate
     from tsis.model.probe import Probe
 
 FLAT, DOMED = tsis.load_probe("tsis-2011"), tsis.load_probe("tsis-domed")
@@ -252,7 +255,7 @@ def test_it_is_kept_on_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     first = build_full_contact_surrogate(DOMED, BOX, degrees=TINY, resolution=COARSE)
     stored = tmp_path / "covered" / first.key
     assert stored.is_file()
-    monkeypatch.setattr("tsis.mechanics.surrogate._full_contact.solve_all", None)  # nothing is solved again
+    monkeypatch.setattr("tsis.mechanics.surrogate.full_contact.solve_all", None)  # nothing is solved again
     again = build_full_contact_surrogate(DOMED, BOX, degrees=TINY, resolution=COARSE)
     assert again.error == first.error
     assert again.shape is not None

@@ -14,11 +14,10 @@ from tests.mechanics.closed_forms import bonded_layer_ratio, hertz, punch_stiffn
 
 import tsis
 from tsis.mechanics import press
-from tsis.mechanics._mesh import block_radius_mm
-from tsis.mechanics.small_strain import PressKernel, Resolution
-from tsis.mechanics.small_strain import _disc_contact as disc_contact
-from tsis.mechanics.small_strain._bodies import Slab, face_of
-from tsis.mechanics.small_strain._press import half_space_compliance
+from tsis.mechanics.mesh import block_radius_mm
+from tsis.mechanics.small_strain import unilateral as disc_contact
+from tsis.mechanics.small_strain.linear_press import PressKernel, half_space_compliance
+from tsis.mechanics.small_strain.slab import Resolution, Slab, face_of
 from tsis.model.phantom import Inclusion, Phantom
 from tsis.model.probe import Layer, Probe
 
@@ -27,7 +26,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.mechanics.small_strain import PartialContact
+    from tsis.mechanics.small_strain.unilateral import PartialContact
 
 DOMED = tsis.load_probe("tsis-domed")
 PLAIN = Phantom(young_kpa=5.0, thickness_mm=30.0)

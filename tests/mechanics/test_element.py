@@ -8,9 +8,19 @@ import numpy as np
 import pytest
 from tests.mechanics.closed_forms import oedometric_modulus_kpa
 
-from tsis.mechanics import graded, stiffness, two_sided_lines
-from tsis.mechanics._element import lagrange, lame_constants, lobatto_points, reference_element
-from tsis.mechanics._mesh import Spheroid, mesh_around, mesh_inside, refine
+from tsis.mechanics.mesh import (
+    Spheroid,
+    graded,
+    lagrange,
+    lame_constants,
+    lobatto_points,
+    mesh_around,
+    mesh_inside,
+    reference_element,
+    refine,
+    stiffness,
+    two_sided_lines,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

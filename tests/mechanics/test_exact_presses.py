@@ -16,12 +16,10 @@ from tests.mechanics.closed_forms import (
     sphere_in_uniaxial_stress,
 )
 
-from tsis.mechanics import effective_modulus_kpa, mesh_rectangle
-from tsis.mechanics._mesh import Spheroid, mesh_around, mesh_inside, refine
-from tsis.mechanics.small_strain import Resolution
-from tsis.mechanics.small_strain._bodies import Slab, face_of, probe_compliance
-from tsis.mechanics.small_strain._condensation import FIXED, condense_layers
-from tsis.mechanics.small_strain._contact import unilateral_contact
+from tsis.mechanics.closed_forms import effective_modulus_kpa
+from tsis.mechanics.mesh import Spheroid, mesh_around, mesh_inside, mesh_rectangle, refine
+from tsis.mechanics.small_strain.slab import FIXED, Resolution, Slab, condense_layers, face_of, probe_compliance
+from tsis.mechanics.small_strain.unilateral import unilateral_contact
 from tsis.model.probe import Layer, Probe
 
 if TYPE_CHECKING:

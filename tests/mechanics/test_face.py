@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tsis.mechanics.small_strain import Resolution
-from tsis.mechanics.small_strain._bodies import face_of
+from tsis.mechanics.small_strain.slab import Resolution, face_of
 
 FACE = face_of(12.0, Resolution())
 

@@ -15,24 +15,23 @@ from scipy.linalg import block_diag
 import tsis
 from tsis.errors import InputError, MechanicsError
 from tsis.files.cache import read_cached_arrays
-from tsis.inclusion import InclusionPrior, prior_on_tissue
-from tsis.mechanics.finite_strain import FiniteResolution, press_finite, press_pairs
-from tsis.mechanics.surrogate import (
-    Box,
+from tsis.inclusion import InclusionPrior
+from tsis.inclusion.tissue import prior_on_tissue
+from tsis.mechanics.finite_strain.neo_hookean_press import press_finite, press_pairs
+from tsis.mechanics.finite_strain.patches import FiniteResolution
+from tsis.mechanics.surrogate import correction_building as build
+from tsis.mechanics.surrogate.correction_building import build_finite_correction
+from tsis.mechanics.surrogate.finite_correction import (
     CorrectionBox,
-    FiniteCorrection,
-    build_finite_correction,
-    correction_box,
-    signal_scale,
-)
-from tsis.mechanics.surrogate import _correction_build as build
-from tsis.mechanics.surrogate._finite_correction import (
     CorrectionProcess,
+    FiniteCorrection,
+    correction_box,
     fit_lengths,
     left_out,
     wide_box,
 )
-from tsis.mechanics.surrogate._presses import SlabPresses, design, row_of_field
+from tsis.mechanics.surrogate.polynomial import Box, signal_scale
+from tsis.mechanics.surrogate.states import SlabPresses, design, row_of_field
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -214,7 +213,7 @@ def test_an_interrupted_build_continues(tmp_path: Path, monkeypatch: pytest.Monk
     monkeypatch.setenv("TSIS_CACHE_DIR", str(tmp_path))
     monkeypatch.setattr(build, "_Size", partial(build._Size, loads=3))
     # On the coarse mesh tissue wraps around the rim earlier.
-    monkeypatch.setattr("tsis.mechanics.surrogate._finite_correction.FLAT_LOADS", (0.1, 0.8, 0.8))
+    monkeypatch.setattr("tsis.mechanics.surrogate.finite_correction.FLAT_LOADS", (0.1, 0.8, 0.8))
     built = partial(build_finite_correction, tsis.load_probe("tsis-2011"), pairs=24, checks=4, resolution=COARSE)
     steps: list[int] = []
 

@@ -10,15 +10,9 @@ from scipy.linalg import expm
 
 import tsis
 from tsis.errors import InputError
-from tsis.mechanics.finite_strain import squeeze_path
-from tsis.mechanics.gel import (
-    DepthErrors,
-    GelGrid,
-    gel_force,
-    gel_force_scale,
-    layer_compliance,
-    pressure_from_depth,
-)
+from tsis.mechanics.finite_strain.soft_sphere import squeeze_path
+from tsis.mechanics.gel.contact import GelGrid, layer_compliance
+from tsis.mechanics.gel.force import DepthErrors, gel_force, gel_force_scale, pressure_from_depth
 from tsis.model.gel_sensor import BoundedValue, GelSensor
 
 

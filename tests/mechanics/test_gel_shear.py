@@ -11,8 +11,9 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 
 from tsis.catalog.sensors import load_sensor
 from tsis.errors import InputError
-from tsis.imaging import marker_shift
-from tsis.mechanics.gel import GelGrid, gel_shear
+from tsis.imaging.gel_contact import marker_shift
+from tsis.mechanics.gel.contact import GelGrid
+from tsis.mechanics.gel.shear import gel_shear
 from tsis.model.gel_sensor import BoundedValue, GelSensor
 
 SENSOR = GelSensor(

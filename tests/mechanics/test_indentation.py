@@ -10,7 +10,8 @@ from tests.mechanics.closed_forms import hertz
 
 import tsis
 from tsis.errors import InputError, MechanicsError
-from tsis.mechanics.small_strain import Indentation, Resolution, indent
+from tsis.mechanics.small_strain.rigid_ball import Indentation, indent
+from tsis.mechanics.small_strain.slab import Resolution
 from tsis.model.probe import Layer, Probe
 
 PROBE = tsis.load_probe("tsis-2011")

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tsis.errors import InputError
-from tsis.mechanics.gel import layer_compliance, layer_contact
-from tsis.mechanics.small_strain import indent
+from tsis.mechanics.gel.contact import layer_compliance, layer_contact
+from tsis.mechanics.small_strain.rigid_ball import indent
 from tsis.model.probe import Layer, Probe
 
 

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from tsis.errors import InputError
-from tsis.mechanics import bonded_factor, compression_modulus, indentation_modulus
-from tsis.mechanics.small_strain import indent
+from tsis.mechanics import indentation_modulus
+from tsis.mechanics.bench_tests import bonded_factor, compression_modulus
+from tsis.mechanics.small_strain.rigid_ball import indent
 from tsis.model.probe import Layer, Probe
 
 DEPTH = np.linspace(0.05, 0.5, 12)

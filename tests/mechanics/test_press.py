@@ -11,9 +11,10 @@ import pytest
 
 import tsis
 from tsis.errors import InputError, MechanicsError
-from tsis.mechanics import effective_modulus_kpa, press
-from tsis.mechanics.small_strain import Resolution
-from tsis.mechanics.surrogate import contrast_factor
+from tsis.mechanics import press
+from tsis.mechanics.closed_forms import effective_modulus_kpa
+from tsis.mechanics.small_strain.slab import Resolution
+from tsis.mechanics.surrogate.polynomial import contrast_factor
 from tsis.model.phantom import Inclusion, Phantom
 from tsis.model.probe import Layer, Probe
 

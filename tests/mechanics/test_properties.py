@@ -11,13 +11,14 @@ from tests.mechanics.test_gel_shear import SENSOR
 
 from tsis.catalog.probes import load_probe
 from tsis.errors import InputError
-from tsis.mechanics import bonded_factor
-from tsis.mechanics.finite_strain._sphere import mesh_ball
-from tsis.mechanics.gel import gel_force_scale, gel_shear
-from tsis.mechanics.solid import _press as solid_press
-from tsis.mechanics.surrogate import Box
-from tsis.mechanics.surrogate._finite_correction import correction_box
-from tsis.mechanics.surrogate._presses import FACE_POINTS, row_of_field
+from tsis.mechanics import solid
+from tsis.mechanics.bench_tests import bonded_factor
+from tsis.mechanics.finite_strain.soft_sphere import mesh_ball
+from tsis.mechanics.gel.force import gel_force_scale
+from tsis.mechanics.gel.shear import gel_shear
+from tsis.mechanics.surrogate.finite_correction import correction_box
+from tsis.mechanics.surrogate.polynomial import Box
+from tsis.mechanics.surrogate.states import FACE_POINTS, row_of_field
 from tsis.model.press import PressField
 
 
@@ -85,6 +86,6 @@ def test_a_ball_has_the_rings_that_are_asked_for() -> None:
 
 
 def test_results_with_arrays_are_compared_by_identity() -> None:
-    classes = [item for item in vars(solid_press).values() if hasattr(item, "__dataclass_fields__")]
+    classes = [item for item in vars(solid).values() if hasattr(item, "__dataclass_fields__")]
     assert classes
-    assert {item.__eq__ for item in classes if item.__module__ == solid_press.__name__} == {object.__eq__}
+    assert {item.__eq__ for item in classes if item.__module__ == solid.__name__} == {object.__eq__}

@@ -10,9 +10,11 @@ import pytest
 import tsis
 from tsis.errors import InputError, MechanicsError
 from tsis.mechanics import press
-from tsis.mechanics.finite_strain import squeeze_sphere
-from tsis.mechanics.small_strain import indent, relaxing_press, settling_time_s
-from tsis.mechanics.surrogate import Degrees, build_surrogate
+from tsis.mechanics.finite_strain.soft_sphere import squeeze_sphere
+from tsis.mechanics.small_strain.relaxation import relaxing_press, settling_time_s
+from tsis.mechanics.small_strain.rigid_ball import indent
+from tsis.mechanics.surrogate.building import build_surrogate
+from tsis.mechanics.surrogate.polynomial import Degrees
 from tsis.model.phantom import Phantom, Relaxation
 from tsis.model.probe import Layer, Probe
 

@@ -192,7 +192,7 @@ def test_stages_are_told() -> None:
 @pytest.mark.slow
 def test_the_virtual_probe_sees_where_the_inclusion_lies(monkeypatch: pytest.MonkeyPatch) -> None:
     quick = partial(press_solid, resolution=COARSE, threads=1)
-    monkeypatch.setattr("tsis.virtual.probe.press_solid", quick)
+    monkeypatch.setattr("tsis.mechanics.solid.press_solid", quick)
     virtual = tsis.virtual.VirtualProbe(PROBE, rng=np.random.default_rng(1), light=LightMap.uniform(), strain="small")
     phantom = replace(PLAIN, inclusion=replace(SMALL, offset_mm=(3.0, -2.0)))
     grey = virtual.press(phantom, force_n=1.0).grey - virtual.press(PLAIN, force_n=1.0).grey

@@ -11,8 +11,7 @@ import pytest
 
 import tsis
 from tsis.errors import InputError, MechanicsError, MissingExtraError
-from tsis.mechanics.solid import press_solid
-from tsis.mechanics.solid._press import _check_model
+from tsis.mechanics.solid import _check_model, press_solid
 from tsis.model.calibration import LightMap
 from tsis.model.phantom import Inclusion, Phantom
 from tsis.model.press import PressMap

@@ -11,20 +11,21 @@ import pytest
 import tsis
 from tsis.errors import InputError
 from tsis.inclusion import InclusionPrior
-from tsis.mechanics import hats, press
-from tsis.mechanics._face import ring_points
-from tsis.mechanics.small_strain import PressKernel, Resolution
-from tsis.mechanics.surrogate import Box, Degrees, build_surrogate, contrast_factor
-from tsis.mechanics.surrogate import _build as surrogate_build
-from tsis.mechanics.surrogate import _build as surrogate_solves
-from tsis.mechanics.surrogate._polynomial import chebyshev_weights
+from tsis.mechanics import press
+from tsis.mechanics.mesh import hats, ring_points
+from tsis.mechanics.small_strain.linear_press import PressKernel
+from tsis.mechanics.small_strain.slab import Resolution
+from tsis.mechanics.surrogate import building as surrogate_build
+from tsis.mechanics.surrogate import building as surrogate_solves
+from tsis.mechanics.surrogate.building import build_surrogate
+from tsis.mechanics.surrogate.polynomial import Box, Degrees, chebyshev_weights, contrast_factor
 from tsis.model.phantom import Inclusion, Phantom
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from tsis.mechanics.surrogate import PressSurrogate
+    from tsis.mechanics.surrogate.polynomial import PressSurrogate
     from tsis.model.probe import Probe
 
 PROBE = tsis.load_probe("tsis-2011")

@@ -11,7 +11,7 @@ from scipy.integrate import quad
 
 import tsis
 from tsis.mechanics import press
-from tsis.mechanics.small_strain import PressKernel
+from tsis.mechanics.small_strain.linear_press import PressKernel
 from tsis.mechanics.solid import press_solid
 from tsis.mechanics.tissue_field import FieldMesh, TissueFieldResponse, field_factors, field_features
 from tsis.model.phantom import Inclusion, Phantom

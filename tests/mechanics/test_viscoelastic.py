@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 import tsis
 from tsis.errors import InputError, MechanicsError
 from tsis.mechanics import press
-from tsis.mechanics.small_strain import Resolution, relaxing_press, settling_time_s
-from tsis.mechanics.small_strain._press import compliances
+from tsis.mechanics.small_strain.linear_press import compliances
+from tsis.mechanics.small_strain.relaxation import relaxing_press, settling_time_s
+from tsis.mechanics.small_strain.slab import Resolution
 from tsis.model.phantom import Inclusion, Phantom, Relaxation
 from tsis.model.probe import Layer, Probe
 

@@ -13,13 +13,14 @@ import numpy as np
 import pytest
 
 import tsis
-from tsis.calibration import MeasuredValue, UsableCalibration
+from tsis.calibration.camera_reference import CameraReference
 from tsis.calibration.file import ProbeCalibration, calibration_sha256
-from tsis.calibration.reference import CameraReference
+from tsis.calibration.frames import UsableCalibration
+from tsis.calibration.measured import MeasuredValue
 from tsis.imaging import features
 from tsis.inclusion.network_training import train_network
 from tsis.inclusion.relative import RelativeReading
-from tsis.instrument import Frame
+from tsis.instrument.camera import Frame
 from tsis.model.calibration import Calibration, LightMap
 from tsis.model.estimate import Estimate
 from tsis.model.image import TactileImage

@@ -16,7 +16,7 @@ from tests.model.test_content import calibration, disc, estimate
 
 import tsis
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.calibration import UsableCalibration
+from tsis.calibration.frames import UsableCalibration
 from tsis.model.estimate import Estimate
 
 if TYPE_CHECKING:

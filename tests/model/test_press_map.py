@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from tsis.errors import InputError
-from tsis.imaging import Sensor, render
+from tsis.imaging.rendering import render
+from tsis.imaging.sensor import Sensor
 from tsis.model.calibration import Calibration
 from tsis.model.press import PressField, PressMap
 

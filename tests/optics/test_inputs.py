@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from tsis.errors import InputError
-from tsis.optics import _inputs as inputs
+from tsis.optics import angles as inputs
 
 
 @pytest.mark.parametrize(

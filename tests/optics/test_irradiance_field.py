@@ -12,9 +12,8 @@ from scipy.integrate import quad
 from scipy.special import erf
 
 from tsis.errors import InputError
-from tsis.optics.irradiance import Irradiance
-from tsis.optics.irradiance._fit import POWERS
-from tsis.optics.rays import hertz_dent
+from tsis.optics.face_light import POWERS, Irradiance
+from tsis.optics.rays.geometry import hertz_dent
 
 NODES = np.linspace(-10.0, 10.0, 21)
 SLOPE = st.floats(-0.1, 0.1)

@@ -13,11 +13,20 @@ from tsis.errors import InputError
 from tsis.files.cache import cache_folder
 from tsis.model.calibration import LightMap
 from tsis.model.probe import FOUR_LEDS, Led
-from tsis.optics._angles import real_contact
-from tsis.optics.irradiance import Irradiance, irradiance, leaving_light
-from tsis.optics.irradiance import _trace as room
-from tsis.optics.irradiance._fit import powers, slope_terms, smooth, symmetries, watched_slopes
-from tsis.optics.rays import evenly_pressed_face, evenly_raised_face, hertz_dent, trace_rays
+from tsis.optics import face_light as room
+from tsis.optics.angles import real_contact
+from tsis.optics.face_light import (
+    Irradiance,
+    irradiance,
+    leaving_light,
+    powers,
+    slope_terms,
+    smooth,
+    symmetries,
+    watched_slopes,
+)
+from tsis.optics.rays.geometry import evenly_pressed_face, evenly_raised_face, hertz_dent
+from tsis.optics.rays.tracing import trace_rays
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -9,8 +9,7 @@ import pytest
 from scipy.sparse.linalg import splu
 from scipy.special import hankel1
 
-from tsis.optics.propagation._grid import MASS, Axis, axis, helmholtz_matrix, links
-from tsis.optics.propagation._propagate import march, memory_bytes, solve
+from tsis.optics.propagation import MASS, Axis, axis, helmholtz_matrix, links, march, memory_bytes, solve
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -10,8 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tsis.errors import InputError, UnknownNameError
-from tsis.optics.propagation import Dent, ThinGuide, interfaces_um, thin_guide
-from tsis.optics.propagation._grid import axis, permittivity
+from tsis.optics.propagation import Dent, ThinGuide, axis, interfaces_um, permittivity, thin_guide
 
 GUIDE = thin_guide("dissertation")
 

@@ -6,9 +6,17 @@ import numpy as np
 import pytest
 
 from tsis.optics import guided_modes
-from tsis.optics.propagation import Dent, propagate, thin_guide
-from tsis.optics.propagation._grid import Axis, axis, permittivity, times
-from tsis.optics.propagation._section_modes import SectionModes, section_modes
+from tsis.optics.propagation import (
+    Axis,
+    Dent,
+    SectionModes,
+    axis,
+    permittivity,
+    propagate,
+    section_modes,
+    thin_guide,
+    times,
+)
 
 K0 = 2 * np.pi / 0.55
 

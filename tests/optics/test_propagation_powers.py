@@ -11,11 +11,21 @@ from hypothesis import strategies as st
 
 from tsis.errors import InputError
 from tsis.optics import guided_modes
-from tsis.optics.propagation import Dent, ThinGuide, propagate, thin_guide
-from tsis.optics.propagation._grid import Axis, axis, permittivity
-from tsis.optics.propagation._power import outward
-from tsis.optics.propagation._propagate import CELLS_A_WAVE, COARSEST, solve_launched
-from tsis.optics.propagation._section_modes import SectionModes, section_modes
+from tsis.optics.propagation import (
+    CELLS_A_WAVE,
+    COARSEST,
+    Axis,
+    Dent,
+    SectionModes,
+    ThinGuide,
+    axis,
+    outward,
+    permittivity,
+    propagate,
+    section_modes,
+    solve_launched,
+    thin_guide,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

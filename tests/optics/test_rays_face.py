@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tsis.optics.rays import evenly_pressed_face, evenly_raised_face, hertz_dent, tip_press
+from tsis.optics.rays.geometry import evenly_pressed_face, evenly_raised_face, hertz_dent, tip_press
 
 
 def test_an_even_pressure_carries_its_force() -> None:

@@ -11,15 +11,13 @@ from tests.interpreted import assert_interpreted_alike
 
 from tsis.catalog.probes import load_probe
 from tsis.model.probe import Glass
-from tsis.optics.rays import evenly_pressed_face, evenly_raised_face, hertz_dent, scene
-from tsis.optics.rays._emission import lamps
-from tsis.optics.rays._kernel import CONTACT, MAPS, MEETINGS, TALLIES, Record, follow, trace_batch
+from tsis.optics.rays.geometry import evenly_pressed_face, evenly_raised_face, hertz_dent, scene
+from tsis.optics.rays.kernel import CONTACT, MAPS, MEETINGS, TALLIES, Record, follow, lamps, trace_batch
 
 if TYPE_CHECKING:
     from tsis.model.press import PressField, PressMap
-    from tsis.optics.rays._emission import Lamps
-    from tsis.optics.rays._kernel import Vector
-    from tsis.optics.rays._scene import Scene
+    from tsis.optics.rays.geometry import Scene
+    from tsis.optics.rays.kernel import Lamps, Vector
 
 PROBE = load_probe("tsis-2011")
 DENT = hertz_dent(12.0, tip_radius_mm=6.0, depth_mm=1.2, peak_pressure_kpa=5.0, offset_mm=(1.0, -2.0))

@@ -12,13 +12,13 @@ from hypothesis import strategies as st
 
 from tsis.catalog.probes import load_probe
 from tsis.model.probe import Glass, Layer, Probe
-from tsis.optics import fresnel
-from tsis.optics.rays import evenly_raised_face, scene
-from tsis.optics.rays._kernel import mirrored, reflectance, refracted
-from tsis.optics.rays._trace import follow_path
+from tsis.optics.angles import fresnel
+from tsis.optics.rays.geometry import evenly_raised_face, scene
+from tsis.optics.rays.kernel import mirrored, reflectance, refracted
+from tsis.optics.rays.tracing import follow_path
 
 if TYPE_CHECKING:
-    from tsis.optics.rays._scene import Scene
+    from tsis.optics.rays.geometry import Scene
 
 ANGLE = st.floats(0.0, 1.57)
 INDEX = st.floats(1.0, 4.0)

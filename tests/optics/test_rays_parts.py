@@ -11,9 +11,15 @@ from scipy.ndimage import map_coordinates
 
 from tsis.catalog.probes import load_probe
 from tsis.model.probe import Glass, Led
-from tsis.optics.rays import evenly_pressed_face, scene
-from tsis.optics.rays._emission import emitted, lamps
-from tsis.optics.rays._kernel import (
+from tsis.optics.rays.geometry import (
+    contact_fraction,
+    evenly_pressed_face,
+    height_and_slopes,
+    heights,
+    scene,
+    way_to_surface,
+)
+from tsis.optics.rays.kernel import (
     ARRIVING,
     BEYOND,
     CONTACT,
@@ -29,8 +35,9 @@ from tsis.optics.rays._kernel import (
     _bin,
     _enter,
     _record_reflected,
+    emitted,
+    lamps,
 )
-from tsis.optics.rays._surface import contact_fraction, height_and_slopes, heights, way_to_surface
 
 PROBE = load_probe("tsis-2011")
 SIDE = np.linspace(-12.0, 12.0, 49)

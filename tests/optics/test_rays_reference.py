@@ -11,9 +11,9 @@ import pytest
 from tsis.catalog.probes import load_probe
 from tsis.model.press import PressField
 from tsis.model.probe import FOUR_LEDS, Glass, Led, Probe
-from tsis.optics.rays import WAYS_OUT, hertz_dent, scene, trace_photons, trace_rays
-from tsis.optics.rays._reference import Photon, reference_probe
-from tsis.optics.rays._trace import follow_path
+from tsis.optics.rays.geometry import hertz_dent, scene
+from tsis.optics.rays.reference import WAYS_OUT, Photon, reference_probe, trace_photons
+from tsis.optics.rays.tracing import follow_path, trace_rays
 
 if TYPE_CHECKING:
     from tsis.model.press import PressMap

@@ -14,7 +14,8 @@ from tsis.catalog.probes import load_probe
 from tsis.errors import InputError
 from tsis.model.press import PressField
 from tsis.model.probe import FOUR_LEDS, Glass, Layer, Led, Probe
-from tsis.optics.rays import evenly_raised_face, hertz_dent, trace_paths, trace_rays
+from tsis.optics.rays.geometry import evenly_raised_face, hertz_dent
+from tsis.optics.rays.tracing import trace_paths, trace_rays
 
 PROBE = replace(load_probe("tsis-2011"), leds=FOUR_LEDS)  # level lamps at half height
 DENT = hertz_dent(12.0, tip_radius_mm=8.0, depth_mm=1.2, peak_pressure_kpa=25.0)

@@ -13,10 +13,9 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 
 from tsis.errors import InputError
-from tsis.optics import _guided_modes, guided_modes
+from tsis.optics import guided_modes, slab
 from tsis.optics.propagation import thin_guide
-from tsis.optics.slab import thickness_factor
-from tsis.optics.slab._reference import effective_indices
+from tsis.optics.slab import effective_indices, thickness_factor
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -263,8 +262,8 @@ def test_bad_input_is_one_sentence(change: dict[str, Any], message: str) -> None
 
 def test_as_many_modes_as_the_limit_are_given(monkeypatch: pytest.MonkeyPatch) -> None:
     call: dict[str, Any] = {"index": [1.16, 1.15, 1.14, 1.13], "thickness_um": [2.0, 3.0, 4.0, 1.0]}
-    monkeypatch.setattr(_guided_modes, "MOST_MODES", 21)
+    monkeypatch.setattr(slab, "MOST_MODES", 21)
     assert len(guided_modes(**call, wavelength_um=0.55)) == 21
-    monkeypatch.setattr(_guided_modes, "MOST_MODES", 20)
+    monkeypatch.setattr(slab, "MOST_MODES", 20)
     with pytest.raises(InputError, match="at most 20 modes"):
         guided_modes(**call, wavelength_um=0.55)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from tsis.errors import InputError
 from tsis.optics import guided_modes
-from tsis.optics.slab._field import _decay_length_um
+from tsis.optics.slab import _decay_length_um
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tests.interpreted import assert_interpreted_alike
 
-from tsis.optics.slab._phase import EPSILON, mode_roots, modes_above, propagate_layer
+from tsis.optics.slab import EPSILON, mode_roots, modes_above, propagate_layer
 
 STEP = np.array([-1.0, -0.3, 0.0, -0.2, -0.01, -1.0])  # squared indices below that of the core, in layer 2
 LENGTH = np.array([0.0, 4.0, 25.0, 8.0, 30.0, 0.0])

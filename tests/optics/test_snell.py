@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from tsis.catalog.probes import load_probe
 from tsis.errors import InputError
 from tsis.model.probe import Layer, Led, Probe
-from tsis.optics import acceptance, critical_angle_deg, fresnel, layer_facing_lamp, refraction_deg
+from tsis.optics.angles import acceptance, critical_angle_deg, fresnel, layer_facing_lamp, refraction_deg
 
 INDEX, ANGLE = st.floats(1.0, 2.5), st.floats(0.0, 89.9)
 PRINTED = [1.16, 1.15, 1.14, 1.13]

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from tsis.calibration import MeasuredValue
-from tsis.calibration.force import ForceLine, Loading, loading_forces
+from tsis.calibration.force_line import ForceLine, Loading, loading_forces
+from tsis.calibration.measured import MeasuredValue
 from tsis.present.figures import force_residuals, force_sums, hysteresis_loops
 
 SLOPE = 4e5

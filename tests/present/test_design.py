@@ -9,7 +9,8 @@ from tsis.catalog.probes import load_probe
 from tsis.errors import InputError
 from tsis.files.canonical_json import json_bytes
 from tsis.inclusion import InclusionPrior
-from tsis.inclusion.design import compare_designs, protocol_of
+from tsis.inclusion.design.alternatives import compare_designs
+from tsis.inclusion.design.protocol import protocol_of
 from tsis.present.design import (
     HEADINGS,
     DesignAnalysis,

@@ -9,7 +9,8 @@ from tests.hardness.stand_ins import by_table
 
 import tsis
 from tsis.catalog.phantoms import load_sphere
-from tsis.hardness import build_contact_table, estimate
+from tsis.hardness import estimate
+from tsis.hardness.table import build_contact_table
 from tsis.present.figures import contact_growth, modulus
 from tsis.virtual.direct_contact import DirectContactRig
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
-    from tsis.imaging import RadialProfile
+    from tsis.imaging.profile import RadialProfile
 
 HOSTILE = "<script>alert(1)</script>.png"
 TRUTH = {"diameter_mm": 8.0, "depth_mm": 5.0, "young_kpa": 100.0}

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from tsis.imaging import features, height_surface, radial_profile
+from tsis.imaging import features
+from tsis.imaging.profile import radial_profile
+from tsis.imaging.surface import height_surface
 from tsis.model.estimate import Estimate
 from tsis.model.image import TactileImage
 from tsis.present.figures import grey_sums, marginal, relief, ring_profile, tactile_image, trade_off

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from tsis.catalog.probes import load_probe
 from tsis.model.press import PressField
 from tsis.model.probe import FOUR_LEDS
-from tsis.optics.rays import trace_paths, trace_rays
+from tsis.optics.rays.tracing import trace_paths, trace_rays
 from tsis.present.figures import light_on_face, ray_picture
 
 PROBE = replace(load_probe("tsis-2011"), leds=FOUR_LEDS)  # level lamps at half height

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from tsis.calibration import MeasuredValue
-from tsis.calibration.scale import DotDiagnostics, PixelScale
+from tsis.calibration.dot_board import DotDiagnostics
+from tsis.calibration.measured import MeasuredValue
+from tsis.calibration.scale import PixelScale
 from tsis.model.image import TactileImage
 from tsis.present.figures import dot_board
 

@@ -14,7 +14,7 @@ from tests.records.dicom.variants import SECRETS, named
 from tests.records.sample import WHEN, sample_estimate, sample_record
 
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.calibration.guard import GUARD_FLAGS
+from tsis.calibration.guard.limits import GUARD_FLAGS
 from tsis.errors import RecordsError
 from tsis.model.estimate import Estimate
 from tsis.present.html import html_bytes

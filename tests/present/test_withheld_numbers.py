@@ -30,7 +30,7 @@ from tests.records.sample import sample_record
 import tsis
 from tsis.console.api.responses import estimate_item
 from tsis.errors import NotIdentifiedError, UnknownNameError, UntrustedError
-from tsis.hardness import build_contact_table
+from tsis.hardness.table import build_contact_table
 from tsis.inclusion import InclusionPrior
 from tsis.model.estimate import Estimate
 from tsis.present.document import estimate_document

@@ -66,13 +66,13 @@ def test_every_equation_is_named_where_it_is_computed(about: str) -> None:
 @pytest.mark.parametrize(
     ("equation", "file"),
     [
-        ("(3.46)", "optics/slab/_phase.py"),
-        ("(3.67)", "optics/_angles.py"),
-        ("(3.78)", "mechanics/_closed_form.py"),
-        ("(5.4)", "calibration/force/_line.py"),
-        ("(5.13)", "matching/_relaxation.py"),
-        ("(5.17)", "hardness/_printed.py"),
-        ("(6.9)", "inclusion/relative/_estimates.py"),
+        ("(3.46)", "optics/slab.py"),
+        ("(3.67)", "optics/angles.py"),
+        ("(3.78)", "mechanics/closed_forms.py"),
+        ("(5.4)", "calibration/force_line.py"),
+        ("(5.13)", "matching/relaxation.py"),
+        ("(5.17)", "hardness/strain_map.py"),
+        ("(6.9)", "inclusion/relative.py"),
         ("(6.14)", "inclusion/mobility.py"),
     ],
 )

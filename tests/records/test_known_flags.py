@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING
 import pytest
 
 import tsis
-from tsis.hardness import HARDNESS_FLAGS as HARDNESS
-from tsis.inclusion import INCLUSION_FLAGS as INCLUSION
-from tsis.inclusion import UNTRUSTED_FLAGS
-from tsis.inclusion.flags import NAMES
+from tsis.hardness.flags import HARDNESS_FLAGS as HARDNESS
+from tsis.inclusion.flags import INCLUSION_FLAGS as INCLUSION
+from tsis.inclusion.flags import NAMES, UNTRUSTED_FLAGS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

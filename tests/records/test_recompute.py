@@ -13,7 +13,8 @@ from tests.records.sample import WHEN, levels, sample_calibration, sample_estima
 
 import tsis.hardness
 from tsis.errors import InputError, RecordsError
-from tsis.hardness import BLUR_MM, DRIFT_SD, HardnessPrior
+from tsis.hardness.posterior import DRIFT_SD, HardnessPrior
+from tsis.hardness.reading import BLUR_MM
 from tsis.model.image import TactileImage
 from tsis.records.provenance import environment
 from tsis.records.recomputation import migrate_options, recompute
@@ -126,7 +127,7 @@ def test_another_default_prior_is_the_cause(store: Store, monkeypatch: pytest.Mo
     class Narrow(HardnessPrior):
         young_kpa: tuple[float, float] = (10.0, 200.0)
 
-    monkeypatch.setattr("tsis.hardness._estimate.HardnessPrior", Narrow)
+    monkeypatch.setattr("tsis.hardness.estimation.HardnessPrior", Narrow)
     (again,) = recompute(store, target)
     assert not again.same
     assert again.causes == ("the default prior changed: young_kpa",)

@@ -7,7 +7,7 @@ import pytest
 from matplotlib.figure import Figure
 from studies.figure_4_7 import FORCE_N, PHANTOM, PROBE, SHOWN, Result, run, values
 
-from tsis.imaging import signal
+from tsis.imaging.corrections import signal
 from tsis.model.calibration import LightMap
 from tsis.virtual.probe import VirtualProbe
 

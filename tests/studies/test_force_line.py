@@ -20,8 +20,8 @@ from studies.force_line import (
 )
 from studies.section_5_1 import FORCES_N, PRINTED_DIFFERENCE, SENSOR, TIPS_MM
 
-from tsis.mechanics.finite_strain import SphereResolution
-from tsis.mechanics.small_strain import indent
+from tsis.mechanics.finite_strain.soft_sphere import SphereResolution
+from tsis.mechanics.small_strain.rigid_ball import indent
 
 pytestmark = pytest.mark.slow  # the gallery's tests see the same numbers in every run
 

@@ -27,8 +27,8 @@ from studies.section_5_1 import (
 )
 from tests.mechanics.closed_forms import hertz
 
-from tsis.mechanics import effective_modulus_kpa
-from tsis.optics.irradiance import irradiance
+from tsis.mechanics.closed_forms import effective_modulus_kpa
+from tsis.optics.face_light import irradiance
 
 if TYPE_CHECKING:
     from pathlib import Path

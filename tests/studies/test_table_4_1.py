@@ -7,7 +7,7 @@ import pytest
 from matplotlib.figure import Figure
 from studies.table_4_1 import PROBE, SHOWN, Result, run, short, values
 
-from tsis.imaging import Sensor
+from tsis.imaging.sensor import Sensor
 from tsis.virtual.loading_machine import VirtualLoadingMachine
 
 TEN_TO_NINETY = 2 * 1.2815515655446004  # standard deviations between 10 and 90 % of a normal distribution

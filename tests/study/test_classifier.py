@@ -160,8 +160,8 @@ def test_an_estimates_samples_are_taken_evenly() -> None:
     rng = np.random.default_rng(2)
     columns = rng.uniform(1, 10, (3, 1000))
     made = Estimate(
-        samples=dict(zip(tsis.inclusion.PARAMETERS, columns, strict=True)),
-        prior_sd=dict.fromkeys(tsis.inclusion.PARAMETERS, 1.0),
+        samples=dict(zip(tsis.inclusion.prior.PARAMETERS, columns, strict=True)),
+        prior_sd=dict.fromkeys(tsis.inclusion.prior.PARAMETERS, 1.0),
         presence=0.9,
         provenance={"prior": {"presence": 0.5}},
     )

@@ -19,13 +19,14 @@ from tests.system.aravis_peer import LOOPBACK, fake_camera, loopback_camera_port
 from tests.waiting import HANGS_S
 
 from tsis.errors import CameraError, InputError, UnknownNameError
-from tsis.instrument import Mode, find_cameras
+from tsis.instrument.camera import Mode
+from tsis.instrument.discovery import find_cameras
 from tsis.instrument.drivers.aravis import AravisCamera
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from tsis.instrument import Frame
+    from tsis.instrument.camera import Frame
 
 pytestmark = pytest.mark.system
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.instrument import Frame
+    from tsis.instrument.camera import Frame
 
 pytestmark = pytest.mark.system
 SERIAL, SEED, FORCE_N, FRAMES = "TSIS01", 4, 1.0, 20

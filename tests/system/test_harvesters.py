@@ -20,8 +20,9 @@ from tests.system.growth import growth_over
 from tests.waiting import HANGS_S
 
 from tsis.errors import CameraError, InputError, UnknownNameError
-from tsis.instrument import Mode, connect, find_cameras
-from tsis.instrument.drivers.genicam._harvesters import HarvestersCamera, find_cameras_here
+from tsis.instrument.camera import Mode
+from tsis.instrument.discovery import connect, find_cameras
+from tsis.instrument.drivers.harvesters import HarvestersCamera, find_cameras_here
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

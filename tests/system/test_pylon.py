@@ -13,9 +13,10 @@ from tests.system.growth import growth_over
 from tests.waiting import HANGS_S
 
 from tsis.errors import CameraError, InputError
-from tsis.instrument import Mode, connect, find_cameras
-from tsis.instrument.drivers._pylon import PylonCamera, find_cameras_here, missing_requirement
+from tsis.instrument.camera import Mode
+from tsis.instrument.discovery import connect, find_cameras
 from tsis.instrument.drivers.genicam import maker_library
+from tsis.instrument.drivers.pylon import PylonCamera, find_cameras_here, missing_requirement
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -13,7 +13,8 @@ from tests.system.gauge_peer import GaugeInTerminal
 from tests.waiting import HANGS_S
 
 from tsis.errors import GaugeError
-from tsis.instrument.gauge import ForceLog, SerialGauge
+from tsis.instrument.force_log import ForceLog
+from tsis.instrument.serial_gauge import SerialGauge
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

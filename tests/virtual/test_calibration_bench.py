@@ -7,10 +7,10 @@ import pytest
 from benchmarks.calibration_force import PROBE, SENSOR
 from scipy import ndimage
 
-from tsis.calibration.force import loading_forces
+from tsis.calibration.force_line import loading_forces
 from tsis.calibration.session import BOARD, BOARD_UNTOUCHED, DARK, EDGE, UNTOUCHED, CalibrationStep, plan_steps
 from tsis.errors import InputError
-from tsis.imaging import Sensor
+from tsis.imaging.sensor import Sensor
 from tsis.virtual.calibration_bench import FRAMES_PER_S, VirtualBench, ball_frame, dot_board_frame, untouched_frame
 
 STEPS = {step.name: step for step in plan_steps((10.0,))}

@@ -12,9 +12,9 @@ from tests.waiting import HANGS_S
 
 import tsis
 from tsis.errors import CameraError, InputError, MechanicsError, UnknownNameError
-from tsis.imaging import Sensor
-from tsis.instrument import Camera
+from tsis.imaging.sensor import Sensor
 from tsis.instrument.acquisition import Acquisition
+from tsis.instrument.camera import Camera
 from tsis.model.calibration import LightMap
 from tsis.model.phantom import Phantom, SoftSphere
 from tsis.virtual.camera import VirtualCamera

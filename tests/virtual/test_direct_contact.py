@@ -12,9 +12,9 @@ from tests.hardness.stand_ins import by_table
 import tsis
 from tsis.catalog.phantoms import load_sphere
 from tsis.errors import InputError, MechanicsError
-from tsis.hardness import read_contact
-from tsis.imaging import Sensor
-from tsis.mechanics.finite_strain import SphereResolution
+from tsis.hardness.reading import read_contact
+from tsis.imaging.sensor import Sensor
+from tsis.mechanics.finite_strain.soft_sphere import SphereResolution
 from tsis.model.calibration import LightMap
 from tsis.model.phantom import SoftSphere
 from tsis.virtual.direct_contact import DirectContactRig, direct_contact_calibration

@@ -7,7 +7,8 @@ import pytest
 
 import tsis
 from tsis.errors import InputError
-from tsis.inclusion import PARAMETERS, InclusionPrior
+from tsis.inclusion import InclusionPrior
+from tsis.inclusion.prior import PARAMETERS
 from tsis.virtual.examinations import RepeatedExamination, coverage_counts, stored_coverage
 
 DOMED = RepeatedExamination(probe=tsis.load_probe("tsis-domed"), prior=InclusionPrior(), strain="small")

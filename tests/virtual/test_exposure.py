@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from tests.waiting import until
 
-from tsis.imaging import Sensor
+from tsis.imaging.sensor import Sensor
 from tsis.virtual.camera import ExposingProcess, exposed
 
 if TYPE_CHECKING:

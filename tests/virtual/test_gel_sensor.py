@@ -9,10 +9,10 @@ import pytest
 
 from tsis.catalog.sensors import load_sensor
 from tsis.errors import CameraError, InputError
-from tsis.imaging import contacts, marker_shift
-from tsis.instrument import Camera
-from tsis.mechanics.finite_strain import SphereResolution
-from tsis.mechanics.gel import gel_shear
+from tsis.imaging.gel_contact import contacts, marker_shift
+from tsis.instrument.camera import Camera
+from tsis.mechanics.finite_strain.soft_sphere import SphereResolution
+from tsis.mechanics.gel.shear import gel_shear
 from tsis.model.gel_sensor import BoundedValue, GelSensor
 from tsis.model.phantom import SoftSphere
 from tsis.model.probe import Layer

@@ -9,7 +9,7 @@ from scipy.special import erf
 
 import tsis
 from tsis.errors import InputError
-from tsis.imaging import LedDrift, Sensor
+from tsis.imaging.sensor import LedDrift, Sensor
 from tsis.model.calibration import LightMap
 from tsis.virtual.loading_machine import MachineErrors, VirtualLoadingMachine
 from tsis.virtual.probe import VirtualProbe

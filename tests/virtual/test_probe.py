@@ -10,12 +10,14 @@ import pytest
 
 import tsis
 from tsis.errors import InputError
-from tsis.imaging import Sensor, render
+from tsis.imaging.rendering import render
+from tsis.imaging.sensor import Sensor
 from tsis.mechanics import press
-from tsis.mechanics.finite_strain import FiniteResolution, PressSeries
-from tsis.mechanics.small_strain import Resolution
+from tsis.mechanics.finite_strain.neo_hookean_press import PressSeries
+from tsis.mechanics.finite_strain.patches import FiniteResolution
+from tsis.mechanics.small_strain.slab import Resolution
 from tsis.model.calibration import Calibration, LightMap
-from tsis.optics.irradiance import irradiance
+from tsis.optics.face_light import irradiance
 from tsis.virtual.probe import VirtualProbe, nominal_calibration
 
 if TYPE_CHECKING:

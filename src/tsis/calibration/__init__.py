@@ -4,29 +4,42 @@ from typing import TYPE_CHECKING
 
 import lazy_loader
 
-from tsis.calibration._apply import (
-    UsableCalibration,
-    apply_calibration,
-    parse_usable_calibration,
-    read_usable_calibration,
-)
-from tsis.calibration._measured import MeasuredValue
-from tsis.calibration._press_frames import PressFrames, load_calibration, load_frames, read_press_image
+if TYPE_CHECKING:
+    from tsis.calibration import camera_reference as camera_reference
+    from tsis.calibration import dents as dents
+    from tsis.calibration import dot_board as dot_board
+    from tsis.calibration import file as file
+    from tsis.calibration import force_line as force_line
+    from tsis.calibration import frames as frames
+    from tsis.calibration import guard as guard
+    from tsis.calibration import lamps as lamps
+    from tsis.calibration import measured as measured
+    from tsis.calibration import response as response
+    from tsis.calibration import scale as scale
+    from tsis.calibration import session as session
+    from tsis.calibration import settling as settling
+    from tsis.calibration import specification as specification
+    from tsis.calibration.frames import load_calibration as load_calibration
+    from tsis.calibration.frames import load_frames as load_frames
 
-__all__ = [
-    "MeasuredValue",
-    "PressFrames",
-    "UsableCalibration",
-    "apply_calibration",
-    "load_calibration",
-    "load_frames",
-    "parse_usable_calibration",
-    "read_press_image",
-    "read_usable_calibration",
-]
-
-if not TYPE_CHECKING:  # subpackages load when they are first used
-    __getattr__ = lazy_loader.attach(
+if not TYPE_CHECKING:  # modules and names load when they are first used
+    __getattr__, __dir__, _ = lazy_loader.attach(
         __name__,
-        ["file", "force", "guard", "lamps", "reference", "response", "scale", "session", "settling", "specification"],
-    )[0]
+        submodules=[
+            "camera_reference",
+            "dents",
+            "dot_board",
+            "file",
+            "force_line",
+            "frames",
+            "guard",
+            "lamps",
+            "measured",
+            "response",
+            "scale",
+            "session",
+            "settling",
+            "specification",
+        ],
+        submod_attrs={"frames": ["load_calibration", "load_frames"]},
+    )

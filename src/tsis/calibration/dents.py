@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.errors import CalibrationError
-from tsis.imaging import rough_contact
+from tsis.imaging.rendering import rough_contact
 from tsis.mechanics import press
 from tsis.model.calibration import (
     BEND_TERMS,
@@ -27,14 +27,14 @@ from tsis.model.calibration import (
 from tsis.model.phantom import Phantom
 from tsis.model.press import MN_PER_N
 from tsis.model.require import require_number
-from tsis.optics import ERF_SLOPE
+from tsis.optics.angles import ERF_SLOPE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from tsis.calibration.force import Loading
+    from tsis.calibration.force_line import Loading
     from tsis.model.calibration import Calibration
     from tsis.model.press import PressField
     from tsis.model.probe import Probe

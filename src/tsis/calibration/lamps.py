@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from tsis.calibration._measured import MeasuredValue
+from tsis.calibration.measured import MeasuredValue
 from tsis.errors import CalibrationError, InputError
-from tsis.imaging import pixel_noise, require_image, require_same_frame
+from tsis.imaging.corrections import require_image, require_same_frame
+from tsis.imaging.patch import pixel_noise
 from tsis.model.require import require_array, require_integer, require_number
 
 if TYPE_CHECKING:

@@ -15,21 +15,21 @@ import numpy as np
 import scipy
 from numpy.polynomial.legendre import leggauss
 
-from tsis.calibration._measured import MeasuredValue
-from tsis.calibration.force import GAUGE_ERROR, HERTZ_SPREAD, MIDDLE, combine_variances, fit_run, usable_presses
+from tsis.calibration.force_line import GAUGE_ERROR, HERTZ_SPREAD, MIDDLE, combine_variances, fit_run, usable_presses
+from tsis.calibration.measured import MeasuredValue
 from tsis.errors import CalibrationError, InputError
 from tsis.model.calibration import Calibration
 from tsis.model.press import MN_PER_N
 from tsis.model.require import require_number, require_type
-from tsis.optics import ERF_SLOPE
+from tsis.optics.angles import ERF_SLOPE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from tsis.calibration.force import Loading
-    from tsis.calibration.reference import CameraReference
+    from tsis.calibration.camera_reference import CameraReference
+    from tsis.calibration.force_line import Loading
 
 __all__ = ["PressureResponse", "Saturation", "fit_response"]
 

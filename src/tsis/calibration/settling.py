@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy
 
-from tsis.calibration._measured import MeasuredValue
+from tsis.calibration.measured import MeasuredValue
 from tsis.errors import InputError
-from tsis.imaging import GAUSSIAN_MAD
+from tsis.imaging.patch import GAUSSIAN_MAD
 from tsis.model.require import require_array, require_number
 
 if TYPE_CHECKING:

@@ -9,16 +9,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy
 
-from tsis.calibration._measured import MeasuredValue
-from tsis.calibration.force import HYSTERESIS_POINT, mean_value
+from tsis.calibration.force_line import HYSTERESIS_POINT, mean_value
+from tsis.calibration.measured import MeasuredValue
 from tsis.errors import CalibrationError, InputError
-from tsis.imaging import pixel_noise, require_image
+from tsis.imaging.corrections import require_image
+from tsis.imaging.patch import pixel_noise
 from tsis.model.require import require_array, require_number, require_one_of, require_type
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from tsis.calibration.force import ForceLine, ForceLineDiagnostics
+    from tsis.calibration.force_line import ForceLine, ForceLineDiagnostics
     from tsis.model.image import TactileImage
 
 __all__ = ["Specification", "SpecificationRow", "edge_width", "frame_rate", "specification_sheet"]

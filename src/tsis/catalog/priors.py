@@ -71,7 +71,7 @@ def read_prior_file(path: str | os.PathLike[str], kind: type[Prior]) -> Prior:
     path
         A file in the form of `default_prior_toml`, at most 64 KiB.
     kind
-        `tsis.inclusion.InclusionPrior` or `tsis.hardness.HardnessPrior`.
+        `tsis.inclusion.InclusionPrior` or `tsis.hardness.posterior.HardnessPrior`.
 
     Raises
     ------

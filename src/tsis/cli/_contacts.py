@@ -68,7 +68,7 @@ def contacts(
     paths = gel_frame_paths(frames)
     levels = [read_gel_frame(path) for path in paths]
     with progress_bar("finding contacts") as advance:
-        gel_contacts = tsis.imaging.contacts(
+        gel_contacts = tsis.imaging.gel_contact.contacts(
             levels,
             sensor=chosen,
             reference=read_gel_reference(chosen, reference),
@@ -157,14 +157,14 @@ def _sidecar_force(frame: Path) -> tuple[float | None, float | None]:
 
 def read_gel_frame(path: Path) -> NDArray[Any]:
     """Levels of a frame as stored, in colour where the file has colour; a video is refused with what to do."""
-    from tsis.instrument.drivers import VIDEO_ENDINGS
+    from tsis.instrument.drivers.files import VIDEO_ENDINGS
 
     if path.suffix.lower() in VIDEO_ENDINGS:
         raise FileInputError(
             f"{path.name} must be a picture; got a video: tsis acquire --camera video:{path.name} --sensor NAME "
             "--frames 40 --out FOLDER writes its frames, and FOLDER can be given"
         )
-    return tsis.instrument.read_levels(path)
+    return tsis.instrument.image_files.read_levels(path)
 
 
 def read_gel_reference(sensor: GelSensor, reference: Path | None) -> NDArray[Any] | None:

@@ -107,7 +107,7 @@ def demo(
         require_no_file("--save", probe)
     destination = chosen_destination(save, store, number=number)
     with progress_bar("tracing the light of the lamps") as advance:
-        light = tsis.optics.irradiance.irradiance(chosen, progress=advance)
+        light = tsis.optics.face_light.irradiance(chosen, progress=advance)
     exposure = tsis.virtual.probe.exposure_for(max(force_n))
     virtual = tsis.virtual.VirtualProbe(
         chosen, rng=np.random.default_rng(seed), light=light, strain=strain, exposure=exposure
@@ -134,7 +134,7 @@ def demo(
         targets=images,
         references=references,
         prior=assumed,
-        ring_edges_mm=tsis.inclusion.ring_edges(chosen),
+        ring_edges_mm=tsis.inclusion.frames.ring_edges(chosen),
         truth=truth,
         provenance=provenance,
         notes=(
@@ -163,8 +163,8 @@ def demo(
         ),
         page=page,
         files={
-            **{frame.name: tsis.instrument.png_bytes(frame) for frame in (*images, *references)},
-            "untouched.png": tsis.instrument.png_bytes(untouched),
+            **{frame.name: tsis.instrument.image_files.png_bytes(frame) for frame in (*images, *references)},
+            "untouched.png": tsis.instrument.image_files.png_bytes(untouched),
             CALIBRATION_FILE: tsis.calibration.file.calibration_bytes(calibration),
         },
     )
@@ -184,7 +184,7 @@ def _forces(stated: list[float] | None, protocol_name: str, probe: Probe, tissue
     """The forces of --force-n, or those of a protocol."""
     careful = is_careful(protocol_name)
     if not stated:
-        return list(tsis.inclusion.protocol_forces(probe, tissue_young_kpa=tissue_kpa, careful=careful))
+        return list(tsis.inclusion.tissue.protocol_forces(probe, tissue_young_kpa=tissue_kpa, careful=careful))
     if careful:
         raise InputError("--protocol careful chooses the forces: leave out --force-n")
     if len(set(stated)) < len(stated):
@@ -218,7 +218,7 @@ def _presses(virtual: VirtualProbe, phantom: Phantom, forces: dict[str, float], 
 def _truth(phantom: Phantom) -> dict[str, float] | None:
     if phantom.inclusion is None:
         return None
-    return {name: getattr(phantom.inclusion, name) for name in tsis.inclusion.PARAMETERS}
+    return {name: getattr(phantom.inclusion, name) for name in tsis.inclusion.prior.PARAMETERS}
 
 
 def _outside_the_prior(truth: dict[str, float], prior: InclusionPrior) -> tuple[str, ...]:

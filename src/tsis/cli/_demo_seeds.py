@@ -81,7 +81,7 @@ def _table(counts: Mapping[str, Any], title: str) -> Table:
             which = "all" if kind == "held" else "trusted"
             shares = (_percentage(count, total) for count in hits.values())
             rows.append((f"{float(level):.0%}, {which} {total}", *shares))
-    labels = (tsis.present.labels.quantity_of(name).label for name in tsis.inclusion.PARAMETERS)
+    labels = (tsis.present.labels.quantity_of(name).label for name in tsis.inclusion.prior.PARAMETERS)
     return Table(title=title, columns=("interval", *(f"{label} held" for label in labels)), values=tuple(rows))
 
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from tsis.inclusion.design import Design
+    from tsis.inclusion.design.alternatives import Design
 
 
 class Compared(StrEnum):
@@ -89,7 +89,7 @@ def design(
         prior=chosen_prior(prior),
         evaluations=None
         if not search
-        else tsis.inclusion.design.MOST_EVALUATIONS
+        else tsis.inclusion.design.search.MOST_EVALUATIONS
         if evaluations is None
         else evaluations,
     )

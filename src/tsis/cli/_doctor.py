@@ -163,7 +163,7 @@ def _store() -> Finding:
 
 
 def _cameras() -> Iterator[Finding]:
-    search = tsis.instrument.find_cameras()
+    search = tsis.instrument.discovery.find_cameras()
     names = ", ".join(item.spec for item in search.cameras) or "none"
     yield Finding(what="cameras", state=OK, detail=f"{names}; virtual always")
     for source, message in search.missing.items():

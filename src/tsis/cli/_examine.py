@@ -41,7 +41,8 @@ from tsis.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from tsis.inclusion import InclusionPrior, UncertaintyBudget
+    from tsis.inclusion import InclusionPrior
+    from tsis.inclusion.budget import UncertaintyBudget
     from tsis.model.budget import QuantityBudget
     from tsis.model.calibration import Calibration
     from tsis.model.estimate import Estimate
@@ -157,7 +158,7 @@ def examine(
     for option in (name for name, value in estimated.items() if value and calibration is None):
         raise InputError(f"{option} needs --calibration: without it no inclusion is estimated")
     assumed = chosen_prior(prior, tissue_kpa)
-    usable = None if calibration is None else tsis.calibration.read_usable_calibration(calibration)
+    usable = None if calibration is None else tsis.calibration.frames.read_usable_calibration(calibration)
     scale = chosen_scale(usable, scale_mm)
     by_line = usable is not None and not force_n and usable.calibration.force_line is not None
     if usable is not None and (scale is None or not (force_n or by_line)):
@@ -167,7 +168,7 @@ def examine(
         )
     forces = target_forces(force_n, len(images)) if force_n else [None] * len(images)
     frames = read_frames(images, forces, scale)
-    untouched = None if reference is None else tsis.calibration.read_press_image(reference, mm_per_pixel=scale)
+    untouched = None if reference is None else tsis.calibration.frames.read_press_image(reference, mm_per_pixel=scale)
     provenance: dict[str, Any] = {
         "notice": RESEARCH_USE_ONLY,
         "tsis": __version__,
@@ -216,12 +217,12 @@ def examine(
             "strain": strain,
         }
         with surrogate_progress() as progress:
-            parts = tsis.inclusion.uncertainty_budget(pressed, **given, progress=progress) if budget else None
+            parts = tsis.inclusion.budget.uncertainty_budget(pressed, **given, progress=progress) if budget else None
             result = tsis.inclusion.estimate(pressed, **given, progress=progress) if parts is None else parts.estimate
         shown = result
         if ask_other_priors:
-            shifts = tsis.inclusion.prior_sensitivity(result, pressed, other_priors(assumed), **given)
-            shown = tsis.inclusion.with_prior_sensitivity(result, shifts)
+            shifts = tsis.inclusion.budget.prior_sensitivity(result, pressed, other_priors(assumed), **given)
+            shown = tsis.inclusion.budget.with_prior_sensitivity(result, shifts)
         of_forces = {
             frame.name: usable.force_budget(frame.force_n or 0.0, by_line=by_line)
             for frame in (*pressed, *on_reference)
@@ -310,7 +311,7 @@ def _contacts(
     findings = [
         tsis.present.images.analyse_image(
             frame,
-            tsis.imaging.match_light(untouched, frame) if match and untouched is not None else untouched,
+            tsis.imaging.corrections.match_light(untouched, frame) if match and untouched is not None else untouched,
             invert=invert,
         )
         for frame in frames
@@ -354,7 +355,7 @@ def _inclusion(
         targets=frames,
         references=on_reference,
         prior=prior,
-        ring_edges_mm=tsis.inclusion.ring_edges(probe),
+        ring_edges_mm=tsis.inclusion.frames.ring_edges(probe),
         provenance=provenance,
         comparison=comparison,
         budget=budget,

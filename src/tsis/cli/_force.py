@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from tsis.mechanics.gel import GelForce, GelShear
+    from tsis.mechanics.gel.force import GelForce
+    from tsis.mechanics.gel.shear import GelShear
     from tsis.model.gel_sensor import GelSensor
 
 
@@ -64,18 +65,20 @@ def force(
     if (depth is None) != demo:
         raise InputError("give one depth map as an NPY file, or --demo")
     loaded = tsis.catalog.load_sensor(sensor)
-    errors = tsis.mechanics.gel.DepthErrors(scale_sd=depth_scale_sd, offset_sd_mm=depth_offset_sd_mm)
+    errors = tsis.mechanics.gel.force.DepthErrors(scale_sd=depth_scale_sd, offset_sd_mm=depth_offset_sd_mm)
     known = [_weight(text) for text in weights or []]
     with waiting("computing the pressure"):
         values = _demo_depth(loaded) if depth is None else _read_depth(depth)
         scale = None
         if known:
             presses = [
-                tsis.mechanics.gel.gel_force(_read_depth(path), sensor=loaded, sd_mm=_read_sd(path), draws=20)
+                tsis.mechanics.gel.force.gel_force(_read_depth(path), sensor=loaded, sd_mm=_read_sd(path), draws=20)
                 for path, _ in known
             ]
-            scale = tsis.mechanics.gel.gel_force_scale(presses, [newtons for _, newtons in known])
-        result = tsis.mechanics.gel.gel_force(values, sensor=loaded, sd_mm=_read_sd(depth), errors=errors, scale=scale)
+            scale = tsis.mechanics.gel.force.gel_force_scale(presses, [newtons for _, newtons in known])
+        result = tsis.mechanics.gel.force.gel_force(
+            values, sensor=loaded, sd_mm=_read_sd(depth), errors=errors, scale=scale
+        )
         shear = None if markers is None else _shear(markers, reference, loaded)
     low, high = result.interval_n()
     problems = (*result.problems, *(() if shear is None else shear.problems))
@@ -128,11 +131,11 @@ def _shear(frame: Path, reference: Path | None, sensor: GelSensor) -> GelShear:
     if untouched is None:
         raise InputError("--markers needs a frame of the untouched sensor; give it as --reference")
     levels = read_gel_frame(frame)
-    (contact,) = tsis.imaging.contacts([levels], sensor=sensor, reference=untouched, names=[frame.name])
+    (contact,) = tsis.imaging.gel_contact.contacts([levels], sensor=sensor, reference=untouched, names=[frame.name])
     if contact.centre_mm is None or contact.radius_mm is None:
         raise InputError(f"the contact in {frame.name} must be found in mm for a shear force; got {contact.reasons}")
-    moved = tsis.imaging.marker_shift(levels, untouched, sensor)
-    shear = tsis.mechanics.gel.gel_shear(
+    moved = tsis.imaging.gel_contact.marker_shift(levels, untouched, sensor)
+    shear = tsis.mechanics.gel.shear.gel_shear(
         moved.points_mm, moved.shift_mm, sensor=sensor, centre_mm=contact.centre_mm, radius_mm=contact.radius_mm
     )
     if contact.good:
@@ -183,7 +186,7 @@ def _demo_depth(sensor: GelSensor) -> NDArray[np.float64]:
         thickness_mm=sensor.thickness_mm.best, young_kpa=sensor.young_kpa.best, poisson=min(sensor.poisson.best, 0.49)
     )
     probe = tsis.Probe(radius_mm=min(sensor.width_mm, sensor.height_mm) / 2, layers=(gel,), name=sensor.name)
-    press = tsis.mechanics.finite_strain.squeeze_sphere(
+    press = tsis.mechanics.finite_strain.soft_sphere.squeeze_sphere(
         probe,
         sphere_radius_mm=DEMO_RADIUS_MM,
         young_kpa=max(MODULUS_OF_STEEL_KPA, 100 * gel.young_kpa),

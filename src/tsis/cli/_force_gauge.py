@@ -13,7 +13,8 @@ from tsis.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from tsis.instrument.gauge import ForceAtTime, ForceLog
+    from tsis.instrument.force_log import ForceLog
+    from tsis.instrument.gauge import ForceAtTime
 
 
 GaugePort = Annotated[
@@ -48,8 +49,8 @@ def gauge_log(
             raise InputError("--gauge-unit and --gauge-sends need --gauge, the port of the gauge")
         yield None
         return
-    log = tsis.instrument.gauge.connected_gauge(
-        port, unit=unit, baud=baud or tsis.instrument.gauge.BAUD, sends=sends, latency_s=latency_ms / 1000
+    log = tsis.instrument.force_log.connected_gauge(
+        port, unit=unit, baud=baud or tsis.instrument.force_log.BAUD, sends=sends, latency_s=latency_ms / 1000
     )
     try:
         yield log

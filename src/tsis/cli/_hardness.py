@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from tsis.cli._saving import Destination
-    from tsis.hardness import HardnessPrior
+    from tsis.hardness.posterior import HardnessPrior
     from tsis.model.calibration import Calibration
     from tsis.model.estimate import Estimate
     from tsis.model.image import TactileImage
@@ -120,7 +120,9 @@ def hardness(
     if contacts is not None:
         if paths or demo or virtual is not None or calibration is not None:
             raise InputError("--contacts must stand alone: give no images, calibration, --demo or --virtual")
-        own = None if prior is None else tsis.catalog.priors.read_prior_file(prior, tsis.hardness.HardnessPrior)
+        own = (
+            None if prior is None else tsis.catalog.priors.read_prior_file(prior, tsis.hardness.posterior.HardnessPrior)
+        )
         stated = ContactOptions(
             sensor=sensor,
             force_n=force_n,
@@ -137,9 +139,9 @@ def hardness(
     if save:
         require_no_file("--save", probe)
     assumed = (
-        tsis.hardness.HardnessPrior()
+        tsis.hardness.posterior.HardnessPrior()
         if prior is None
-        else tsis.catalog.priors.read_prior_file(prior, tsis.hardness.HardnessPrior)
+        else tsis.catalog.priors.read_prior_file(prior, tsis.hardness.posterior.HardnessPrior)
     )
     if demo or virtual is not None:
         given = [*paths, *(ball or ()), calibration, scale_mm, radius_mm, radius_sd_mm, ball_radius_mm]
@@ -153,7 +155,7 @@ def hardness(
         return
     if not paths:
         raise InputError("give the images of two presses, or --demo for a run without hardware")
-    known = None if calibration is None else tsis.calibration.read_usable_calibration(calibration)
+    known = None if calibration is None else tsis.calibration.frames.read_usable_calibration(calibration)
     scale = chosen_scale(known, scale_mm)
     if known is None or scale is None or not (force_n or known.calibration.force_line):
         raise InputError(
@@ -195,7 +197,7 @@ def hardness(
 
 def _options(prior: HardnessPrior) -> dict[str, Any]:
     """Options of every estimate here, recorded so that another release can repeat it."""
-    return {"prior": prior, "blur_mm": tsis.hardness.BLUR_MM, "drift_sd": tsis.hardness.DRIFT_SD}
+    return {"prior": prior, "blur_mm": tsis.hardness.reading.BLUR_MM, "drift_sd": tsis.hardness.posterior.DRIFT_SD}
 
 
 def _written_down(options: Mapping[str, Any]) -> dict[str, Any]:
@@ -225,7 +227,7 @@ def _virtual(
         name=rig.calibration.name, probe=probe.name, response=rig.calibration
     )
     files = {CALIBRATION_FILE: tsis.calibration.file.calibration_bytes(simulated_probe)}
-    files |= {f"press-{frame.force_n:g}N.png": tsis.instrument.png_bytes(frame) for frame in frames}
+    files |= {f"press-{frame.force_n:g}N.png": tsis.instrument.image_files.png_bytes(frame) for frame in frames}
     simulated = {"seed": seed, "sphere": asdict(sphere), "command": "tsis hardness"}
     options = _options(prior)
     outcome, result = _outcome(
@@ -262,7 +264,7 @@ def _outcome(
     provenance = {"notice": RESEARCH_USE_ONLY, "tsis": __version__, "simulated": simulated, "calibration": cites}
     truth = None if truth_kpa is None else {"young_kpa": truth_kpa}
     withheld = result.withheld_reason("young_kpa")
-    readings = None if withheld else asdict(tsis.hardness.shore(result.mean["young_kpa"]))
+    readings = None if withheld else asdict(tsis.hardness.shore.shore(result.mean["young_kpa"]))
     outcome = CommandOutcome(
         trusted=result.trusted,
         document=tsis.present.document.envelope(
@@ -275,7 +277,7 @@ def _outcome(
             result,
             title=title,
             images=frames,
-            table=tsis.hardness.build_contact_table(probe),
+            table=tsis.hardness.table.build_contact_table(probe),
             provenance=provenance,
             truth_kpa=truth_kpa,
         ),

@@ -15,7 +15,7 @@ from tsis.errors import InputError
 from tsis.present.terminal import print_tables
 
 if TYPE_CHECKING:
-    from tsis.hardness import HardnessPrior
+    from tsis.hardness.posterior import HardnessPrior
 
 PANEL = "Contacts of a gel sensor"
 ContactsFile = Annotated[
@@ -90,7 +90,7 @@ def hardness_from_contacts(path: Path, given: ContactOptions, *, prior: Hardness
             tsis.present.document.envelope(
                 "hardness contacts",
                 estimate=tsis.present.document.estimate_document(result, None),
-                shore_converted=None if withheld else asdict(tsis.hardness.shore(result.mean["young_kpa"])),
+                shore_converted=None if withheld else asdict(tsis.hardness.shore.shore(result.mean["young_kpa"])),
                 provenance=dict(result.provenance),
             )
         )

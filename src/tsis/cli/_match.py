@@ -48,9 +48,9 @@ def match(
     """
     import numpy as np
 
-    if method not in tsis.matching.METHODS:
+    if method not in tsis.matching.registration.METHODS:
         tsis.model.require.require_one_of(
-            "method", method, (*tsis.matching.METHODS, *tsis.plugins.find_plugins("matching"))
+            "method", method, (*tsis.matching.registration.METHODS, *tsis.plugins.find_plugins("matching"))
         )
     files = {"out": out, "figure": figure, "html": html}
     for file in files.values():
@@ -60,7 +60,7 @@ def match(
             raise InputError(
                 f"--{name} and --{other} must be two files; got {tsis.files.reading.printable_path(file)} for both"
             )
-    first, second = tsis.matching.read_points(source), tsis.matching.read_points(target)
+    first, second = tsis.matching.point_files.read_points(source), tsis.matching.point_files.read_points(target)
     if first.shape[1] != second.shape[1]:
         raise InputError(
             f"both files must contain points of the plane or both of space; got {first.shape[1]} coordinates in "
@@ -71,7 +71,7 @@ def match(
         result = tsis.matching.register(first, second, method=method, rng=np.random.default_rng(seed))
     transformed, matches = np.asarray(result.moved), np.asarray(result.matches)
     if out is not None:
-        _write(out, tsis.matching.csv_text(transformed, match=matches, trust=result.trust).encode())
+        _write(out, tsis.matching.point_files.csv_text(transformed, match=matches, trust=result.trust).encode())
     if figure is not None:
         _write(figure, _picture(first, second, result))
     if html is not None:
@@ -97,7 +97,7 @@ def _result(
     import numpy as np
 
     matches = np.asarray(registration.matches)
-    paired = matches != tsis.matching.UNMATCHED
+    paired = matches != tsis.matching.methods.UNMATCHED
     before, after = (
         _rms_distance(item[paired], second[matches[paired]]) for item in (first, np.asarray(registration.moved))
     )

@@ -126,14 +126,18 @@ def apply(
     as_json: AsJson = False,
 ) -> None:
     """Estimate diameter, depth and modulus of inclusions from frames by trained networks."""
-    trained, usable = tsis.inclusion.network.read_networks(file), tsis.calibration.read_usable_calibration(calibration)
+    trained, usable = (
+        tsis.inclusion.network.read_networks(file),
+        tsis.calibration.frames.read_usable_calibration(calibration),
+    )
     scale = chosen_scale(usable, scale_mm)
     if scale is None or (force_n is None and usable.calibration.force_line is None):
         raise InputError(
             "networks need --scale-mm and --force-n, where the calibration contains neither scale nor force line"
         )
     frames = [
-        tsis.instrument.read_image(path, mm_per_pixel=scale, force_n=force_n) for path in (*images, reference_press)
+        tsis.instrument.image_files.read_image(path, mm_per_pixel=scale, force_n=force_n)
+        for path in (*images, reference_press)
     ]
     pressed, response = usable.pressed(frames, on_tissue=True)
     chosen = chosen_probe(probe) if probe else calibrated_probe(response.probe, unnamed=UNNAMED)
@@ -152,13 +156,13 @@ def apply(
     document = tsis.present.document.envelope(
         "network apply", presses=presses, outside=list(outside), networks=_about(trained), calibration=usable.citation()
     )
-    labels = (tsis.present.labels.quantity_of(name).axis for name in tsis.inclusion.PARAMETERS)
+    labels = (tsis.present.labels.quantity_of(name).axis for name in tsis.inclusion.prior.PARAMETERS)
     table = Table(title="Mean and sd over the networks", columns=("press", *labels), values=tuple(rows))
     show_result(CommandResult(document=document, tables=(table,), notes=notes), out, as_json=as_json)
 
 
 def _parameters(mean: NDArray[np.float64], sd: NDArray[np.float64]) -> dict[str, Any]:
-    values = zip(tsis.inclusion.PARAMETERS, mean.tolist(), sd.tolist(), strict=True)
+    values = zip(tsis.inclusion.prior.PARAMETERS, mean.tolist(), sd.tolist(), strict=True)
     return {"parameters": {name: {"mean": item, "sd_of_networks": other} for name, item, other in values}}
 
 

@@ -15,7 +15,7 @@ from tsis.errors import InputError, NotCalibratedError
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
-    from tsis.calibration import UsableCalibration
+    from tsis.calibration.frames import UsableCalibration
     from tsis.model.image import TactileImage
     from tsis.model.probe import Probe
 
@@ -102,7 +102,7 @@ def other_priors(prior: tsis.inclusion.InclusionPrior) -> dict[str, tsis.inclusi
 def chosen_prior(given: str | None, tissue_kpa: float | None = None) -> tsis.inclusion.InclusionPrior:
     """The prior of a name or of a file, the default one without; for tissue of another modulus where that is given."""
     if tissue_kpa is not None:
-        return tsis.inclusion.prior_on_tissue(chosen_prior(given), tissue_kpa)
+        return tsis.inclusion.tissue.prior_on_tissue(chosen_prior(given), tissue_kpa)
     if given is None:
         return tsis.inclusion.InclusionPrior()
     if given in tsis.catalog.priors.list_inclusion_priors():
@@ -288,7 +288,7 @@ def read_frames(
 ) -> list[TactileImage]:
     """Frames of files, each with its force in newtons and all with one scale (x, y) in mm per pixel."""
     return [
-        tsis.calibration.read_press_image(path, mm_per_pixel=scale, force_n=force)
+        tsis.calibration.frames.read_press_image(path, mm_per_pixel=scale, force_n=force)
         for path, force in zip(paths, forces, strict=True)
     ]
 

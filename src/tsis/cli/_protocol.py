@@ -23,7 +23,7 @@ from tsis.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tsis.inclusion import TissueModulus
+    from tsis.inclusion.tissue import TissueModulus
     from tsis.model.probe import Probe
 
 DOMED = "tsis-domed"
@@ -67,7 +67,7 @@ def protocol(
     young_kpa = tissue_kpa if tissue is None else tissue.young_kpa if tissue.trusted else None
     forces: tuple[float, ...] = ()
     if young_kpa is not None:
-        forces = tsis.inclusion.protocol_forces(
+        forces = tsis.inclusion.tissue.protocol_forces(
             used, tissue_young_kpa=young_kpa, thickness_mm=thickness_mm, careful=is_careful(protocol_name)
         )
     document = tsis.present.document.envelope(
@@ -79,7 +79,7 @@ def protocol(
         else {"young_kpa": young_kpa, "interval_kpa": None if tissue is None else list(tissue.interval_kpa)},
         trusted=young_kpa is not None,
         protocol=protocol_name,
-        operator_s=tsis.inclusion.operator_time_s(len(forces)) if forces else None,
+        operator_s=tsis.inclusion.tissue.operator_time_s(len(forces)) if forces else None,
         forces_n=list(forces),
     )
     result = CommandResult(document=document, tables=(), notes=_protocol_notes(young_kpa, tissue, forces))
@@ -97,7 +97,7 @@ def _light_press(
 ) -> tuple[Probe, TissueModulus]:
     if calibration is None:
         raise InputError("a light press needs --calibration, that of the probe")
-    usable = tsis.calibration.read_usable_calibration(calibration)
+    usable = tsis.calibration.frames.read_usable_calibration(calibration)
     scale = chosen_scale(usable, scale_mm)
     by_line = force_n is None and usable.calibration.force_line is not None
     if scale is None or not (force_n or by_line):
@@ -106,7 +106,7 @@ def _light_press(
         )
     (pressed,), response = usable.pressed(read_frames([image], [force_n], scale), on_tissue=True)
     used = calibrated_probe(response.probe, unnamed=DOMED) if probe is None else chosen_probe(probe)
-    found = tsis.inclusion.tissue_modulus(pressed, probe=used, calibration=response, thickness_mm=thickness_mm)
+    found = tsis.inclusion.tissue.tissue_modulus(pressed, probe=used, calibration=response, thickness_mm=thickness_mm)
     return used, found
 
 
@@ -119,7 +119,7 @@ def _protocol_notes(young_kpa: float | None, tissue: TissueModulus | None, force
     each = tuple(dict.fromkeys(forces))
     shown = " and ".join(f"{force:g} N" for force in each)
     often = "" if len(each) == len(forces) else f", {len(forces) // len(each)} times each in turn"
-    minutes = tsis.inclusion.operator_time_s(len(forces)) / 60
+    minutes = tsis.inclusion.tissue.operator_time_s(len(forces)) / 60
     return (
         f"Tissue: {young_kpa:.3g} kPa{between}.",
         f"Press at {shown}{often}, on the target and on tissue without an inclusion: about {minutes:.0f} minutes.",

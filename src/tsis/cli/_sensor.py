@@ -103,7 +103,7 @@ def check(
 
     loaded = tsis.catalog.load_sensor(sensor)
     for path in frames or []:
-        rows, columns = tsis.instrument.read_image(path).grey.shape
+        rows, columns = tsis.instrument.image_files.read_image(path).grey.shape
         loaded.require_frame(columns, rows)
     if as_json:
         print_json(

@@ -86,7 +86,7 @@ def simulate(
     with waiting(f"pressing at {strain} strain"):
         press: Callable[..., PressField] = partial(tsis.mechanics.press, chosen, strain=strain)
         if strain == Strain.FINITE and force_n > 0:
-            press = tsis.mechanics.finite_strain.PressSeries(chosen).press
+            press = tsis.mechanics.finite_strain.neo_hookean_press.PressSeries(chosen).press
         field, reference = (press(slab, force_n=force_n) for slab in (pressed, pressed.without_inclusion()))
     change = field.face_displacement_mm - reference.face_displacement_mm
     if as_json:

@@ -17,7 +17,7 @@ from tsis.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tsis.calibration import UsableCalibration
+    from tsis.calibration.frames import UsableCalibration
     from tsis.model.image import TactileImage
 
 
@@ -66,7 +66,7 @@ def track(
             "a sequence is compared with one kind of reference: give the untouched probe as --reference, or presses on "
             "tissue without inclusion as --reference-press"
         )
-    usable = None if calibration is None else tsis.calibration.read_usable_calibration(calibration)
+    usable = None if calibration is None else tsis.calibration.frames.read_usable_calibration(calibration)
     scale = chosen_scale(usable, scale_mm)
     if scale is None:
         raise InputError("a movement needs --scale-mm, or a --calibration that contains the scale")
@@ -128,7 +128,7 @@ def _sequence(frames: Sequence[Path], interval_s: float | None) -> tuple[list[Pa
 
 def _read(path: Path, scale: tuple[float, float], calibration: UsableCalibration | None) -> TactileImage:
     """A frame, less the background level of the calibration if it has one."""
-    image = tsis.instrument.read_image(path, mm_per_pixel=scale)
+    image = tsis.instrument.image_files.read_image(path, mm_per_pixel=scale)
     return (
         image
         if calibration is None or calibration.calibration.reference is None

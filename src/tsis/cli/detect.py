@@ -67,7 +67,7 @@ def train(
             for done, summary in enumerate(summaries):
                 target = summary.target
                 advance(done + 1, len(summaries))
-                if target.number not in empty and not set(tsis.inclusion.PARAMETERS) <= set(target.truth):
+                if target.number not in empty and not set(tsis.inclusion.prior.PARAMETERS) <= set(target.truth):
                     left_out.append(f"Target {target.number} is left out: its truth is not known.")
                     continue
                 if target.number in empty and target.truth:
@@ -78,7 +78,7 @@ def train(
                     left_out.append(f"Target {target.number} is left out: {error}.")
                     continue
                 true: dict[str, Any] = {
-                    name: target.truth[name] for name in tsis.inclusion.PARAMETERS if name in target.truth
+                    name: target.truth[name] for name in tsis.inclusion.prior.PARAMETERS if name in target.truth
                 }
                 truth.append(tsis.model.phantom.Inclusion(**true) if true else None)
     if not readings:

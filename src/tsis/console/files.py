@@ -14,14 +14,15 @@ from fastapi import APIRouter, Query, Request, Response
 from starlette.responses import FileResponse, PlainTextResponse
 
 from tsis.__about__ import LARGEST_TARGET
-from tsis.calibration import read_press_image
+from tsis.calibration.frames import read_press_image
 from tsis.console.statuses import AbsentError, absent_if_unknown, status_of
 from tsis.console.studies import FORMS, report_bytes
 from tsis.console.worker import WorkerProcess
 from tsis.errors import FileInputError, InputError, TsisError
 from tsis.files.frame_names import target_folder
 from tsis.files.images import encode_picture
-from tsis.imaging import COLOUR_MAPS, block_means, colour_map
+from tsis.imaging.colour import COLOUR_MAPS, colour_map
+from tsis.imaging.pixels import block_means
 from tsis.model.image import TactileImage
 from tsis.model.require import require_integer, require_one_of
 from tsis.present.records import ENDINGS, MASKED, PAGE_FORMS, StoreAddress, report_of_stored_target, write_form

@@ -1,50 +1,37 @@
 """Young's modulus of a pressed object, corrected for the probe's own compliance."""
 
-from tsis.hardness._contact_readings import TouchReading, as_touch_readings
-from tsis.hardness._estimate import RADIUS_SD_MM, estimate, require_radius
-from tsis.hardness._exploration import HardnessPrior
-from tsis.hardness._likelihood import DRIFT_SD
-from tsis.hardness._object_geometry import ObjectGeometry
-from tsis.hardness._printed import (
-    STRESSES,
-    PrintedHardness,
-    axial_strain,
-    lagrangian_strain,
-    printed_axial_strain,
-    printed_estimate,
-)
-from tsis.hardness._reading import BLUR_MM, ContactReading, read_contact
-from tsis.hardness._shore import ShoreHardness, shore
-from tsis.hardness._sphere import hertzian_radius_mm, press_fields, require_small_sphere
-from tsis.hardness._table import ContactTable, build_contact_table
-from tsis.hardness._touch_estimate import estimate_from_contacts
-from tsis.hardness.flags import HARDNESS_FLAGS
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "BLUR_MM",
-    "DRIFT_SD",
-    "HARDNESS_FLAGS",
-    "RADIUS_SD_MM",
-    "STRESSES",
-    "ContactReading",
-    "ContactTable",
-    "HardnessPrior",
-    "ObjectGeometry",
-    "PrintedHardness",
-    "ShoreHardness",
-    "TouchReading",
-    "as_touch_readings",
-    "axial_strain",
-    "build_contact_table",
-    "estimate",
-    "estimate_from_contacts",
-    "hertzian_radius_mm",
-    "lagrangian_strain",
-    "press_fields",
-    "printed_axial_strain",
-    "printed_estimate",
-    "read_contact",
-    "require_radius",
-    "require_small_sphere",
-    "shore",
-]
+import lazy_loader
+
+if TYPE_CHECKING:
+    from tsis.hardness import contacts as contacts
+    from tsis.hardness import estimation as estimation
+    from tsis.hardness import flags as flags
+    from tsis.hardness import gel as gel
+    from tsis.hardness import posterior as posterior
+    from tsis.hardness import reading as reading
+    from tsis.hardness import shore as shore
+    from tsis.hardness import sphere as sphere
+    from tsis.hardness import strain_map as strain_map
+    from tsis.hardness import table as table
+    from tsis.hardness.estimation import estimate as estimate
+    from tsis.hardness.gel import estimate_from_contacts as estimate_from_contacts
+
+if not TYPE_CHECKING:  # modules and names load when they are first used
+    __getattr__, __dir__, _ = lazy_loader.attach(
+        __name__,
+        submodules=[
+            "contacts",
+            "estimation",
+            "flags",
+            "gel",
+            "posterior",
+            "reading",
+            "shore",
+            "sphere",
+            "strain_map",
+            "table",
+        ],
+        submod_attrs={"estimation": ["estimate"], "gel": ["estimate_from_contacts"]},
+    )

@@ -1,7 +1,7 @@
 """Flags of a hardness estimate: each is declared once, with its meaning, threshold and cure.
 
 A finding raises one: its name, and a message with the numbers of this estimate. Contacts of gel sensors raise theirs in
-`tsis.hardness._touch_estimate`.
+`tsis.hardness.gel`.
 """
 
 from __future__ import annotations
@@ -19,8 +19,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.hardness._exploration import HardnessPosterior, HardnessPrior, RadiusPrior
-    from tsis.hardness._likelihood import ContactPress, HardnessLikelihood
+    from tsis.hardness.posterior import ContactPress, HardnessLikelihood, HardnessPosterior, HardnessPrior, RadiusPrior
 
     Finding = tuple[str, str]
 

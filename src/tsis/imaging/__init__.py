@@ -4,99 +4,39 @@ from typing import TYPE_CHECKING
 
 import lazy_loader
 
-from tsis.imaging._colour import COLOUR_MAPS, change_magnitude, colour_map
-from tsis.imaging._contact import Contact, find_colour_contact, find_contact
-from tsis.imaging._contact_models import (
-    CONTACT_MODELS,
-    ContactModel,
-    as_contact_model,
-    rough_contact,
-    rough_contact_slope,
-)
-from tsis.imaging._corrections import (
-    SCALE_TOLERANCE,
-    flatten,
-    match_light,
-    require_image,
-    require_same_frame,
-    signal,
-    subtract_background,
-    subtract_dark,
-)
-from tsis.imaging._filters import block_means
-from tsis.imaging._gel_change import GelChange, gel_change, gel_levels, gel_reference
-from tsis.imaging._gel_contacts import REASONS, GelContact, MarkerShift, contacts, find_gel_contact, marker_shift
-from tsis.imaging._height_surface import HeightSurface, height_surface
-from tsis.imaging._lost_light import LostLight, find_lost_light
-from tsis.imaging._patch import (
-    GAUSSIAN_MAD,
-    NOISE_FACTOR,
-    QUANTISATION,
-    SMOOTH_PX,
-    Features,
-    Patch,
-    features,
-    pixel_noise,
-    segment,
-    smoothed,
-)
-from tsis.imaging._profile import RadialProfile, radial_profile
-from tsis.imaging._render import render, render_reference
-from tsis.imaging._sensor import LedDrift, Sensor, expose
+if TYPE_CHECKING:
+    from tsis.imaging import colour as colour
+    from tsis.imaging import contact as contact
+    from tsis.imaging import corrections as corrections
+    from tsis.imaging import depth as depth
+    from tsis.imaging import gel_change as gel_change
+    from tsis.imaging import gel_contact as gel_contact
+    from tsis.imaging import patch as patch
+    from tsis.imaging import pixels as pixels
+    from tsis.imaging import profile as profile
+    from tsis.imaging import rendering as rendering
+    from tsis.imaging import sensor as sensor
+    from tsis.imaging import surface as surface
+    from tsis.imaging.contact import find_contact as find_contact
+    from tsis.imaging.patch import Features as Features
+    from tsis.imaging.patch import features as features
 
-__all__ = [
-    "COLOUR_MAPS",
-    "CONTACT_MODELS",
-    "GAUSSIAN_MAD",
-    "NOISE_FACTOR",
-    "QUANTISATION",
-    "REASONS",
-    "SCALE_TOLERANCE",
-    "SMOOTH_PX",
-    "Contact",
-    "ContactModel",
-    "Features",
-    "GelChange",
-    "GelContact",
-    "HeightSurface",
-    "LedDrift",
-    "LostLight",
-    "MarkerShift",
-    "Patch",
-    "RadialProfile",
-    "Sensor",
-    "as_contact_model",
-    "block_means",
-    "change_magnitude",
-    "colour_map",
-    "contacts",
-    "expose",
-    "features",
-    "find_colour_contact",
-    "find_contact",
-    "find_gel_contact",
-    "find_lost_light",
-    "flatten",
-    "gel_change",
-    "gel_levels",
-    "gel_reference",
-    "height_surface",
-    "marker_shift",
-    "match_light",
-    "pixel_noise",
-    "radial_profile",
-    "render",
-    "render_reference",
-    "require_image",
-    "require_same_frame",
-    "rough_contact",
-    "rough_contact_slope",
-    "segment",
-    "signal",
-    "smoothed",
-    "subtract_background",
-    "subtract_dark",
-]
-
-if not TYPE_CHECKING:  # subpackages load when they are first used
-    __getattr__ = lazy_loader.attach(__name__, ["depth"])[0]
+if not TYPE_CHECKING:  # modules and names load when they are first used
+    __getattr__, __dir__, _ = lazy_loader.attach(
+        __name__,
+        submodules=[
+            "colour",
+            "contact",
+            "corrections",
+            "depth",
+            "gel_change",
+            "gel_contact",
+            "patch",
+            "pixels",
+            "profile",
+            "rendering",
+            "sensor",
+            "surface",
+        ],
+        submod_attrs={"patch": ["Features", "features"], "contact": ["find_contact"]},
+    )

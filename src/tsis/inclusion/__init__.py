@@ -4,61 +4,46 @@ from typing import TYPE_CHECKING
 
 import lazy_loader
 
-from tsis.inclusion._budget import (
-    PriorShift,
-    UncertaintyBudget,
-    prior_sensitivity,
-    uncertainty_budget,
-    with_prior_sensitivity,
-)
-from tsis.inclusion._estimate import STRAINS, estimate, stated_strain
-from tsis.inclusion._frames import binary_image, depletion_per_n, ring_edges, ring_light
-from tsis.inclusion._prior import PARAMETERS, InclusionPrior
-from tsis.inclusion._reading import PressTables, press_tables, read_frames
-from tsis.inclusion._tissue import TissueModulus, operator_time_s, prior_on_tissue, protocol_forces, tissue_modulus
-from tsis.inclusion.flags import INCLUSION_FLAGS, NEARLY_CERTAIN, UNTRUSTED_FLAGS, presence_caveats
+if TYPE_CHECKING:
+    from tsis.inclusion import budget as budget
+    from tsis.inclusion import checks as checks
+    from tsis.inclusion import design as design
+    from tsis.inclusion import estimation as estimation
+    from tsis.inclusion import flags as flags
+    from tsis.inclusion import frames as frames
+    from tsis.inclusion import mobility as mobility
+    from tsis.inclusion import network as network
+    from tsis.inclusion import network_regressor as network_regressor
+    from tsis.inclusion import network_training as network_training
+    from tsis.inclusion import posterior as posterior
+    from tsis.inclusion import prior as prior
+    from tsis.inclusion import reading as reading
+    from tsis.inclusion import relative as relative
+    from tsis.inclusion import shape as shape
+    from tsis.inclusion import tissue as tissue
+    from tsis.inclusion.estimation import estimate as estimate
+    from tsis.inclusion.prior import InclusionPrior as InclusionPrior
 
-__all__ = [
-    "INCLUSION_FLAGS",
-    "NEARLY_CERTAIN",
-    "PARAMETERS",
-    "STRAINS",
-    "UNTRUSTED_FLAGS",
-    "InclusionPrior",
-    "PressTables",
-    "PriorShift",
-    "TissueModulus",
-    "UncertaintyBudget",
-    "binary_image",
-    "depletion_per_n",
-    "estimate",
-    "operator_time_s",
-    "presence_caveats",
-    "press_tables",
-    "prior_on_tissue",
-    "prior_sensitivity",
-    "protocol_forces",
-    "read_frames",
-    "ring_edges",
-    "ring_light",
-    "stated_strain",
-    "tissue_modulus",
-    "uncertainty_budget",
-    "with_prior_sensitivity",
-]
-
-if not TYPE_CHECKING:  # subpackages load when they are first used
-    __getattr__ = lazy_loader.attach(
+if not TYPE_CHECKING:  # modules and names load when they are first used
+    __getattr__, __dir__, _ = lazy_loader.attach(
         __name__,
-        [
+        submodules=[
+            "budget",
             "checks",
             "design",
+            "estimation",
+            "flags",
+            "frames",
             "mobility",
             "network",
             "network_regressor",
             "network_training",
             "posterior",
+            "prior",
+            "reading",
             "relative",
             "shape",
+            "tissue",
         ],
-    )[0]
+        submod_attrs={"prior": ["InclusionPrior"], "estimation": ["estimate"]},
+    )

@@ -11,16 +11,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy
 
-from tsis.inclusion._prior import PARAMETERS, Floats
-from tsis.inclusion.posterior import least_sd
+from tsis.inclusion.posterior.likelihood import least_sd
+from tsis.inclusion.prior import PARAMETERS, Floats
 from tsis.model.estimate import ABSENCE_FLAG, IMPROBABLE, NOT_IDENTIFIED, probability_bound
 from tsis.model.flag import Flag, declared, withholding
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from tsis.inclusion._prior import InclusionPrior
-    from tsis.inclusion.posterior import InclusionPosterior, Profiles, SuperficialLayer
+    from tsis.inclusion.posterior.exploration import InclusionPosterior
+    from tsis.inclusion.posterior.likelihood import Profiles
+    from tsis.inclusion.posterior.uneven_tissue import SuperficialLayer
+    from tsis.inclusion.prior import InclusionPrior
     from tsis.model.calibration import Calibration
 
     Finding = tuple[str, str]

@@ -10,7 +10,8 @@ import numpy as np
 import scipy
 
 from tsis.errors import ImageMismatchError, InputError
-from tsis.imaging import pixel_noise, require_same_frame, smoothed
+from tsis.imaging.corrections import require_same_frame
+from tsis.imaging.patch import pixel_noise, smoothed
 from tsis.inclusion.relative import (
     COMPARED_WITH,
     SPHERE_ASSUMPTION,
@@ -25,7 +26,7 @@ from tsis.model.require import freeze_arrays
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from tsis.inclusion._prior import Floats
+    from tsis.inclusion.prior import Floats
     from tsis.inclusion.relative import LightChange, LitPart
     from tsis.model.calibration import Calibration
     from tsis.model.image import TactileImage

@@ -18,12 +18,13 @@ from tsis.errors import FileInputError, InputError
 from tsis.files.atomic import write_durably
 from tsis.files.canonical_json import canonical, digest_or_none
 from tsis.files.reading import as_path, printable_path, read_object
-from tsis.imaging import radial_profile
-from tsis.inclusion._frames import pixels_mm
-from tsis.inclusion._prior import PARAMETERS, Floats, InclusionPrior
+from tsis.imaging.profile import radial_profile
+from tsis.inclusion.frames import pixels_mm
 from tsis.inclusion.network_training import Layers, Network, Span, check_varies, train_repeatedly
-from tsis.inclusion.posterior import ring_means
-from tsis.mechanics.surrogate import PressSurrogate, build_surrogate
+from tsis.inclusion.posterior.rings import ring_means
+from tsis.inclusion.prior import PARAMETERS, Floats, InclusionPrior
+from tsis.mechanics.surrogate.building import build_surrogate
+from tsis.mechanics.surrogate.polynomial import PressSurrogate
 from tsis.model.calibration import Calibration
 from tsis.model.content import ContentValue
 from tsis.model.image import as_images, require_frames_of_probe, require_image_series, require_same_probe
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-    from tsis.inclusion._prior import Floats
+    from tsis.inclusion.prior import Floats
     from tsis.model.image import TactileImage
 
 

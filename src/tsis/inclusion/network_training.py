@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from tsis.inclusion._prior import Floats
+    from tsis.inclusion.prior import Floats
 
 
 MOST_UNITS = 1000  # of a layer

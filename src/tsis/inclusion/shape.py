@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.imaging import NOISE_FACTOR
-from tsis.inclusion._frames import binary_features
+from tsis.imaging.patch import NOISE_FACTOR
+from tsis.inclusion.frames import binary_features
 from tsis.inclusion.relative import COMPARED_WITH, change_of_light, equal_light_assumption, notes_of
 from tsis.model.require import freeze_arrays, require_array, require_number
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from tsis.inclusion._prior import Floats
+    from tsis.inclusion.prior import Floats
     from tsis.model.calibration import Calibration
     from tsis.model.image import TactileImage
 

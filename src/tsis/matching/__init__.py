@@ -1,37 +1,47 @@
 """Non-rigid point matching: correspondences of two point sets, and the map between them."""
 
-from tsis.matching._fit import UNMATCHED, MatchFit, MatchMethod, NormalFrame
-from tsis.matching._point_files import csv_text, read_points
-from tsis.matching._posterior import RELIABLE, PosePosterior, probability_right, trust_features, trust_log_odds
-from tsis.matching._registration import (
-    METHODS,
-    Alternative,
-    Registration,
-    fit_and_measures,
-    match_points,
-    register,
-)
-from tsis.matching._spline import ThinPlateSpline, fit_spline, spread_out
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "METHODS",
-    "RELIABLE",
-    "UNMATCHED",
-    "Alternative",
-    "MatchFit",
-    "MatchMethod",
-    "NormalFrame",
-    "PosePosterior",
-    "Registration",
-    "ThinPlateSpline",
-    "csv_text",
-    "fit_and_measures",
-    "fit_spline",
-    "match_points",
-    "probability_right",
-    "read_points",
-    "register",
-    "spread_out",
-    "trust_features",
-    "trust_log_odds",
-]
+import lazy_loader
+
+if TYPE_CHECKING:
+    from tsis.matching import annealing as annealing
+    from tsis.matching import bayesian_drift as bayesian_drift
+    from tsis.matching import drift as drift
+    from tsis.matching import methods as methods
+    from tsis.matching import neighbourhoods as neighbourhoods
+    from tsis.matching import outline as outline
+    from tsis.matching import point_files as point_files
+    from tsis.matching import pose_evidence as pose_evidence
+    from tsis.matching import pose_search as pose_search
+    from tsis.matching import posterior as posterior
+    from tsis.matching import refinement as refinement
+    from tsis.matching import registration as registration
+    from tsis.matching import relaxation as relaxation
+    from tsis.matching import shape_context as shape_context
+    from tsis.matching import spline as spline
+    from tsis.matching.registration import Registration as Registration
+    from tsis.matching.registration import register as register
+
+if not TYPE_CHECKING:  # modules and names load when they are first used
+    __getattr__, __dir__, _ = lazy_loader.attach(
+        __name__,
+        submodules=[
+            "annealing",
+            "bayesian_drift",
+            "drift",
+            "methods",
+            "neighbourhoods",
+            "outline",
+            "point_files",
+            "pose_evidence",
+            "pose_search",
+            "posterior",
+            "refinement",
+            "registration",
+            "relaxation",
+            "shape_context",
+            "spline",
+        ],
+        submod_attrs={"registration": ["Registration", "register"]},
+    )

@@ -4,30 +4,34 @@ from typing import TYPE_CHECKING
 
 import lazy_loader
 
-from tsis.mechanics._closed_form import HertzContact, effective_modulus_kpa, hertz_under_force
-from tsis.mechanics._element import stiffness
-from tsis.mechanics._face import hats
-from tsis.mechanics._mesh import face_lines, graded, mesh_rectangle, outer_lines, two_sided_lines
-from tsis.mechanics._modulus_test import MeasuredModulus, bonded_factor, compression_modulus, indentation_modulus
-from tsis.mechanics._press import press
+if TYPE_CHECKING:
+    from tsis.mechanics import bench_tests as bench_tests
+    from tsis.mechanics import closed_forms as closed_forms
+    from tsis.mechanics import finite_strain as finite_strain
+    from tsis.mechanics import gel as gel
+    from tsis.mechanics import mesh as mesh
+    from tsis.mechanics import pressing as pressing
+    from tsis.mechanics import small_strain as small_strain
+    from tsis.mechanics import solid as solid
+    from tsis.mechanics import surrogate as surrogate
+    from tsis.mechanics import tissue_field as tissue_field
+    from tsis.mechanics.bench_tests import indentation_modulus as indentation_modulus
+    from tsis.mechanics.pressing import press as press
 
-__all__ = [
-    "HertzContact",
-    "MeasuredModulus",
-    "bonded_factor",
-    "compression_modulus",
-    "effective_modulus_kpa",
-    "face_lines",
-    "graded",
-    "hats",
-    "hertz_under_force",
-    "indentation_modulus",
-    "mesh_rectangle",
-    "outer_lines",
-    "press",
-    "stiffness",
-    "two_sided_lines",
-]
-
-if not TYPE_CHECKING:  # subpackages load when they are first used
-    __getattr__ = lazy_loader.attach(__name__, ["finite_strain", "gel", "small_strain", "solid", "surrogate"])[0]
+if not TYPE_CHECKING:  # modules and names load when they are first used
+    __getattr__, __dir__, _ = lazy_loader.attach(
+        __name__,
+        submodules=[
+            "bench_tests",
+            "closed_forms",
+            "finite_strain",
+            "gel",
+            "mesh",
+            "pressing",
+            "small_strain",
+            "solid",
+            "surrogate",
+            "tissue_field",
+        ],
+        submod_attrs={"bench_tests": ["indentation_modulus"], "pressing": ["press"]},
+    )

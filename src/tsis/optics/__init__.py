@@ -4,32 +4,18 @@ from typing import TYPE_CHECKING
 
 import lazy_loader
 
-from tsis.optics._angles import (
-    ERF_SLOPE,
-    Acceptance,
-    Fresnel,
-    acceptance,
-    critical_angle_deg,
-    fresnel,
-    layer_facing_lamp,
-    real_contact,
-    refraction_deg,
-)
-from tsis.optics._guided_modes import GuidedModes, guided_modes
+if TYPE_CHECKING:
+    from tsis.optics import angles as angles
+    from tsis.optics import face_light as face_light
+    from tsis.optics import propagation as propagation
+    from tsis.optics import rays as rays
+    from tsis.optics import slab as slab
+    from tsis.optics.slab import GuidedModes as GuidedModes
+    from tsis.optics.slab import guided_modes as guided_modes
 
-__all__ = [
-    "ERF_SLOPE",
-    "Acceptance",
-    "Fresnel",
-    "GuidedModes",
-    "acceptance",
-    "critical_angle_deg",
-    "fresnel",
-    "guided_modes",
-    "layer_facing_lamp",
-    "real_contact",
-    "refraction_deg",
-]
-
-if not TYPE_CHECKING:  # subpackages load when they are first used
-    __getattr__ = lazy_loader.attach(__name__, ["irradiance", "propagation", "rays", "slab"])[0]
+if not TYPE_CHECKING:  # modules and names load when they are first used
+    __getattr__, __dir__, _ = lazy_loader.attach(
+        __name__,
+        submodules=["angles", "face_light", "propagation", "rays", "slab"],
+        submod_attrs={"slab": ["GuidedModes", "guided_modes"]},
+    )

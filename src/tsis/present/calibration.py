@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from tsis.calibration import MeasuredValue
     from tsis.calibration.dents import DentLight
     from tsis.calibration.file import ProbeCalibration
+    from tsis.calibration.measured import MeasuredValue
     from tsis.calibration.session import SessionResult
 
 

@@ -8,18 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tsis.imaging import Sensor
-from tsis.inclusion import PARAMETERS, InclusionPrior, protocol_forces
-from tsis.inclusion.design import (
-    ASPECTS,
-    CRITERIA,
-    MOST_EVALUATIONS,
-    compare_designs,
-    design_alternatives,
-    optimise_design,
-    protocol_of,
-    rank_designs,
-)
+from tsis.imaging.sensor import Sensor
+from tsis.inclusion import InclusionPrior
+from tsis.inclusion.design.alternatives import ASPECTS, CRITERIA, compare_designs, design_alternatives, rank_designs
+from tsis.inclusion.design.protocol import protocol_of
+from tsis.inclusion.design.search import MOST_EVALUATIONS, optimise_design
+from tsis.inclusion.prior import PARAMETERS
+from tsis.inclusion.tissue import protocol_forces
 from tsis.model.probe import Probe
 from tsis.model.require import require_integer, require_one_of, require_type
 from tsis.present.document import envelope
@@ -33,7 +28,9 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from tsis.inclusion.design import Design, DesignOptimum, Protocol
+    from tsis.inclusion.design.alternatives import Design
+    from tsis.inclusion.design.protocol import Protocol
+    from tsis.inclusion.design.search import DesignOptimum
     from tsis.model.calibration import Calibration
 
 
@@ -56,7 +53,7 @@ class DesignQuestion:
     frames_per_press
         Number of frames of each press.
     compared
-        Aspects to vary, of `tsis.inclusion.design.ASPECTS`.
+        Aspects to vary, of `tsis.inclusion.design.alternatives.ASPECTS`.
     criterion
         Criterion of the ranking and the search: ``"all"``, or the error of a parameter.
     traced

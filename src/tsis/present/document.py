@@ -14,8 +14,10 @@ from tsis.model.estimate import INTERVAL_LEVEL, probability_text
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from tsis.imaging import Contact, Features, RadialProfile
-    from tsis.inclusion import UncertaintyBudget
+    from tsis.imaging import Features
+    from tsis.imaging.contact import Contact
+    from tsis.imaging.profile import RadialProfile
+    from tsis.inclusion.budget import UncertaintyBudget
     from tsis.model.budget import QuantityBudget
     from tsis.model.estimate import Estimate
 

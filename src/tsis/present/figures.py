@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tsis.calibration.force import common_forces, fit_run
+from tsis.calibration.force_line import common_forces, fit_run
 from tsis.errors import InputError
 from tsis.present.labels import quantity_of
 
@@ -21,21 +21,25 @@ if TYPE_CHECKING:
     from mpl_toolkits.mplot3d import Axes3D
     from numpy.typing import ArrayLike, NDArray
 
-    from tsis.calibration.force import ForceLine, Loading
-    from tsis.calibration.scale import DotDiagnostics, PixelScale
-    from tsis.hardness import ContactTable
-    from tsis.imaging import Features, GelContact, HeightSurface, RadialProfile
-    from tsis.inclusion.design import Design
+    from tsis.calibration.dot_board import DotDiagnostics
+    from tsis.calibration.force_line import ForceLine, Loading
+    from tsis.calibration.scale import PixelScale
+    from tsis.hardness.table import ContactTable
+    from tsis.imaging import Features
+    from tsis.imaging.gel_contact import GelContact
+    from tsis.imaging.profile import RadialProfile
+    from tsis.imaging.surface import HeightSurface
+    from tsis.inclusion.design.alternatives import Design
     from tsis.inclusion.mobility import Mobility
     from tsis.inclusion.relative import Repeats
-    from tsis.matching import Alternative
+    from tsis.matching.registration import Alternative
     from tsis.model.estimate import Estimate
     from tsis.model.image import TactileImage
     from tsis.model.press import PressField
     from tsis.model.probe import Led, Probe
     from tsis.optics import GuidedModes
     from tsis.optics.propagation import Propagation
-    from tsis.optics.rays import TracedLight
+    from tsis.optics.rays.tracing import TracedLight
     from tsis.study.agreement import BlandAltman
     from tsis.study.drift import ControlChart
     from tsis.study.probabilities import ReliabilityCurve
@@ -817,8 +821,8 @@ def ray_picture(
 ) -> Axes:
     """Draw layers, glass and lamps from the side, and rays of the first lit lamp, at the right.
 
-    Lamps beside the plane of the picture are omitted. The paths, of `tsis.optics.rays.trace_paths`, are drawn into the
-    plane, fainter where less light remains. ``pressed`` is a press around the axis, whose dent is drawn.
+    Lamps beside the plane of the picture are omitted. The paths, of `tsis.optics.rays.tracing.trace_paths`, are drawn
+    into the plane, fainter where less light remains. ``pressed`` is a press around the axis, whose dent is drawn.
     """
     from matplotlib.collections import LineCollection  # loaded with the first figure
     from matplotlib.colors import to_rgba

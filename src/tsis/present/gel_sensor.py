@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.files.tables import table_bytes
-from tsis.imaging import REASONS
+from tsis.imaging.gel_contact import REASONS
 from tsis.present.figures import gel_contact
 from tsis.present.page import Card, Page, Picture, Table
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import FigureBase
     from numpy.typing import NDArray
 
-    from tsis.imaging import GelContact
+    from tsis.imaging.gel_contact import GelContact
     from tsis.model.gel_sensor import GelSensor
 
 

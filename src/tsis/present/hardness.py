@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from tsis.hardness import shore
 from tsis.hardness.flags import HARDNESS_FLAGS
+from tsis.hardness.shore import shore
 from tsis.model.estimate import INTERVAL_LEVEL
 from tsis.present.document import estimate_messages
 from tsis.present.figures import contact_growth, modulus, tactile_image
@@ -15,7 +15,7 @@ from tsis.present.page import Card, Page, Picture, Table, flags_table, on_axes
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from tsis.hardness import ContactTable
+    from tsis.hardness.table import ContactTable
     from tsis.model.estimate import Estimate
     from tsis.model.image import TactileImage
     from tsis.records.values import StoredEstimate

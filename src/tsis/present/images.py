@@ -9,15 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.errors import TsisError
-from tsis.imaging import (
-    features,
-    find_contact,
-    height_surface,
-    match_light,
-    radial_profile,
-    signal,
-    subtract_background,
-)
+from tsis.imaging import features, find_contact
+from tsis.imaging.corrections import match_light, signal, subtract_background
+from tsis.imaging.profile import radial_profile
+from tsis.imaging.surface import height_surface
 from tsis.inclusion.relative import (
     RelativeReading,
     change_of_light,
@@ -36,7 +31,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from tsis.imaging import Contact, Features
+    from tsis.imaging import Features
+    from tsis.imaging.contact import Contact
     from tsis.model.calibration import Calibration
     from tsis.model.image import TactileImage
 
@@ -482,7 +478,8 @@ NO_VALUE = "none"
 def comparison(image: TactileImage, other: TactileImage, *, same_light: bool = False) -> Page:
     """A page with two frames in one colour map, their difference or the reason why there is none, and their features.
 
-    ``same_light`` scales the second to the brightness of the first before the subtraction (`tsis.imaging.match_light`).
+    ``same_light`` scales the second to the brightness of the first before the subtraction
+    (`tsis.imaging.corrections.match_light`).
     """
     top = float(max(image.grey.max(), other.grey.max()))
     pictures = [_frame(image, top), _frame(other, top)]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tsis.imaging import subtract_background
+from tsis.imaging.corrections import subtract_background
 from tsis.inclusion.flags import INCLUSION_FLAGS
 from tsis.model.estimate import INTERVAL_LEVEL, NO_UNIT, label_of, probability_text
 from tsis.present.document import estimate_messages, sd_text
@@ -32,7 +32,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from tsis.inclusion import InclusionPrior, UncertaintyBudget
+    from tsis.inclusion import InclusionPrior
+    from tsis.inclusion.budget import UncertaintyBudget
     from tsis.model.budget import QuantityBudget
     from tsis.model.estimate import Estimate
     from tsis.model.image import TactileImage

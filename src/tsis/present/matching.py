@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from tsis.matching import UNMATCHED
+from tsis.matching.methods import UNMATCHED
 from tsis.present.figures import alternative_pose, point_sets, warped_grid
 from tsis.present.page import Card, Page, Picture, Table
 
@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import FigureBase
     from numpy.typing import NDArray
 
-    from tsis.matching import Alternative, Registration
+    from tsis.matching import Registration
+    from tsis.matching.registration import Alternative
 
     Floats = NDArray[np.float64]
 

@@ -9,11 +9,12 @@ from datetime import UTC
 from typing import TYPE_CHECKING, Any
 
 from tsis.__about__ import __version__
-from tsis.calibration.guard import GUARD_FLAGS
+from tsis.calibration.guard.limits import GUARD_FLAGS
 from tsis.catalog.probes import load_probe
 from tsis.errors import InputError, TsisError, UnknownNameError
-from tsis.imaging import subtract_background
-from tsis.inclusion import InclusionPrior, ring_edges
+from tsis.imaging.corrections import subtract_background
+from tsis.inclusion import InclusionPrior
+from tsis.inclusion.frames import ring_edges
 from tsis.model.estimate import INTERVAL_LEVEL
 from tsis.present.calibration import content_rows
 from tsis.present.hardness import HARDNESS, estimate_cards, estimate_messages_of, hardness_rows, modulus_picture

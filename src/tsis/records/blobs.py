@@ -16,7 +16,7 @@ from tsis.files.atomic import DISK, Disk, write_durably
 from tsis.files.canonical_json import SHA256
 from tsis.files.images import QUICK_PNG, decode_grey_png, encode_picture, image_fault
 from tsis.files.reading import printable_path, read_bytes
-from tsis.instrument import whole_levels
+from tsis.instrument.image_files import whole_levels
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

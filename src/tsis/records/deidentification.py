@@ -8,11 +8,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any
 
-from tsis.calibration.guard import GUARD_FLAGS as PRESS_FLAGS
+from tsis.calibration.guard.limits import GUARD_FLAGS as PRESS_FLAGS
 from tsis.catalog.probes import list_probes
 from tsis.files.canonical_json import SHA256
-from tsis.hardness import HARDNESS_FLAGS as HARDNESS_FLAGS
-from tsis.inclusion import INCLUSION_FLAGS as INCLUSION_FLAGS
+from tsis.hardness.flags import HARDNESS_FLAGS
+from tsis.inclusion.flags import INCLUSION_FLAGS
 from tsis.model.estimate import INTERVAL_LEVEL, NOT_TRUSTED, UNITS, PosteriorSamples
 from tsis.records.database import derived
 from tsis.records.provenance import LIBRARIES

@@ -11,26 +11,21 @@ from sqlalchemy import select
 
 from tsis.calibration.file import calibration_sha256
 from tsis.errors import InputError, RecordsError, TsisError
-from tsis.instrument import whole_levels
+from tsis.instrument.image_files import whole_levels
 from tsis.records.blobs import frame_bytes
 from tsis.records.provenance import environment
 from tsis.records.reader import MOST_AT_ONCE
 from tsis.records.rows import press_of_row, press_query, target_of_row
 from tsis.records.schema import press_table, target_table
-from tsis.records.sources import (
-    ImportBatch,
-    ImportOptions,
-    IncomingPress,
-    snapshots,
-)
+from tsis.records.sources import ImportBatch, ImportOptions, IncomingPress, snapshots
 from tsis.records.values import LONGEST_NAME
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from tsis.calibration import UsableCalibration
     from tsis.calibration.file import ProbeCalibration
+    from tsis.calibration.frames import UsableCalibration
     from tsis.model.estimate import Estimate
     from tsis.model.image import TactileImage
     from tsis.records.store import Store

@@ -10,10 +10,10 @@ import numpy as np
 
 import tsis.hardness
 import tsis.inclusion
-from tsis.calibration import apply_calibration
+from tsis.calibration.frames import apply_calibration
 from tsis.catalog.probes import load_probe
 from tsis.errors import CalibrationError, RecordsError
-from tsis.hardness import HardnessPrior
+from tsis.hardness.posterior import HardnessPrior
 from tsis.inclusion import InclusionPrior
 from tsis.model.content import ContentValue
 from tsis.model.estimate import INTERVAL_LEVEL

@@ -18,7 +18,7 @@ from tsis.errors import FileInputError, InputError
 from tsis.files.json_values import free_to_json, from_json_value
 from tsis.files.reading import file_error, own_file, printable_name, printable_path, read_bytes, read_object, written_by
 from tsis.files.result_schemas import require_known_schema
-from tsis.instrument import RAW_ENDINGS, SIDECAR_FORMAT, SIDECAR_VERSION, read_image
+from tsis.instrument.image_files import read_image
 from tsis.instrument.recording import (
     RECORDING_COLUMNS,
     RECORDING_FORMAT,
@@ -27,6 +27,7 @@ from tsis.instrument.recording import (
     RECORDING_VERSION,
     VIDEO_NAME,
 )
+from tsis.instrument.snapshot import RAW_ENDINGS, SIDECAR_FORMAT, SIDECAR_VERSION
 from tsis.model.image import grey_sha256
 from tsis.model.require import freeze_mappings, require_integer, require_one_of
 from tsis.records.blobs import frame_bytes

@@ -68,14 +68,7 @@ from tsis.records.schema import (
     schema_faults,
 )
 from tsis.records.transfer import ImportedTarget, TargetImport, is_taken, next_number, require_kind, stored_frames
-from tsis.records.values import (
-    KINDS,
-    StoredEstimate,
-    StoredPress,
-    Target,
-    require_label,
-    require_moment,
-)
+from tsis.records.values import KINDS, StoredEstimate, StoredPress, Target, require_label, require_moment
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.calibration import UsableCalibration
+    from tsis.calibration.frames import UsableCalibration
     from tsis.study.agreement import BlandAltman
     from tsis.study.folder import Study
     from tsis.study.plan import DeviceReading

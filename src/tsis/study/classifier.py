@@ -18,7 +18,7 @@ from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.errors import FileInputError, InputError, UntrustedError, import_extra
 from tsis.files.atomic import write_durably
 from tsis.files.reading import as_path, printable_path, read_object
-from tsis.inclusion import PARAMETERS
+from tsis.inclusion.prior import PARAMETERS
 from tsis.model.content import ContentValue
 from tsis.model.estimate import LARGEST_EVIDENCE
 from tsis.model.phantom import INCLUSION_RANGES, Inclusion

@@ -22,7 +22,8 @@ from tsis.errors import InputError, RecordsError
 from tsis.files.atomic import atomic_folder
 from tsis.files.hash_chain import EMPTY_CHAIN, LogChain, LogDraft, link_entries
 from tsis.files.reading import as_path, file_error, one_line, printable_path, read_bytes
-from tsis.inclusion import InclusionPrior, protocol_forces
+from tsis.inclusion import InclusionPrior
+from tsis.inclusion.tissue import protocol_forces
 from tsis.model.phantom import Inclusion, Phantom
 from tsis.model.require import require_integer, require_number, require_type
 from tsis.study.log import LOG_FILE, SealedTruth, append_log, commitment, parse_seal, read_log

@@ -16,7 +16,8 @@ import scipy
 from tsis.errors import FileInputError, InputError, RecordsError
 from tsis.files.reading import as_path, printable_path
 from tsis.files.tables import read_csv_rows, table_bytes
-from tsis.mechanics import compression_modulus, indentation_modulus
+from tsis.mechanics import indentation_modulus
+from tsis.mechanics.bench_tests import compression_modulus
 from tsis.model.estimate import INTERVAL_LEVEL
 from tsis.model.require import require_number
 from tsis.study.analysis import DeviceResults
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.files.tables import CsvRow
-    from tsis.mechanics import MeasuredModulus
+    from tsis.mechanics.bench_tests import MeasuredModulus
     from tsis.study.folder import Study
     from tsis.study.plan import DeviceReading, TargetTruth
     from tsis.study.proportions import Counts

@@ -15,7 +15,7 @@ import numpy as np
 import scipy
 
 from tsis.errors import InputError, import_extra
-from tsis.inclusion import presence_caveats
+from tsis.inclusion.flags import presence_caveats
 from tsis.model.estimate import LARGEST_EVIDENCE, Estimate
 from tsis.model.require import require_integer, require_number, require_type
 from tsis.study.proportions import LEVEL, Interval, Proportion, both_classes, checked_level, choice, scored

@@ -16,11 +16,14 @@ from tsis.catalog.probes import load_probe
 from tsis.errors import FileInputError, InputError, MechanicsError, RecordsError, import_extra
 from tsis.files.reading import as_path, file_error, one_line, printable_name, read_bytes
 from tsis.files.tables import LARGEST_CSV_BYTES, CsvRow, parse_csv_rows, read_csv_rows, table_bytes
-from tsis.inclusion import STRAINS, InclusionPrior, estimate, presence_caveats, press_tables
+from tsis.inclusion import InclusionPrior, estimate
+from tsis.inclusion.estimation import STRAINS
+from tsis.inclusion.flags import presence_caveats
+from tsis.inclusion.reading import press_tables
 from tsis.model.estimate import INTERVAL_LEVEL
 from tsis.model.phantom import Inclusion, Phantom
 from tsis.model.require import require_integer, require_number, require_one_of
-from tsis.optics.irradiance import irradiance
+from tsis.optics.face_light import irradiance
 from tsis.study.folder import PLAN, enter_readings, open_study, read_seal, user
 from tsis.study.log import run_lock
 from tsis.study.plan import QUANTITIES, DeviceReading, TargetTruth, require_short_name
@@ -32,7 +35,7 @@ if TYPE_CHECKING:
 
     from tsis.model.calibration import Calibration
     from tsis.model.image import TactileImage
-    from tsis.optics.irradiance import Irradiance
+    from tsis.optics.face_light import Irradiance
     from tsis.records.store import Store
     from tsis.study.folder import Study
 

@@ -17,16 +17,7 @@ from tsis.files.canonical_json import content_sha256, json_bytes
 from tsis.files.reading import file_error, one_line, read_bytes, read_object
 from tsis.model.require import require_one_of
 from tsis.sweep.plan import plan_document, plan_from_document
-from tsis.sweep.shards import (
-    FEATURE,
-    LARGEST_SHARD_BYTES,
-    NAME,
-    Receipt,
-    data_set_of,
-    decode_shard,
-    sha256,
-    shard_name,
-)
+from tsis.sweep.shards import FEATURE, LARGEST_SHARD_BYTES, NAME, Receipt, data_set_of, decode_shard, sha256, shard_name
 
 if TYPE_CHECKING:
     import os

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 import scipy
 
-from tsis.calibration.force import loading_forces
+from tsis.calibration.force_line import loading_forces
 from tsis.calibration.session import (
     BOARD,
     BOARD_UNTOUCHED,
@@ -26,7 +26,7 @@ from tsis.calibration.session import (
     CalibrationStep,
 )
 from tsis.errors import InputError
-from tsis.imaging import Sensor, expose
+from tsis.imaging.sensor import Sensor, expose
 from tsis.model.image import TactileImage
 from tsis.model.require import require_integer, require_number, require_type
 from tsis.virtual.camera import camera_settings

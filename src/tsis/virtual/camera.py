@@ -16,8 +16,9 @@ import numpy as np
 
 from tsis.catalog.sensors import list_sensors
 from tsis.errors import CameraError, InputError
-from tsis.imaging import Sensor, expose
-from tsis.instrument import Frame, Mode, Setting, luma
+from tsis.imaging.sensor import Sensor, expose
+from tsis.instrument.camera import Frame, Mode, Setting
+from tsis.instrument.image_files import luma
 from tsis.model.gel_sensor import GelSensor
 from tsis.model.require import require_number, require_one_of, require_type
 from tsis.virtual.gel_frames import rendered_series

@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy
 
-from tsis.hardness import DRIFT_SD, press_fields, require_small_sphere
-from tsis.imaging import Sensor, expose, render
-from tsis.mechanics.finite_strain import SphereResolution
+from tsis.hardness.posterior import DRIFT_SD
+from tsis.hardness.sphere import press_fields, require_small_sphere
+from tsis.imaging.rendering import render
+from tsis.imaging.sensor import Sensor, expose
+from tsis.mechanics.finite_strain.soft_sphere import SphereResolution
 from tsis.model.calibration import Calibration, LightMap
 from tsis.model.image import TactileImage
 from tsis.model.phantom import SoftSphere

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.errors import TsisError
-from tsis.inclusion import PARAMETERS, estimate
+from tsis.inclusion import estimate
+from tsis.inclusion.prior import PARAMETERS
 from tsis.model.phantom import Inclusion, Phantom
 from tsis.model.require import require_integer, require_one_of
 from tsis.virtual.probe import RESOLUTIONS, VirtualProbe, exposure_for

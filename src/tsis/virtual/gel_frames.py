@@ -16,7 +16,7 @@ import numpy as np
 import scipy
 
 from tsis.errors import InputError
-from tsis.mechanics.gel import GelGrid
+from tsis.mechanics.gel.contact import GelGrid
 from tsis.model.gel_sensor import GelSensor
 from tsis.model.probe import Layer
 from tsis.model.require import require_number, require_type

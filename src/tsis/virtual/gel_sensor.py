@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.errors import InputError
-from tsis.hardness import hertzian_radius_mm, press_fields
-from tsis.mechanics.finite_strain import WIDEST_CONTACT, SphereResolution
+from tsis.hardness.sphere import hertzian_radius_mm, press_fields
+from tsis.mechanics.finite_strain.soft_sphere import WIDEST_CONTACT, SphereResolution
 from tsis.model.gel_sensor import GelSensor
 from tsis.model.phantom import SoftSphere
 from tsis.model.probe import Layer, Probe

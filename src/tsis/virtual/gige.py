@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.instrument import Frame
+    from tsis.instrument.camera import Frame
     from tsis.instrument.drivers.aravis import Aravis
 
 

@@ -9,18 +9,20 @@ import numpy as np
 import scipy
 
 from tsis.calibration.dents import PAD_THICKNESS_MM
-from tsis.calibration.force import LARGEST_GAUGE_N
+from tsis.calibration.force_line import LARGEST_GAUGE_N
 from tsis.calibration.lamps import ReferencePatch
 from tsis.errors import InputError
-from tsis.imaging import LedDrift, Sensor, expose, rough_contact
-from tsis.mechanics import HertzContact, effective_modulus_kpa, hertz_under_force, press
+from tsis.imaging.rendering import rough_contact
+from tsis.imaging.sensor import LedDrift, Sensor, expose
+from tsis.mechanics import press
+from tsis.mechanics.closed_forms import HertzContact, effective_modulus_kpa, hertz_under_force
 from tsis.model.calibration import Calibration, LightMap
 from tsis.model.image import TactileImage
 from tsis.model.phantom import Phantom
 from tsis.model.press import MN_PER_N
 from tsis.model.probe import Probe
 from tsis.model.require import require_number, require_type
-from tsis.optics.irradiance import Irradiance
+from tsis.optics.face_light import Irradiance
 from tsis.virtual.camera import USUAL_MS, camera_settings
 from tsis.virtual.direct_contact import direct_contact_calibration
 from tsis.virtual.probe import FINE_RESOLUTION, VirtualProbe

@@ -10,21 +10,23 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.errors import InputError
-from tsis.imaging import Sensor, as_contact_model, expose, render
+from tsis.imaging.rendering import as_contact_model, render
+from tsis.imaging.sensor import Sensor, expose
 from tsis.mechanics import press
-from tsis.mechanics.finite_strain import FiniteResolution, PressSeries
-from tsis.mechanics.small_strain import Resolution
+from tsis.mechanics.finite_strain.neo_hookean_press import PressSeries
+from tsis.mechanics.finite_strain.patches import FiniteResolution
+from tsis.mechanics.small_strain.slab import Resolution
 from tsis.mechanics.solid import press_solid
 from tsis.model.calibration import Calibration, LightMap
 from tsis.model.image import TactileImage
 from tsis.model.probe import Probe
 from tsis.model.require import require_number, require_one_of, require_type
-from tsis.optics.irradiance import Irradiance, irradiance
+from tsis.optics.face_light import Irradiance, irradiance
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.imaging import ContactModel
+    from tsis.imaging.rendering import ContactModel
     from tsis.model.phantom import Phantom
     from tsis.model.press import PressField, PressMap
 
@@ -65,7 +67,7 @@ class VirtualProbe:
     exposure
         Exposure of the camera over the usual one, in [0.01, 1], where no calibration is given; see `exposure_for`.
     contact_model
-        Contact model: ``"rough"``, ``"smooth"``, ``"curvature"`` or a value of `tsis.imaging._contact_models`. The
+        Contact model: ``"rough"``, ``"smooth"``, ``"curvature"`` or a value of `tsis.imaging.rendering`. The
         estimates assume rough contact.
     strain
         Mechanics of the presses: ``"finite"``, one to three seconds a press, only for phantoms around the probe's axis;

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from tsis.calibration import MeasuredValue
+from tsis.calibration.camera_reference import CameraReference
 from tsis.calibration.file import ProbeCalibration
-from tsis.calibration.force import ForceLine
-from tsis.calibration.reference import CameraReference
+from tsis.calibration.force_line import ForceLine
+from tsis.calibration.measured import MeasuredValue
 from tsis.calibration.scale import PixelScale
 from tsis.calibration.specification import Specification, SpecificationRow
 from tsis.model.calibration import Calibration, LightMap

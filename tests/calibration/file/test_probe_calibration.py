@@ -20,7 +20,7 @@ from tests.calibration.file.bench import (
     sheet,
 )
 
-from tsis.calibration.force import ForceLine
+from tsis.calibration.force_line import ForceLine
 from tsis.calibration.scale import PixelScale
 from tsis.errors import CalibrationError, InputError
 from tsis.model.calibration import Calibration

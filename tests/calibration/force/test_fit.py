@@ -9,11 +9,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import linregress
 
-from tsis.calibration import MeasuredValue
-from tsis.calibration.force import ForceLine, Loading, fit_force_line, fit_run, loading_forces
-from tsis.calibration.force._curves import LoadingRun
-from tsis.calibration.force._fit import _residuals
-from tsis.calibration.reference import CameraReference
+from tsis.calibration.camera_reference import CameraReference
+from tsis.calibration.force_line import (
+    ForceLine,
+    Loading,
+    LoadingRun,
+    _residuals,
+    fit_force_line,
+    fit_run,
+    loading_forces,
+)
+from tsis.calibration.measured import MeasuredValue
 from tsis.errors import CalibrationError, InputError
 
 if TYPE_CHECKING:

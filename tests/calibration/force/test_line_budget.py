@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from tests.calibration.file.bench import bench_line, measured
 
-from tsis.calibration import MeasuredValue, UsableCalibration
 from tsis.calibration.file import ProbeCalibration
+from tsis.calibration.frames import UsableCalibration
+from tsis.calibration.measured import MeasuredValue
 from tsis.errors import CalibrationError
 from tsis.model.calibration import Calibration
 

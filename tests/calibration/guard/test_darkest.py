@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tsis.calibration.guard._reading import darkest
-from tsis.calibration.guard._reference import RIM, FrameShape
+from tsis.calibration.guard.reading import RIM, FrameShape, darkest
 
 
 @pytest.mark.parametrize("columns", [120, 121, 123])

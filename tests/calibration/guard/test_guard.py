@@ -10,22 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import tsis
-from tsis.calibration.guard import (
-    GUARD_FLAGS,
-    FrameShape,
-    GuardLimits,
-    GuardReference,
-    PressWatch,
-    WatchState,
-    check_press,
-)
-from tsis.calibration.guard._flags import RANGES
-from tsis.calibration.guard._reading import prepare_reference, read_guard_frame
-from tsis.calibration.guard._watch import flicker_amplitude
+from tsis.calibration.guard.limits import GUARD_FLAGS, RANGES, GuardLimits
+from tsis.calibration.guard.reading import FrameShape, GuardReference, prepare_reference, read_guard_frame
+from tsis.calibration.guard.watch import PressWatch, WatchState, check_press, flicker_amplitude
 from tsis.calibration.lamps import ReferencePatch
 from tsis.calibration.settling import assess_settling
 from tsis.errors import ImageMismatchError, InputError
-from tsis.instrument import Frame
+from tsis.instrument.camera import Frame
 from tsis.model.image import TactileImage
 from tsis.virtual.probe import VirtualProbe
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tsis.calibration.guard._reading import OutsideLevel, lamps_and_ambient
+from tsis.calibration.guard.reading import OutsideLevel, lamps_and_ambient
 
 PIXELS = np.zeros((2, 2))
 DARK, LIT, DIM = 8.0, 120.0, 30.0  # grey levels before

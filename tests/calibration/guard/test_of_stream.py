@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from tests.calibration.file.bench import bench, bench_reference
 
-from tsis.calibration import UsableCalibration
-from tsis.calibration.guard import WatchState, guard_reference, press_watch, with_calibrated_scale
+from tsis.calibration.frames import UsableCalibration
+from tsis.calibration.guard.watch import WatchState, guard_reference, press_watch, with_calibrated_scale
 from tsis.catalog.probes import load_probe
 from tsis.errors import ImageMismatchError
-from tsis.instrument import Frame
+from tsis.instrument.camera import Frame
 from tsis.model.image import TactileImage
 
 PROBE = load_probe("tsis-2011")

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from tsis.calibration.lamps import ReferencePatch, drift_corrected, fit_warm_up, patch_ratio
 from tsis.errors import CalibrationError, ImageMismatchError, InputError
-from tsis.imaging import LedDrift
+from tsis.imaging.sensor import LedDrift
 from tsis.model.image import TactileImage
 
 CORNER = ReferencePatch(first_row=0, last_row=20, first_column=60, last_column=80)

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import linregress, norm
 
-from tsis.calibration.reference import PhotonTransfer, photon_transfer
-from tsis.calibration.reference._make import _line, _Point, _points
+from tsis.calibration.camera_reference import PhotonTransfer, _line, _Point, _points, photon_transfer
 from tsis.errors import CalibrationError
 
 if TYPE_CHECKING:

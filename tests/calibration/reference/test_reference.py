@@ -10,14 +10,11 @@ from hypothesis import strategies as st
 from tests.calibration.file.bench import bench_reference
 
 import tsis
-from tsis.calibration.force import read_loading_frame, total_grey
-from tsis.calibration.force._frame import patch_mask
-from tsis.calibration.guard import FrameShape, GuardReference
-from tsis.calibration.guard._reading import prepare_reference
-from tsis.calibration.reference import CameraReference, make_reference
-from tsis.calibration.reference._make import MOST_BAD, _bad
+from tsis.calibration.camera_reference import MOST_BAD, CameraReference, _bad, make_reference
+from tsis.calibration.force_line import patch_mask, read_loading_frame, total_grey
+from tsis.calibration.guard.reading import FrameShape, GuardReference, prepare_reference
 from tsis.errors import CalibrationError, ImageMismatchError, InputError
-from tsis.imaging import Sensor
+from tsis.imaging.sensor import Sensor
 from tsis.model.image import TactileImage
 from tsis.virtual.loading_machine import FLAT_LEVELS, VirtualLoadingMachine
 

@@ -11,11 +11,11 @@ import pytest
 import tsis
 from tsis.calibration.dents import STEEPNESS, PadPresses, _response, _rows_of_tips, fit_dent_light, ring_edges_mm
 from tsis.calibration.file import ProbeCalibration, calibration_bytes, calibration_sha256, parse_calibration
-from tsis.calibration.force import Loading
+from tsis.calibration.force_line import Loading
 from tsis.errors import CalibrationError, InputError
-from tsis.imaging import rough_contact
+from tsis.imaging.rendering import rough_contact
 from tsis.mechanics import press
-from tsis.mechanics.small_strain import Resolution
+from tsis.mechanics.small_strain.slab import Resolution
 from tsis.model.calibration import LIGHT_RINGS, LIGHT_TERMS, Calibration, LightMap, LightTerms
 
 PROBE = tsis.load_probe("tsis-domed")

@@ -7,9 +7,9 @@ import pytest
 from scipy.integrate import quad
 from scipy.special import erf
 
-from tsis.calibration import MeasuredValue
-from tsis.calibration.force import MIDDLE, Loading, read_loading_frame
-from tsis.calibration.reference import CameraReference
+from tsis.calibration.camera_reference import CameraReference
+from tsis.calibration.force_line import MIDDLE, Loading, read_loading_frame
+from tsis.calibration.measured import MeasuredValue
 from tsis.calibration.response import (
     LEAST_FRACTION,
     PressureResponse,
@@ -20,8 +20,9 @@ from tsis.calibration.response import (
     spread_factor,
 )
 from tsis.errors import CalibrationError, InputError
-from tsis.imaging import Sensor, render
-from tsis.mechanics import HertzContact
+from tsis.imaging.rendering import render
+from tsis.imaging.sensor import Sensor
+from tsis.mechanics.closed_forms import HertzContact
 from tsis.model.calibration import Calibration
 from tsis.model.image import TactileImage
 from tsis.model.press import PressField

@@ -7,8 +7,8 @@ import pytest
 
 from tsis.calibration.scale import axis_ratio_from_ball, scale_from_ball
 from tsis.errors import CalibrationError, ImageMismatchError, InputError
-from tsis.imaging import Sensor
-from tsis.instrument import read_image
+from tsis.imaging.sensor import Sensor
+from tsis.instrument.image_files import read_image
 from tsis.model.image import TactileImage
 from tsis.virtual.calibration_bench import ball_frame, untouched_frame
 

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tsis.calibration.scale import DotDiagnostics, PixelScale, scale_from_dots
+from tsis.calibration.dot_board import DotDiagnostics, scale_from_dots
 from tsis.errors import CalibrationError, ImageMismatchError, InputError
-from tsis.imaging import Sensor
-from tsis.instrument import read_image
+from tsis.imaging.sensor import Sensor
+from tsis.instrument.image_files import read_image
 from tsis.model.image import TactileImage
 from tsis.virtual.calibration_bench import dot_board_frame, untouched_frame
 
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from numpy.typing import NDArray
+
+    from tsis.calibration.scale import PixelScale
 
 SENSOR = Sensor(columns=640, rows=480, mm_per_pixel=(0.034, 0.042))
 PITCH_MM = 2.5

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from tsis.calibration.scale._spots import BORDER, STEP, _noise_gain, _peaks, _sub_pixel, find_spots
+from tsis.calibration.dot_board import BORDER, STEP, _noise_gain, _peaks, _sub_pixel, find_spots
 
 
 @pytest.mark.parametrize("blur", [1.7, 2.6, 4.0])

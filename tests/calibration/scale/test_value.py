@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tsis.calibration import MeasuredValue
+from tsis.calibration.measured import MeasuredValue
 from tsis.calibration.scale import PixelScale
 from tsis.errors import ImageMismatchError, InputError
 from tsis.model.image import TactileImage

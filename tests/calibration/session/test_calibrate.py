@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
     from tests.calibration.session.conftest import Bench
 
-    from tsis.calibration import MeasuredValue
     from tsis.calibration.file import ProbeCalibration
+    from tsis.calibration.measured import MeasuredValue
 
 LEVEL = 0.999  # of eight intervals of one bench, all should hold
 

@@ -42,7 +42,7 @@ def camera() -> ScriptedCamera:
 
 @pytest.fixture
 def acquisition(camera: ScriptedCamera, monkeypatch: pytest.MonkeyPatch) -> Iterator[Acquisition]:
-    monkeypatch.setattr("tsis.calibration.session._live_bench.TIMEOUT_S", HANGS_S)
+    monkeypatch.setattr("tsis.calibration.session.TIMEOUT_S", HANGS_S)
     with Acquisition(lambda: camera, reconnect=False, lost_after_s=HANGS_S) as running:
         yield running
 

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from tests.calibration.file.bench import bench_line, bench_reference
 
-from tsis.calibration.session import CalibrationFrame, _result
+from tsis.calibration import session
+from tsis.calibration.session import CalibrationFrame
 from tsis.model.image import TactileImage
 
 if TYPE_CHECKING:
-    from tsis.calibration.reference import CameraReference
+    from tsis.calibration.camera_reference import CameraReference
 
 
 def test_presses_on_a_pad_state_the_line_over_the_gauge_less_its_zero(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -22,12 +23,12 @@ def test_presses_on_a_pad_state_the_line_over_the_gauge_less_its_zero(monkeypatc
     def summed(frame: TactileImage, _: CameraReference, **__: object) -> float:
         return float(frame.grey.sum())
 
-    monkeypatch.setattr(_result, "total_grey", summed)
+    monkeypatch.setattr(session, "total_grey", summed)
     shots = [
         CalibrationFrame(
             image=TactileImage(grey=np.full((30, 40), grey / pixels), mm_per_pixel=(1.0, 1.0)), force_n=force
         )
         for force, grey in ((-0.1, 5e4), (0.0, 5e4), (None, 5e4), (0.4, 900 + 4e4), (0.9, 900 + 9e4), (0.5, 0.0))
     ]
-    ratios = _result._line_over_gauge(shots, bench_line(), bench_reference())
+    ratios = session._line_over_gauge(shots, bench_line(), bench_reference())
     assert ratios == pytest.approx([0.8, 0.9])

@@ -6,10 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import tsis
-from tsis.calibration.guard import PressHistory
+from tsis.calibration.guard.watch import PressHistory
 from tsis.calibration.settling import BINS, DecayFit, assess_settling
 from tsis.errors import InputError
-from tsis.mechanics.small_strain import relaxing_press, settling_time_s
+from tsis.mechanics.small_strain.relaxation import relaxing_press, settling_time_s
 from tsis.model.phantom import Relaxation
 
 RATE_HZ = 30.0

@@ -7,12 +7,12 @@ import pytest
 from scipy.special import erf
 
 import tsis
-from tsis.calibration import MeasuredValue
-from tsis.calibration.force import ForceLine, ForceLineDiagnostics
-from tsis.calibration.reference import make_reference
+from tsis.calibration.camera_reference import make_reference
+from tsis.calibration.force_line import ForceLine, ForceLineDiagnostics
+from tsis.calibration.measured import MeasuredValue
 from tsis.calibration.specification import Specification, edge_width, frame_rate, specification_sheet
 from tsis.errors import CalibrationError, InputError, UnknownNameError
-from tsis.imaging import Sensor
+from tsis.imaging.sensor import Sensor
 from tsis.model.image import TactileImage
 from tsis.virtual.loading_machine import VirtualLoadingMachine
 

@@ -12,7 +12,8 @@ import pytest
 
 from tsis.console.api.application import api_app
 from tsis.console.api.models import CamerasResponse, PressesResponse, SettingsResponse, TargetResponse
-from tsis.instrument import CameraInfo, Setting
+from tsis.instrument.camera import Setting
+from tsis.instrument.discovery import CameraInfo
 from tsis.records.values import StoredPress, Target
 
 WHEN = datetime(2026, 11, 22, tzinfo=UTC)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING, Any
 
-from tsis.instrument import Frame
 from tsis.instrument.acquisition import FrameRing, ReceivedFrame
+from tsis.instrument.camera import Frame
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

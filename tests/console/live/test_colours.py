@@ -10,7 +10,7 @@ from matplotlib import colormaps
 
 from tsis.console.live.hub import GREY, MAPS, checked_ends, packed_colours
 from tsis.errors import InputError, UnknownNameError
-from tsis.imaging import colour_map
+from tsis.imaging.colour import colour_map
 from tsis.model.image import TactileImage
 
 

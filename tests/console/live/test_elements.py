@@ -11,7 +11,7 @@ from tests.console.browser import needs_browser
 from tests.console.live.elements_page import ENDS, LIVE, SURFACE
 
 from tsis.console.live.hub import GREY, MAPS, packed_colours
-from tsis.imaging import colour_map
+from tsis.imaging.colour import colour_map
 from tsis.model.image import TactileImage
 
 if TYPE_CHECKING:

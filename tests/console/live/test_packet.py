@@ -13,8 +13,8 @@ from hypothesis.extra.numpy import array_shapes, arrays
 from PIL import Image
 
 from tsis.console.live.hub import display_levels, packet
-from tsis.instrument import Frame
 from tsis.instrument.acquisition import ReceivedFrame
+from tsis.instrument.camera import Frame
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -12,7 +12,7 @@ from tests.console.services.instruments import ANN, lit_instrument
 from tests.console.services.lit_camera import USUAL_GAIN, observed
 from tests.waiting import HANGS_S
 
-from tsis.calibration import parse_usable_calibration
+from tsis.calibration.frames import parse_usable_calibration
 from tsis.calibration.session import SessionFolder, SessionSetup
 from tsis.virtual.calibration_bench import VirtualBench
 

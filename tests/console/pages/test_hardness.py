@@ -9,8 +9,8 @@ from tests.console.pages.simulated import at_console
 from tests.console.services.instruments import ANN
 from tests.records.pressed_object import pressed, stored_object
 
-from tsis.calibration import parse_usable_calibration
 from tsis.calibration.file import write_calibration
+from tsis.calibration.frames import parse_usable_calibration
 from tsis.console.services.state import CameraChoice
 
 if TYPE_CHECKING:

@@ -11,7 +11,8 @@ from tests.waiting import HANGS_S
 
 from tsis.console.services.instrument import Instrument
 from tsis.console.services.state import InstrumentSettings
-from tsis.instrument.gauge import ForceLog, SimulatedGauge
+from tsis.instrument.force_log import ForceLog
+from tsis.instrument.gauge import SimulatedGauge
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -14,8 +14,9 @@ from tests.console.services.lit_camera import COLUMNS, ROWS
 from tests.records.sample import sample_calibration
 from tests.waiting import until
 
-from tsis.calibration import MeasuredValue, UsableCalibration
 from tsis.calibration.file import calibration_sha256, write_calibration
+from tsis.calibration.frames import UsableCalibration
+from tsis.calibration.measured import MeasuredValue
 from tsis.calibration.scale import PixelScale
 from tsis.console.services.state import CameraChoice
 from tsis.errors import CalibrationError, FileInputError

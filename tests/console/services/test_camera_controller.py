@@ -170,7 +170,7 @@ def test_a_mode_that_it_does_not_have_is_refused_and_another_can_be_chosen(contr
 def test_closing_does_not_wait_for_a_driver_that_hangs(
     controller: CameraController, world: World, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("tsis.instrument.acquisition._acquisition.STOP_S", 0.01)
+    monkeypatch.setattr("tsis.instrument.acquisition.STOP_S", 0.01)
     world.opening, message = threading.Event(), list[str]()
 
     def start() -> None:

@@ -25,7 +25,7 @@ from tsis.console.services.instrument import estimate_target, newest_presses
 from tsis.console.services.state import BALL_MM, LIGHT_N, CameraChoice, TissueReading, read_tissue
 from tsis.console.serving import warm_up_once
 from tsis.errors import ControlError, InputError
-from tsis.imaging import Sensor
+from tsis.imaging.sensor import Sensor
 from tsis.inclusion import InclusionPrior
 from tsis.virtual.direct_contact import DirectContactRig
 
@@ -261,12 +261,14 @@ def test_a_light_press_gives_the_tissue_the_forces_and_the_prior(tmp_path: Path)
         stage = instrument.camera_controller.subject
         assert stage is not None
         (light,) = record.presses
-        directly = tsis.inclusion.tissue_modulus(
+        directly = tsis.inclusion.tissue.tissue_modulus(
             record.image(light), probe=stage.probe, calibration=stage.calibration.response
         )
         assert reading.young_kpa == pytest.approx(directly.young_kpa)
         assert reading.interval_kpa[0] <= 5.0 <= reading.interval_kpa[1]  # of the phantom
-        assert reading.forces_n == tsis.inclusion.protocol_forces(stage.probe, tissue_young_kpa=reading.young_kpa)
+        assert reading.forces_n == tsis.inclusion.tissue.protocol_forces(
+            stage.probe, tissue_young_kpa=reading.young_kpa
+        )
         assert newest_presses(record, "inclusion", tissue=reading) == ()
         instrument.set_target(2, by=ANN)
         assert instrument.state().tissue is None  # each target has its own

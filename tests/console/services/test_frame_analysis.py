@@ -11,7 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tsis.calibration.guard import FrameShape, GuardReference, PressWatch, WatchState
+from tsis.calibration.guard.reading import FrameShape, GuardReference
+from tsis.calibration.guard.watch import PressWatch, WatchState
 from tsis.calibration.settling import UNKNOWN
 from tsis.console.services.frames import (
     BINS,
@@ -23,7 +24,7 @@ from tsis.console.services.frames import (
     reduced,
 )
 from tsis.console.services.state import PressForce
-from tsis.instrument import Frame
+from tsis.instrument.camera import Frame
 from tsis.model.image import TactileImage
 
 if TYPE_CHECKING:

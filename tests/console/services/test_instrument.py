@@ -237,7 +237,7 @@ def test_closing_ends_everything_at_once(tmp_path: Path) -> None:
 
 
 def test_closing_while_a_camera_is_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tsis.instrument.acquisition._acquisition.STOP_S", 0.01)
+    monkeypatch.setattr("tsis.instrument.acquisition.STOP_S", 0.01)
     world, reported = World(), list[str]()
     world.opening = threading.Event()
     instrument = lit_instrument(tmp_path, world)

@@ -17,7 +17,7 @@ from tests.console.services.test_active_calibration import calibration_with
 from tests.waiting import HANGS_S, until
 
 from tsis.errors import CameraError, ControlError, InputError
-from tsis.instrument.gauge._alignment import LONGEST_GAP_S
+from tsis.instrument.gauge import LONGEST_GAP_S
 from tsis.instrument.recording import FrameFolder
 
 if TYPE_CHECKING:

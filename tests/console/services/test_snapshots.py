@@ -23,7 +23,7 @@ from tests.waiting import HANGS_S, until
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.errors import CameraError, ControlError, FileInputError, GaugeError, InputError, RecordsError
 from tsis.files.atomic import DISK
-from tsis.instrument.gauge._alignment import LONGEST_GAP_S
+from tsis.instrument.gauge import LONGEST_GAP_S
 from tsis.records import database as engines
 from tsis.records.database import DATABASE_FILE
 from tsis.records.importing import import_batches

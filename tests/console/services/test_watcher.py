@@ -10,7 +10,7 @@ import pytest
 from tests.console.live.feed import Feed
 from tests.waiting import until
 
-from tsis.calibration.guard import GuardReference
+from tsis.calibration.guard.reading import GuardReference
 from tsis.console.services.frames import Watcher
 from tsis.console.services.state import PressForce
 from tsis.model.image import TactileImage

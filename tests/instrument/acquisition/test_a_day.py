@@ -15,13 +15,13 @@ from tests.endurance import scaled
 from tests.waiting import until
 
 from tsis.errors import CameraError
-from tsis.instrument import Frame, Mode
 from tsis.instrument.acquisition import Acquisition
+from tsis.instrument.camera import Frame, Mode
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from tsis.instrument import Setting
+    from tsis.instrument.camera import Setting
 
 FRAMES_PER_S = 30.0
 LOSS_EVERY_S = 1800.0

@@ -8,8 +8,8 @@ from tests.instrument.scripted_camera import BREAK, END, ScriptedCamera, frame
 from tests.waiting import HANGS_S, until
 
 from tsis.errors import CameraError, InputError, UnknownNameError
+from tsis.instrument import acquisition
 from tsis.instrument.acquisition import Acquisition
-from tsis.instrument.acquisition import _acquisition as acquisition
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

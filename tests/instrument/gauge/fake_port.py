@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from tsis.instrument.gauge import SerialGauge
+from tsis.instrument.serial_gauge import SerialGauge
 
 if TYPE_CHECKING:
     from collections.abc import Callable

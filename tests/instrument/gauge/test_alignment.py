@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tsis.errors import GaugeError, InputError
-from tsis.instrument.gauge import ForceReading, force_at
-from tsis.instrument.gauge._alignment import reading_noise
+from tsis.instrument.gauge import ForceReading, force_at, reading_noise
 
 if TYPE_CHECKING:
     from collections.abc import Callable

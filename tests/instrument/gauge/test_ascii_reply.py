@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tsis.errors import GaugeError, InputError
-from tsis.instrument.gauge._replies import NEWTONS, ReplyKind, force_unit, newtons, read_reply
+from tsis.instrument.serial_gauge import NEWTONS, ReplyKind, force_unit, newtons, read_reply
 
 # From NIST SP 811, appendix B.8, and multiples by SI prefixes.
 IN_NEWTONS = {

@@ -8,7 +8,7 @@ import pytest
 from tests.instrument.gauge.sending_gauge import sending
 
 from tsis.errors import GaugeError, InputError
-from tsis.instrument.gauge import connected_gauge
+from tsis.instrument.force_log import connected_gauge
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -7,7 +7,8 @@ import pytest
 from tests.waiting import HANGS_S
 
 from tsis.errors import GaugeError
-from tsis.instrument.gauge import ForceLog, ForceReading
+from tsis.instrument.force_log import ForceLog
+from tsis.instrument.gauge import ForceReading
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

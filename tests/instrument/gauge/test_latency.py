@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from tsis.errors import GaugeError, InputError
-from tsis.instrument.gauge import ForceReading, find_latency
+from tsis.instrument.force_log import find_latency
+from tsis.instrument.gauge import ForceReading
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -3,8 +3,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tsis.instrument.gauge._replies import LONGEST_REPLY_BYTES
-from tsis.instrument.gauge._serial_line import Line, LineBuffer
+from tsis.instrument.serial_gauge import LONGEST_REPLY_BYTES, Line, LineBuffer
 
 
 def _fed(buffer: LineBuffer, *chunks: bytes) -> list[Line]:

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from tests.instrument.gauge.fake_port import FakePort
 
 from tsis.errors import GaugeError, InputError
-from tsis.instrument.gauge import Gauge, SerialGauge, find_ports
-from tsis.instrument.gauge._serial_gauge import MOST_SKIPPED_IN_A_ROW
+from tsis.instrument.gauge import Gauge
+from tsis.instrument.serial_gauge import MOST_SKIPPED_IN_A_ROW, SerialGauge, find_ports
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -10,8 +10,8 @@ from tests.instrument.scripted_camera import END, ScriptedCamera
 from tests.waiting import HANGS_S
 
 from tsis.errors import FileInputError
-from tsis.instrument import Frame
 from tsis.instrument.acquisition import Acquisition
+from tsis.instrument.camera import Frame
 from tsis.instrument.recording import FrameFolder, read_recording_index, record
 
 if TYPE_CHECKING:

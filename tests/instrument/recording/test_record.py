@@ -9,9 +9,9 @@ import pytest
 from tests.instrument.scripted_camera import BREAK, END, ScriptedCamera
 from tests.waiting import HANGS_S, until
 
-from tsis.instrument import Frame
 from tsis.instrument.acquisition import Acquisition
-from tsis.instrument.drivers import ImageFiles, VideoFile
+from tsis.instrument.camera import Frame
+from tsis.instrument.drivers.files import ImageFiles, VideoFile
 from tsis.instrument.recording import FrameFolder, FurtherColumns, LosslessVideo, record
 
 if TYPE_CHECKING:

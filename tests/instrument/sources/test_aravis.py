@@ -9,9 +9,8 @@ from typing import NoReturn
 import pytest
 
 from tsis.errors import CameraError, InputError, MissingExtraError
-from tsis.instrument._camera import silence_timeout_s
-from tsis.instrument.drivers.aravis import Aravis, AravisCamera, find_cameras_here, load, missing_requirement
-from tsis.instrument.drivers.aravis._camera import Watch
+from tsis.instrument.camera import silence_timeout_s
+from tsis.instrument.drivers.aravis import Aravis, AravisCamera, Watch, find_cameras_here, load, missing_requirement
 
 
 def _absent() -> NoReturn:

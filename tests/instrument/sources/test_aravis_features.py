@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, cast
 import pytest
 
 from tsis.errors import CameraError
-from tsis.instrument import Mode, Setting
-from tsis.instrument.drivers.aravis import _features as features
+from tsis.instrument.camera import Mode, Setting
+from tsis.instrument.drivers import aravis as features
 
 if TYPE_CHECKING:
     from tsis.instrument.drivers.aravis import Aravis

@@ -3,7 +3,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tsis.instrument.drivers._frame_numbers import BlockCount
+from tsis.instrument.drivers.frame_numbers import BlockCount
 
 GAPS = st.lists(st.integers(1, 20_000), max_size=40)
 

@@ -8,9 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tsis.errors import CameraError, FileInputError, ImageMismatchError
-from tsis.instrument import Mode
-from tsis.instrument.drivers import ImageFiles
-from tsis.instrument.drivers._files import natural_key
+from tsis.instrument.camera import Mode
+from tsis.instrument.drivers.files import ImageFiles, natural_key
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -9,7 +9,7 @@ from tests.instrument.sources.genicam_stand_ins import Clock, DriverError, FakeL
 from tests.waiting import HANGS_S
 
 from tsis.errors import CameraError
-from tsis.instrument import Camera, Frame
+from tsis.instrument.camera import Camera, Frame
 from tsis.instrument.drivers.genicam import GenICamCamera
 
 Run = Callable[[FakeLink], GenICamCamera]

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from tsis.errors import CameraError, MissingExtraError
-from tsis.instrument.drivers import _pylon as pylon
-from tsis.instrument.drivers.genicam import _harvesters as genicam
-from tsis.instrument.drivers.genicam import _harvesters as genicam_producers
+from tsis.instrument.drivers import harvesters as genicam
+from tsis.instrument.drivers import harvesters as genicam_producers
+from tsis.instrument.drivers import pylon
 from tsis.instrument.drivers.genicam import camera_not_found, cannot_open, maker_library, reason
-from tsis.instrument.drivers.genicam._harvesters import Producers, interrupts_preserved, producer_files
+from tsis.instrument.drivers.harvesters import Producers, interrupts_preserved, producer_files
 
 if TYPE_CHECKING:
     from pathlib import Path

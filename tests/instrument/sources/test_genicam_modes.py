@@ -6,8 +6,8 @@ import pytest
 from tests.instrument.sources.genicam_stand_ins import FakeNodes
 
 from tsis.errors import CameraError, InputError
-from tsis.instrument import Mode
-from tsis.instrument.drivers.genicam._camera import apply_mode, modes
+from tsis.instrument.camera import Mode
+from tsis.instrument.drivers.genicam import apply_mode, modes
 
 NOW = Mode(width_px=512, height_px=384, frames_per_s=30.0, pixel_format="Mono8")
 

@@ -6,8 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.instrument.sources.genicam_stand_ins import FakeNodes
 
-from tsis.instrument.drivers.genicam import NumberNode, first_number
-from tsis.instrument.drivers.genicam._settings import number_node, set_choice
+from tsis.instrument.drivers.genicam import NumberNode, first_number, number_node, set_choice
 
 
 @given(

@@ -4,9 +4,8 @@ import pytest
 from tests.instrument.sources.genicam_stand_ins import FakeNodes
 
 from tsis.errors import CameraError, InputError, UnknownNameError
-from tsis.instrument import Setting
-from tsis.instrument._camera import silence_timeout_s
-from tsis.instrument.drivers.genicam._settings import adjust, run_free, settings
+from tsis.instrument.camera import Setting, silence_timeout_s
+from tsis.instrument.drivers.genicam import adjust, run_free, settings
 
 
 def test_settings_have_our_names_and_units_and_the_cameras_ranges() -> None:

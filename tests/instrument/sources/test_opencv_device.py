@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from tsis.errors import CameraError, InputError, UnknownNameError
-from tsis.instrument import Mode
-from tsis.instrument.drivers import OpenCVDevice
+from tsis.instrument.camera import Mode
+from tsis.instrument.drivers.opencv import OpenCVDevice
 
 
 class FakeCapture:

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from tsis.errors import CameraError, FileInputError
-from tsis.instrument import Mode
-from tsis.instrument.drivers import VideoFile
+from tsis.instrument.camera import Mode
+from tsis.instrument.drivers.files import VideoFile
 
 if TYPE_CHECKING:
     from pathlib import Path

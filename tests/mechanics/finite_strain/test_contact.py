@@ -7,16 +7,13 @@ import pytest
 from scipy.optimize import brentq
 
 from tsis.errors import MechanicsError
-from tsis.mechanics import mesh_rectangle
-from tsis.mechanics._element import lame_constants
-from tsis.mechanics._mesh import LayeredMesh
-from tsis.mechanics.finite_strain import _load_path as load_path
-from tsis.mechanics.finite_strain import _neo_hookean as neo_hookean
-from tsis.mechanics.finite_strain._contact import SlidingContact
-from tsis.mechanics.finite_strain._elastic_body import FIXED, OWN, ElasticBody, number_unknowns
-from tsis.mechanics.finite_strain._meshes import MeshPatch, Solid, join_meshes, weld
-from tsis.mechanics.finite_strain._potential import Load, Potential
-from tsis.mechanics.finite_strain._surfaces import Plate, SmoothFace, SoftFace
+from tsis.mechanics.finite_strain import equilibrium as load_path
+from tsis.mechanics.finite_strain import neo_hookean
+from tsis.mechanics.finite_strain.equilibrium import Load, Potential
+from tsis.mechanics.finite_strain.neo_hookean import FIXED, OWN, ElasticBody, number_unknowns
+from tsis.mechanics.finite_strain.patches import MeshPatch, Solid, join_meshes, weld
+from tsis.mechanics.finite_strain.sliding import Plate, SlidingContact, SmoothFace, SoftFace
+from tsis.mechanics.mesh import LayeredMesh, lame_constants, mesh_rectangle
 
 YOUNG, POISSON, RADIUS = 5.0, 0.49, 3.0
 

@@ -12,22 +12,21 @@ from hypothesis import strategies as st
 
 import tsis
 from tsis.errors import MechanicsError
-from tsis.mechanics.finite_strain import (
-    FiniteResolution,
+from tsis.mechanics.finite_strain import equilibrium as load_path
+from tsis.mechanics.finite_strain.neo_hookean_press import (
     PressContinuation,
     PressSeries,
     SlabPress,
+    path_around,
     press_finite,
     press_pairs,
 )
-from tsis.mechanics.finite_strain import _load_path as load_path
-from tsis.mechanics.finite_strain._continuation import path_around
+from tsis.mechanics.finite_strain.patches import FiniteResolution
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from tsis.mechanics.finite_strain._load_path import State
-    from tsis.mechanics.finite_strain._potential import Potential
+    from tsis.mechanics.finite_strain.equilibrium import Potential, State
 
 PROBE = tsis.load_probe("tsis-2011")
 COARSE = FiniteResolution(order=3, rim_mm=0.4, growth=3.0, largest=0.3, ray_layers=2)
@@ -91,7 +90,7 @@ def test_a_stall_ends_with_another_choice_of_closed_contacts(monkeypatch: pytest
     steered = one.follow(uniform, target)
     difference = steered.result.field.pressure_kpa - direct.result.field.pressure_kpa
     assert np.abs(difference).max() < 1e-5 * direct.result.field.pressure_kpa.mean()
-    monkeypatch.setattr("tsis.mechanics.finite_strain._continuation.STEERINGS", (1.0,))
+    monkeypatch.setattr("tsis.mechanics.finite_strain.neo_hookean_press.STEERINGS", (1.0,))
     with pytest.raises(MechanicsError, match=r"the press does not converge at 0\.3\d* N on tissue of 5 kPa"):
         one.follow(uniform, target)
 

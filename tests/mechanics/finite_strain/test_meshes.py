@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import tsis
-from tsis.mechanics.finite_strain._elastic_body import OWN, ElasticBody, number_unknowns
-from tsis.mechanics.finite_strain._meshes import NARROW, FiniteResolution, mesh_probe, mesh_slab, rounded, slab_lines
+from tsis.mechanics.finite_strain.neo_hookean import OWN, ElasticBody, number_unknowns
+from tsis.mechanics.finite_strain.patches import NARROW, FiniteResolution, mesh_probe, mesh_slab, rounded, slab_lines
 
 PROBE = tsis.load_probe("tsis-2011")
 

@@ -12,8 +12,8 @@ import pytest
 import tsis
 from tsis.errors import InputError, MechanicsError
 from tsis.mechanics import press
-from tsis.mechanics.finite_strain import FiniteResolution, press_finite, press_pairs, press_path
-from tsis.mechanics.finite_strain._press import press_steps
+from tsis.mechanics.finite_strain.neo_hookean_press import press_finite, press_pairs, press_path, press_steps
+from tsis.mechanics.finite_strain.patches import FiniteResolution
 from tsis.model.phantom import Inclusion, Phantom
 from tsis.model.probe import Layer, Probe
 

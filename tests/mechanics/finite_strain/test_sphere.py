@@ -12,7 +12,7 @@ import pytest
 
 import tsis
 from tsis.errors import InputError, MechanicsError
-from tsis.mechanics.finite_strain import SphereResolution, squeeze_path, squeeze_sphere
+from tsis.mechanics.finite_strain.soft_sphere import SphereResolution, squeeze_path, squeeze_sphere
 from tsis.model.probe import Layer, Probe
 
 if TYPE_CHECKING:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tsis.instrument import Frame, Snapshot, save_snapshot
+from tsis.instrument.camera import Frame
+from tsis.instrument.snapshot import Snapshot, save_snapshot
 
 if TYPE_CHECKING:
     from pathlib import Path

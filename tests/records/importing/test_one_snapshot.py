@@ -8,8 +8,8 @@ import pytest
 from tests.records.importing.snapshot_folder import save
 from tests.records.sample import sample_calibration
 
-from tsis.calibration import read_usable_calibration
 from tsis.calibration.file import calibration_sha256, write_calibration
+from tsis.calibration.frames import read_usable_calibration
 from tsis.errors import FileInputError
 from tsis.records.importing import import_batches, save_snapshot_to_store
 from tsis.records.sources import ImportOptions, find_import_batches

@@ -1,21 +1,13 @@
 """The press guard: named flags on one frame or live, with all thresholds in one module."""
 
-from tsis.calibration.guard._check import check_press, guard_reference, press_watch, with_calibrated_scale
-from tsis.calibration.guard._flags import GUARD_FLAGS, GuardFlag, GuardLimits
-from tsis.calibration.guard._reference import FrameShape, GuardReference
-from tsis.calibration.guard._watch import PressHistory, PressWatch, WatchState
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "GUARD_FLAGS",
-    "FrameShape",
-    "GuardFlag",
-    "GuardLimits",
-    "GuardReference",
-    "PressHistory",
-    "PressWatch",
-    "WatchState",
-    "check_press",
-    "guard_reference",
-    "press_watch",
-    "with_calibrated_scale",
-]
+import lazy_loader
+
+if TYPE_CHECKING:
+    from tsis.calibration.guard import limits as limits
+    from tsis.calibration.guard import reading as reading
+    from tsis.calibration.guard import watch as watch
+
+if not TYPE_CHECKING:  # modules load when they are first used
+    __getattr__, __dir__, _ = lazy_loader.attach(__name__, submodules=["limits", "reading", "watch"])

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.imaging.depth import DepthMapper
-    from tsis.instrument import Camera
+    from tsis.instrument.camera import Camera
     from tsis.model.gel_sensor import GelSensor
 
 
@@ -69,14 +69,14 @@ def live_connector(spec: str) -> Callable[[], Camera]:
     tsis.model.require.require_one_of(
         "camera source",
         spec.partition(":")[0],
-        (VIRTUAL, *tsis.instrument.live_sources(), *tsis.instrument.STORED_SOURCES),
+        (VIRTUAL, *tsis.instrument.discovery.live_sources(), *tsis.instrument.discovery.STORED_SOURCES),
     )
-    return partial(tsis.instrument.connect, spec)
+    return partial(tsis.instrument.discovery.connect, spec)
 
 
 def is_stored(spec: str) -> bool:
     """Whether the frames come from a disk and not from a camera."""
-    return spec.partition(":")[0] in tsis.instrument.STORED_SOURCES
+    return spec.partition(":")[0] in tsis.instrument.discovery.STORED_SOURCES
 
 
 def requested_settings(
@@ -88,7 +88,7 @@ def requested_settings(
         camera = connect_camera()
         camera.open()
         try:
-            chosen = tsis.instrument.preset(name, camera.settings())
+            chosen = tsis.instrument.camera.preset(name, camera.settings())
         finally:
             camera.stop()
     return chosen | dict(_pair(text) for text in pairs)
@@ -191,9 +191,9 @@ def acquire(
             raise InputError("--sensor needs --watch, or --frames or --seconds for a folder of frames in colour")
         return
     tsis.model.require.require_one_of("role", role, ROLES)
-    tsis.model.require.require_one_of("picture format", picture, tsis.instrument.FORMATS)
-    tsis.model.require.require_one_of("colour map", map_name, tsis.imaging.COLOUR_MAPS)
-    given = None if calibration is None else tsis.calibration.read_usable_calibration(calibration)
+    tsis.model.require.require_one_of("picture format", picture, tsis.instrument.snapshot.FORMATS)
+    tsis.model.require.require_one_of("colour map", map_name, tsis.imaging.colour.COLOUR_MAPS)
+    given = None if calibration is None else tsis.calibration.frames.read_usable_calibration(calibration)
     destination = chosen_destination(save, store, kind)
     calibrated = "" if given is None else given.calibration.probe
     pressed_by = calibrated or (probe if camera == VIRTUAL else "")

@@ -14,7 +14,7 @@ from tsis.present.terminal import people, print_notice, rich_table
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from tsis.instrument import Camera, Setting
+    from tsis.instrument.camera import Camera, Setting
 
 
 VIRTUAL_NOTE = "no hardware: the virtual probe"
@@ -23,7 +23,7 @@ VIRTUAL_NOTE = "no hardware: the virtual probe"
 def list_cameras(*, as_json: bool) -> None:
     """Print every camera that responds, and what the other drivers lack."""
     with waiting("searching for cameras"):
-        findings = tsis.instrument.find_cameras()
+        findings = tsis.instrument.discovery.find_cameras()
     if as_json:
         print_json(
             tsis.present.document.envelope(

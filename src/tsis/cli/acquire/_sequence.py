@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from tsis.calibration import UsableCalibration
+    from tsis.calibration.frames import UsableCalibration
     from tsis.instrument.acquisition import Acquisition, ReceivedFrame
-    from tsis.instrument.gauge import ForceLog
+    from tsis.instrument.force_log import ForceLog
     from tsis.instrument.recording import RecordingReport
 
 

@@ -20,12 +20,13 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from tsis.calibration import UsableCalibration
-    from tsis.calibration.guard import GuardFlag
+    from tsis.calibration.frames import UsableCalibration
+    from tsis.calibration.guard.limits import GuardFlag
     from tsis.cli._saving import Destination
-    from tsis.instrument import Frame, Snapshot
     from tsis.instrument.acquisition import Acquisition, ReceivedFrame
-    from tsis.instrument.gauge import ForceLog
+    from tsis.instrument.camera import Frame
+    from tsis.instrument.force_log import ForceLog
+    from tsis.instrument.snapshot import Snapshot
 
 
 ROLES = ("target", "plain", "untouched", "ball")  # as in tsis.records, which is imported only for --save
@@ -78,9 +79,9 @@ def take_snapshot(
     received = _next(acquisition)
     force = None if log is None else force_then(log, received.arrived_s)
     image = received.frame.tactile_image(force_n=None if force is None else max(0.0, force.force_n))
-    flags = tsis.calibration.guard.check_press(
-        tsis.calibration.guard.with_calibrated_scale(image, calibration),
-        reference=tsis.calibration.guard.guard_reference(calibration),
+    flags = tsis.calibration.guard.watch.check_press(
+        tsis.calibration.guard.watch.with_calibrated_scale(image, calibration),
+        reference=tsis.calibration.guard.watch.guard_reference(calibration),
     )
     about: dict[str, Any] = {
         "camera": acquisition.name,
@@ -92,9 +93,9 @@ def take_snapshot(
     when = datetime.now().astimezone()
 
     def coloured(frame: Frame) -> NDArray[np.uint8]:
-        return tsis.imaging.colour_map(frame.tactile_image(), name=map_name)
+        return tsis.imaging.colour.colour_map(frame.tactile_image(), name=map_name)
 
-    saved = tsis.instrument.save_snapshot(
+    saved = tsis.instrument.snapshot.save_snapshot(
         received.frame,
         folder,
         target=target,

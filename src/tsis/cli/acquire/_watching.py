@@ -20,10 +20,11 @@ from tsis.present.terminal import print_notice
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from tsis.calibration import UsableCalibration
-    from tsis.calibration.guard import GuardFlag, PressWatch, WatchState
+    from tsis.calibration.frames import UsableCalibration
+    from tsis.calibration.guard.limits import GuardFlag
+    from tsis.calibration.guard.watch import PressWatch, WatchState
     from tsis.instrument.acquisition import Acquisition, ReceivedFrame
-    from tsis.instrument.gauge import ForceLog
+    from tsis.instrument.force_log import ForceLog
 
 
 WAIT_S = 0.2
@@ -51,7 +52,7 @@ def watch_presses(
     console = Console(stderr=as_json, highlight=False)
     frames: Counter[str] = Counter()
     watch: PressWatch | None = None
-    state, position, begun_s = tsis.calibration.guard.WatchState(), 0, time.monotonic()
+    state, position, begun_s = tsis.calibration.guard.watch.WatchState(), 0, time.monotonic()
     troubles = _Troubles(console)
     with ended_by(signal.SIGINT) as ended, Live(console=console, transient=True, auto_refresh=False) as live:
         while not ended.is_set() and not (seconds is not None and time.monotonic() - begun_s >= seconds):
@@ -61,7 +62,7 @@ def watch_presses(
             if not arrivals and acquisition.ring.closed:
                 break
             for received in arrivals:
-                watch = watch or tsis.calibration.guard.press_watch(received.frame, calibration)
+                watch = watch or tsis.calibration.guard.watch.press_watch(received.frame, calibration)
                 observed = _observe(watch, state, received, log)
                 _report(console.print, state.raised, observed.flags)
                 state = observed.state

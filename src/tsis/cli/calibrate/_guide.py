@@ -242,7 +242,7 @@ def guide(
         pitch_sd_mm=pitch_sd_mm,
         gauge_share=gauge_uncertainty,
         patch_px=None if patch_px is None else _box(patch_px),
-        tips_mm=tuple(tip_mm or tsis.calibration.force.TIPS_MM),
+        tips_mm=tuple(tip_mm or tsis.calibration.force_line.TIPS_MM),
         repeats=repeats,
         pads_kpa=tuple(pad_kpa or ()),
         pad_sd=pad_uncertainty,

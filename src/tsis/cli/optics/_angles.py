@@ -12,7 +12,7 @@ from tsis.present.page import Column, Table
 
 if TYPE_CHECKING:
     from tsis.model.probe import Led, Probe
-    from tsis.optics import Acceptance
+    from tsis.optics.angles import Acceptance
 
 
 def angles(
@@ -26,10 +26,10 @@ def angles(
 ) -> None:
     """Critical and acceptance angles of the probe's layers, beside the angles of its lamps."""
     chosen = chosen_lit_probe(probe, half_angle_deg, height_mm, aim_deg)
-    result = tsis.optics.acceptance(
+    result = tsis.optics.angles.acceptance(
         [layer.refractive_index for layer in chosen.layers] + [chosen.glass.refractive_index]
     )
-    faced = [(led, tsis.optics.layer_facing_lamp(chosen, led)) for led in chosen.leds if led.power > 0]
+    faced = [(led, tsis.optics.angles.layer_facing_lamp(chosen, led)) for led in chosen.leds if led.power > 0]
     lamps = [
         {**asdict(led), "height_mm": chosen.led_height_mm(led), "layer": layer, "widest_deg": _widest(led)}
         for led, layer in faced

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from tsis.model.press import PressField
     from tsis.model.probe import Probe
-    from tsis.optics.rays import TracedLight
+    from tsis.optics.rays.tracing import TracedLight
 
 
 LIGHTEST_N, HEAVIEST_N = 1e-3, 50.0  # range of the search for the force of a depth
@@ -60,7 +60,7 @@ def trace(
     lit = chosen_lit_probe(probe, half_angle_deg, height_mm, aim_deg)
     pressed = _pressed(lit, tip_radius_mm, force_n, depth_mm)
     with progress_bar("tracing rays") as progress:
-        result = tsis.optics.rays.trace_rays(lit, pressed, rays=rays, seed=seed, progress=progress)
+        result = tsis.optics.rays.tracing.trace_rays(lit, pressed, rays=rays, seed=seed, progress=progress)
     response = CommandResult(
         document=_document(lit, pressed, result, seed),
         tables=(_table(lit, pressed, result),),
@@ -83,10 +83,10 @@ def _pressed(
     with waiting("pressing the sphere"):
         if depth_mm is not None:
             force_n = _force_for(probe, tip_radius_mm, depth_mm)
-        result = tsis.mechanics.small_strain.indent(
+        result = tsis.mechanics.small_strain.rigid_ball.indent(
             probe, sphere_radius_mm=tip_radius_mm, force_n=1.0 if force_n is None else force_n
         )
-    return tsis.optics.rays.tip_press(
+    return tsis.optics.rays.geometry.tip_press(
         result.radius_mm,
         result.face_displacement_mm,
         contact_radius_mm=result.contact_radius_mm,
@@ -106,7 +106,7 @@ def _force_for(probe: Probe, tip_radius_mm: float, depth_mm: float) -> float:
     def depth(log_force: float) -> float | None:
         """None where the force strains the probe beyond what the model describes."""
         try:
-            return tsis.mechanics.small_strain.indent(
+            return tsis.mechanics.small_strain.rigid_ball.indent(
                 probe, sphere_radius_mm=tip_radius_mm, force_n=float(np.exp(log_force))
             ).depth_mm
         except MechanicsError:
@@ -155,7 +155,8 @@ def _notes(probe: Probe, traced: TracedLight) -> tuple[str, ...]:
         f"{fraction:.2%} of what enters can never reach an undented face: it entered above a layer whose "
         "index is below "
         "n sin(angle from the axis), as in glass above silicone.",
-        f"{observed} the glass within a numerical aperture of {tsis.optics.rays.APERTURE:g}: a camera that looks along "
+        f"{observed} the glass within a numerical aperture of {tsis.optics.rays.geometry.APERTURE:g}: a camera that "
+        "looks along "
         "the axis sees what tissue scatters where light leaves through contact, not what a dent's curvature turns.",
     )
 
@@ -165,7 +166,7 @@ def _reflected(probe: Probe) -> tuple[str, ...]:
     if probe.face_curvature_mm is not None:
         return ()
     indices = [layer.refractive_index for layer in probe.layers] + [probe.glass.refractive_index]
-    limit = float(tsis.optics.acceptance(indices).acceptance_deg.min())
+    limit = float(tsis.optics.angles.acceptance(indices).acceptance_deg.min())
     return (f"Light up to {limit:.1f} degrees from the horizontal, in air, is totally reflected by an undented face.",)
 
 
@@ -205,7 +206,7 @@ def _picture(probe: Probe, pressed: PressField | None, seed: int) -> Figure:
     figure = Figure(figsize=(8.0, 4.6), layout="constrained")
     tsis.present.figures.ray_picture(
         probe,
-        tsis.optics.rays.trace_paths(probe, pressed, rays=PICTURED_RAYS, seed=seed),
+        tsis.optics.rays.tracing.trace_paths(probe, pressed, rays=PICTURED_RAYS, seed=seed),
         figure.subplots(),
         pressed=pressed,
     )

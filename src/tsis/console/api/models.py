@@ -12,7 +12,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, GetCoreSchem
 from pydantic_core import CoreSchema, core_schema
 
 from tsis.__about__ import LARGEST_TARGET, RESEARCH_USE_ONLY, __version__
-from tsis.calibration.guard import GuardFlag
+from tsis.calibration.guard.limits import GuardFlag
 from tsis.catalog.phantoms import list_phantoms, list_spheres
 from tsis.catalog.probes import list_probes
 from tsis.console.services.camera import MOST_TYPED_N
@@ -22,9 +22,10 @@ from tsis.console.services.frames import ContactView, FrameAnalysis
 from tsis.console.services.jobs import RESULTS, JobState
 from tsis.console.services.state import LONGEST_SPEC, CameraChoice, CameraState, PressForce
 from tsis.files.json_values import free_to_json
-from tsis.imaging import COLOUR_MAPS
+from tsis.imaging.colour import COLOUR_MAPS
 from tsis.imaging.depth import GelReading
-from tsis.instrument import CameraInfo, Setting
+from tsis.instrument.camera import Setting
+from tsis.instrument.discovery import CameraInfo
 from tsis.instrument.recording import RecordingReport
 from tsis.records.recomputation import Shift
 from tsis.records.values import LONGEST_NAME, LONGEST_NOTE, StoredPress, Target

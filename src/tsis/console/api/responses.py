@@ -22,7 +22,7 @@ from tsis.console.api.models import Problem, describe_values
 from tsis.console.files import Reports
 from tsis.console.services.instrument import Instrument
 from tsis.console.statuses import NoControlError, absent_if_unknown, status_of
-from tsis.instrument import CameraListing
+from tsis.instrument.discovery import CameraListing
 from tsis.instrument.recording import RecordingReport
 from tsis.present.document import estimate_document
 from tsis.records.recomputation import Recomputation

@@ -12,8 +12,8 @@ from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 
-from tsis.calibration import UsableCalibration
 from tsis.calibration.file import calibration_bytes, calibration_sha256, parse_calibration
+from tsis.calibration.frames import UsableCalibration
 from tsis.console.api import models
 from tsis.console.api.models import (
     AboutResponse,
@@ -61,7 +61,7 @@ from tsis.console.services.state import CameraChoice
 from tsis.console.statuses import AbsentError, NoControlError, absent_if_unknown
 from tsis.errors import CameraError, InputError
 from tsis.files.images import QUICK_PNG, encode_picture
-from tsis.instrument import whole_levels
+from tsis.instrument.image_files import whole_levels
 from tsis.model.require import require_one_of
 from tsis.records.provenance import environment
 from tsis.records.recomputation import PRIORS

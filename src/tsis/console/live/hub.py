@@ -21,7 +21,7 @@ from starlette.websockets import WebSocketDisconnect
 from tsis.console.services.frames import FrameAnalysis
 from tsis.errors import InputError
 from tsis.files.images import encode_picture
-from tsis.imaging import COLOUR_MAPS, colour_map
+from tsis.imaging.colour import COLOUR_MAPS, colour_map
 from tsis.model.image import TactileImage
 from tsis.model.require import require_number, require_one_of
 

@@ -15,7 +15,7 @@ from tsis.records.provenance import environment
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from tsis.calibration import UsableCalibration
+    from tsis.calibration.frames import UsableCalibration
     from tsis.console.services.instrument import Instrument
     from tsis.console.services.state import InstrumentState
     from tsis.console.viewer import Viewer

@@ -10,9 +10,9 @@ from urllib.parse import quote
 from nicegui import run, ui
 
 from tsis.__about__ import LARGEST_SEED, VALID_DAYS
-from tsis.calibration import read_usable_calibration
 from tsis.calibration.file import read_calibration
-from tsis.calibration.force import TIPS_MM
+from tsis.calibration.force_line import TIPS_MM
+from tsis.calibration.frames import read_usable_calibration
 from tsis.calibration.session import SessionSetup
 from tsis.catalog.probes import list_probes
 from tsis.console import widgets

@@ -10,25 +10,26 @@ from typing import TYPE_CHECKING, Any
 from nicegui import run, ui
 
 from tsis.__about__ import LARGEST_SEED
-from tsis.calibration import parse_usable_calibration
 from tsis.calibration.file import LARGEST_BYTES
+from tsis.calibration.frames import parse_usable_calibration
 from tsis.catalog.phantoms import list_phantoms, list_spheres
 from tsis.catalog.probes import list_probes
 from tsis.console import widgets
 from tsis.console.services.jobs import DONE
 from tsis.console.services.state import CameraChoice
 from tsis.errors import GaugeError
-from tsis.instrument.gauge import BAUD, connected_gauge, find_ports
+from tsis.instrument.force_log import BAUD, connected_gauge
+from tsis.instrument.serial_gauge import find_ports
 
 if TYPE_CHECKING:
     from nicegui.events import UploadEventArguments
 
-    from tsis.calibration import UsableCalibration
+    from tsis.calibration.frames import UsableCalibration
     from tsis.console.services.instrument import Instrument
     from tsis.console.services.jobs import JobState
     from tsis.console.services.state import CameraState, InstrumentState
     from tsis.console.viewer import Viewer
-    from tsis.instrument import CameraInfo, CameraListing
+    from tsis.instrument.discovery import CameraInfo, CameraListing
 
 
 def choose_and_start(instrument: Instrument, choice: CameraChoice, *, by: str) -> None:

@@ -14,7 +14,8 @@ from tsis.console import widgets
 from tsis.console.services.jobs import DONE, JobCancelled
 from tsis.errors import InputError
 from tsis.files.canonical_json import json_bytes
-from tsis.inclusion.design import MOST_EVALUATIONS, MOST_FRAMES_PER_PRESS
+from tsis.inclusion.design.protocol import MOST_FRAMES_PER_PRESS
+from tsis.inclusion.design.search import MOST_EVALUATIONS
 from tsis.model.probe import Layer, Led, Probe
 from tsis.present.design import (
     QUICK_DEGREES,

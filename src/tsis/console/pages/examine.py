@@ -18,7 +18,7 @@ from tsis.console.services.captures import MOST_SEQUENCE_FRAMES
 from tsis.console.services.jobs import FAILED, tissue_title
 from tsis.console.services.state import LIGHT_N, CameraChoice
 from tsis.errors import TsisError
-from tsis.instrument import PRESETS
+from tsis.instrument.camera import PRESETS
 from tsis.model.require import require_integer
 from tsis.present.hardness import estimate_cards, estimate_messages_of
 from tsis.present.inclusion import estimate_pictures
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from tsis.console.services.jobs import Job, JobState
     from tsis.console.services.state import InstrumentState, TissueReading
     from tsis.console.viewer import Viewer
-    from tsis.instrument import Setting
+    from tsis.instrument.camera import Setting
     from tsis.model.estimate import Estimate
     from tsis.present.page import Picture
     from tsis.records.store import Store

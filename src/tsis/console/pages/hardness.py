@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from nicegui import run, ui
 
-from tsis.calibration import apply_calibration
+from tsis.calibration.frames import apply_calibration
 from tsis.catalog.phantoms import list_spheres
 from tsis.catalog.probes import load_probe
 from tsis.console import widgets
@@ -17,7 +17,8 @@ from tsis.console.services.instrument import newest_presses
 from tsis.console.services.jobs import FAILED
 from tsis.console.services.state import BALL_MM, CameraChoice
 from tsis.errors import InputError, TsisError
-from tsis.hardness import RADIUS_SD_MM, build_contact_table, require_radius
+from tsis.hardness.estimation import RADIUS_SD_MM, require_radius
+from tsis.hardness.table import build_contact_table
 from tsis.model.require import require_number
 from tsis.present.hardness import hardness_page
 from tsis.records.importing import target_by_number

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from nicegui import ui
 
-from tsis.calibration.guard import GUARD_FLAGS
+from tsis.calibration.guard.limits import GUARD_FLAGS
 from tsis.console import widgets
 from tsis.console.files import target_of
 from tsis.console.services.jobs import DONE

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from nicegui import run, ui
 
-from tsis.calibration.guard import GUARD_FLAGS
+from tsis.calibration.guard.limits import GUARD_FLAGS
 from tsis.console import widgets
 from tsis.console.files import sequence_folders
 from tsis.console.pages.records import (

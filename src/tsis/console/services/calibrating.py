@@ -12,7 +12,7 @@ from weakref import WeakValueDictionary
 import numpy as np
 
 from tsis.calibration.file import calibration_sha256
-from tsis.calibration.force import loading_forces
+from tsis.calibration.force_line import loading_forces
 from tsis.calibration.session import (
     PAD_FORCES_N,
     LiveCalibration,
@@ -25,7 +25,7 @@ from tsis.calibration.session import (
 from tsis.catalog.probes import load_probe
 from tsis.console.services.jobs import RUNNING, JobCancelled
 from tsis.errors import CalibrationError, CameraError, ControlError, InputError, TsisError
-from tsis.imaging import Sensor
+from tsis.imaging.sensor import Sensor
 from tsis.model.require import require_integer, require_number, require_one_of
 from tsis.virtual.calibration_bench import VirtualBench, bench_seed
 from tsis.virtual.loading_machine import PROBE_PAD_SD, tissue_calibration
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from tsis.console.services.control import ControlLock
     from tsis.console.services.jobs import Job, Jobs
     from tsis.instrument.acquisition import Acquisition
-    from tsis.instrument.gauge import ForceLog
+    from tsis.instrument.force_log import ForceLog
 
 
 OPEN, UNDER_WAY, DONE, LEFT_OUT = "open", "under way", "done", "left out"

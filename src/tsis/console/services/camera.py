@@ -10,13 +10,14 @@ from datetime import UTC, datetime
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from tsis.calibration.guard import guard_reference
+from tsis.calibration.guard.watch import guard_reference
 from tsis.catalog.sensors import load_sensor
 from tsis.console.services.jobs import RUNNING
 from tsis.console.services.state import VirtualSubject
 from tsis.errors import CalibrationError, CameraError, ControlError, InputError, TsisError
-from tsis.instrument import LATE_FRAMES, connect, find_cameras, preset
 from tsis.instrument.acquisition import LOST_AFTER_S, Acquisition
+from tsis.instrument.camera import LATE_FRAMES, preset
+from tsis.instrument.discovery import connect, find_cameras
 from tsis.model.require import require_number, require_one_of
 from tsis.virtual.calibration_bench import bench_seed
 from tsis.virtual.camera import FORCE_SETTING, LARGEST_FORCE_N, VirtualGelCamera, virtual_gel_sensor
@@ -24,13 +25,14 @@ from tsis.virtual.camera import FORCE_SETTING, LARGEST_FORCE_N, VirtualGelCamera
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from tsis.calibration import UsableCalibration
-    from tsis.calibration.guard import GuardReference
+    from tsis.calibration.frames import UsableCalibration
+    from tsis.calibration.guard.reading import GuardReference
     from tsis.console.services.jobs import Job, Jobs, JobState
     from tsis.console.services.state import CameraChoice
     from tsis.console.worker import WorkerProcess
-    from tsis.instrument import Camera, CameraListing, Setting
     from tsis.instrument.acquisition import ReceivedFrame
+    from tsis.instrument.camera import Camera, Setting
+    from tsis.instrument.discovery import CameraListing
 
 
 Pair = tuple[float, float]

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tsis.calibration import read_press_image
-from tsis.calibration.guard import check_press
+from tsis.calibration.frames import read_press_image
+from tsis.calibration.guard.watch import check_press
 from tsis.console.services.state import CameraChoice, PressForce
 from tsis.errors import CameraError, ControlError, FileInputError, GaugeError, InputError, RecordsError, TsisError
 from tsis.files.atomic import write_durably
@@ -22,10 +22,11 @@ from tsis.files.images import encode_picture
 from tsis.files.json_values import from_json_value, to_json_value
 from tsis.files.reading import file_error, printable_name, printable_path
 from tsis.files.result_folder import free_folder
-from tsis.imaging import colour_map
-from tsis.instrument import connect, save_snapshot
-from tsis.instrument.drivers import IMAGE_ENDINGS, VIDEO_ENDINGS
+from tsis.imaging.colour import colour_map
+from tsis.instrument.discovery import connect
+from tsis.instrument.drivers.files import IMAGE_ENDINGS, VIDEO_ENDINGS
 from tsis.instrument.recording import FrameFolder, FurtherColumns, record
+from tsis.instrument.snapshot import save_snapshot
 from tsis.model.require import require_integer, require_number, require_one_of
 from tsis.present.images import analyse_image
 from tsis.records.importing import import_batches, new_target, target_by_number, truth_note
@@ -36,13 +37,13 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from tsis.calibration.guard import GuardFlag
+    from tsis.calibration.guard.limits import GuardFlag
     from tsis.console.services.camera import ActiveCalibration
     from tsis.console.services.jobs import Job, Jobs, JobState
     from tsis.console.services.state import CameraState, VirtualSubject
-    from tsis.instrument import Snapshot
     from tsis.instrument.acquisition import Acquisition, ReceivedFrame
-    from tsis.instrument.gauge import ForceLog
+    from tsis.instrument.force_log import ForceLog
+    from tsis.instrument.snapshot import Snapshot
     from tsis.model.image import TactileImage
     from tsis.present.images import ImageFinding
     from tsis.records.store import Store

@@ -10,14 +10,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tsis.calibration.guard import FrameShape, GuardFlag, PressWatch, WatchState
+from tsis.calibration.guard.limits import GuardFlag
+from tsis.calibration.guard.reading import FrameShape
+from tsis.calibration.guard.watch import PressWatch, WatchState
 from tsis.catalog.sensors import load_sensor
 from tsis.console.services.state import PressForce
 from tsis.errors import CameraError, InputError, TsisError
 from tsis.files.reading import read_object
-from tsis.imaging import block_means, gel_levels, segment
 from tsis.imaging.depth import DepthMapper, GelReading, gel_reading, parse_depth_calibration
-from tsis.instrument import read_levels
+from tsis.imaging.gel_change import gel_levels
+from tsis.imaging.patch import segment
+from tsis.imaging.pixels import block_means
+from tsis.instrument.image_files import read_levels
 from tsis.model.image import TactileImage
 
 if TYPE_CHECKING:
@@ -26,11 +30,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.calibration.guard import GuardReference
+    from tsis.calibration.guard.reading import GuardReference
     from tsis.console.services.control import ControlLock
     from tsis.imaging.depth import DepthCalibration
-    from tsis.instrument import Frame
     from tsis.instrument.acquisition import Acquisition, ReceivedFrame
+    from tsis.instrument.camera import Frame
     from tsis.model.gel_sensor import GelSensor
 
 
@@ -212,7 +216,8 @@ class GelAnalysis:
     def use_reference(self, file: Path | None = None, *, by: str) -> None:
         """Use the untouched sensor of a picture, or the camera's newest frame when None.
 
-        Raises `FileInputError` for another file, `CameraError` without a frame, and as `tsis.imaging.gel_levels`.
+        Raises `FileInputError` for another file, `CameraError` without a frame, and as
+        `tsis.imaging.gel_change.gel_levels`.
         """
         sensor, received = self._chosen(), self._newest()
         if file is None and received is None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.__about__ import LARGEST_TARGET
-from tsis.calibration import read_usable_calibration
+from tsis.calibration.frames import read_usable_calibration
 from tsis.catalog.phantoms import load_phantom
 from tsis.catalog.probes import load_probe
 from tsis.console.services.calibrating import CalibrationSessions
@@ -39,9 +39,11 @@ from tsis.console.services.state import (
     read_tissue,
 )
 from tsis.errors import ControlError, InputError, RecordsError
-from tsis.imaging import COLOUR_MAPS
-from tsis.inclusion import InclusionPrior, estimate, prior_on_tissue, stated_strain
-from tsis.instrument import connect
+from tsis.imaging.colour import COLOUR_MAPS
+from tsis.inclusion import InclusionPrior, estimate
+from tsis.inclusion.estimation import stated_strain
+from tsis.inclusion.tissue import prior_on_tissue
+from tsis.instrument.discovery import connect
 from tsis.model.require import require_integer, require_one_of
 from tsis.records.provenance import environment
 from tsis.records.recomputation import REFERENCE_ROLES, EstimationRequest, estimate_stored, recompute, require_options
@@ -53,14 +55,14 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from typing import Self
 
-    from tsis.calibration import UsableCalibration
+    from tsis.calibration.frames import UsableCalibration
     from tsis.console.services.captures import SavedPress
     from tsis.console.services.frames import FrameAnalysis
     from tsis.console.services.jobs import Job
     from tsis.console.services.state import CameraChoice, InstrumentSettings, PressForce, TissueReading
-    from tsis.instrument import Camera
     from tsis.instrument.acquisition import ReceivedFrame
-    from tsis.instrument.gauge import ForceLog
+    from tsis.instrument.camera import Camera
+    from tsis.instrument.force_log import ForceLog
     from tsis.records.store import Store
     from tsis.records.values import StoredEstimate, StoredPress, Target, TargetRecord
 
@@ -205,7 +207,7 @@ class Instrument:
     terms
         Folders and initial settings.
     connect_to
-        Gives a live camera by its name, as `tsis.instrument.connect`.
+        Gives a live camera by its name, as `tsis.instrument.discovery.connect`.
 
     Raises
     ------

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.__about__ import LARGEST_SEED
-from tsis.calibration import UsableCalibration, apply_calibration, read_usable_calibration
 from tsis.calibration.file import ProbeCalibration, calibration_bytes, calibration_sha256
-from tsis.calibration.guard import GuardReference
+from tsis.calibration.frames import UsableCalibration, apply_calibration, read_usable_calibration
+from tsis.calibration.guard.reading import GuardReference
 from tsis.catalog.phantoms import list_phantoms, list_spheres, load_sphere, phantom_variant
 from tsis.catalog.probes import list_probes, load_probe
 from tsis.console.worker import light_of
@@ -23,9 +23,10 @@ from tsis.errors import InputError, MechanicsError, TsisError
 from tsis.files.atomic import write_durably
 from tsis.files.canonical_json import content_sha256
 from tsis.files.json_values import from_json_value, to_json_value
-from tsis.imaging import Sensor
-from tsis.inclusion import protocol_forces, tissue_modulus
-from tsis.instrument import STORED_SOURCES, Setting, live_sources
+from tsis.imaging.sensor import Sensor
+from tsis.inclusion.tissue import protocol_forces, tissue_modulus
+from tsis.instrument.camera import Setting
+from tsis.instrument.discovery import STORED_SOURCES, live_sources
 from tsis.model.image import TactileImage
 from tsis.model.phantom import Phantom, SoftSphere
 from tsis.model.require import require_integer, require_number, require_one_of, require_type
@@ -69,7 +70,8 @@ class CameraChoice:
     Parameters
     ----------
     spec
-        ``"virtual"``, ``virtual-gel:SENSOR``, or ``SOURCE:ID`` of a live camera as `tsis.instrument.find_cameras` does.
+        ``"virtual"``, ``virtual-gel:SENSOR``, or ``SOURCE:ID`` of a live camera as
+        `tsis.instrument.discovery.find_cameras` does.
     mode
         Label of the mode to start in; the camera's first when None.
     probe

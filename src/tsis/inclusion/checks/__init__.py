@@ -1,23 +1,17 @@
 """Checks of the frames before an estimate: contact, clipping, tilt, roundness and position of the inclusion."""
 
-from tsis.inclusion.checks._heterogeneity import FieldHarmonics, heterogeneity_evidence
-from tsis.inclusion.checks._images import image_findings, require_forces_as_lit
-from tsis.inclusion.checks._position import APPARENT_FRACTION, InclusionPosition, inclusion_position, position_findings
-from tsis.inclusion.checks._roundness import roundness, tilt_evidence
-from tsis.inclusion.checks._sectors import RINGS, SECTORS, sector_means
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "APPARENT_FRACTION",
-    "RINGS",
-    "SECTORS",
-    "FieldHarmonics",
-    "InclusionPosition",
-    "heterogeneity_evidence",
-    "image_findings",
-    "inclusion_position",
-    "position_findings",
-    "require_forces_as_lit",
-    "roundness",
-    "sector_means",
-    "tilt_evidence",
-]
+import lazy_loader
+
+if TYPE_CHECKING:
+    from tsis.inclusion.checks import images as images
+    from tsis.inclusion.checks import position as position
+    from tsis.inclusion.checks import roundness as roundness
+    from tsis.inclusion.checks import sectors as sectors
+    from tsis.inclusion.checks import unevenness as unevenness
+
+if not TYPE_CHECKING:  # modules load when they are first used
+    __getattr__, __dir__, _ = lazy_loader.attach(
+        __name__, submodules=["images", "position", "roundness", "sectors", "unevenness"]
+    )

@@ -1,47 +1,17 @@
 """Expected accuracy of a planned probe and protocol, its limits, and the search for better ones."""
 
-from tsis.inclusion.design._alternatives import (
-    ASPECTS,
-    CRITERIA,
-    Design,
-    compare_designs,
-    design_alternatives,
-    rank_designs,
-)
-from tsis.inclusion.design._information import (
-    ProtocolInformation,
-    dissertation_inclusions,
-    even_inclusions,
-    protocol_information,
-)
-from tsis.inclusion.design._limits import DesignLimits
-from tsis.inclusion.design._protocol import (
-    MOST_FRAMES_PER_PRESS,
-    PlannedPress,
-    Protocol,
-    default_protocols,
-    protocol_of,
-)
-from tsis.inclusion.design._search import MOST_EVALUATIONS, DesignOptimum, optimise_design
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "ASPECTS",
-    "CRITERIA",
-    "MOST_EVALUATIONS",
-    "MOST_FRAMES_PER_PRESS",
-    "Design",
-    "DesignLimits",
-    "DesignOptimum",
-    "PlannedPress",
-    "Protocol",
-    "ProtocolInformation",
-    "compare_designs",
-    "default_protocols",
-    "design_alternatives",
-    "dissertation_inclusions",
-    "even_inclusions",
-    "optimise_design",
-    "protocol_information",
-    "protocol_of",
-    "rank_designs",
-]
+import lazy_loader
+
+if TYPE_CHECKING:
+    from tsis.inclusion.design import alternatives as alternatives
+    from tsis.inclusion.design import information as information
+    from tsis.inclusion.design import limits as limits
+    from tsis.inclusion.design import protocol as protocol
+    from tsis.inclusion.design import search as search
+
+if not TYPE_CHECKING:  # modules load when they are first used
+    __getattr__, __dir__, _ = lazy_loader.attach(
+        __name__, submodules=["alternatives", "information", "limits", "protocol", "search"]
+    )

@@ -1,60 +1,18 @@
 """Posterior of an inclusion: forward model of ring profiles, likelihood, and the grid that explores it."""
 
-from tsis.inclusion.posterior._exploration import InclusionPosterior, explore_inclusion
-from tsis.inclusion.posterior._forward import NUISANCES, SHARED, THICKNESS, TISSUE, ForwardModel
-from tsis.inclusion.posterior._heterogeneity import (
-    HARMONICS,
-    LENGTHS_MM,
-    FieldTable,
-    Heterogeneity,
-    SuperficialLayer,
-    build_field_table,
-    heterogeneity,
-)
-from tsis.inclusion.posterior._likelihood import (
-    ErrorSources,
-    InclusionLikelihood,
-    Profiles,
-    least_sd,
-)
-from tsis.inclusion.posterior._rings import (
-    FARTHEST,
-    SHIFTED,
-    RingShading,
-    ShadingUncertainty,
-    off_axis_profile,
-    ring_correction,
-    ring_correlation,
-    ring_means,
-    ring_responses,
-)
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "FARTHEST",
-    "HARMONICS",
-    "LENGTHS_MM",
-    "NUISANCES",
-    "SHARED",
-    "SHIFTED",
-    "THICKNESS",
-    "TISSUE",
-    "ErrorSources",
-    "FieldTable",
-    "ForwardModel",
-    "Heterogeneity",
-    "InclusionLikelihood",
-    "InclusionPosterior",
-    "Profiles",
-    "RingShading",
-    "ShadingUncertainty",
-    "SuperficialLayer",
-    "build_field_table",
-    "explore_inclusion",
-    "heterogeneity",
-    "least_sd",
-    "off_axis_profile",
-    "ring_correction",
-    "ring_correlation",
-    "ring_means",
-    "ring_responses",
-]
+import lazy_loader
+
+if TYPE_CHECKING:
+    from tsis.inclusion.posterior import exploration as exploration
+    from tsis.inclusion.posterior import forward as forward
+    from tsis.inclusion.posterior import grid as grid
+    from tsis.inclusion.posterior import likelihood as likelihood
+    from tsis.inclusion.posterior import rings as rings
+    from tsis.inclusion.posterior import uneven_tissue as uneven_tissue
+
+if not TYPE_CHECKING:  # modules load when they are first used
+    __getattr__, __dir__, _ = lazy_loader.attach(
+        __name__, submodules=["exploration", "forward", "grid", "likelihood", "rings", "uneven_tissue"]
+    )

@@ -5,54 +5,29 @@ From the bottom up: material (`_neo_hookean`), meshes (`_meshes`), bodies (`_ela
 (`_probe_on_slab`, `_sphere`).
 """
 
-from tsis.mechanics.finite_strain._continuation import PressContinuation, SlabPress, SolvedPress
-from tsis.mechanics.finite_strain._load_path import State, find_first_contact, follow_load_path
-from tsis.mechanics.finite_strain._meshes import NARROW, WIDE_LAYERS, FiniteResolution, slab_lines
-from tsis.mechanics.finite_strain._press import (
-    PressSeries,
-    press_finite,
-    press_pairs,
-    press_path,
-    require_ascending_forces,
-    require_enough_force,
-)
-from tsis.mechanics.finite_strain._probe_on_slab import SPRING, ProbeOnSlab
-from tsis.mechanics.finite_strain._sphere import (
-    LIGHTEST,
-    TOUCH,
-    WIDEST_CONTACT,
-    SphereOnProbe,
-    SpherePress,
-    SphereResolution,
-    squeeze_path,
-    squeeze_sphere,
-)
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "LIGHTEST",
-    "NARROW",
-    "SPRING",
-    "TOUCH",
-    "WIDEST_CONTACT",
-    "WIDE_LAYERS",
-    "FiniteResolution",
-    "PressContinuation",
-    "PressSeries",
-    "ProbeOnSlab",
-    "SlabPress",
-    "SolvedPress",
-    "SphereOnProbe",
-    "SpherePress",
-    "SphereResolution",
-    "State",
-    "find_first_contact",
-    "follow_load_path",
-    "press_finite",
-    "press_pairs",
-    "press_path",
-    "require_ascending_forces",
-    "require_enough_force",
-    "slab_lines",
-    "squeeze_path",
-    "squeeze_sphere",
-]
+import lazy_loader
+
+if TYPE_CHECKING:
+    from tsis.mechanics.finite_strain import equilibrium as equilibrium
+    from tsis.mechanics.finite_strain import neo_hookean as neo_hookean
+    from tsis.mechanics.finite_strain import neo_hookean_press as neo_hookean_press
+    from tsis.mechanics.finite_strain import patches as patches
+    from tsis.mechanics.finite_strain import probe_on_slab as probe_on_slab
+    from tsis.mechanics.finite_strain import sliding as sliding
+    from tsis.mechanics.finite_strain import soft_sphere as soft_sphere
+
+if not TYPE_CHECKING:  # modules load when they are first used
+    __getattr__, __dir__, _ = lazy_loader.attach(
+        __name__,
+        submodules=[
+            "equilibrium",
+            "neo_hookean",
+            "neo_hookean_press",
+            "patches",
+            "probe_on_slab",
+            "sliding",
+            "soft_sphere",
+        ],
+    )

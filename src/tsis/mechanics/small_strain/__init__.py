@@ -1,30 +1,17 @@
 """Presses at small strain: layers condensed onto the face, and unilateral contact."""
 
-from tsis.mechanics.small_strain._bodies import Resolution
-from tsis.mechanics.small_strain._contact import PartialContact
-from tsis.mechanics.small_strain._indentation import Indentation, indent
-from tsis.mechanics.small_strain._press import (
-    STRAIN_LIMIT,
-    FacePress,
-    PressKernel,
-    nominal_strain,
-    small_strain_press,
-    strain_problem,
-)
-from tsis.mechanics.small_strain._relaxation import RelaxingPress, relaxing_press, settling_time_s
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "STRAIN_LIMIT",
-    "FacePress",
-    "Indentation",
-    "PartialContact",
-    "PressKernel",
-    "RelaxingPress",
-    "Resolution",
-    "indent",
-    "nominal_strain",
-    "relaxing_press",
-    "settling_time_s",
-    "small_strain_press",
-    "strain_problem",
-]
+import lazy_loader
+
+if TYPE_CHECKING:
+    from tsis.mechanics.small_strain import linear_press as linear_press
+    from tsis.mechanics.small_strain import relaxation as relaxation
+    from tsis.mechanics.small_strain import rigid_ball as rigid_ball
+    from tsis.mechanics.small_strain import slab as slab
+    from tsis.mechanics.small_strain import unilateral as unilateral
+
+if not TYPE_CHECKING:  # modules load when they are first used
+    __getattr__, __dir__, _ = lazy_loader.attach(
+        __name__, submodules=["linear_press", "relaxation", "rigid_ball", "slab", "unilateral"]
+    )

@@ -1,44 +1,19 @@
 """Presses as polynomials over a box of inclusions and tissues, with their measured error and a disk cache."""
 
-from tsis.mechanics._mesh import mechanical_content
-from tsis.mechanics.surrogate._build import build_surrogate
-from tsis.mechanics.surrogate._correction_build import build_finite_correction
-from tsis.mechanics.surrogate._finite_correction import CorrectionBox, FiniteCorrection, correction_box, wide_box
-from tsis.mechanics.surrogate._full_contact import (
-    FULL_CONTACT_DEGREES,
-    FullContactParts,
-    FullContactProfiles,
-    FullContactSurrogate,
-    build_full_contact_surrogate,
-)
-from tsis.mechanics.surrogate._polynomial import (
-    Box,
-    Degrees,
-    PressSurrogate,
-    Surrogate,
-    TissueSurrogate,
-    contrast_factor,
-    signal_scale,
-)
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "FULL_CONTACT_DEGREES",
-    "Box",
-    "CorrectionBox",
-    "Degrees",
-    "FiniteCorrection",
-    "FullContactParts",
-    "FullContactProfiles",
-    "FullContactSurrogate",
-    "PressSurrogate",
-    "Surrogate",
-    "TissueSurrogate",
-    "build_finite_correction",
-    "build_full_contact_surrogate",
-    "build_surrogate",
-    "contrast_factor",
-    "correction_box",
-    "mechanical_content",
-    "signal_scale",
-    "wide_box",
-]
+import lazy_loader
+
+if TYPE_CHECKING:
+    from tsis.mechanics.surrogate import building as building
+    from tsis.mechanics.surrogate import correction_building as correction_building
+    from tsis.mechanics.surrogate import finite_correction as finite_correction
+    from tsis.mechanics.surrogate import full_contact as full_contact
+    from tsis.mechanics.surrogate import polynomial as polynomial
+    from tsis.mechanics.surrogate import states as states
+
+if not TYPE_CHECKING:  # modules load when they are first used
+    __getattr__, __dir__, _ = lazy_loader.attach(
+        __name__,
+        submodules=["building", "correction_building", "finite_correction", "full_contact", "polynomial", "states"],
+    )

@@ -10,8 +10,8 @@ import pytest
 from tests.console.services.instruments import ANN, BOB, lit_instrument, virtual_instrument
 from tests.waiting import HANGS_S
 
-from tsis.calibration import UsableCalibration, read_usable_calibration
 from tsis.calibration.file import ProbeCalibration, calibration_sha256
+from tsis.calibration.frames import UsableCalibration, read_usable_calibration
 from tsis.calibration.session import SessionFolder, SessionSetup
 from tsis.catalog.probes import load_probe
 from tsis.console.services.calibrating import folder_name

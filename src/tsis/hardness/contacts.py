@@ -1,0 +1,286 @@
+"""Contacts read by any program: force, radius or area, depth of the dent, each with its standard deviation.
+
+Rows of contacts from a CSV file, a table of pandas, or objects with such attributes.
+
+Shape of an object that touches a gel sensor.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+from tsis.errors import FileInputError, InputError
+from tsis.files.reading import as_path, printable_path, read_bytes
+from tsis.hardness.posterior import RadiusPrior
+from tsis.model.require import require_number, require_one_of, require_type
+
+MOST_BYTES = 10_000_000
+LEAST_OWN = 0.05  # of a standard deviation: what rounding may take off
+COLUMNS = (
+    *("force_n", "force_sd_n", "radius_mm", "radius_sd_mm", "area_mm2", "area_sd_mm2"),
+    *("depth_mm", "depth_sd_mm", "scale_sd", "object_radius_mm", "time_s"),
+)
+
+
+def contact_rows(contacts: Any) -> list[Any]:
+    """Each contact as it was given: of a path, a table of pandas, a sequence, or a single one."""
+    if isinstance(contacts, (str, Path)):
+        return list(_csv_rows(as_path(contacts)))
+    if hasattr(contacts, "to_dict") and hasattr(contacts, "columns"):  # a table of pandas
+        return list(contacts.to_dict("records"))
+    if isinstance(contacts, Mapping) or not isinstance(contacts, Sequence):
+        return [contacts] if contacts is not None else []
+    return list(contacts)
+
+
+def _csv_rows(path: Path) -> Sequence[Mapping[str, Any]]:
+    try:
+        text = read_bytes(path, most=MOST_BYTES).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise FileInputError(f"{printable_path(path)} must be CSV text in UTF-8; got other bytes") from error
+    reader = csv.DictReader(io.StringIO(text))
+    head = [name.strip() for name in reader.fieldnames or ()]
+    if not set(head) & {"radius_mm", "area_mm2", "depth_mm"}:
+        raise FileInputError(
+            f"{printable_path(path)} must have a header with radius_mm, area_mm2 or depth_mm, beside force_n; "
+            f"got {', '.join(head)!r:.120}"
+        )
+    rows = []
+    for number, line in enumerate(reader, start=2):
+        row: dict[str, Any] = {"name": f"line {number}"}
+        for name, cell in line.items():
+            if name is None or cell is None:
+                raise FileInputError(f"{printable_path(path)}: line {number} must have {len(head)} columns")
+            row[name.strip()] = cell.strip()
+        rows.append(row)
+    return rows
+
+
+def contact_value(row: Any, name: str) -> Any:
+    """A value of a row by its column; None where it is missing, empty or NaN."""
+    value = row.get(name) if isinstance(row, Mapping) else getattr(row, name, None)
+    return None if value is None or value == "" or (isinstance(value, float) and math.isnan(value)) else value
+
+
+def is_good(row: Any) -> bool:
+    """Whether the row is not marked as bad."""
+    good = contact_value(row, "good")
+    return good is None or str(good).strip().lower() not in ("false", "0", "no")
+
+
+def forces_of_contacts(force: float | Sequence[float] | None, count: int) -> Sequence[float | None]:
+    """The force of each contact; None where it is not given."""
+    if force is None:
+        return [None] * count
+    forces = [float(force)] * count if isinstance(force, (int, float)) else [float(item) for item in force]
+    if len(forces) != count:
+        raise InputError(f"force must be one number, or one for each of the {count} contacts; got {len(forces)}")
+    return forces
+
+
+def own_sd(total: float, value: float, scale_sd: float, name: str) -> float:
+    """What is left of a standard deviation without the scale's part, which the sensor states for all contacts."""
+    require_number(f"scale_sd of {name}", scale_sd, 0.0, 0.5, hint="a fraction")
+    return math.sqrt(max(total**2 - (scale_sd * value) ** 2, (LEAST_OWN * total) ** 2))
+
+
+FORCE_SD, RADIUS_SD, DEPTH_SD = 0.02, 0.02, 0.03  # relative standard deviations where none is given
+LEAST_FORCE_SD_N = 0.005
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TouchReading:
+    """One contact of a gel sensor with an object.
+
+    Parameters
+    ----------
+    force_n, force_sd_n
+        Normal force in N, and its standard deviation; 2 % and at least 0.005 N by default. None where not measured.
+    radius_mm, radius_sd_mm
+        Radius of the contact in mm (half the width for a cylinder), and its standard deviation; 2 % by default.
+    depth_mm, depth_sd_mm
+        How deep the gel's face is dented at the middle of the contact, mm, and its standard deviation; 3 % by default.
+    name
+        Name in reports.
+
+    Raises
+    ------
+    InputError
+        When a number is not positive, not finite or out of range, or neither radius nor depth is given.
+
+    Examples
+    --------
+    >>> round(TouchReading(force_n=1.0, radius_mm=2.0).radius_sd_mm, 3)
+    0.04
+    """
+
+    force_n: float | None = None
+    force_sd_n: float | None = None
+    radius_mm: float | None = None
+    radius_sd_mm: float | None = None
+    depth_mm: float | None = None
+    depth_sd_mm: float | None = None
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        label = f" of {self.name}" if self.name else ""
+        for name, low, high, unit in (
+            ("force_n", 1e-4, 1000.0, "newtons"),
+            ("radius_mm", 0.01, 100.0, "millimetres"),
+            ("depth_mm", 1e-3, 50.0, "millimetres"),
+        ):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, require_number(name + label, getattr(self, name), low, high, hint=unit))
+        if self.radius_mm is None and self.depth_mm is None:
+            raise InputError(f"a contact{label} must have radius_mm, area_mm2 or depth_mm; got none of them")
+        for value, name, fraction, least in (
+            (self.force_n, "force_sd_n", FORCE_SD, LEAST_FORCE_SD_N),
+            (self.radius_mm, "radius_sd_mm", RADIUS_SD, 0.0),
+            (self.depth_mm, "depth_sd_mm", DEPTH_SD, 0.0),
+        ):
+            sd = getattr(self, name)
+            if sd is not None and value is not None:
+                require_number(name + label, sd, 1e-6 * value, value, hint="in the unit of its value, up to the value")
+            elif value is not None:
+                object.__setattr__(self, name, max(fraction * value, least))
+            else:
+                object.__setattr__(self, name, None)
+
+
+def as_touch_readings(
+    contacts: Any, *, force: float | Sequence[float] | None = None
+) -> tuple[tuple[TouchReading, ...], tuple[str, ...], float | None]:
+    """The readings in contacts of any form, the names of those that are not good, and the object's radius if stated.
+
+    Parameters
+    ----------
+    contacts
+        One or several of: `TouchReading`; mappings with the keys of `COLUMNS`; objects with such attributes, such as
+        results of `tsis.imaging.gel_contact.contacts`; a table of pandas; or the path of a CSV file with such a header.
+    force
+        Force in N of all contacts, or of each; None where the contacts state theirs.
+
+    Raises
+    ------
+    InputError
+        When there is no contact, a number is invalid, or forces and contacts differ in number.
+    FileInputError
+        When the file is missing or not such a table.
+    """
+    rows = contact_rows(contacts)
+    if not rows:
+        raise InputError("contacts must hold at least one contact; got none")
+    forces = forces_of_contacts(force, len(rows))
+    good = [(row, item) for row, item in zip(rows, forces, strict=True) if is_good(row)]
+    refused = tuple(_name(row, index) for index, row in enumerate(rows) if not is_good(row))
+    if not good:
+        raise InputError(f"contacts must hold a good contact; all {len(rows)} are marked as not good: press again")
+    readings = tuple(_reading(row, _name(row, index), item) for index, (row, item) in enumerate(good))
+    radii = {float(radius) for row, _ in good if (radius := contact_value(row, "object_radius_mm")) is not None}
+    if len(radii) > 1:
+        raise InputError(f"object_radius_mm must be one number for all contacts; got {sorted(radii)}")
+    return readings, refused, radii.pop() if radii else None
+
+
+def loading_part(readings: Sequence[TouchReading]) -> tuple[TouchReading, ...]:
+    """The contacts of a press from its first to its largest, in the order of time: what follows is unloading."""
+    sizes = [reading.force_n or reading.radius_mm or reading.depth_mm or 0.0 for reading in readings]
+    return tuple(readings[: sizes.index(max(sizes)) + 1])
+
+
+def _name(row: Any, index: int) -> str:
+    return str(contact_value(row, "name") or f"contact {index + 1}")
+
+
+def _reading(row: Any, name: str, force: float | None) -> TouchReading:
+    if isinstance(row, TouchReading):
+        return row if force is None else replace(row, force_n=force, force_sd_n=None)
+    if not isinstance(row, Mapping) and not any(hasattr(row, column) for column in COLUMNS):
+        raise InputError(f"contacts must have radius_mm, area_mm2 or depth_mm; got {type(row).__name__}")
+    numbers: dict[str, float] = {}
+    for column in COLUMNS[:9]:
+        value = force if column == "force_n" and force is not None else contact_value(row, column)
+        if value is not None:
+            try:
+                numbers[column] = float(value)
+            except (TypeError, ValueError) as error:
+                raise InputError(f"{column} of {name} must be a number; got {value!r:.40}") from error
+    area = numbers.pop("area_mm2", None)
+    area_sd = numbers.pop("area_sd_mm2", None)
+    if area is not None and "radius_mm" not in numbers:
+        require_number(f"area_mm2 of {name}", area, 1e-4, 1e5, hint="square millimetres")
+        numbers["radius_mm"] = math.sqrt(area / math.pi)
+        if area_sd is not None:
+            numbers["radius_sd_mm"] = numbers["radius_mm"] * area_sd / (2.0 * area)
+    scale_sd = numbers.pop("scale_sd", 0.0)
+    if scale_sd and "radius_sd_mm" in numbers:
+        numbers["radius_sd_mm"] = own_sd(numbers["radius_sd_mm"], numbers["radius_mm"], scale_sd, name)
+    return TouchReading(**numbers, name=name)
+
+
+SHAPES = ("sphere", "cylinder", "flat")
+LARGEST_RADIUS_MM = 60.0  # of objects
+STATED_RADIUS_SD = 0.01  # relative, of an object's radius that is given without one
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ObjectGeometry:
+    """Shape of the touched part of an object.
+
+    Parameters
+    ----------
+    shape
+        ``"sphere"``; ``"cylinder"``, lying on the face; or ``"flat"``, wider than the contact.
+    radius_mm, radius_sd_mm
+        Radius in [0.5, 60] mm and its standard deviation, 1 % by default; None for an unknown radius.
+    length_mm
+        Length of the cylinder's contact, over which its force acts.
+
+    Raises
+    ------
+    InputError
+        When a value is out of range, or the length of a cylinder is missing.
+    """
+
+    shape: Literal["sphere", "cylinder", "flat"] = "sphere"
+    radius_mm: float | None = None
+    radius_sd_mm: float | None = None
+    length_mm: float | None = None
+
+    def __post_init__(self) -> None:
+        require_one_of("shape of the object", self.shape, SHAPES)
+        if self.radius_mm is not None:
+            require_number("radius_mm of the object", self.radius_mm, 0.5, LARGEST_RADIUS_MM, hint="millimetres")
+            if self.radius_sd_mm is not None:
+                require_number("radius_sd_mm of the object", self.radius_sd_mm, 0.0, self.radius_mm / 3)
+        if self.shape == "cylinder":
+            require_number("length_mm of a cylinder", self.length_mm, 0.5, 500.0, hint="millimetres of contact")
+
+    def radius_prior(self) -> RadiusPrior:
+        """The radius, or all radii from 1 to 60 mm."""
+        if self.radius_mm is None:
+            return RadiusPrior(radius_mm=None, sd_mm=0.0, largest_mm=LARGEST_RADIUS_MM)
+        sd = STATED_RADIUS_SD * self.radius_mm if self.radius_sd_mm is None else self.radius_sd_mm
+        return RadiusPrior(radius_mm=self.radius_mm, sd_mm=sd, largest_mm=LARGEST_RADIUS_MM)
+
+
+def as_geometry(geometry: Any, stated_mm: float | None) -> ObjectGeometry:
+    """The geometry of a shape, a radius in mm or fields; with the radius that the contacts state where it has none."""
+    if isinstance(geometry, Mapping):
+        for name in geometry:
+            require_one_of("field of geometry", name, ObjectGeometry.__slots__)
+        shape = ObjectGeometry(**geometry)
+    elif isinstance(geometry, str):
+        shape = ObjectGeometry(shape=geometry)  # type: ignore[arg-type]  # checked there
+    elif isinstance(geometry, (int, float)):
+        shape = ObjectGeometry(radius_mm=float(geometry))
+    else:
+        require_type("geometry", geometry, ObjectGeometry)
+        shape = geometry
+    return replace(shape, radius_mm=stated_mm) if shape.radius_mm is None else shape

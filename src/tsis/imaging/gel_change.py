@@ -1,0 +1,153 @@
+"""Frames of gel sensors as levels, the change against the untouched sensor, and pixels that must not count."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import scipy
+
+from tsis.errors import ImageMismatchError, InputError
+from tsis.imaging.colour import largest_channel, require_pattern
+from tsis.model.gel_sensor import GelSensor
+from tsis.model.image import TactileImage
+from tsis.model.require import require_type
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+
+BLACK, GLARE = 3.0, 250.0  # levels of 255
+MOST_CLIPPED = 0.5  # of the pixels
+FOREIGN = 30.0  # median change of a reference of another sensor, levels
+FEWEST_WITHOUT_REFERENCE = 8
+MARKER_DARK = 0.75  # level of a marker over that of its surroundings
+
+
+def gel_levels(frame: Any, sensor: GelSensor, *, what: str = "frame") -> NDArray[np.float64]:
+    """A frame as levels on the scale 0 to 255, shape (rows, columns, channels): 3 under coloured lamps, else 1.
+
+    Takes 8 and 16 bits (by the array's type), numbers up to 255, colour with or without alpha, or a `TactileImage`.
+
+    Raises
+    ------
+    InputError
+        When the frame is no picture, is black, or has no colour under coloured lamps.
+    ImageMismatchError
+        When the sensor has no frames of this size.
+    """
+    full, levels = 255.0, np.asarray(frame.grey if isinstance(frame, TactileImage) else frame)
+    if isinstance(frame, TactileImage):
+        full = frame.full_scale
+    elif levels.dtype == np.uint16:
+        full = 65535.0
+    if levels.ndim == 2:
+        levels = levels[..., None]
+    if levels.ndim != 3 or levels.shape[2] not in (1, 3, 4) or levels.dtype.kind not in "uif" or levels.size == 0:
+        raise InputError(f"{what} must have the shape (rows, columns) or (rows, columns, 3); got {levels.shape}")
+    sensor.require_frame(levels.shape[1], levels.shape[0])
+    result = levels[..., :3].astype(np.float64) * (255.0 / full)
+    low, high = float(result.min()), float(result.max())
+    if not (low >= 0.0 and high <= 255.5):  # nor NaN
+        raise InputError(f"{what} must have levels from 0 to 255, or 16 bits; got {low:g} to {high:g}")
+    if high <= BLACK:
+        raise InputError(f"{what} must be lit; got a black frame: switch the sensor's lamps on")
+    darkest = -largest_channel(-result)
+    if (clipped := float((darkest >= GLARE).mean())) > MOST_CLIPPED:
+        raise InputError(f"{what} must not be saturated; got {clipped:.0%} white pixels: lower the exposure")
+    if sensor.light == "white":
+        return np.asarray(result.mean(axis=2, keepdims=True))
+    if result.shape[2] == 1 or (largest_channel(result) - darkest).max() < 1.0:
+        raise InputError(
+            f"{what} must be in colour, because {sensor.name} has coloured lamps; got grey: save the camera's colours"
+        )
+    return result
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class GelChange:
+    """The change of one frame.
+
+    Attributes
+    ----------
+    change
+        Levels less those of the reference and the drift of the lamps, shape (rows, columns, channels).
+    usable, marker
+        Pixels that are neither clipped nor glare nor marker; and those of markers.
+    noise
+        Standard deviation of a pixel in one channel, levels.
+    """
+
+    change: NDArray[np.float64]
+    usable: NDArray[np.bool_]
+    marker: NDArray[np.bool_]
+    noise: float
+
+    @property
+    def glare_fraction(self) -> float:
+        """Fraction of pixels that are clipped or glare."""
+        return float(1.0 - (self.usable | self.marker).mean())
+
+
+def gel_reference(frames: Sequence[Any], sensor: GelSensor, reference: Any | None) -> NDArray[np.float64]:
+    """Levels of the untouched sensor: the reference, or the median of many frames pressed at different places."""
+    require_type("sensor", sensor, GelSensor)
+    if reference is not None:
+        return gel_levels(reference, sensor, what="reference")
+    if len(frames) < FEWEST_WITHOUT_REFERENCE:
+        raise InputError(
+            f"a reference must be given for fewer than {FEWEST_WITHOUT_REFERENCE} frames; got {len(frames)}: save a "
+            "frame of the untouched sensor and give it as reference"
+        )
+    return np.asarray(np.median([gel_levels(frame, sensor) for frame in frames], axis=0))
+
+
+def gel_change(
+    levels: NDArray[np.float64], reference: NDArray[np.float64], sensor: GelSensor, *, what: str = "frame"
+) -> GelChange:
+    """The change of the `gel_levels` of a frame against those of the untouched sensor.
+
+    Raises
+    ------
+    ImageMismatchError
+        When sizes differ, or the reference is of another sensor or another light.
+    """
+    if levels.shape != reference.shape:
+        raise ImageMismatchError(
+            f"reference must have the size of {what}, {levels.shape[1]} x {levels.shape[0]} pixels; got "
+            f"{reference.shape[1]} x {reference.shape[0]}"
+        )
+    change = levels - reference
+    drift = np.median(change, axis=(0, 1))
+    typical = float(np.median(largest_channel(np.abs(change - drift))))
+    if max(typical, float(np.abs(drift).max()) / 2.0) > FOREIGN:
+        raise ImageMismatchError(
+            f"reference must be an untouched frame of the sensor that took {what}, under the same light; got one that "
+            f"differs by {max(typical, float(np.abs(drift).max())):.0f} levels nearly everywhere"
+        )
+    require_pattern(levels, reference, what)
+    change -= drift
+    brightest, lit = (largest_channel(pick(levels, reference)) for pick in (np.maximum, np.minimum))
+    clipped = (brightest >= GLARE) | (lit <= BLACK)
+    marker = np.zeros(clipped.shape, dtype=bool)
+    if sensor.marker_pitch_mm is not None:
+        marker = scipy.ndimage.binary_dilation(marker_pixels(levels, sensor) | marker_pixels(reference, sensor))
+    fine = change - scipy.ndimage.gaussian_filter(change, (1.0, 1.0, 0.0))
+    noise = 1.4826 * float(np.median(np.abs(fine))) / 0.92  # the blur takes a part of the noise along
+    return GelChange(
+        change=change,
+        usable=~(scipy.ndimage.binary_dilation(clipped, iterations=2) | marker),
+        marker=marker,
+        noise=max(noise, 0.29),
+    )
+
+
+def marker_pixels(levels: NDArray[np.float64], sensor: GelSensor) -> NDArray[np.bool_]:
+    """Pixels that are much darker than their surroundings of two pitches."""
+    grey = levels.mean(axis=2)
+    scale = sensor.scale_of(grey.shape[1], grey.shape[0])
+    pitch = 10.0 if scale is None or sensor.marker_pitch_mm is None else sensor.marker_pitch_mm / scale[0]
+    return np.asarray(grey < MARKER_DARK * scipy.ndimage.gaussian_filter(grey, pitch))

@@ -1,0 +1,748 @@
+"""Contacts in frames of a gel sensor: place, size, standard deviations, and a quality with reasons.
+
+The ellipse of a contact, by least squares on the change of a gel sensor's frame.
+
+Inside the contact the gel has the object's shape: for a ball the slope, as a part of the unit normal, is linear in the
+distance from the centre. Coloured lamps code the slope, which falls outside as under Hertz's pressure, faster on a thin
+gel. White light codes the depth, a smooth hill without an edge: its width is that of the contact only through the
+layer's mechanics, so that the gel's thickness and Poisson's ratio stay within the sensor's limits. Which colour a slope
+has nobody knows, so that a polynomial with free coefficients in each channel stands for the lamps (variable projection,
+Golub & Pereyra, Inverse Problems 19, R1, 2003).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cache
+from heapq import heappop, heappush
+from itertools import accumulate
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import scipy
+
+from tsis.compiled import one_blas_thread
+from tsis.errors import InputError
+from tsis.imaging.gel_change import GelChange, gel_change, gel_levels, gel_reference, marker_pixels
+from tsis.imaging.pixels import block_means, gaussian_blur
+from tsis.mechanics.gel.contact import layer_compliance
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import NDArray
+    from scipy.optimize import OptimizeResult
+
+    from tsis.model.gel_sensor import GelSensor
+
+
+WINDOW_SLOPE, WINDOW_DEPTH = 1.5, 2.0  # half width of the fitted window, in contact radii
+DEGREE = 3  # of the polynomial of the lamps
+BLUR = 0.06  # of the contact radius, where the fit of the optics' blur starts
+LIMITS = np.array([0.8, 0.8, 0.6, 0.4, 0.4, 2.5, 1.5])  # of the parameters about their start
+STEEPEST = 0.95  # sine of the slope at the edge of a contact
+SHARPEST = 1.0  # limit of the logarithm of the blur under white light
+FIXED = 1e-6  # limit of a parameter that is known
+FEWEST_PIXELS = 60
+RIDGE = 1e-9
+_GRID = np.linspace(0.0, 6.0, 301)
+_RATIOS = np.geomspace(0.05, 3.0, 18)  # contact radius over thickness
+_POISSON = np.array([0.40, 0.45, 0.475, 0.49, 0.499])
+_WAVES, _LAST_WAVE = 400, 60.0  # wave numbers times the contact's radius
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GelLayer:
+    """What is known of a gel under white light: limits of its thickness in pixels, and of Poisson's ratio."""
+
+    thickness_px: tuple[float, float]
+    poisson: tuple[float, float]
+
+    def scaled(self, times: float) -> GelLayer:
+        """The layer in pixels that are smaller by that factor."""
+        low, high = self.thickness_px
+        return GelLayer(thickness_px=(low * times, high * times), poisson=self.poisson)
+
+
+@cache
+def layer_hills() -> NDArray[np.float64]:
+    """Depth of a bonded layer under a paraboloid over `_GRID`, 1 at the middle; shape (ratios, Poisson's, places).
+
+    The pressure is a sum of ``(1 - rho²)^(m - 1/2)``, m = 1, 2, 3, collocated inside the contact (Johnson, Contact
+    Mechanics, 5.8); the modulus cancels.
+    """
+    node, weight = np.polynomial.legendre.leggauss(_WAVES)
+    wave, weight = _LAST_WAVE * (node + 1.0) / 2.0, _LAST_WAVE * weight / 2.0
+    power = np.arange(3) + 0.5
+    transform = (
+        2.0**power
+        * scipy.special.gamma(power + 1.0)
+        * scipy.special.jv(power + 1.0, wave[:, None])
+        / wave[:, None] ** power
+    )
+    bessel, touched = scipy.special.j0(np.outer(_GRID, wave)), np.linspace(0.0, 0.97, 16)
+    within, inside = scipy.special.j0(np.outer(touched, wave)), _GRID <= 1.0
+    result = np.empty((_RATIOS.size, _POISSON.size, _GRID.size))
+    for row, ratio in enumerate(_RATIOS):
+        for column, poisson in enumerate(_POISSON):
+            layer = layer_compliance(wave, young_kpa=1.0, poisson=float(poisson), thickness_mm=float(1.0 / ratio))
+            spectrum = (weight * layer.normal)[:, None] * transform
+            system = np.column_stack([within @ spectrum, -np.ones(touched.size)])
+            *pressure, depth = np.linalg.lstsq(system, -(touched**2) / 2.0, rcond=1e-10)[0]
+            hill = bessel @ spectrum @ np.asarray(pressure)
+            hill[inside] = depth - _GRID[inside] ** 2 / 2.0
+            result[row, column] = hill / depth
+    return result
+
+
+def layer_hill(ratio: float, poisson: float) -> NDArray[np.float64]:
+    """`layer_hills` between its nodes."""
+    row = float(np.interp(np.log(ratio), np.log(_RATIOS), np.arange(_RATIOS.size)))
+    column = float(np.interp(poisson, _POISSON, np.arange(_POISSON.size)))
+    i, j = min(int(row), _RATIOS.size - 2), min(int(column), _POISSON.size - 2)
+    part = layer_hills()[i : i + 2, j : j + 2]
+    return np.asarray(np.einsum("i,j,ijk->k", (i + 1 - row, row - i), (j + 1 - column, column - j), part))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ContactFit:
+    """An ellipse with its uncertainty, lengths in pixels.
+
+    Attributes
+    ----------
+    centre, semi_axes, angle_deg
+        Centre (x, y), long and short semi-axis, angle of the long one from x towards y.
+    centre_sd, radius_sd
+        Standard deviations of the fit alone; the radius is the geometric mean of the axes.
+    explained
+        Fraction of the change in the window that the fit explains.
+    amplitude
+        Root mean square of the fitted change inside the contact, grey levels.
+    patch_variance
+        Mean square residual times the pixels that err together, square grey levels.
+    """
+
+    centre: tuple[float, float]
+    semi_axes: tuple[float, float]
+    angle_deg: float
+    centre_sd: tuple[float, float]
+    radius_sd: float
+    explained: float
+    amplitude: float
+    patch_variance: float
+
+    @property
+    def radius(self) -> float:
+        """Radius of the circle of the same area."""
+        return float(np.sqrt(self.semi_axes[0] * self.semi_axes[1]))
+
+
+def outer_slope(rho: NDArray[np.float64], length: float, steepness: float = 0.0) -> NDArray[np.float64]:
+    """Sine of the face's slope over the distance in contact radii, 1 at the edge.
+
+    Outside, the tangent is Hertz's with a faster decay; ``steepness`` is the sine at the edge, 0 for a shallow press.
+    """
+    outside = np.maximum(rho, 1.0)
+    inverse = 1.0 / outside
+    hertz = (2.0 / np.pi) * outside * (np.arcsin(inverse) - inverse * np.sqrt(np.maximum(1.0 - inverse**2, 0.0)))
+    tangent = hertz * np.exp(-(outside - 1.0) / length)
+    sine = tangent / np.sqrt(1.0 + steepness**2 * (tangent**2 - 1.0))
+    return np.where(rho < 1.0, rho, sine)
+
+
+class _Window:
+    """The change about a place and the weight of each pixel; residuals of ellipses in units of the start's radius."""
+
+    def __init__(
+        self,
+        change: NDArray[np.float64],
+        weight: NDArray[np.float64],
+        centre: tuple[float, float],
+        radius: float,
+        gel: GelLayer | None,
+    ) -> None:
+        slope = gel is None
+        half = (WINDOW_SLOPE if slope else WINDOW_DEPTH) * radius + 2.0
+        rows, columns = weight.shape
+        left, top = max(int(centre[0] - half), 0), max(int(centre[1] - half), 0)
+        part = np.s_[top : min(int(centre[1] + half) + 2, rows), left : min(int(centre[0] + half) + 2, columns)]
+        self.radius, self.gel = radius, gel
+        self.weight = np.sqrt(weight[part])
+        shape = self.weight.shape
+        y, x = np.mgrid[: shape[0], : shape[1]].astype(float)
+        self.x, self.y = (x + (left - centre[0])) / radius, (y + (top - centre[1])) / radius
+        self.data = (change[part] * self.weight[..., None]).reshape(-1, change.shape[2])
+        used = self.weight.ravel() > 0
+        self.pixels = int(np.count_nonzero(used))
+        self.energy = float(np.square(self.data[used] - self.data[used].mean(axis=0)).sum()) if self.pixels else 0.0
+
+    def shapes(self, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Columns that explain the change for an ellipse, weighted."""
+        u, v, rho = self.reduced(parameters)
+        blur = float(BLUR * self.radius * np.exp(parameters[6]))
+        if self.gel is None:
+            along = outer_slope(rho, float(np.exp(parameters[5])), float(parameters[7])) / np.maximum(rho, 1e-9)
+            first, second = (gaussian_blur(along * part, (blur, blur), mode="nearest") for part in (u, v))
+            one = np.ones_like(rho)  # products are faster than powers
+            across, down = ([one, *accumulate([part] * DEGREE, np.multiply)] for part in (first, second))
+            shapes = [across[i] * down[j] for i in range(DEGREE + 1) for j in range(DEGREE + 1 - i) if (i, j) != (0, 0)]
+            # Near lamps light the two sides of a contact differently.
+            shapes += [part * place for part in (first, second) for place in (self.x, self.y)]
+        else:
+            ratio = self.radius * float(np.exp(parameters[2] - parameters[5]))
+            hill = layer_hill(ratio, float(parameters[7]))
+            depth = gaussian_blur(np.interp(rho, _GRID, hill), (blur, blur), mode="nearest")
+            # The last shape is the ring of light around a press of a translucent gel, flat at the edge of the contact.
+            beyond = np.maximum(rho - 1.0, 0.0)
+            shapes = [depth, depth**2, beyond**2 * np.exp(-beyond / 0.25)]
+        columns = np.stack([*shapes, np.ones_like(rho), self.x, self.y], axis=-1) * self.weight[..., None]
+        return np.asarray(columns.reshape(self.weight.size, -1))
+
+    def reduced(self, parameters: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+        """Components (u, v) of the distance from the centre in units of the ellipse, and its size."""
+        x, y, size = self.x - parameters[0], self.y - parameters[1], float(np.exp(parameters[2]))
+        # The log aspect as a symmetric matrix without trace has no singular direction at the circle.
+        half = float(np.hypot(parameters[3], parameters[4]))
+        turn = np.sinh(half) / half if half > 1e-12 else 1.0
+        a, b, c = np.cosh(half) - turn * parameters[3], -turn * parameters[4], np.cosh(half) + turn * parameters[3]
+        u, v = (a * x + b * y) / size, (b * x + c * y) / size
+        return u, v, np.hypot(u, v)
+
+    def fitted(self, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The change as the best weights of the shapes explain it."""
+        shapes = self.shapes(parameters)
+        normal = shapes.T @ shapes
+        normal[np.diag_indices_from(normal)] += RIDGE * np.trace(normal)
+        return np.asarray(shapes @ np.linalg.solve(normal, shapes.T @ self.data))
+
+    def residual(self, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
+        """What is left of the change."""
+        return np.asarray((self.data - self.fitted(parameters)).ravel())
+
+    def start(self, factor: float) -> NDArray[np.float64]:
+        """Parameters of a circle of a radius relative to the window's."""
+        if self.gel is None:
+            return np.array([0.0, 0.0, np.log(factor), 0.0, 0.0, 0.0, 0.0, STEEPEST / 2])
+        thickness, poisson = np.mean(np.log(self.gel.thickness_px)), np.mean(self.gel.poisson)
+        return np.array([0.0, 0.0, np.log(factor), 0.0, 0.0, thickness, 0.0, poisson])
+
+    def limits(self, *, ellipse: bool) -> NDArray[np.float64]:
+        """Largest distances of the parameters from their start."""
+        limits = LIMITS.copy()
+        if not ellipse:
+            limits[3:5] = FIXED
+        if self.gel is None:
+            return np.append(limits, STEEPEST / 2)
+        limits[6] = SHARPEST
+        limits[5] = max(float(np.ptp(np.log(self.gel.thickness_px))) / 2.0, FIXED)
+        return np.append(limits, max(float(np.ptp(self.gel.poisson)) / 2.0, FIXED))
+
+
+def fit_contact(
+    change: NDArray[np.float64],
+    weight: NDArray[np.float64],
+    centre: tuple[float, float],
+    radius: float,
+    *,
+    gel: GelLayer | None = None,
+    starts: tuple[float, ...] = (1.0,),
+    ellipse: bool = False,
+) -> ContactFit | None:
+    """Fit a contact near a place, as a circle or an ellipse.
+
+    Parameters
+    ----------
+    change
+        Change against the reference, shape (rows, columns, channels).
+    weight
+        Weight of each pixel, 0 for one that must not count, shape (rows, columns).
+    centre, radius
+        Where to start, pixels.
+    gel
+        The layer where the change follows the depth (white light); None where it follows the slope (coloured lamps).
+    starts
+        Radii from which to start, relative to ``radius``; the fit that leaves least of the same window is taken.
+    ellipse
+        Whether the axes may differ.
+
+    Returns
+    -------
+    ContactFit or None
+        None where too few pixels can be used.
+    """
+    # One window for all starts: a small window lies inside the contact, where any radius explains the change.
+    window = _Window(change, weight, centre, max(starts) * radius, gel)
+    if window.pixels < FEWEST_PIXELS or window.energy <= 0.0:
+        return None
+    solutions = [_solved(window, factor / max(starts), ellipse=ellipse) for factor in starts]
+    fits = [_result(window, solution, centre, window.limits(ellipse=ellipse)) for solution in solutions]
+    return joined_fits(fits, [float(solution.cost) for solution in solutions])
+
+
+def _solved(window: _Window, factor: float, *, ellipse: bool) -> OptimizeResult:
+    start, limits = window.start(factor), window.limits(ellipse=ellipse)
+    free = limits > FIXED
+
+    def whole(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        result = start.copy()
+        result[free] = values
+        return result
+
+    def left(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        return window.residual(whole(values))
+
+    found = scipy.optimize.least_squares(
+        left,
+        start[free],
+        bounds=((start - limits)[free], (start + limits)[free]),
+        x_scale=0.1,
+        diff_step=np.full(np.count_nonzero(free), 1e-3),
+        xtol=1e-4,
+        ftol=1e-5,
+        max_nfev=25,
+    )
+    jacobian = np.zeros((found.fun.size, start.size))
+    jacobian[:, free] = np.asarray(found.jac)
+    found.x, found.jac = whole(found.x), jacobian
+    return found
+
+
+def joined_fits(fits: list[ContactFit], costs: list[float]) -> ContactFit:
+    """The best fit; its radius is as uncertain as the radii of the other minima, weighted by their evidence."""
+    best = int(np.argmin(costs))
+    variance, radii = fits[best].patch_variance, np.array([fit.radius for fit in fits])
+    if variance <= 0.0:
+        return fits[best]
+    weight = np.exp(-np.minimum((np.array(costs) - costs[best]) / variance, 500.0))
+    spread = float((weight * (radii - radii[best]) ** 2).sum() / weight.sum())
+    return replace(fits[best], radius_sd=float(np.sqrt(fits[best].radius_sd ** 2 + spread)))
+
+
+def _result(
+    window: _Window, solution: OptimizeResult, start: tuple[float, float], limits: NDArray[np.float64]
+) -> ContactFit:
+    x, jacobian, residual = solution.x, solution.jac, solution.fun
+    left = residual.reshape(*window.weight.shape, -1)
+    variance = float(np.square(residual).sum()) / max(window.pixels * left.shape[-1], 1)
+    # Residuals of the model's own errors are correlated: they count by their patches, not by their pixels.
+    variance *= _correlated_pixels(left)
+    # The limits count as priors, so that a parameter that the frame does not tell widens the radius by them alone.
+    prior = 3.0 * variance / np.square(limits)
+    variances = np.diag(np.linalg.inv(jacobian.T @ jacobian + np.diag(prior))) * variance
+    half, radius = float(np.hypot(x[3], x[4])), window.radius * float(np.exp(x[2]))
+    inside = (window.reduced(x)[2] < 1.0).ravel() & (window.weight.ravel() > 0)
+    fitted = window.fitted(x)
+    part = fitted[inside] - fitted[~inside].mean(axis=0) if inside.any() and not inside.all() else np.zeros((1, 1))
+    return ContactFit(
+        centre=(start[0] + float(x[0]) * window.radius, start[1] + float(x[1]) * window.radius),
+        semi_axes=(radius * float(np.exp(half)), radius * float(np.exp(-half))),
+        angle_deg=float(0.5 * np.degrees(np.arctan2(x[4], x[3]))) if half > 1e-5 else 0.0,
+        centre_sd=(window.radius * float(np.sqrt(variances[0])), window.radius * float(np.sqrt(variances[1]))),
+        radius_sd=radius * float(np.sqrt(variances[2])),
+        explained=1.0 - float(np.square(residual).sum()) / window.energy,
+        amplitude=float(np.sqrt(np.square(part).sum(axis=1).mean())),
+        patch_variance=variance,
+    )
+
+
+def _correlated_pixels(residual: NDArray[np.float64]) -> float:
+    """Pixels that err together, from the correlation of neighbours along both axes."""
+    total = float(np.square(residual).sum())
+    if total <= 0.0:
+        return 1.0
+    across = float((residual[:, 1:] * residual[:, :-1]).sum()) / total
+    down = float((residual[1:] * residual[:-1]).sum()) / total
+    lags = [min(max(lag, 0.0), 0.95) for lag in (across, down)]
+    return float(np.prod([(1.0 + lag) / (1.0 - lag) for lag in lags]))
+
+
+def rescaled_point(point: tuple[float, float], step: int, new: int) -> tuple[float, float]:
+    """A point in pixels of another step."""
+    x, y = ((part + 0.5) * step / new - 0.5 for part in point)
+    return x, y
+
+
+def rescaled_fit(fit: ContactFit, step: int, new: int) -> ContactFit:
+    """The fit in pixels of another step."""
+    times = step / new
+    return replace(
+        fit,
+        centre=rescaled_point(fit.centre, step, new),
+        semi_axes=(fit.semi_axes[0] * times, fit.semi_axes[1] * times),
+        centre_sd=(fit.centre_sd[0] * times, fit.centre_sd[1] * times),
+        radius_sd=fit.radius_sd * times,
+    )
+
+
+SEARCH_COLUMNS = 160  # a search does not need more
+FITTED_RADIUS_PX = 15.0  # larger contacts are fitted on block means
+STARTS, AGAIN = (0.65, 0.85, 1.1), (0.6, 0.8, 1.0, 1.25)  # radii of a first and a second fit, relative
+PEAK_NOISE = 8.0  # times the noise of the smoothed change
+LEAST_CHANGE = 3.0  # levels
+CENTRE_MODEL_SD = 0.03  # of the radius: what the fit's model misses
+RADIUS_MODEL_SD = {"rgb": 0.006, "white": 0.01}  # of the radius, by rendered frames (seed 501)
+LEAST_QUALITY, REFUSED_QUALITY = 0.5, 0.45  # of a good contact; of one with a reason against it, at most
+MOVED = 0.1  # of the radius, between frames of a sequence
+REASONS = {
+    "no contact": "nothing changed against the reference: press harder, or check the reference",
+    "poor fit": "no ellipse explains the change: press with a smoother part of the object",
+    "glare": "clipped pixels cover the contact: lower the exposure, or press elsewhere",
+    "cut by the border": "a part of the contact is outside the frame: press nearer to the middle",
+    "several contacts": "another contact is as strong: press with one",
+    "moving": "the contact moved since the frame before: hold still, or take a later frame",
+    "marker pattern": "markers cover much of the contact: press deeper, or use a gel without markers",
+    "uncertain": "the radius is not known within 15 %: press deeper, or reduce noise",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GelContact:
+    """The contact in one frame.
+
+    Lengths in mm are None where the sensor's scale is not known; all numbers are NaN where there is no contact.
+
+    Attributes
+    ----------
+    name
+        The frame's name.
+    centre_px, centre_sd_px
+        Centre (x, y), and its standard deviations.
+    radius_px, radius_sd_px
+        Radius of the circle of the same area.
+    semi_axes_px, angle_deg
+        Long and short semi-axis, equal for a circle, and the angle of the long one from x towards y.
+    centre_mm, centre_sd_mm
+        Centre on the face from the middle of the frame, without the lens's distortion.
+    radius_mm, radius_sd_mm, area_mm2, area_sd_mm2
+        Size on the face; the standard deviations include that of the scale.
+    scale_sd
+        Relative standard deviation of the scale in them, which all contacts of the sensor share.
+    explained
+        Fraction of the change that the fit explains.
+    quality
+        From 0 to 1.
+    good
+        Whether the quality is at least one half and no reason stands against it.
+    reasons
+        Names of what is wrong; `REASONS` has a sentence for each.
+    """
+
+    name: str
+    centre_px: tuple[float, float]
+    centre_sd_px: tuple[float, float]
+    radius_px: float
+    radius_sd_px: float
+    semi_axes_px: tuple[float, float]
+    angle_deg: float
+    centre_mm: tuple[float, float] | None
+    centre_sd_mm: tuple[float, float] | None
+    radius_mm: float | None
+    radius_sd_mm: float | None
+    area_mm2: float | None
+    area_sd_mm2: float | None
+    scale_sd: float | None
+    explained: float
+    quality: float
+    good: bool
+    reasons: tuple[str, ...]
+
+
+def contacts(
+    frames: Sequence[Any],
+    *,
+    sensor: GelSensor,
+    reference: Any | None = None,
+    names: Sequence[str] | None = None,
+    sequence: bool = False,
+    progress: Callable[[int, int], None] | None = None,
+) -> tuple[GelContact, ...]:
+    """Find the contact in each frame of a gel sensor.
+
+    Parameters
+    ----------
+    frames
+        Frames as `gel_levels` takes them: colour arrays of 8 or 16 bits, or grey ones of a white-light sensor.
+    sensor
+        The sensor that took them.
+    reference
+        A frame of the untouched sensor; None takes the median of at least eight frames pressed at different places.
+    names
+        Names of the frames; ``frame 1`` and so on when None.
+    sequence
+        Whether the frames are of one press in the order of time: then a contact that moves is no good one.
+    progress
+        Called with the number of finished frames and of all.
+
+    Raises
+    ------
+    InputError
+        When a frame is no picture, is black, has no colour under coloured lamps, or a reference is missing.
+    ImageMismatchError
+        When a frame or the reference does not belong to the sensor.
+    """
+    frames = list(frames)
+    if not frames:
+        raise InputError("frames must hold at least one frame; got none")
+    labels = [f"frame {number}" for number in range(1, len(frames) + 1)] if names is None else list(names)
+    untouched = gel_reference(frames, sensor, reference)
+    result: list[GelContact] = []
+    for number, (frame, name) in enumerate(zip(frames, labels, strict=True)):
+        change = gel_change(gel_levels(frame, sensor, what=name), untouched, sensor, what=name)
+        contact = find_gel_contact(change, sensor, name=name)
+        if sequence and result and _moved(result[-1], contact):
+            quality = min(contact.quality, REFUSED_QUALITY)
+            contact = replace(contact, good=False, quality=quality, reasons=(*contact.reasons, "moving"))
+        result.append(contact)
+        if progress is not None:
+            progress(number + 1, len(frames))
+    return tuple(result)
+
+
+def _moved(before: GelContact, now: GelContact) -> bool:
+    if "no contact" in before.reasons + now.reasons:
+        return False
+    return bool(np.hypot(*np.subtract(before.centre_px, now.centre_px)) > MOVED * now.radius_px)
+
+
+def find_gel_contact(change: GelChange, sensor: GelSensor, *, name: str = "frame") -> GelContact:
+    """Find the contact in the change of one frame; what `contacts` does for each."""
+    with one_blas_thread():  # the systems are small: a second thread costs ten times what it saves
+        return _find(change, sensor, name)
+
+
+def _find(change: GelChange, sensor: GelSensor, name: str) -> GelContact:
+    rows, columns = change.usable.shape
+    step = max(1, round(columns / SEARCH_COLUMNS))
+    coarse, usable = _reduced(change, step)
+    place = _search(coarse, usable, max(change.noise / step, 0.3))
+    if place is None:
+        return _none(name)
+    centre, radius, others = place
+    gel = _layer(sensor, columns, rows)
+    layer = None if gel is None else gel.scaled(1.0 / step)
+    fit = fit_contact(coarse, usable.astype(float), centre, radius, gel=layer, starts=STARTS)
+    if fit is None:
+        return _none(name)
+    fine = max(1, int(fit.radius * step / FITTED_RADIUS_PX))
+    if fine != step:
+        coarse, usable = _reduced(change, fine)
+        fit, layer = rescaled_fit(fit, step, fine), None if gel is None else gel.scaled(1.0 / fine)
+    starts = (1.0,) if gel is None else AGAIN
+    fit = fit_contact(coarse, usable.astype(float), fit.centre, fit.radius, gel=layer, starts=starts) or fit
+    oval = fit_contact(coarse, usable.astype(float), fit.centre, fit.radius, gel=layer, ellipse=True)
+    if oval is not None and _is_oval(fit, oval):
+        fit = oval
+    fit = rescaled_fit(fit, fine, 1)
+    reasons = _reasons(change, fit, others=[rescaled_point(other, step, 1) for other in others])
+    return _contact(name, fit, reasons, sensor, columns, rows, change)
+
+
+def _layer(sensor: GelSensor, columns: int, rows: int) -> GelLayer | None:
+    """The gel in pixels of the frame under white light; None under coloured lamps."""
+    if sensor.light == "rgb":
+        return None
+    scale, (low, high) = sensor.scale_of(columns, rows), sensor.thickness_mm.limits
+    side = None if scale is None else float(np.sqrt(scale[0] * scale[1]))
+    thickness = (0.1 * columns, 2.0 * columns) if side is None else (low / side, high / side)
+    return GelLayer(thickness_px=thickness, poisson=sensor.poisson.limits)
+
+
+def _reduced(change: GelChange, step: int) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Block means of the change, and the blocks whose pixels all count."""
+    if step == 1:
+        return change.change, change.usable
+    rows, columns = (size // step for size in change.usable.shape)
+    part = np.s_[: rows * step, : columns * step]
+    blocks = [block_means(channel, (rows, columns)) for channel in np.moveaxis(change.change[part], 2, 0)]
+    return np.stack(blocks, axis=-1), block_means(change.usable[part], (rows, columns)) > 0.99
+
+
+def _search(
+    change: NDArray[np.float64], usable: NDArray[np.bool_], noise: float
+) -> tuple[tuple[float, float], float, list[tuple[float, float]]] | None:
+    """Centre and radius of the strongest patch, and centres of others as strong; None without one."""
+    weight = np.maximum(scipy.ndimage.gaussian_filter(usable.astype(float), 2.0), 0.05)
+    smooth = scipy.ndimage.gaussian_filter(change * usable[..., None], (2.0, 2.0, 0.0)) / weight[..., None]
+    strength = np.sqrt(np.square(smooth).sum(axis=2)) * usable
+    energy = np.sqrt(scipy.ndimage.gaussian_filter(strength**2, 4.0))
+    top = np.unravel_index(int(energy.argmax()), energy.shape)
+    background = float(np.median(strength))
+    if energy[top] < max(PEAK_NOISE * noise / 7.0, LEAST_CHANGE, 2.0 * background):
+        return None
+    near = strength[max(top[0] - 12, 0) : top[0] + 13, max(top[1] - 12, 0) : top[1] + 13]
+    mask = strength > max(0.4 * float(np.quantile(near, 0.95)), 1.5 * background)
+    labels, count = scipy.ndimage.label(scipy.ndimage.binary_closing(mask, iterations=2) | mask)
+    if count == 0:
+        return None
+    totals = scipy.ndimage.sum_labels(strength, labels, np.arange(1, count + 1))
+    areas = scipy.ndimage.sum_labels(labels > 0, labels, np.arange(1, count + 1))
+    main = int(np.argmax(totals))
+    y, x = np.nonzero(labels == main + 1)
+    others = [
+        (float(place[1]), float(place[0]))
+        for index, place in enumerate(
+            np.atleast_2d(scipy.ndimage.center_of_mass(strength + 1e-9, labels, np.arange(1, count + 1)))
+        )
+        if index != main and totals[index] > 0.25 * totals[main] and areas[index] > 20
+    ]
+    return (float(x.mean()), float(y.mean())), max(float(np.sqrt(x.size / np.pi)), 3.0), others
+
+
+def _is_oval(circle: ContactFit, oval: ContactFit) -> bool:
+    """Whether unequal axes explain clearly more, with a clear difference of the axes."""
+    aspect = oval.semi_axes[0] / oval.semi_axes[1]
+    left = max(1.0 - circle.explained, 1e-9)
+    return aspect > 1.1 and oval.explained > circle.explained + 0.15 * left
+
+
+def _reasons(change: GelChange, fit: ContactFit, *, others: list[tuple[float, float]]) -> list[str]:
+    rows, columns = change.usable.shape
+    angle, (long, short), turn = np.linspace(0.0, 2.0 * np.pi, 72, endpoint=False), fit.semi_axes, fit.angle_deg
+    along = np.array([np.cos(np.radians(turn)), np.sin(np.radians(turn))])
+    across = np.array([-along[1], along[0]])
+    edge = np.asarray(fit.centre) + np.outer(long * np.cos(angle), along) + np.outer(short * np.sin(angle), across)
+    on_image = ((edge >= 0) & (edge <= (columns - 1, rows - 1))).all(axis=1)
+    y, x = np.mgrid[:rows, :columns]
+    place = np.stack([x, y], axis=-1) - np.asarray(fit.centre)
+    inside = np.hypot(place @ along / long, place @ across / short) <= 1.15
+    total = max(int(np.count_nonzero(inside)), 1)
+    reasons = []
+    if fit.explained < 0.6:
+        reasons.append("poor fit")
+    if fit.amplitude < max(3.0 * change.noise / np.sqrt(total / 10.0), 2.0):
+        reasons.append("no contact")
+    if on_image.mean() < 0.9:
+        reasons.append("cut by the border")
+    if np.count_nonzero(inside & change.marker) > 0.5 * total:
+        reasons.append("marker pattern")
+    if np.count_nonzero(inside & ~change.usable & ~change.marker) > 0.35 * total:
+        reasons.append("glare")
+    if any(np.hypot(*np.subtract(other, fit.centre)) > 1.5 * fit.radius for other in others):
+        reasons.append("several contacts")
+    if fit.radius_sd > 0.15 * fit.radius:
+        reasons.append("uncertain")
+    return reasons
+
+
+def _contact(
+    name: str, fit: ContactFit, reasons: list[str], sensor: GelSensor, columns: int, rows: int, change: GelChange
+) -> GelContact:
+    radius, scale = fit.radius, sensor.scale_of(columns, rows)
+    centre_sd = tuple(float(np.hypot(part, CENTRE_MODEL_SD * radius)) for part in fit.centre_sd)
+    radius_sd = float(np.hypot(fit.radius_sd, RADIUS_MODEL_SD[sensor.light] * radius))
+    good_fit = float(np.clip((fit.explained - 0.5) / 0.4, 0.0, 1.0))
+    quality = good_fit * float(np.clip(1.5 - radius_sd / radius / 0.1, 0.0, 1.0))
+    reason = "poor fit" if good_fit < LEAST_QUALITY else "uncertain"
+    in_mm: dict[str, Any] = dict.fromkeys(
+        ("centre_mm", "centre_sd_mm", "radius_mm", "radius_sd_mm", "area_mm2", "area_sd_mm2", "scale_sd")
+    )
+    if scale is not None:
+        side = float(np.sqrt(scale[0] * scale[1]))
+        relative = float(np.hypot(radius_sd / radius, sensor.scale_uncertainty))
+        x, y = sensor.face_mm([fit.centre], columns, rows)[0]
+        area = float(np.pi * fit.semi_axes[0] * fit.semi_axes[1] * side**2)
+        in_mm = {
+            "centre_mm": (float(x), float(y)),
+            "centre_sd_mm": (centre_sd[0] * scale[0], centre_sd[1] * scale[1]),
+            "radius_mm": radius * side,
+            "radius_sd_mm": radius * side * relative,
+            "area_mm2": area,
+            "area_sd_mm2": 2.0 * area * relative,
+            "scale_sd": sensor.scale_uncertainty,
+        }
+    return GelContact(
+        name=name,
+        centre_px=fit.centre,
+        centre_sd_px=(centre_sd[0], centre_sd[1]),
+        radius_px=radius,
+        radius_sd_px=radius_sd,
+        semi_axes_px=fit.semi_axes,
+        angle_deg=fit.angle_deg,
+        explained=fit.explained,
+        quality=quality if not reasons else min(quality, REFUSED_QUALITY),
+        good=not reasons and quality >= LEAST_QUALITY,
+        reasons=tuple(reasons) if reasons or quality >= LEAST_QUALITY else (reason,),
+        **in_mm,
+    )
+
+
+def _none(name: str) -> GelContact:
+    nan, pair = float("nan"), (float("nan"), float("nan"))
+    return GelContact(
+        name=name, centre_px=pair, centre_sd_px=pair, radius_px=nan, radius_sd_px=nan, semi_axes_px=pair, angle_deg=nan,
+        centre_mm=None, centre_sd_mm=None, radius_mm=None, radius_sd_mm=None, area_mm2=None, area_sd_mm2=None,
+        scale_sd=None, explained=0.0, quality=0.0, good=False, reasons=("no contact",),
+    )  # fmt: skip
+
+
+LARGEST_SHIFT = 0.45  # of the markers' pitch, from the movement of the neighbours: beyond it another may be meant
+NEIGHBOURS = 1.6  # pitches
+FEWEST_MARKER_PX, MOST_MARKER = 4, 0.5  # pixels of a marker, and its size over the pitch
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MarkerShift:
+    """Markers of a gel: their places on the untouched face and how far they moved along it, shape (n, 2), mm."""
+
+    points_mm: NDArray[np.float64]
+    shift_mm: NDArray[np.float64]
+
+
+def marker_shift(frame: Any, reference: Any, sensor: GelSensor) -> MarkerShift:
+    """How far the markers of a gel moved against the untouched sensor.
+
+    Dark dots of both frames are paired from where nothing moved inwards, each near the movement of its neighbours.
+
+    Raises
+    ------
+    InputError
+        When the sensor's file has no marker_pitch_mm or no scale, or no marker is found.
+    """
+    if sensor.marker_pitch_mm is None:
+        raise InputError(f"{sensor.name} has no markers; put marker_pitch_mm into its file if the gel has them")
+    now, before = (gel_levels(part, sensor, what=what) for part, what in ((frame, "frame"), (reference, "reference")))
+    rows, columns = before.shape[:2]
+    points, moved = (sensor.face_mm(_marker_places(part, sensor), columns, rows) for part in (before, now))
+    partner = _partners(points, moved, sensor.marker_pitch_mm)
+    pair = partner >= 0
+    return MarkerShift(points_mm=points[pair], shift_mm=moved[partner[pair]] - points[pair])
+
+
+def _partners(points: NDArray[np.float64], moved: NDArray[np.float64], pitch: float) -> NDArray[np.intp]:
+    """Index in ``moved`` of each marker, -1 for none: from where nothing moved to its neighbours, the surest first.
+
+    A marker lies near the mean movement of its neighbours, however far that is; the nearest may be another marker.
+    """
+    gaps = np.hypot(*(points[:, None] - moved[None]).transpose(2, 0, 1))
+    near = np.hypot(*(points[:, None] - points[None]).transpose(2, 0, 1)) < NEIGHBOURS * pitch
+    partner, free = np.full(len(points), -1), np.ones(len(moved), dtype=bool)
+    still = int(np.argmin([np.median(gaps[around].min(axis=1)) for around in near]))
+    queue = [(float(gaps[still].min()), still, int(gaps[still].argmin()))]
+    while queue:
+        _, marker, other = heappop(queue)
+        if partner[marker] >= 0 or not free[other]:
+            continue
+        partner[marker], free[other] = other, False
+        for following in np.flatnonzero(near[marker] & (partner < 0)):
+            done = near[following] & (partner >= 0)
+            expected = points[following] + (moved[partner[done]] - points[done]).mean(axis=0)
+            off = np.hypot(*(moved - expected).T)
+            if off.min() < LARGEST_SHIFT * pitch:
+                heappush(queue, (float(off.min()), int(following), int(off.argmin())))
+    return partner
+
+
+def _marker_places(levels: NDArray[np.float64], sensor: GelSensor) -> NDArray[np.float64]:
+    """Centres (x, y) of the markers in pixels, weighted by their darkness."""
+    rows, columns = levels.shape[:2]
+    scale = sensor.scale_of(columns, rows)
+    pitch = 0.0 if scale is None or sensor.marker_pitch_mm is None else sensor.marker_pitch_mm / scale[0]
+    grey = levels.mean(axis=2)
+    dark = np.maximum(scipy.ndimage.gaussian_filter(grey, max(pitch, 1.0)) - grey, 0.0)
+    labels, count = scipy.ndimage.label(marker_pixels(levels, sensor))
+    numbers = np.arange(1, count + 1)
+    areas = scipy.ndimage.sum_labels(labels > 0, labels, numbers)
+    sized = numbers[(areas >= FEWEST_MARKER_PX) & (areas < (MOST_MARKER * max(pitch, 4.0)) ** 2 * np.pi)]
+    if sized.size == 0:
+        raise InputError(f"a frame of {sensor.name} must show markers every {sensor.marker_pitch_mm} mm; got none")
+    return np.asarray(scipy.ndimage.center_of_mass(dark, labels, sized))[:, ::-1]

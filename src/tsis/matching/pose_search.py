@@ -1,0 +1,401 @@
+"""Maps of the source on the target from many rotations, with the evidence of each.
+
+Affine maps are annealed from a grid of rotations, plain and between the whitened sets; the likeliest different ones are
+annealed with a smooth field. Pieces of the target's curves are laid on each place of the source's outline. Then pairs
+and map alternate, first soft, then one to one, and outlines slide along each other by whole points: slid maps explain
+nearly as much as the right one, and only their evidence tells them apart.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from dataclasses import field as dataclass_field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.compiled import fused
+from tsis.matching import outline as outlines
+from tsis.matching import refinement
+from tsis.matching.annealing import AFFINE_SD, START, Cooling, anneal, annealed_map, balanced_pairs, field_design
+from tsis.matching.methods import UNMATCHED, spacing
+from tsis.matching.outline import chains, laid_pieces, main_curve, outline_alignments, slid, successors
+from tsis.matching.pose_evidence import SIGMAS, PoseEvidence, SmoothField, hard_evidence, soft_evidence
+from tsis.matching.relaxation import poses
+from tsis.matching.spline import spline_basis, spread_indices
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from tsis.matching.methods import Floats, Integers
+
+
+COARSE, FINE = (60, 90), (120, 300)  # largest samples of source and target
+COARSE_SIGMAS = np.geomspace(0.4, 0.12, 8)  # in root-mean-square radii
+FIRST_SIGMA, MIDDLE_SIGMA, LAST_SIGMA, FINE_STEPS = 0.3, 0.12, 0.5, 14  # the last in spacings
+WIDE_SIGMAS = np.geomspace(0.9, 0.33, 8)
+DIFFERENT = 0.1  # root-mean-square distance of two starts
+ANNEALED, FOLLOWED, PROPOSED = 10, 6, 3  # starts annealed with a field, of them to the end, and poses beside them
+SOFT_ROUNDS, BALANCINGS = 4, 10
+GATES = (1.5, 1.2, 0.9, 0.7, 0.5, 0.4, 0.3, 0.3, 0.5, 0.5, 0.5, 0.5)  # largest distance of a pair, in spacings
+LEAST_VARIANCE = 2 * SIGMAS[1] ** 2  # of a pair's distance
+REJECTED = 9.0  # medians of the squared distance beyond which a pair is dropped
+SLIDES, MOST_SLIDES = (-2, -1, 1, 2), 6
+BEHIND = 1.5  # log evidence per point that a map may lie behind the best and still be refined
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PoseSearch:
+    """What the steps of a search share; sets are normalised."""
+
+    field: SmoothField
+    target: Floats
+    step: float  # distance of neighbours
+    following: Integers  # next point of the source along its curve, shape (n,)
+    ahead: Integers  # that of the target, shape (m,)
+    curves: list[tuple[Integers, bool]]  # indices along each curve of the source, and whether it is closed
+    outline: tuple[Integers, bool]  # the main one
+    led: dict[PoseEvidence, PoseEvidence] = dataclass_field(default_factory=dict)  # where `_followed` led before
+
+    @property
+    def source(self) -> Floats:
+        """The source's points, shape (n, d)."""
+        return self.field.points
+
+    @classmethod
+    def of(cls, source: Floats, target: Floats) -> PoseSearch:
+        """Between normalised points, shapes (n, d) and (m, d)."""
+        following = successors(source)
+        curves = chains(following)
+        return cls(
+            field=SmoothField.of(source),
+            target=np.ascontiguousarray(target),
+            step=max(spacing(source), spacing(target)),
+            following=following,
+            ahead=successors(target),
+            curves=curves,
+            outline=main_curve(source, curves),
+        )
+
+
+def search_poses(search: PoseSearch, *, rng: np.random.Generator) -> list[PoseEvidence]:
+    """Maps by falling evidence; slid neighbours are among them."""
+    aligned = sorted(_aligned_maps(search), key=lambda item: -item.log)
+    if aligned and complete(search, aligned[0]):
+        better = [_mended(search, item) for item in distinct(aligned, DIFFERENT)[:MENDED]]
+        return sorted([*better, *aligned], key=lambda item: -item.log)
+    maps = [item for moved in _annealed_maps(search) if (item := settled(search, moved)) is not None]
+    evidence = _refined(search, maps, aligned)
+    if not evidence or not _whole(search, evidence[0]):
+        evidence = sorted([*evidence, *_laid_maps(search)], key=lambda item: -item.log)
+    evidence = _improved_again(search, evidence)
+    if evidence and complete(search, evidence[0]):
+        return evidence
+    proposed = [item for moved in _proposed_maps(search, rng) if (item := settled(search, moved)) is not None]
+    more = _refined(search, proposed, evidence)
+    if len(search.source) * len(search.target) > refinement.MANY_PAIRS and evidence and more[0] is evidence[0]:
+        return more
+    return _improved_again(search, more)
+
+
+def _improved_again(search: PoseSearch, evidence: list[PoseEvidence]) -> list[PoseEvidence]:
+    """`_improved` until the likeliest map leaves no point without partner, or stays; of large sets once."""
+    passes = MOST_PASSES if len(search.source) * len(search.target) <= refinement.MANY_PAIRS else 1
+    for _ in range(passes if evidence else 0):
+        before, evidence = evidence[0], _improved(search, evidence)
+        if evidence[0].log < before.log + LEAST_GAIN or _whole(search, evidence[0]):
+            break
+    return evidence
+
+
+def _improved(search: PoseSearch, evidence: list[PoseEvidence]) -> list[PoseEvidence]:
+    """All maps, and those that growth, order along curves and shifts make of the likeliest."""
+    result = list(evidence)
+    ranking = outlines.Ranking.of(search.field, search.target)
+    done = [_followed(search, item) for item in distinct(evidence, IMPROVED_DISTANCE)[:IMPROVED]]
+    top = max(done, key=lambda item: item.log)
+    for matches in refinement.shifted(search.outline, ranking, top):
+        item = hard_evidence(search.field, search.target, matches, width=top.width)
+        if item is not None:
+            done += [item, _followed(search, item)]
+    top = max(done, key=lambda item: item.log)
+    rotated = distinct(refinement.rotated(search.field, search.target, search.step, top), IMPROVED_DISTANCE)[:ROTATED]
+    done += [*rotated, *(_followed(search, item) for item in rotated)]
+    top = max(done, key=lambda item: item.log)
+    for _ in range(MOST_SEGMENTS):
+        items = [
+            item
+            for order, closed in search.curves
+            if len(order) > 5
+            for matches in refinement.segment_shifts(order, closed, ranking, top)
+            if (item := hard_evidence(search.field, search.target, matches, width=top.width)) is not None
+        ]
+        best = max(items, key=lambda item: item.log, default=top)
+        if best.log <= top.log + 0.01:
+            break
+        top = _followed(search, best)
+        done += [*items, top]
+    if len(search.target) > DENSER * len(search.source):
+        for item in _target_slid_maps(search, top):
+            done.append(item)
+            top = max(top, item, key=lambda item: item.log)
+    done.append(refinement.repatched(search.field, search.target, search.step, top))
+    return sorted([*result, *done], key=lambda item: -item.log)
+
+
+def _mended(search: PoseSearch, item: PoseEvidence) -> PoseEvidence:
+    """The map of an alignment after growth and re-pairing of patches: points of a curve may be in the wrong order."""
+    item = refinement.grown(search.field, search.target, search.step, item)
+    if item.sigma <= CLEAN * SIGMAS[0]:
+        return item
+    return refinement.repatched(search.field, search.target, search.step, item)
+
+
+def _target_slid_maps(search: PoseSearch, evidence: PoseEvidence) -> Iterator[PoseEvidence]:
+    """Maps whose pairs slid along the curves of the denser target."""
+    ahead = search.ahead
+    back = np.full(len(ahead), UNMATCHED)
+    linked = np.flatnonzero(ahead != UNMATCHED)
+    back[ahead[linked]] = linked
+    top = evidence
+    for direction in (ahead, back):
+        for _ in range(MOST_TARGET_SLIDES):
+            matches = np.where(top.matches == UNMATCHED, UNMATCHED, direction[top.matches])
+            item = hard_evidence(search.field, search.target, matches, width=top.width)
+            if item is None:
+                break
+            item = _followed(search, item)
+            if item.log <= top.log + 0.01:
+                break
+            top = item
+            yield item
+
+
+def _followed(search: PoseSearch, item: PoseEvidence) -> PoseEvidence:
+    """The map that growth and order along curves reach."""
+    for _ in range(3):
+        before = item
+        if before not in search.led:
+            item = refinement.grown(search.field, search.target, search.step, item)
+            item = refinement.chained(search.field, search.target, search.step, search.curves, item)
+            search.led[before] = item
+        item = search.led[before]
+        if item.log < before.log + 0.5:
+            break
+    return item
+
+
+COOLING, COLDEST, COOLED = 0.85, 0.35, 3
+WHOLE = 0.97  # fraction of the points that have a partner in a complete map
+MOST_LAID = 2  # curves of the source that pieces are laid on
+ROTATED = 4  # maps of the rotated source that are followed
+MENDED, CLEAN = 8, 1.1  # alignments that are mended, and noise in SIGMAS[0] of a map that needs no mending
+MOST_SEGMENTS, MOST_TARGET_SLIDES = 8, 4
+DENSER = 1.2  # ratio of the sets' sizes beyond which pairs also slide along the target's curves
+IMPROVED, IMPROVED_DISTANCE = 3, 0.1
+MOST_PASSES, LEAST_GAIN = 4, 0.5  # passes of all moves, and log evidence that one must gain for the next
+
+
+def _laid_maps(search: PoseSearch) -> list[PoseEvidence]:
+    """Maps of pieces of the target's curves laid on the source's: hidden parts mislead an annealing."""
+    ranking = outlines.Ranking.of(search.field, search.target)
+    curves = [search.outline] if len(search.outline[0]) else sorted(search.curves, key=lambda curve: -len(curve[0]))
+    pairs = (matches for curve in curves[:MOST_LAID] for matches in laid_pieces(curve, ranking, search.ahead))
+    width = outlines.RANK_WIDTH
+    maps = [hard_evidence(search.field, search.target, matches, width=width) for matches in pairs]
+    upright = [item for item in maps if item is not None and np.linalg.det(item.affine[1:]) > 0]
+    return [_followed(search, item) for item in distinct(upright, DIFFERENT)[:FOLLOWED]]
+
+
+def _aligned_maps(search: PoseSearch) -> list[PoseEvidence]:
+    """Maps of the alignments of two outlines."""
+    alignments = outline_alignments(search.field, search.target, search.following, search.ahead)
+    return [
+        item for alignment in alignments if (item := hard_evidence(search.field, search.target, alignment)) is not None
+    ]
+
+
+def settled(search: PoseSearch, moved: Floats) -> PoseEvidence | None:
+    """The map that alternating soft pairs and fields reach from moved points, shape (n, d)."""
+    if len(search.source) * len(search.target) > refinement.MANY_PAIRS:
+        first = hard_evidence(
+            search.field, search.target, refinement.one_to_one(moved, search.target, GATES[0] * search.step)
+        )
+        return None if first is None else _tightened(search, first)
+    sigma, result = LAST_SIGMA * search.step, None
+    for _ in range(SOFT_ROUNDS):
+        pairs = balanced_pairs(np.ascontiguousarray(moved), search.target, sigma, BALANCINGS)
+        result = soft_evidence(search.field, search.target, pairs)
+        if result is None:
+            return None
+        moved, sigma = result.moved, max(result.sigma, 0.1 * search.step)
+    return result
+
+
+def complete(search: PoseSearch, evidence: PoseEvidence) -> bool:
+    """Whether nearly all points of the smaller set have a partner at the measurement's standard deviation."""
+    fewest = min(len(search.source), len(search.target))
+    return evidence.paired >= WHOLE * fewest and evidence.sigma <= 1.5 * SIGMAS[1]
+
+
+def _whole(search: PoseSearch, evidence: PoseEvidence) -> bool:
+    """Whether a complete map leaves nearly no point of either set without partner."""
+    most = max(len(search.source), len(search.target))
+    return complete(search, evidence) and evidence.paired >= WHOLE * most
+
+
+def _refined(
+    search: PoseSearch, maps: Iterable[PoseEvidence], evidence: Iterable[PoseEvidence] = ()
+) -> list[PoseEvidence]:
+    """All maps with their tightened and slid successors, by falling evidence."""
+    result = list(evidence)
+    for item in sorted(distinct(maps, 0.3 * search.step), key=lambda item: -item.log)[:FOLLOWED]:
+        best = max((other.log for other in result), default=item.log)
+        result.append(item)
+        if item.log < best - BEHIND * len(search.target):
+            continue
+        tight = _tightened(search, item)
+        result += [tight, *_slid_maps(search, tight)]
+    return sorted(result, key=lambda item: -item.log)
+
+
+def distinct(maps: Iterable[PoseEvidence], least: float) -> list[PoseEvidence]:
+    """The maps by falling evidence that lie at least so far from those before them."""
+    result: list[PoseEvidence] = []
+    chosen = np.empty((0, 0))
+    for item in sorted(maps, key=lambda item: -item.log):
+        moved = item.moved.ravel()
+        if not result or _is_far(moved, chosen[: len(result)], least**2 * len(item.moved)):
+            if len(result) == len(chosen):
+                chosen = np.concatenate([chosen.reshape(-1, len(moved)), np.empty((len(result) + 8, len(moved)))])
+            chosen[len(result)] = moved
+            result.append(item)
+    return result
+
+
+@fused
+def _is_far(moved: Floats, others: Floats, least: float) -> bool:
+    """Whether a vector, shape (k,), lies farther than a squared distance from all rows, shape (l, k)."""
+    for row in range(len(others)):
+        total = 0.0
+        for k in range(len(moved)):
+            total += (moved[k] - others[row, k]) ** 2
+            if total > least:
+                break
+        if total <= least:
+            return False
+    return True
+
+
+def _tightened(search: PoseSearch, evidence: PoseEvidence) -> PoseEvidence:
+    """The best map while pairs are assigned one to one within a shrinking distance."""
+    moved, best, last = evidence.moved, evidence, None
+    for gate in GATES:
+        matches = refinement.one_to_one(moved, search.target, gate * search.step)
+        rows = np.flatnonzero(matches != UNMATCHED)
+        away = ((moved[rows] - search.target[matches[rows]]) ** 2).sum(axis=1)
+        if len(rows):
+            matches[rows[away > REJECTED * max(float(np.median(away)), LEAST_VARIANCE)]] = UNMATCHED
+        if last is not None and np.array_equal(matches, last):
+            continue
+        last = matches
+        item = hard_evidence(search.field, search.target, matches, width=evidence.width)
+        if item is None:
+            break
+        moved = item.moved
+        best = max(best, item, key=lambda item: item.log)
+    return best
+
+
+def _slid_maps(search: PoseSearch, evidence: PoseEvidence) -> Iterator[PoseEvidence]:
+    """Maps whose pairs slid along the outline, from the best found so far on."""
+    top = evidence
+    for _ in range(MOST_SLIDES):
+        matches = refinement.one_to_one(top.moved, search.target, max(3 * top.sigma, 0.6 * search.step))
+        better = top
+        for steps in SLIDES:
+            item = _repaired(search, slid(matches, search.following, steps), top.width)
+            if item is None:
+                continue
+            yield item
+            if item.log > better.log + 0.01:
+                better = item
+        if better is top:
+            return
+        top = _tightened(search, better)
+        yield top
+
+
+def _repaired(search: PoseSearch, matches: Integers, width: float) -> PoseEvidence | None:
+    """The better of the map of the matches and the map of the pairs that it leads to."""
+    item = hard_evidence(search.field, search.target, matches, width=width)
+    if item is None:
+        return None
+    matches = refinement.one_to_one(item.moved, search.target, max(2 * item.sigma, 0.3 * search.step))
+    again = hard_evidence(search.field, search.target, matches, width=width)
+    return item if again is None else max(item, again, key=lambda item: item.log)
+
+
+def _annealed_maps(search: PoseSearch) -> Iterator[Floats]:
+    """Moved source points of the best starts, annealed with a field."""
+    source, target = search.source, search.target
+    rows, columns = spread_indices(source, FINE[0]), spread_indices(target, FINE[1])
+    sample = np.ascontiguousarray(target[columns])
+    design, ridge = field_design(source, rows)
+    here = np.ascontiguousarray(design[rows])
+    last = max(LAST_SIGMA * max(spacing(source[rows]), spacing(sample)), 0.03)
+    sigmas = np.geomspace(FIRST_SIGMA, min(last, MIDDLE_SIGMA / 2), FINE_STEPS)
+    middle = int(np.searchsorted(-sigmas, -MIDDLE_SIGMA))
+    maps = []
+    for affine in _coarse_starts(search):
+        start = np.zeros((design.shape[1], source.shape[1]))
+        start[: len(affine)] = affine
+        maps.append((annealed_map(here, ridge, sample, start, sigmas[:middle], rounds=2), start))
+    maps.sort(key=lambda item: -item[0].score)
+    for item, _ in maps[:FOLLOWED]:
+        yield design @ annealed_map(here, ridge, sample, item.coordinates, sigmas[middle:], rounds=2).coordinates
+    start = np.zeros((design.shape[1], source.shape[1]))
+    start[1 : 1 + source.shape[1]] = np.eye(source.shape[1])
+    whole = np.concatenate([WIDE_SIGMAS, sigmas])
+    yield design @ annealed_map(here, ridge, sample, start, whole, rounds=2).coordinates
+
+
+def _proposed_maps(search: PoseSearch, rng: np.random.Generator) -> Iterator[Floats]:
+    """Moved source points: a spline annealed from the identity, and poses of relaxation labelling with a field."""
+    source, target = search.source, search.target
+    rows, columns = spread_indices(source, FINE[0]), spread_indices(target, FINE[1])
+    basis = spline_basis(source, control=source[rows])
+    cooling = Cooling(factor=COOLING, start=START, end=(COLDEST * search.step) ** 2, rounds=COOLED)
+    yield basis.design @ anneal(basis, basis.rest, target, cooling)
+    sample = np.ascontiguousarray(target[columns])
+    design, ridge = field_design(source, rows)
+    here = np.ascontiguousarray(design[rows])
+    last = max(LAST_SIGMA * max(spacing(source[rows]), spacing(sample)), 0.03)
+    sigmas = np.geomspace(FIRST_SIGMA, min(last, MIDDLE_SIGMA / 2), FINE_STEPS)
+    for pose in poses(source[rows], sample, rng=rng)[:PROPOSED]:
+        start = np.zeros((design.shape[1], source.shape[1]))
+        start[: len(pose.affine)] = pose.affine
+        yield design @ annealed_map(here, ridge, sample, start, sigmas, rounds=2).coordinates
+
+
+def _coarse_starts(search: PoseSearch) -> list[Floats]:
+    """Affine parts, shape (d + 1, d), of the likeliest different affine maps from all rotations."""
+    source, target = search.source, search.target
+    dimension = source.shape[1]
+    here = source[spread_indices(source, COARSE[0])]
+    there = np.ascontiguousarray(target[spread_indices(target, COARSE[1])])
+    design = np.column_stack([np.ones(len(here)), here])
+    ridge = np.concatenate([[1e-6], np.full(dimension, AFFINE_SD**-2)])
+    evidence = [
+        annealed_map(design, ridge, there, np.vstack([np.zeros(dimension), matrix]), COARSE_SIGMAS)
+        for matrix in refinement.start_matrices(source, target)
+    ]
+    evidence.sort(key=lambda item: -item.score)
+    chosen: list[Floats] = []
+    for item in evidence:
+        moved = [design @ (item.coordinates - other) for other in chosen]
+        if all((away**2).sum(axis=1).mean() > DIFFERENT**2 for away in moved):
+            chosen.append(item.coordinates)
+            if len(chosen) == ANNEALED:
+                break
+    return chosen
