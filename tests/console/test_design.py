@@ -15,7 +15,7 @@ from tests.console.contrast import texts
 from tests.console.operator import tab
 
 from tsis.catalog.probes import load_probe, parse_probe
-from tsis.present.design import DesignQuestion, analyse_designs, compared_designs
+from tsis.virtual.planned_probe import DesignQuestion, analyse_designs, compared_designs
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -11,16 +11,13 @@ from tsis.files.canonical_json import json_bytes
 from tsis.inclusion import InclusionPrior
 from tsis.inclusion.design.alternatives import compare_designs
 from tsis.inclusion.design.protocol import protocol_of
-from tsis.present.design import (
-    HEADINGS,
+from tsis.present.design import HEADINGS, design_document, design_page, design_rows
+from tsis.virtual.planned_probe import (
     DesignAnalysis,
     DesignQuestion,
     analyse_designs,
     compared_designs,
     design_calibration,
-    design_document,
-    design_page,
-    design_rows,
 )
 
 QUESTION = DesignQuestion(

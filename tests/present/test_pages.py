@@ -14,13 +14,14 @@ from tests.present.rough_pictures import rough_pictures
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.files.canonical_json import json_bytes
+from tsis.imaging.finding import analyse_image
 from tsis.inclusion import InclusionPrior
 from tsis.model.estimate import Estimate, probability_text
 from tsis.model.image import TactileImage
 from tsis.present.document import estimate_document, sd_text
 from tsis.present.figures import ring_profile
 from tsis.present.html import html_bytes
-from tsis.present.images import analyse_image, contact_page, finding_notes
+from tsis.present.images import contact_page, finding_notes
 from tsis.present.inclusion import estimate_table, inclusion_page
 from tsis.present.terminal import rich_table
 

@@ -78,12 +78,12 @@ def design(
     """
     if evaluations is not None and not search:
         raise InputError("--evaluations needs --optimise, the search that it limits")
-    question = tsis.present.design.DesignQuestion(
+    question = tsis.virtual.planned_probe.DesignQuestion(
         probe=chosen_probe(probe),
         forces_n=tuple(force_n or ()),
         with_reference=not no_reference,
         frames_per_press=frames,
-        compared=tuple(aspect.value for aspect in compared) if compared else tsis.present.design.QUICK_DEGREES,
+        compared=tuple(aspect.value for aspect in compared) if compared else tsis.virtual.planned_probe.QUICK_DEGREES,
         criterion=criterion.value,
         traced=traced_light,
         prior=chosen_prior(prior),
@@ -94,12 +94,12 @@ def design(
         else evaluations,
     )
     with progress_bar("solving presses (cached for next time)") as progress:
-        result = tsis.present.design.compared_designs(question, progress=progress)
+        result = tsis.virtual.planned_probe.compared_designs(question, progress=progress)
     best = None
     if search:
         with progress_bar("searching layers and forces") as progress:
-            best = tsis.present.design.searched_design(question, progress=progress)
-    response = tsis.present.design.analyse_designs(question, result, best)
+            best = tsis.virtual.planned_probe.searched_design(question, progress=progress)
+    response = tsis.virtual.planned_probe.analyse_designs(question, result, best)
     show_result(
         CommandResult(
             document=tsis.present.design.design_document(response),

@@ -43,12 +43,12 @@ if TYPE_CHECKING:
 
     from tsis.inclusion import InclusionPrior
     from tsis.inclusion.budget import UncertaintyBudget
+    from tsis.inclusion.comparison import PressComparison
     from tsis.model.budget import QuantityBudget
     from tsis.model.calibration import Calibration
     from tsis.model.estimate import Estimate
     from tsis.model.image import TactileImage
     from tsis.model.probe import Probe
-    from tsis.present.images import PressComparison
 
 
 PDF = "report.pdf"
@@ -294,7 +294,7 @@ def _compared(
     shape: bool,
 ) -> PressComparison:
     references, against = (on_reference, "plain tissue") if untouched is None else ([untouched], "untouched probe")
-    return tsis.present.images.compare_presses(
+    return tsis.inclusion.comparison.compare_presses(
         frames, references, against=against, calibration=calibration, relative=relative, shape=shape
     )
 
@@ -309,7 +309,7 @@ def _contacts(
     comparison: PressComparison | None = None,
 ) -> CommandOutcome:
     findings = [
-        tsis.present.images.analyse_image(
+        tsis.imaging.finding.analyse_image(
             frame,
             tsis.imaging.corrections.match_light(untouched, frame) if match and untouched is not None else untouched,
             invert=invert,

@@ -80,7 +80,7 @@ def track(
         _read(path, scale, usable) for path in (reference_presses or []) + ([] if reference is None else [reference])
     ]
     with progress_bar("following the light") as advance:
-        result = tsis.present.tracking.track_press(
+        result = tsis.inclusion.press_track.track_press(
             images,
             others,
             against="untouched probe" if reference is not None else "plain tissue",

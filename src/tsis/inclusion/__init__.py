@@ -7,6 +7,7 @@ import lazy_loader
 if TYPE_CHECKING:
     from tsis.inclusion import budget as budget
     from tsis.inclusion import checks as checks
+    from tsis.inclusion import comparison as comparison
     from tsis.inclusion import design as design
     from tsis.inclusion import estimation as estimation
     from tsis.inclusion import flags as flags
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from tsis.inclusion import network_regressor as network_regressor
     from tsis.inclusion import network_training as network_training
     from tsis.inclusion import posterior as posterior
+    from tsis.inclusion import press_track as press_track
     from tsis.inclusion import prior as prior
     from tsis.inclusion import reading as reading
     from tsis.inclusion import relative as relative
@@ -30,6 +32,7 @@ if not TYPE_CHECKING:  # modules and names load when they are first used
         submodules=[
             "budget",
             "checks",
+            "comparison",
             "design",
             "estimation",
             "flags",
@@ -39,6 +42,7 @@ if not TYPE_CHECKING:  # modules and names load when they are first used
             "network_regressor",
             "network_training",
             "posterior",
+            "press_track",
             "prior",
             "reading",
             "relative",

@@ -2,26 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-from itertools import pairwise
+from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tsis.errors import TsisError
-from tsis.imaging import features, find_contact
-from tsis.imaging.corrections import match_light, signal, subtract_background
+from tsis.imaging import features
+from tsis.imaging.corrections import match_light, subtract_background
+from tsis.imaging.finding import ImageFinding, analyse_image
 from tsis.imaging.profile import radial_profile
 from tsis.imaging.surface import height_surface
-from tsis.inclusion.relative import (
-    RelativeReading,
-    change_of_light,
-    matching_references,
-    relative_depth,
-    relative_hardness,
-    relative_size,
-)
-from tsis.inclusion.shape import ObjectShape, object_shape
 from tsis.present.figures import relief, ring_profile, tactile_image
 from tsis.present.page import Card, Page, Picture, Table, on_axes
 
@@ -32,8 +23,11 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.imaging import Features
-    from tsis.imaging.contact import Contact
-    from tsis.model.calibration import Calibration
+    from tsis.inclusion.comparison import PressComparison
+    from tsis.inclusion.relative import (
+        RelativeReading,
+    )
+    from tsis.inclusion.shape import ObjectShape
     from tsis.model.image import TactileImage
 
 
@@ -148,80 +142,6 @@ def _aspect(frame: TactileImage) -> float:
     return 1.0 if frame.mm_per_pixel is None else frame.mm_per_pixel[1] / frame.mm_per_pixel[0]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PressComparison:
-    """Relative readings of presses, for comparisons with each other only.
-
-    Attributes
-    ----------
-    against
-        Kind of the references: ``"untouched probe"`` or ``"plain tissue"``.
-    relative
-        Relative readings by name: of a press, or of two presses of different force.
-    shapes
-        Shape of the lit area of each press, by the name of the frame.
-    changes
-        Change of light of each press, by the name of the frame.
-    missing
-        A message for each reading that the frames do not allow.
-    """
-
-    against: str
-    relative: tuple[tuple[str, RelativeReading], ...]
-    shapes: tuple[tuple[str, ObjectShape], ...]
-    changes: tuple[tuple[str, TactileImage], ...]
-    missing: tuple[str, ...] = ()
-
-
-def compare_presses(
-    images: Sequence[TactileImage],
-    references: Sequence[TactileImage],
-    *,
-    against: str,
-    calibration: Calibration | None = None,
-    relative: bool = True,
-    shape: bool = True,
-) -> PressComparison:
-    """Relative readings and shapes of presses, each against references of the same force.
-
-    The frames have a scale. ``against`` is the kind of the references: ``"untouched probe"`` or ``"plain tissue"``.
-    Relative hardness requires a calibration, whose gain converts grey levels to pressure. ``relative`` and ``shape``
-    select what is read.
-
-    Raises
-    ------
-    InputError, ImageMismatchError
-        As `tsis.inclusion.relative.relative_size`; when an image has no reference of the same force.
-    """
-    fitting = [matching_references(image, references, against=against) for image in images]
-    given: dict[str, Any] = {"against": against, "calibration": calibration}
-    readings, shapes, changes = [], [], []
-    for image, own in zip(images, fitting, strict=True):
-        if relative:
-            readings += [(image.name, read(image, own, **given)) for read in (relative_size, relative_depth)]
-        if shape:
-            shapes.append((image.name, object_shape(image, own, **given)))
-        changes.append((image.name, change_of_light(image, own, **given).image))
-    rising = sorted(zip(images, fitting, strict=True), key=lambda pair: pair[0].force_n or 0.0)
-    pairs = [(item, other) for item, other in pairwise(rising) if (item[0].force_n or 0.0) < (other[0].force_n or 0.0)]
-    missing = _missing(pairs, calibration) if relative else ()
-    if relative and not missing and calibration is not None:
-        for (first, item), (second, other) in pairs:
-            reading = relative_hardness(first, second, reference=item, second_reference=other, **given)
-            readings.append((f"{first.name}, {second.name}", reading))
-    return PressComparison(
-        against=against, relative=tuple(readings), shapes=tuple(shapes), changes=tuple(changes), missing=missing
-    )
-
-
-def _missing(pairs: Sequence[Any], calibration: Calibration | None) -> tuple[str, ...]:
-    if calibration is None:
-        return ("Relative hardness is not read: it needs a calibration, whose gain turns grey levels into pressure.",)
-    if not pairs:
-        return ("Relative hardness is not read: it needs two presses on one target with different known forces.",)
-    return ()
-
-
 def comparison_document(press_comparison: PressComparison) -> dict[str, Any]:
     """The readings as JSON values, under ``relative`` and ``shape``."""
     document: dict[str, Any] = {}
@@ -305,24 +225,6 @@ def _outline(name: str, change: TactileImage, shape: ObjectShape) -> Picture:
 
 ROW = ("quantity", "value")
 ODD_FRACTION = 1e-3  # of the pixels
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ImageFinding:
-    """Analysis of an image: its change of grey level, its features, and the round contact or None."""
-
-    image: TactileImage
-    change: TactileImage
-    features: Features
-    contact: Contact | None
-
-
-def analyse_image(image: TactileImage, reference: TactileImage | None, *, invert: bool) -> ImageFinding:
-    """Analyse an image without a calibration."""
-    result = features(image, reference, invert=invert)
-    change = signal(image, reference, invert=invert)
-    contact = find_contact(change, patch=result.patch) if result.contact else None
-    return ImageFinding(image=image, change=change, features=result, contact=contact)
 
 
 def contact_page(

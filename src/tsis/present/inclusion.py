@@ -34,10 +34,10 @@ if TYPE_CHECKING:
 
     from tsis.inclusion import InclusionPrior
     from tsis.inclusion.budget import UncertaintyBudget
+    from tsis.inclusion.comparison import PressComparison
     from tsis.model.budget import QuantityBudget
     from tsis.model.estimate import Estimate
     from tsis.model.image import TactileImage
-    from tsis.present.images import PressComparison
     from tsis.present.page import Value
 
 

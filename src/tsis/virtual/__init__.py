@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from tsis.virtual import gel_sensor as gel_sensor
     from tsis.virtual import gige as gige
     from tsis.virtual import loading_machine as loading_machine
+    from tsis.virtual import planned_probe as planned_probe
     from tsis.virtual import probe as probe
     from tsis.virtual.probe import VirtualProbe as VirtualProbe
 else:  # modules load when they are first used
@@ -20,7 +21,7 @@ else:  # modules load when they are first used
         __name__,
         submodules=[
             *("calibration_bench", "camera", "direct_contact", "examinations", "gel_frames", "gel_sensor", "gige"),
-            *("loading_machine", "probe"),
+            *("loading_machine", "planned_probe", "probe"),
         ],
         submod_attrs={"probe": ["VirtualProbe"]},
     )

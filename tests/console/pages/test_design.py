@@ -12,7 +12,7 @@ from tests.console.pages.simulated import at_console
 from tests.waiting import HANGS_S
 
 from tsis.catalog.probes import load_probe, parse_probe
-from tsis.present.design import DesignQuestion, analyse_designs, compared_designs
+from tsis.virtual.planned_probe import DesignQuestion, analyse_designs, compared_designs
 
 if TYPE_CHECKING:
     from tests.console.pages.simulated import Operator

@@ -17,17 +17,10 @@ from tsis.files.canonical_json import json_bytes
 from tsis.inclusion.design.protocol import MOST_FRAMES_PER_PRESS
 from tsis.inclusion.design.search import MOST_EVALUATIONS
 from tsis.model.probe import Layer, Led, Probe
-from tsis.present.design import (
-    QUICK_DEGREES,
-    DesignQuestion,
-    analyse_designs,
-    compared_designs,
-    design_document,
-    design_page,
-    searched_design,
-)
+from tsis.present.design import design_document, design_page
 from tsis.present.figures import probe_section
 from tsis.present.page import Picture, address
+from tsis.virtual.planned_probe import QUICK_DEGREES, DesignQuestion, analyse_designs, compared_designs, searched_design
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -38,8 +31,8 @@ if TYPE_CHECKING:
     from tsis.console.services.instrument import Instrument
     from tsis.console.services.jobs import Job
     from tsis.console.viewer import Viewer
-    from tsis.present.design import DesignAnalysis
     from tsis.present.page import Page
+    from tsis.virtual.planned_probe import DesignAnalysis
 
 
 class FieldMessages:

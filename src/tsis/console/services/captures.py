@@ -23,12 +23,12 @@ from tsis.files.json_values import from_json_value, to_json_value
 from tsis.files.reading import file_error, printable_name, printable_path
 from tsis.files.result_folder import free_folder
 from tsis.imaging.colour import colour_map
+from tsis.imaging.finding import analyse_image
 from tsis.instrument.discovery import connect
 from tsis.instrument.drivers.files import IMAGE_ENDINGS, VIDEO_ENDINGS
 from tsis.instrument.recording import FrameFolder, FurtherColumns, record
 from tsis.instrument.snapshot import save_snapshot
 from tsis.model.require import require_integer, require_number, require_one_of
-from tsis.present.images import analyse_image
 from tsis.records.importing import import_batches, new_target, target_by_number, truth_note
 from tsis.records.sources import ImportOptions, find_import_batches
 from tsis.virtual.camera import FORCE_SETTING
@@ -41,11 +41,11 @@ if TYPE_CHECKING:
     from tsis.console.services.camera import ActiveCalibration
     from tsis.console.services.jobs import Job, Jobs, JobState
     from tsis.console.services.state import CameraState, VirtualSubject
+    from tsis.imaging.finding import ImageFinding
     from tsis.instrument.acquisition import Acquisition, ReceivedFrame
     from tsis.instrument.force_log import ForceLog
     from tsis.instrument.snapshot import Snapshot
     from tsis.model.image import TactileImage
-    from tsis.present.images import ImageFinding
     from tsis.records.store import Store
     from tsis.records.values import StoredPress, Target
 
