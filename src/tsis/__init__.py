@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from tsis import optics as optics
     from tsis import plugins as plugins
     from tsis import present as present
+    from tsis import processes as processes
     from tsis import records as records
     from tsis import study as study
     from tsis import sweep as sweep
@@ -66,8 +67,8 @@ if not TYPE_CHECKING:  # packages and classes load when they are first used
         __name__,
         submodules=[
             *("calibration", "catalog", "console", "errors", "files", "hardness", "imaging", "inclusion"),
-            *("instrument", "matching", "mechanics", "model", "optics", "plugins", "present", "records"),
-            *("study", "sweep", "virtual"),
+            *("instrument", "matching", "mechanics", "model", "optics", "plugins", "present", "processes"),
+            *("records", "study", "sweep", "virtual"),
         ],
         submod_attrs={
             "calibration": ["load_calibration", "load_frames"],

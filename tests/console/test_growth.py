@@ -3,7 +3,7 @@
 A busy laboratory's day, `THIRD` over and over in another order each time, without the pauses in between. A tablet shows
 the live image all day. Snapshots, sequences, settings and estimates are asked for by calls as scripts make them, pages
 are opened and closed in Chromium, and live views join and leave. Frames are not compressed: what a day of frames does
-to memory is tested in ``tests/instrument/acquisition/test_a_day.py``. Before the day `WARM_UP` loads what is loaded
+to memory is tested in ``tests/instrument/test_acquisition.py``. Before the day `WARM_UP` loads what is loaded
 once, and makes as much room as the largest target needs.
 """
 

@@ -5,8 +5,8 @@ from dataclasses import FrozenInstanceError
 import numpy as np
 import pytest
 
-from tsis.errors import ImageMismatchError, InputError
-from tsis.instrument.camera import Camera, Frame, Mode, Setting
+from tsis.errors import ImageMismatchError, InputError, UnknownNameError
+from tsis.instrument.camera import Camera, Frame, Mode, Setting, preset, silence_timeout_s
 from tsis.instrument.drivers.files import ImageFiles, VideoFile
 from tsis.instrument.drivers.opencv import OpenCVDevice
 
@@ -66,3 +66,30 @@ def test_a_mode_refuses_impossible_sizes() -> None:
         Mode(width_px=0, height_px=10)
     with pytest.raises(InputError, match="frames_per_s must lie in"):
         Mode(width_px=10, height_px=10, frames_per_s=0.0)
+
+
+SETTINGS = (
+    Setting(name="exposure_ms", value=20.0, low=0.1, high=33.0, unit="ms"),
+    Setting(name="gain", value=6.0, low=0.0, high=24.0, unit="dB"),
+    Setting(name="brightness", value=3.0),  # a driver that tells no range
+    Setting(name="force_n", value=1.0, low=0.0, high=5.0, unit="newtons"),
+)
+
+
+def test_minimal_takes_the_lowest_light_that_the_driver_tells() -> None:
+    assert preset("minimal", SETTINGS) == {"exposure_ms": 0.1, "gain": 0.0}
+
+
+def test_default_takes_the_camera_back_to_how_it_came() -> None:
+    assert preset("default", SETTINGS) == {"exposure_ms": 20.0, "gain": 6.0, "brightness": 3.0}
+
+
+def test_other_presets_are_not_known() -> None:
+    with pytest.raises(UnknownNameError, match="did you mean 'minimal'"):
+        preset("minimum", SETTINGS)
+
+
+def test_a_slow_camera_is_given_the_time_of_two_frames() -> None:
+    assert silence_timeout_s({}) == 1.0
+    assert silence_timeout_s({"frames_per_s": 0.25}) == 12.0
+    assert silence_timeout_s({"frames_per_s": 30.0, "exposure_ms": 3000.0}) == 9.0

@@ -1,4 +1,4 @@
-"""Names and versions of the JSON results, and the refusal of those of a newer version."""
+"""Names and versions of the JSON results, and the refusal of documents without one or of a newer one."""
 
 from __future__ import annotations
 
@@ -59,12 +59,19 @@ RESULT_SCHEMAS: Mapping[str, int] = MappingProxyType(
 
 
 def require_known_schema(document: Mapping[str, Any], source: str) -> None:
-    """Refuse a JSON result of a newer version than this program reads; ``source`` names it in the message.
+    """Refuse a JSON result without a schema of tsis, or of a newer version than this program reads.
+
+    Parameters
+    ----------
+    document
+        The result.
+    source
+        Its name in the message.
 
     Raises
     ------
     FileInputError
-        When the schema is unknown or newer.
+        When the schema is missing, unknown or newer.
 
     Examples
     --------
@@ -74,8 +81,9 @@ def require_known_schema(document: Mapping[str, Any], source: str) -> None:
     tsis.errors.FileInputError: result.json must be of tsis-demo up to version 1; got version 9: update tsis to read it
     """
     schema = document.get("schema")
-    fields = schema if isinstance(schema, dict) else {}
-    name, version = str(fields.get("name")), fields.get("version")
+    if not isinstance(schema, dict):
+        raise FileInputError(f"{source} must name a schema of a result of tsis; it names none")
+    name, version = str(schema.get("name")), schema.get("version")
     if name not in RESULT_SCHEMAS or type(version) is not int or version < 1:
         raise FileInputError(
             f"{source} must name a schema of a result of tsis; got {name!r:.60}, version {version!r:.20}"

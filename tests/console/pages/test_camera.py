@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from tests.console.pages.simulated import at_console
-from tests.instrument.gauge.sending_gauge import sending
+from tests.instrument.sending_gauge import sending
 
 from tsis.calibration.file import ProbeCalibration, write_calibration
 

@@ -1,3 +1,5 @@
+"""Recordings of a scripted camera: every frame and its index come back, and what ended them is said."""
+
 from __future__ import annotations
 
 import csv
@@ -9,10 +11,11 @@ import pytest
 from tests.instrument.scripted_camera import BREAK, END, ScriptedCamera
 from tests.waiting import HANGS_S, until
 
+from tsis.errors import FileInputError
 from tsis.instrument.acquisition import Acquisition
 from tsis.instrument.camera import Frame
 from tsis.instrument.drivers.files import ImageFiles, VideoFile
-from tsis.instrument.recording import FrameFolder, FurtherColumns, LosslessVideo, record
+from tsis.instrument.recording import FrameFolder, FurtherColumns, LosslessVideo, read_recording_index, record
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -213,3 +216,44 @@ def test_counts_add_up_when_the_camera_is_lost_while_the_disk_is_behind(tmp_path
         report = record(acquisition, Slow(tmp_path), tmp_path, stopped=begin)
     assert (report.kept, report.overrun, report.missed) == (5, 9, 5)
     assert report.kept + report.overrun + report.missed == 10 + 9  # as many as the two cameras numbered
+
+
+def test_a_recording_gives_its_files_in_their_order_with_times_that_rise(tmp_path: Path) -> None:
+    _, folder = _recorded(tmp_path, [0, 1, 2, END])
+    files, times = zip(*read_recording_index(folder), strict=True)
+    assert list(files) == sorted(folder.glob("*.png"))
+    assert list(times) == sorted(times)
+
+
+def test_times_are_those_of_the_file(tmp_path: Path) -> None:
+    times_s = (0.0, 0.5, 2.0)
+    rows = [f"{number},{time_s},frame-{number}.png" for number, time_s in enumerate(times_s)]
+    (tmp_path / "frames.csv").write_text("\n".join(["number,arrived_s,kept_in", *rows]))
+    assert read_recording_index(tmp_path) == tuple(
+        (tmp_path / f"frame-{number}.png", time_s) for number, time_s in enumerate(times_s)
+    )
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("", "must hold data; got an empty file"),
+        ("number,arrived_s,kept_in\n", "must list at least one frame with the time of its arrival"),
+        ("number,kept_in\n0,frame-0.png\n", "must have the columns number, "),
+        ("number,arrived_s,kept_in\n0,late,frame-0.png\n", "must have the columns number, "),
+        ("number,arrived_s,kept_in\n0,nan,frame-0.png\n", "must list at least one frame with the time"),
+        ("number,arrived_s,kept_in\n0,1.0,\n", "must name files beside it; got ''"),
+        ("number,arrived_s,kept_in\n0,1.0,..\n", "must name files beside it; got '..'"),
+        ("number,arrived_s,kept_in\n0,1.0,/etc/hostname\n", "must name files beside it; got '/etc/hostname'"),
+    ],
+)
+def test_an_index_that_is_none_is_one_sentence(tmp_path: Path, content: str, message: str) -> None:
+    (tmp_path / "frames.csv").write_text(content)
+    with pytest.raises(FileInputError, match=message) as refusal:
+        read_recording_index(tmp_path)
+    assert "\n" not in str(refusal.value)
+
+
+def test_a_folder_without_an_index_is_named(tmp_path: Path) -> None:
+    with pytest.raises(FileInputError, match=r"frames\.csv"):
+        read_recording_index(tmp_path)

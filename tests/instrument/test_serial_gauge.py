@@ -1,6 +1,9 @@
+"""Replies of serial gauges, on a port in memory whose clock only its reads move: forces in newtons or one sentence."""
+
 from __future__ import annotations
 
 import errno
+import math
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
@@ -8,14 +11,238 @@ import pytest
 import serial
 from hypothesis import given
 from hypothesis import strategies as st
-from tests.instrument.gauge.fake_port import FakePort
 
 from tsis.errors import GaugeError, InputError
 from tsis.instrument.gauge import Gauge
-from tsis.instrument.serial_gauge import MOST_SKIPPED_IN_A_ROW, SerialGauge, find_ports
+from tsis.instrument.serial_gauge import (
+    LONGEST_REPLY_BYTES,
+    MOST_SKIPPED_IN_A_ROW,
+    NEWTONS,
+    Line,
+    LineBuffer,
+    ReplyKind,
+    SerialGauge,
+    find_ports,
+    force_unit,
+    newtons,
+    read_reply,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+
+class FakePort:
+    """Answers each question by ``answer(time_s)`` after ``delay_s``, and sends ``unasked`` (time, bytes) on its own."""
+
+    def __init__(
+        self,
+        answer: Callable[[float], bytes] | None = None,
+        *,
+        unasked: list[tuple[float, bytes]] | None = None,
+        delay_s: float = 0.02,
+    ) -> None:
+        self.now_s, self.answer, self.delay_s = 100.0, answer, delay_s
+        self.coming = [(self.now_s + at_s, chunk) for at_s, chunk in (unasked or [])]
+        self.written: list[bytes] = []
+        self.closed = self.unplugged = False
+        self.settings: dict[str, Any] = {}
+
+    def gauge(self, **settings: Any) -> SerialGauge:
+        gauge = SerialGauge("FAKE", open_port=self._opened, clock=lambda: self.now_s, **settings)
+        gauge.open()
+        return gauge
+
+    def _opened(self, port: str, **settings: Any) -> FakePort:
+        self.settings = {"port": port, **settings}
+        return self
+
+    @property
+    def in_waiting(self) -> int:
+        self._alive()
+        return sum(len(chunk) for at_s, chunk in self.coming if at_s <= self.now_s)
+
+    def write(self, command: bytes) -> int:
+        self._alive()
+        self.written.append(command)
+        if self.answer is not None and command.startswith(b"?"):
+            self.coming.append((self.now_s + self.delay_s, self.answer(self.now_s)))
+            self.coming.sort(key=lambda item: item[0])
+        return len(command)
+
+    def read(self, size: int) -> bytes:
+        self._alive()
+        if not self.in_waiting:
+            next_s = self.coming[0][0] if self.coming else float("inf")
+            self.now_s = min(next_s, self.now_s + float(self.settings["timeout"]))
+        taken = b""
+        while len(taken) < size and self.coming and self.coming[0][0] <= self.now_s:
+            at_s, chunk = self.coming.pop(0)
+            taken, rest = taken + chunk[: size - len(taken)], chunk[size - len(taken) :]
+            if rest:
+                self.coming.insert(0, (at_s, rest))
+        return taken
+
+    def close(self) -> None:
+        self.closed = True
+
+    def _alive(self) -> None:
+        if self.unplugged:
+            raise OSError(5, "Input/output error")
+
+
+# From NIST SP 811, appendix B.8, and multiples by SI prefixes.
+IN_NEWTONS = {
+    "N": 1.0,
+    "mN": 0.001,
+    "kN": 1000.0,
+    "gf": 9.80665e-3,
+    "kgf": 9.80665,
+    "lbf": 4.4482216152605,
+    "ozf": 0.27801385095378125,
+}
+
+
+@pytest.mark.parametrize("unit", IN_NEWTONS)
+def test_every_unit_is_converted(unit: str) -> None:
+    force, step = newtons(read_reply(b"-2.50 " + unit.encode()), unit=unit)
+    assert force == pytest.approx(-2.5 * IN_NEWTONS[unit], rel=1e-14)
+    assert step == pytest.approx(0.01 * IN_NEWTONS[unit], rel=1e-14)
+
+
+def test_all_known_units_are_tested() -> None:
+    assert set(IN_NEWTONS) == set(NEWTONS)
+
+
+@pytest.mark.parametrize(
+    ("line", "number", "step", "unit"),
+    [
+        (b"+0.123", 0.123, 0.001, ""),
+        (b" - 18.78 lbF\r", -18.78, 0.01, "lbf"),
+        (b"4.285 N", 4.285, 0.001, "N"),
+        (b"12KGF", 12.0, 1.0, "kgf"),
+        (b".5 n", 0.5, 0.1, "N"),
+        (b"5. mN", 5.0, 1.0, "mN"),
+    ],
+)
+def test_what_gauges_send_is_read(line: bytes, number: float, step: float, unit: str) -> None:
+    reply = read_reply(line)
+    assert (reply.kind, reply.number, reply.step, reply.unit) == (ReplyKind.NUMBER, number, step, unit)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        b"",
+        b".",
+        b"N",
+        b"+",
+        b"-",
+        b"1,5 N",
+        b"1.2.3 N",
+        b"1e3 N",
+        b"nan",
+        b"inf N",
+        b"0x10",
+        b"--1",
+        b"1 2 N",
+        b"5 MN",  # no gauge reads meganewtons: a millinewton misspelt would be a billion times too large
+        b"0.12 N.m",
+        b"0.12 Nm",
+        b"12 kg",
+        b"18.780 N Peak",
+        "١٢ N".encode(),
+        b"\x00\xff\x80",
+        b"1" * 65,
+        b"1" * 10,
+    ],
+)
+def test_what_is_no_force_is_garbage(line: bytes) -> None:
+    assert read_reply(line).kind is ReplyKind.GARBAGE
+    with pytest.raises(GaugeError, match="no reading"):
+        newtons(read_reply(line), unit="N")
+
+
+@pytest.mark.parametrize("line", [b"OL", b"-OL N", b"+O.L", b"OVER", b"overload", b"----", b"--", b"HELP", b"- OL"])
+def test_an_overload_is_no_number(line: bytes) -> None:
+    assert read_reply(line).kind is ReplyKind.OVERLOAD
+    with pytest.raises(GaugeError, match="overload"):
+        newtons(read_reply(line), unit="N")
+
+
+@pytest.mark.parametrize("line", [b"xxxx", b"*10", b"ERR 3"])
+def test_a_fault_of_the_gauge_is_no_number(line: bytes) -> None:
+    with pytest.raises(GaugeError, match="fault of its own"):
+        newtons(read_reply(line), unit="N")
+
+
+def test_units_must_agree_and_be_known() -> None:
+    with pytest.raises(GaugeError, match=r"must be in N; got one in lbf; .*unit='lbf'"):
+        newtons(read_reply(b"1.0 lbf"), unit="N")
+    with pytest.raises(GaugeError, match="without a unit; state"):
+        newtons(read_reply(b"1.0"), unit=None)
+    assert newtons(read_reply(b"1.0"), unit="kN") == (1000.0, 100.0)
+    assert force_unit("LBF") == "lbf"
+    for wrong in ("", "kg", "MN", "N.m", 3):
+        with pytest.raises(InputError, match="unit must be one of N, mN"):
+            force_unit(wrong)  # type: ignore[arg-type]
+
+
+@given(st.binary(max_size=200))
+def test_no_bytes_raise_anything_but_a_gauge_error(line: bytes) -> None:
+    reply = read_reply(line)
+    try:
+        force, step = newtons(reply, unit="N")
+    except GaugeError:
+        return
+    assert reply.kind is ReplyKind.NUMBER
+    assert math.isfinite(force)
+    assert step > 0
+
+
+@given(
+    st.integers(-(10**9) + 1, 10**9 - 1),
+    st.integers(0, 6),
+    st.sampled_from(sorted(IN_NEWTONS)),
+    st.sampled_from(["", " ", "   "]),
+)
+def test_numbers_come_back(digits: int, places: int, unit: str, space: str) -> None:
+    number = digits / 10**places
+    reply = read_reply(f"{number:+.{places}f}{space}{unit}".encode())
+    assert (reply.kind, reply.unit) == (ReplyKind.NUMBER, unit)
+    assert reply.number == float(f"{number:.{places}f}")
+    assert reply.step == pytest.approx(10.0**-places)
+
+
+def _fed(buffer: LineBuffer, *chunks: bytes) -> list[Line]:
+    return [line for k, chunk in enumerate(chunks) for line in buffer.feed(chunk, since_s=float(k), now_s=k + 1.0)]
+
+
+def test_a_line_that_was_entered_in_the_middle_is_not_whole() -> None:
+    lines = _fed(LineBuffer(), b"23 N\r\n0.125 N\r", b"\n0.130 N\n")
+    assert [(line.content, line.whole) for line in lines] == [(b"23 N", False), (b"0.125 N", True), (b"0.130 N", True)]
+
+
+def test_a_line_is_dated_by_its_first_byte() -> None:
+    first, second, third = _fed(LineBuffer(), b"\r\n12", b"34\r\nabcd\r", b"\nx\n")
+    assert (first.content, first.time_s, first.time_error_s) == (b"1234", 0.5, 0.5)
+    assert (second.content, second.time_s, second.time_error_s) == (b"abcd", 1 + 4 / 9, 5 / 9)
+    assert 2 < third.time_s < 3
+
+
+@given(st.lists(st.binary(max_size=300), max_size=20))
+def test_memory_is_bounded_and_lines_are_those_of_the_text(chunks: list[bytes]) -> None:
+    buffer = LineBuffer()
+    lines = []
+    for chunk in chunks:
+        lines += buffer.feed(chunk, since_s=0.0, now_s=1.0)
+        assert buffer.pending <= LONGEST_REPLY_BYTES
+    whole = [line.content for line in lines if line.whole]
+    # The slow reference: cut the whole text at once.
+    text = b"".join(chunks).replace(b"\r", b"\n")
+    *complete, _unfinished = text.split(b"\n")
+    assert whole == [part for part in complete[1:] if part and len(part) <= LONGEST_REPLY_BYTES]
+    assert all(len(line.content) <= LONGEST_REPLY_BYTES for line in lines)
 
 
 def _ramp(time_s: float) -> bytes:

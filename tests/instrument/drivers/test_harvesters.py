@@ -5,16 +5,12 @@ from __future__ import annotations
 import os
 import signal
 import sys
-import warnings
 from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from tsis.errors import CameraError, MissingExtraError
-from tsis.instrument.drivers import harvesters as genicam
-from tsis.instrument.drivers import harvesters as genicam_producers
-from tsis.instrument.drivers import pylon
-from tsis.instrument.drivers.genicam import camera_not_found, cannot_open, maker_library, reason
+from tsis.errors import MissingExtraError
+from tsis.instrument.drivers import harvesters, pylon
 from tsis.instrument.drivers.harvesters import Producers, interrupts_preserved, producer_files
 
 if TYPE_CHECKING:
@@ -22,7 +18,7 @@ if TYPE_CHECKING:
 
 SOURCES = [
     (pylon, "pylon", "pypylon.pylon", "pypylon", pylon.PylonCamera),
-    (genicam, "genicam", "harvesters.core", "harvesters", genicam.HarvestersCamera),
+    (harvesters, "genicam", "harvesters.core", "harvesters", harvesters.HarvestersCamera),
 ]
 
 
@@ -70,7 +66,7 @@ def test_a_producer_is_opened_once_and_closed_with_its_last_use(
         def reset(self) -> None:
             events.append(f"close {self.file.name}")
 
-    monkeypatch.setattr(genicam_producers, "_harvester", Harvester)
+    monkeypatch.setattr(harvesters, "_harvester", Harvester)
     producers, one, two = Producers(), tmp_path / "1.cti", tmp_path / "2.cti"
     first = producers.take(one)
     assert producers.take(one) is first
@@ -92,7 +88,7 @@ def test_a_producer_that_does_not_open_is_not_held(monkeypatch: pytest.MonkeyPat
             raise answer
         return answer
 
-    monkeypatch.setattr(genicam_producers, "_harvester", harvester)
+    monkeypatch.setattr(harvesters, "_harvester", harvester)
     producers = Producers()
     with pytest.raises(RuntimeError):
         producers.take(tmp_path)
@@ -104,25 +100,3 @@ def test_the_programs_own_answer_to_an_interrupt_is_kept() -> None:
     with interrupts_preserved():
         signal.signal(signal.SIGINT, signal.SIG_IGN)
     assert signal.getsignal(signal.SIGINT) is before
-
-
-def test_what_a_library_does_to_the_warnings_is_undone(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    (tmp_path / "tsis_loud_library.py").write_text(
-        "import warnings\nwarnings.warn('made with an old tool', DeprecationWarning)\nwarnings.simplefilter('once')\n"
-    )
-    monkeypatch.syspath_prepend(tmp_path)
-    before = list(warnings.filters)
-    maker_library("tsis_loud_library", source="pylon")
-    assert list(warnings.filters) == before
-    monkeypatch.delitem(sys.modules, "tsis_loud_library")
-
-
-def test_sentences_of_drivers_are_cut_to_what_they_say() -> None:
-    assert reason(RuntimeError("Not writable. : AccessException thrown (file 'F.h', line 3)")) == "Not writable"
-    assert reason(RuntimeError("two\n lines\x1b[2J")) == "two lines?[2J"
-    assert reason(RuntimeError("")) == "RuntimeError"
-    assert len(reason(RuntimeError("x" * 5000))) == 160
-    assert isinstance(cannot_open("camera", RuntimeError("no"), busy=False), CameraError)
-    assert "close that first" in str(cannot_open("camera", RuntimeError("no"), busy=True))
-    assert str(camera_not_found("pylon", "7", ["8", "9"])) == "no pylon camera is called '7'; found: 8, 9"
-    assert str(camera_not_found("pylon", "", [])) == "no pylon camera was found; check its cable and power"

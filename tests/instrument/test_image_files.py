@@ -1,11 +1,15 @@
+"""Pictures become grey levels exactly or are refused in one sentence; one that was cut short never becomes pixels."""
+
 from __future__ import annotations
 
 import hashlib
+import io
 import os
 import struct
 import zlib
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,15 +17,23 @@ import cv2
 import numpy as np
 import pytest
 import tifffile
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 from PIL import Image
 
 from tsis.errors import FileInputError, InputError
-from tsis.files.images import LARGEST_PIXELS
-from tsis.instrument.image_files import read_colour, read_image
+from tsis.files.images import (
+    FREE_PIXELS,
+    LARGEST_PIXELS,
+    PIXELS_A_BYTE,
+)
+from tsis.instrument.image_files import png_bytes, read_colour, read_image, whole_levels
+from tsis.model.image import TactileImage
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
     from tests.instrument.conftest import Write
+
 
 LUMA = np.array([0.2126, 0.7152, 0.0722])
 LOSSLESS = ("png", "bmp", "tif")
@@ -233,3 +245,93 @@ def test_many_threads_may_read_at_once(write: Write, grey: NDArray[np.uint8]) ->
 def test_read_colour_refuses_grey(write: Write, grey: NDArray[np.uint8]) -> None:
     with pytest.raises(FileInputError, match="must hold a colour image"):
         read_colour(write("frame.png", grey))
+
+
+KINDS: dict[str, tuple[str, dict[str, Any]]] = {
+    "png": ("PNG", {}),
+    "jpeg": ("JPEG", {}),
+    "progressive jpeg": ("JPEG", {"progressive": True}),
+    "bmp": ("BMP", {}),
+    "tiff": ("TIFF", {}),
+    "tiff lzw": ("TIFF", {"compression": "tiff_lzw"}),
+    "tiff deflate": ("TIFF", {"compression": "tiff_deflate"}),
+}
+
+
+@cache
+def _file(kind: str, colour: bool) -> bytes:
+    shape = (23, 19, 3) if colour else (23, 19)
+    pixels = np.random.default_rng(6).integers(0, 256, shape).astype(np.uint8)
+    file_format, options = KINDS[kind]
+    buffer = io.BytesIO()
+    Image.fromarray(pixels).save(buffer, file_format, **options)
+    return buffer.getvalue()
+
+
+@pytest.mark.parametrize("colour", [False, True])
+@pytest.mark.parametrize("kind", KINDS)
+@settings(max_examples=120, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(share=st.floats(0.0, 1.0, exclude_max=True))
+def test_a_cut_file_is_refused_or_still_holds_every_pixel(
+    tmp_path: Path, kind: str, colour: bool, share: float
+) -> None:
+    data = _file(kind, colour)
+    whole, cut = tmp_path / "whole", tmp_path / "cut"
+    whole.write_bytes(data)
+    cut.write_bytes(data[: int(share * len(data))])
+    try:
+        kept = read_image(cut)
+    except FileInputError:
+        return
+    assert kind.startswith("tiff"), "only a TIFF may lose bytes that hold no pixel"
+    np.testing.assert_array_equal(kept.grey, read_image(whole).grey)
+
+
+def test_a_png_of_16_bit_colours_with_forged_notes_loads_in_silence(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    encoded = cv2.imencode(".png", np.full((9, 9, 3), 1000, np.uint16))[1].tobytes()
+    note = b"eXIf" + bytes(1000)
+    forged = encoded[:33] + struct.pack(">I", 1000) + note + struct.pack(">I", zlib.crc32(note)) + encoded[33:]
+    (tmp_path / "a.png").write_bytes(forged)
+    assert (read_colour(tmp_path / "a.png") == 1000).all()
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize(
+    ("deep", "hot"), [pytest.param(False, 0.0, marks=pytest.mark.slow), (False, 1e-4), (True, 1e-3)]
+)
+def test_a_dark_frame_is_read_back_by_what_wrote_it(tmp_path: Path, deep: bool, hot: float) -> None:
+    rng = np.random.default_rng(4)
+    grey = np.zeros((4096, 4096), np.uint16 if deep else np.uint8)
+    grey.ravel()[rng.integers(0, grey.size, int(hot * grey.size))] = 3
+    assert grey.size > FREE_PIXELS
+    image = TactileImage(grey=grey, full_scale=65535.0 if deep else 255.0)
+    content = png_bytes(image)
+    assert len(content) * PIXELS_A_BYTE < grey.size or hot
+    (tmp_path / "a.png").write_bytes(content)
+    np.testing.assert_array_equal(read_image(tmp_path / "a.png").grey, grey)
+
+
+def test_an_even_jpeg_that_packs_as_far_as_any_is_read(tmp_path: Path) -> None:
+    Image.new("L", (4096, 4096)).save(tmp_path / "a.jpg", optimize=True, progressive=True)
+    assert (tmp_path / "a.jpg").stat().st_size * PIXELS_A_BYTE < 4096**2
+    assert read_image(tmp_path / "a.jpg").grey.shape == (4096, 4096)
+
+
+def test_more_pixels_than_are_read_back_are_not_written() -> None:
+    grey = np.broadcast_to(np.uint8(0), (65_001, 1000))
+    with pytest.raises(InputError, match="at most 65000000 pixels to be stored"):
+        whole_levels(grey, 255.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("suffix", "options"), [("png", (cv2.IMWRITE_PNG_COMPRESSION, 1)), ("jpg", ())])
+def test_an_honest_photograph_of_64_million_pixels_loads(tmp_path: Path, suffix: str, options: tuple[int, ...]) -> None:
+    rng, (rows, columns) = np.random.default_rng(5), (6936, 9248)
+    smooth = cv2.resize(
+        rng.integers(30, 200, (30, 40)).astype(np.uint8), (columns, rows), interpolation=cv2.INTER_CUBIC
+    )
+    noise = np.tile(rng.integers(0, 5, (rows // 8, columns // 8)).astype(np.uint8), (8, 8))
+    assert cv2.imwrite(str(tmp_path / f"a.{suffix}"), cv2.add(smooth, noise), options)
+    assert read_image(tmp_path / f"a.{suffix}").grey.shape == (rows, columns)
