@@ -32,9 +32,8 @@ PACKAGES = (
     "virtual",
     "sweep",
     "records",
-    "plots",
     "study",
-    "report",
+    "present",
 )
 
 
@@ -98,6 +97,9 @@ def interface() -> str:
 
 
 def _section(name: str) -> str:
-    options = ":show-inheritance:" if name == f"{tsis.__name__}.errors" else ":imported-members:"
-    directive = f"```{{eval-rst}}\n.. automodule:: {name}\n   :members:\n   {options}\n```\n"
+    options = "\n   :show-inheritance:" if name == f"{tsis.__name__}.errors" else ""
+    hidden = ", ".join(
+        f"set_{step}_request" for step in ("fit", "predict", "predict_proba", "score")
+    )  # of scikit-learn
+    directive = f"```{{eval-rst}}\n.. automodule:: {name}\n   :members:\n   :exclude-members: {hidden}{options}\n```\n"
     return f"{'#' * (name.count('.') + 1)} {name}\n\n{directive}"

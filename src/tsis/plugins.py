@@ -22,7 +22,6 @@ from tsis.errors import InputError, PluginError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-__all__ = ["PLUGIN_KINDS", "Plugin", "find_plugins", "load_plugin"]
 
 PLUGIN_KINDS: Mapping[str, str] = MappingProxyType(  # by the end of the group's name: what the entry point must be
     {

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 SOURCE, DOCS = Path(tsis.__file__).parent, Path(__file__).parents[2] / "docs"
 RAISING = {
-    "inclusion": ("flags", "_estimate", "checks/_images", "checks/_position", "checks/_roundness"),
-    "hardness": ("flags", "_touch_estimate"),
+    "inclusion": ("flags", "estimation", "checks/images", "checks/position", "checks/roundness"),
+    "hardness": ("flags", "gel"),
 }
 LISTED = {"inclusion": INCLUSION, "hardness": HARDNESS}
 PAGES = {"inclusion": "explanation/what-a-press-can-tell.md", "hardness": "how-to/measure-hardness.md"}

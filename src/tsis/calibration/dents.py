@@ -42,7 +42,6 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
     Integers = NDArray[np.intp]
 
-__all__ = ["LEAST_PAD_N", "PAD_THICKNESS_MM", "DentLight", "PadPresses", "fit_dent_light", "ring_edges_mm"]
 
 PAD_THICKNESS_MM, PAD_POISSON = 30.0, 0.49
 LEAST_PAD_N = 0.15  # lighter presses dent the face too little

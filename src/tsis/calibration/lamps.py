@@ -23,17 +23,6 @@ if TYPE_CHECKING:
 
     from tsis.model.image import TactileImage
 
-__all__ = [
-    "LEAST_LIT",
-    "PixelBox",
-    "ReferencePatch",
-    "WarmUp",
-    "drift_corrected",
-    "fit_warm_up",
-    "patch_ratio",
-    "require_lit",
-]
-
 
 LEAST_LIT = 0.02  # of full scale: a darker patch shows the black level, not the lamps
 LEAST_PIXELS = 16

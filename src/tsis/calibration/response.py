@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     from tsis.calibration.camera_reference import CameraReference
     from tsis.calibration.force_line import Loading
 
-__all__ = ["PressureResponse", "Saturation", "fit_response"]
-
 
 NORMAL_95 = 1.96  # half width of a normal interval of 95 % in standard deviations
 LEAST_SATURATION_KPA, LARGEST_SATURATION_KPA = 1e-3, 1e6

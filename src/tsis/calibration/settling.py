@@ -25,8 +25,6 @@ from tsis.model.require import require_array, require_number
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["BINS", "LONGEST_HOLD_S", "Settling", "assess_history", "assess_settling"]
-
 
 PER_DECADE = 24  # time constants: two neighbours reproduce any value between them to 1e-4 of the amplitude
 EVERY = 3  # every third spans all the others, with amplitudes of either sign

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from tsis.calibration.force_line import ForceLine, ForceLineDiagnostics
     from tsis.model.image import TactileImage
 
-__all__ = ["Specification", "SpecificationRow", "edge_width", "frame_rate", "specification_sheet"]
-
 
 SHAPES = ("straight", "circle")
 PARTS = 8  # of the edge, each measured separately

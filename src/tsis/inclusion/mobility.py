@@ -212,6 +212,3 @@ def _position_mm(part: LitPart, frame: TactileImage) -> tuple[float, float]:
         return float("nan"), float("nan")
     axis, scale = frame.axis(), frame.scale()
     return (part.centroid_px[0] - axis[0]) * scale[0], (part.centroid_px[1] - axis[1]) * scale[1]
-
-
-__all__ = ["Mobility", "mobility"]

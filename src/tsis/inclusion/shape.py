@@ -212,6 +212,3 @@ def object_shape(
         assumptions=assumptions,
         flags=tuple(flag for flag, is_so in wrong.items() if is_so),
     )
-
-
-__all__ = ["ObjectShape", "TwoMeans", "object_shape", "two_means"]

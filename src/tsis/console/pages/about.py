@@ -141,6 +141,3 @@ async def about_page(instrument: Instrument, viewer: Viewer) -> None:
 def _panel(title: str) -> Iterator[None]:
     with widgets.panel(title, style="panel"):
         yield
-
-
-__all__ = ["about_page"]

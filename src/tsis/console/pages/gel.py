@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from tsis.console.viewer import Viewer
     from tsis.imaging.depth import GelReading
 
-__all__ = ["GelPage"]
 NONE, UNTOUCHED, USUAL, SEED = "none", "0", "gelsight-mini", 1
 PICTURES = ".png,.bmp,.tif,.tiff,.jpg,.jpeg"
 

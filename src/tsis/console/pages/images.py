@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from tsis.console.services.instrument import Instrument
     from tsis.console.viewer import Viewer
 
-__all__ = ["images_page"]
 
 SAYS = (
     "Drop images (PNG, BMP, TIFF, JPEG), videos and the sidecars of tsis acquire here: at most {frames} frames, "
