@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 from PIL import Image
-from tests.calibration.file.bench import bench_reference, bench_scale
+from tests.calibration.bench import bench_reference, bench_scale
 from tests.cli.test_saved_frames import snapshot
 
 import tsis

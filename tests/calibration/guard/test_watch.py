@@ -1,20 +1,32 @@
+"""The guard on one frame and on a stream, with and without a calibration."""
+
 from __future__ import annotations
 
-from dataclasses import fields, replace
-from pathlib import Path
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.calibration.bench import bench, bench_reference
 
 import tsis
-from tsis.calibration.guard.limits import GUARD_FLAGS, RANGES, GuardLimits
+from tsis.calibration.frames import UsableCalibration
+from tsis.calibration.guard.limits import GuardLimits
 from tsis.calibration.guard.reading import FrameShape, GuardReference, prepare_reference, read_guard_frame
-from tsis.calibration.guard.watch import PressWatch, WatchState, check_press, flicker_amplitude
+from tsis.calibration.guard.watch import (
+    PressWatch,
+    WatchState,
+    check_press,
+    flicker_amplitude,
+    guard_reference,
+    press_watch,
+    with_calibrated_scale,
+)
 from tsis.calibration.lamps import ReferencePatch
 from tsis.calibration.settling import assess_settling
+from tsis.catalog.probes import load_probe
 from tsis.errors import ImageMismatchError, InputError
 from tsis.instrument.camera import Frame
 from tsis.model.image import TactileImage
@@ -22,7 +34,6 @@ from tsis.virtual.probe import VirtualProbe
 
 ROWS, COLUMNS, RADIUS_PX, DARK = 246, 384, 60.0, 8.0
 LIT = ReferencePatch(first_row=0, last_row=16, first_column=0, last_column=24)
-PAGE = Path(__file__).resolve().parents[3] / "docs" / "how-to" / "watch-a-press.md"
 
 
 def scene(
@@ -276,28 +287,6 @@ def test_what_does_not_belong_together_is_refused() -> None:
         check_press(PRESS, reference=reference(level=scene(peak=0.0)))
 
 
-@pytest.mark.parametrize("name", [one.name for one in fields(GuardLimits)])
-def test_every_limit_has_a_range(name: str) -> None:
-    low, high = RANGES[name]
-    for wrong in (low - 1.0, high + 1.0, float("nan")):
-        with pytest.raises(InputError, match=name):
-            GuardLimits(**{name: wrong})
-
-
-def test_an_empty_window_of_force_is_refused() -> None:
-    with pytest.raises(InputError, match="below"):
-        GuardLimits(least_force_n=2.0, most_force_n=1.0)
-
-
-def test_the_page_names_every_flag_with_its_meaning_and_its_limit() -> None:
-    rows = [line.strip("| ").split(" | ") for line in PAGE.read_text().splitlines() if line.startswith("| `")]
-    result = {cells[0].strip("`"): cells[1:4] for cells in rows}
-    assert result == {
-        name: [one.means, f"{getattr(GuardLimits(), one.limit):g} {one.unit}", one.needs or "-"]
-        for name, one in GUARD_FLAGS.items()
-    }
-
-
 @pytest.mark.parametrize("seed", range(20))
 def test_frames_that_stalled_do_not_turn_a_slow_trend_into_flicker(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -306,3 +295,54 @@ def test_frames_that_stalled_do_not_turn_a_slow_trend_into_flicker(seed: int) ->
     time = np.cumsum(steps)
     swing = flicker_amplitude(time.tolist(), (8.0 + 0.02 * np.sin(0.8 * time)).tolist())
     assert swing is None or swing < 0.02  # never more than the trend itself
+
+
+PROBE = load_probe("tsis-2011")
+
+
+def known(**changes: Any) -> UsableCalibration:
+    return UsableCalibration(calibration=bench(**changes), identity="0" * 64)
+
+
+def test_the_untouched_probe_is_that_of_the_calibration() -> None:
+    reference, measured = guard_reference(known()), bench_reference()
+    assert reference.untouched is not None
+    np.testing.assert_allclose(reference.untouched.grey, measured.dark_grey + measured.untouched_grey, rtol=1e-12)
+    assert reference.untouched.mm_per_pixel == (0.0336, 0.0392)
+    assert reference.dark_grey == pytest.approx(8.0, abs=0.05)
+    assert reference.face_radius_mm == PROBE.radius_mm
+
+
+def test_what_was_not_measured_is_not_compared() -> None:
+    for calibration in (None, known(reference=None)):
+        reference = guard_reference(calibration)
+        assert (reference.untouched, reference.face_radius_mm, reference.dark_grey) == (None, None, None)
+    foreign = guard_reference(known(probe="of my own", response=None))
+    assert foreign.untouched is not None
+    assert foreign.face_radius_mm is None
+    unscaled = guard_reference(known(scale=None)).untouched
+    assert unscaled is not None
+    assert unscaled.mm_per_pixel is None
+
+
+def test_a_frame_gets_the_scale_of_its_camera_alone() -> None:
+    image = TactileImage(grey=np.full((30, 40), 9.0))
+    assert with_calibrated_scale(image, known()).mm_per_pixel == (0.0336, 0.0392)
+    assert with_calibrated_scale(image, None) is image
+    assert with_calibrated_scale(image, known(scale=None)) is image
+    with pytest.raises(ImageMismatchError, match=r"\(30, 40\) that the scale was measured on"):
+        with_calibrated_scale(TactileImage(grey=np.full((40, 30), 9.0)), known())
+
+
+def test_only_with_a_calibration_does_the_watch_tell_light_that_was_not_there() -> None:
+    measured = bench_reference()
+    untouched = np.rint(measured.dark_grey + measured.untouched_grey).astype(np.uint8)
+
+    def told(added: int, calibration: UsableCalibration | None) -> set[str]:
+        frame = Frame(pixels=(untouched + added).astype(np.uint8), sequence=0, time_s=0.0, full_scale=255.0)
+        flags, _ = press_watch(frame, calibration).step(WatchState(), frame)
+        return {flag.name for flag in flags}
+
+    assert told(0, known()) == {"no-contact"}
+    assert told(100, known()) == {"no-contact", "ambient-light"}
+    assert "ambient-light" not in told(100, None)

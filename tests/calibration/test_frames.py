@@ -1,4 +1,4 @@
-"""A calibration file as results rest on it: which it was, and when and with what it may be used."""
+"""Calibrations as results rest on them, and folders of frames: identity, validity, camera, limits."""
 
 from __future__ import annotations
 
@@ -8,16 +8,18 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from tests.calibration.file.bench import bench
+from tests.calibration.bench import bench
 
+from tsis.calibration import frames, load_frames
 from tsis.calibration.file import calibration_bytes, calibration_sha256, write_calibration
 from tsis.calibration.frames import read_usable_calibration
-from tsis.errors import CalibrationError, FileInputError
+from tsis.errors import CalibrationError, FileInputError, TsisError
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from tsis.calibration.file import ProbeCalibration
+
 
 NOW = datetime.now(UTC)
 YESTERDAY, TOMORROW = NOW - timedelta(days=1), NOW + timedelta(days=1)
@@ -65,3 +67,14 @@ def test_another_camera_or_setting_is_refused_and_stored_frames_tell_no_camera(t
         found.require_camera(camera("another"), stored=False)
     with pytest.raises(CalibrationError, match="holds at exposure_ms = 20; the camera is at 10"):
         found.require_camera(camera("Aravis-TSIS01", exposure_ms=10.0), stored=False)
+
+
+@pytest.mark.parametrize(("most", "refusal"), [(3, "it holds neither"), (2, "at most 2 sidecars; it holds 3")])
+def test_a_folder_may_hold_as_many_sidecars_as_the_limit(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, most: int, refusal: str
+) -> None:
+    monkeypatch.setattr(frames, "MOST_FRAMES", most)
+    for number in range(3):
+        (tmp_path / f"{number}.json").write_text("{}", encoding="utf-8")
+    with pytest.raises(TsisError, match=refusal):
+        load_frames(tmp_path)

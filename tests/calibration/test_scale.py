@@ -1,11 +1,16 @@
+"""Scale from a ball, its value, and whether intervals of 95 % hold the truth as often as they say."""
+
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from benchmarks.calibration_scale import covered
+from scipy.stats import binom
 
-from tsis.calibration.scale import axis_ratio_from_ball, scale_from_ball
+from tsis.calibration.measured import MeasuredValue
+from tsis.calibration.scale import PixelScale, axis_ratio_from_ball, scale_from_ball
 from tsis.errors import CalibrationError, ImageMismatchError, InputError
 from tsis.imaging.sensor import Sensor
 from tsis.instrument.image_files import read_image
@@ -15,6 +20,57 @@ from tsis.virtual.calibration_bench import ball_frame, untouched_frame
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
+
+
+FIELDS = {
+    "mm_per_pixel_x": MeasuredValue(value=0.0336, sd=1e-4, degrees_of_freedom=9, unit="mm/px"),
+    "mm_per_pixel_y": MeasuredValue(value=0.0392, sd=1e-4, unit="mm/px"),
+    "shape": (492, 768),
+    "at_px": (383.5, 245.5),
+    "method": "dots",
+    "count": 63,
+}
+
+
+def scale(**other: object) -> PixelScale:
+    return PixelScale(**(FIELDS | other))  # type: ignore[arg-type]
+
+
+def test_a_frame_gets_both_axes() -> None:
+    frame = TactileImage(grey=np.ones((492, 768)), name="press")
+    scaled = scale().on(frame)
+    assert scaled.mm_per_pixel == scale().mm_per_pixel == (0.0336, 0.0392)
+    assert scaled.name == "press"
+
+
+def test_a_frame_of_another_mode_is_refused() -> None:
+    with pytest.raises(ImageMismatchError, match=r"\(492, 768\).*\(246, 384\).*camera mode"):
+        scale().on(TactileImage(grey=np.ones((246, 384))))
+    with pytest.raises(InputError, match="TactileImage"):
+        scale().on(np.ones((492, 768)))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"mm_per_pixel_x": 0.0336},
+        {"mm_per_pixel_x": MeasuredValue(value=0.0336, sd=0.0, unit="mm")},
+        {"mm_per_pixel_y": MeasuredValue(value=-1.0, sd=0.0, unit="mm/px")},
+        {"shape": 5},
+        {"shape": (0, 768)},
+        {"at_px": (np.nan, 1.0)},
+        {"method": "guess"},
+        {"count": 0},
+        {"residual_px": -1.0},
+        {"rotation_deg": 90.0},
+        {"skew_deg": np.inf},
+    ],
+    ids=lambda wrong: next(iter(wrong)),
+)
+def test_values_out_of_range(wrong: dict[str, object]) -> None:
+    with pytest.raises(InputError, match=next(iter(wrong)).split("_")[0]):
+        scale(**wrong)
+
 
 SENSOR = Sensor(columns=640, rows=480, mm_per_pixel=(0.032, 0.038))
 RADIUS_MM = 4.0
@@ -121,3 +177,19 @@ def test_a_real_ball_in_the_rectified_frame_is_round(shared_data: Path, sensor: 
     low, high = ratio.interval(0.95)
     assert low < 1.0 < high
     assert high - low < 0.04
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("ball", "runs"), [(False, 60), (True, 40)], ids=["dots", "ball"])
+def test_intervals_hold_as_often_as_they_say(ball: bool, runs: int) -> None:
+    found = covered(runs, 3, ball=ball)
+    assert found["refused"] == 0
+    few = int(binom.ppf(0.002, runs, 0.95))
+    for axis in "xy":
+        share = found[f"held {axis} / %"]
+        assert isinstance(share, float)
+        assert few <= round(share * runs / 100)
+    # An interval as wide as the world would hold too.
+    uncertainty = found["mean standard uncertainty / %"]
+    assert isinstance(uncertainty, float)
+    assert uncertainty < (1.5 if ball else 0.2)
