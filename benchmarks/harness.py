@@ -137,7 +137,7 @@ class Bench:
 class Several:
     """An option that may be given several values, of ``names`` where there are any; empty by default."""
 
-    names: Iterable[str] | None = None
+    names: Iterable[object] | None = None
     kind: type = str
 
 

@@ -153,7 +153,7 @@ def main() -> int:
         name: PosteriorBench.of(probe, forces_n, with_reference=also)
         for name, (probe, forces_n, also) in PROTOCOLS.items()
     }
-    rows = [row(name, bench, bench.repeats) for name, bench in benches.items()]
+    rows = [row(name, protocol, bench.repeats) for name, protocol in benches.items()]
     heads = ("frames", "estimate", "of it reading", "exploring", "dense grid", "dense grid over exploring")
     title = f"one thread, median of {bench.repeats}; the dense grid once"
     bench.table(title, heads, rows)

@@ -273,7 +273,7 @@ def main() -> int:
     if bench.clutter:
         with one_blas_thread():
             print("\n".join(clutter_table(bench.clutter, bench.seed)))
-        return None
+        return bench.end()
     peers = tuple(filter(None, bench.peers.split(",")))
     cases = run_cases(
         bench.generator, seed=bench.seed, count=bench.cases, rows=bench.rows, peers=peers, among=bench.rivals
@@ -282,7 +282,7 @@ def main() -> int:
         cases = [case.rated() if case.method in METHODS else case for case in cases]
     if bench.calibrate:
         print("\n".join(calibration(cases)))
-        return None
+        return bench.end()
     tables = [trust_table(cases), cell_table(cases), reliability_table(cases)]
     if peers:
         tables.append(ratio_table(cases, best_peers(_read(bench.chosen_by) if bench.chosen_by else cases)))

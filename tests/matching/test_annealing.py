@@ -15,6 +15,7 @@ from tsis.matching.spline import spline_basis
 if TYPE_CHECKING:
     from tests.matching.conftest import Warped
 
+
 COOLING = Cooling(factor=0.9, start=annealing.START, end=0.003, rounds=4)
 
 
@@ -156,3 +157,27 @@ def test_more_points_take_part_the_cooler_it_is(
     assert (points[-1], places[-1]) == (number, number)
     for falling in (-points, -places, temperature):
         assert np.all(np.diff(falling) <= 0)
+
+
+RNG = np.random.default_rng(0)
+
+
+def test_outliers_do_not_draw(warped: Warped) -> None:
+    dimension = warped.source.shape[1]
+    stray = np.random.default_rng(2).uniform(-1.8, 1.8, (30, dimension))
+    found = annealing.fit(warped.source, np.vstack([warped.target, stray]), rng=RNG)
+    assert warped.rms(found.move(warped.source)) < 0.05
+
+
+def test_few_points_are_matched() -> None:
+    corners = np.array([[1.0, 0.0], [-0.5, 0.8], [-0.5, -0.8]])
+    found = annealing.fit(corners, corners[[2, 0, 1]], rng=RNG)
+    assert found.matches.tolist() == [1, 2, 0]
+
+
+def test_points_given_twice_are_matched_once_each() -> None:
+    source = np.repeat(np.random.default_rng(5).normal(size=(12, 2)), 2, axis=0)
+    found = annealing.fit(source, source[::2] + 0.01, rng=RNG)
+    matched = found.matches[found.matches >= 0]
+    assert sorted(matched.tolist()) == list(range(12))
+    np.testing.assert_allclose(found.move(source), source + 0.01, atol=0.05)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
@@ -20,6 +22,7 @@ from tsis.matching.registration import METHODS, match_points
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
 
 EVERY_METHOD = pytest.mark.parametrize("method", METHODS)
 EVERY_DIMENSION = pytest.mark.parametrize("dimension", [2, 3], ids=["plane", "space"])
@@ -320,3 +323,13 @@ def test_what_is_withheld_can_be_asked_for() -> None:
 def test_few_points_are_said_to_tell_little() -> None:
     points = np.random.default_rng(0).uniform(size=(6, 2))
     assert any("so few points" in note for note in register(points, points[::-1]).notes)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_registration_pickles(method: str) -> None:
+    rng = np.random.default_rng(0)
+    source = rng.uniform(size=(30, 2))
+    registration = register(source, source + 0.01 * rng.normal(size=source.shape), method=method)
+    for again in (pickle.loads(pickle.dumps(registration)), copy.deepcopy(registration)):
+        np.testing.assert_array_equal(again.transform(source), registration.transform(source))
+        np.testing.assert_array_equal(again.matches, registration.matches)

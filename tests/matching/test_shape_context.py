@@ -6,35 +6,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
+from tsis.errors import InputError
 from tsis.matching import shape_context
+from tsis.matching.shape_context import ANGLE_BINS, DISTANCE_BINS, INNER, OUTER, POLAR_BINS
 
 if TYPE_CHECKING:
     from tests.matching.conftest import Warped
 
+
 RNG = np.random.default_rng(0)
-
-
-def test_finds_a_smooth_deformation(warped: Warped) -> None:
-    found = shape_context.fit(warped.source, warped.target, rng=RNG)
-    assert warped.right(found.matches) > 0.95
-    assert warped.rms(found.move(warped.source)) < 0.05
-    assert 0 < np.median(found.trust) <= found.trust.max() <= 1
-
-
-def test_new_points_go_where_their_neighbours_go(warped: Warped) -> None:
-    found = shape_context.fit(warped.source, warped.target, rng=RNG)
-    between = (warped.source[:-1] + warped.source[1:]) / 2
-    between = between[np.linalg.norm(between, axis=1) < 0.8]
-    np.testing.assert_allclose(found.move(between), warped.goes(between), atol=0.1)
-
-
-def test_permuting_the_target_permutes_the_matches(warped: Warped) -> None:
-    order = np.random.default_rng(1).permutation(len(warped.target))
-    one = shape_context.fit(warped.source, warped.target, rng=RNG)
-    other = shape_context.fit(warped.source, warped.target[order], rng=RNG)
-    np.testing.assert_array_equal(np.where(other.matches < 0, -1, order[other.matches]), one.matches)
-    np.testing.assert_allclose(other.move(warped.source), one.move(warped.source), atol=1e-7)
 
 
 @pytest.mark.parametrize("angle", [0.7, 2.5])
@@ -56,3 +40,99 @@ def test_points_without_a_partner_are_left_alone(warped: Warped, more: str) -> N
     assert np.all(found.trust[found.matches < 0] == 0)
     known = source if more == "target" else source[few]
     assert np.sqrt(np.mean(np.sum((found.move(known) - warped.goes(known)) ** 2, axis=1))) < 0.15
+
+
+COORDINATE = st.floats(-3, 3, allow_nan=False).map(lambda x: round(x, 3))
+
+
+def _turn(points: np.ndarray, angle: float) -> np.ndarray:
+    """Points turned about z, from x towards y."""
+    turned = points.copy()
+    turned[:, 0] = np.cos(angle) * points[:, 0] - np.sin(angle) * points[:, 1]
+    turned[:, 1] = np.sin(angle) * points[:, 0] + np.cos(angle) * points[:, 1]
+    return turned
+
+
+@given(
+    st.sampled_from([2, 3]).flatmap(
+        lambda d: arrays(float, st.tuples(st.integers(2, 12), st.just(d)), elements=COORDINATE)
+    ),
+    st.floats(-7, 7),
+    st.floats(0.1, 10),
+)
+def test_compiled_counts_equal_plain_ones(points: np.ndarray, turn: float, scale: float) -> None:
+    axis = turn + np.arange(len(points)) / 3
+    fast, plain = shape_context._counts(points, axis, scale), shape_context.reference_counts(points, axis, scale)
+    np.testing.assert_allclose(fast, plain, atol=1e-9)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_chi_squared_equals_its_formula(dimension: int) -> None:
+    rng = np.random.default_rng(1)
+    a = shape_context.histograms(rng.normal(size=(30, dimension)))
+    b = shape_context.histograms(rng.normal(size=(40, dimension)))
+    total = a[:, None] + b[None]
+    formula = 0.5 * np.sum(np.divide((a[:, None] - b[None]) ** 2, total, out=np.zeros_like(total), where=total > 0), 2)
+    cost = shape_context.chi_squared(a, b)
+    np.testing.assert_allclose(cost, formula, atol=1e-12)
+    assert 0 <= cost.min() <= cost.max() <= 1 + 1e-12
+    np.testing.assert_allclose(np.diag(shape_context.chi_squared(a, a)), 0, atol=1e-12)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_twelfth_of_a_turn_shifts_the_angle_bins(dimension: int) -> None:
+    points = np.random.default_rng(2).normal(size=(25, dimension))
+    step = 2 * np.pi / ANGLE_BINS
+    bins = shape_context.histograms(points).reshape(25, DISTANCE_BINS, -1, ANGLE_BINS)
+    shifted = np.roll(bins, 2, axis=-1).reshape(25, -1)
+    np.testing.assert_allclose(shape_context.histograms(_turn(points, 2 * step)), shifted, atol=1e-9)
+    np.testing.assert_allclose(shape_context.histograms(points, turn=-2 * step), shifted, atol=1e-9)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_neither_size_nor_place_matters(dimension: int) -> None:
+    points = np.random.default_rng(3).normal(size=(25, dimension))
+    for described in (shape_context.histograms, shape_context.axis_histograms):
+        np.testing.assert_allclose(described(7.5 * points - 30), described(points), atol=1e-9)
+
+
+def test_axis_histograms_are_the_same_for_turned_points() -> None:
+    rng = np.random.default_rng(4)
+    flat = rng.normal(size=(20, 2))
+    np.testing.assert_allclose(
+        shape_context.axis_histograms(_turn(flat, 2.1)), shape_context.axis_histograms(flat), atol=1e-9
+    )
+    solid, (turn, _) = rng.normal(size=(20, 3)), np.linalg.qr(rng.normal(size=(3, 3)))
+    spatial = shape_context.axis_histograms(solid)
+    assert spatial.shape == (20, DISTANCE_BINS * POLAR_BINS)
+    np.testing.assert_allclose(shape_context.axis_histograms(solid @ turn), spatial, atol=1e-9)
+
+
+def test_latitudes_are_counted_from_the_middle_of_the_points() -> None:
+    """On a line every neighbour lies towards the centroid, in the last bin, or away from it, in the first."""
+    points = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 5.0]])
+    bins = shape_context.axis_histograms(points, scale=4.0).reshape(3, DISTANCE_BINS, POLAR_BINS).sum(axis=1)
+    middle = [0.0] * (POLAR_BINS - 2)
+    np.testing.assert_allclose(bins, [[0, *middle, 1], [0.5, *middle, 0.5], [0, *middle, 1]], atol=1e-12)
+
+
+@pytest.mark.parametrize(("ring", "sector"), [(0, 0), (2, 5), (4, 11)])
+def test_a_neighbour_at_the_centre_of_a_bin_is_counted_there_alone(ring: int, sector: int) -> None:
+    distance, angle = INNER * 2 ** (ring - 0.5), (sector + 0.5) * 2 * np.pi / ANGLE_BINS
+    points = np.array([[0.0, 0.0], [distance * np.cos(angle), distance * np.sin(angle)]])
+    bins = shape_context.histograms(points, scale=1.0)[0].reshape(DISTANCE_BINS, ANGLE_BINS)
+    assert bins[ring, sector] == pytest.approx(1.0, abs=1e-9)
+
+
+def test_points_far_away_are_not_counted() -> None:
+    points = np.array([[0.0, 0.0], [1.5 * OUTER, 0.0]])
+    assert shape_context.histograms(points, scale=1.0).sum() == 0
+    np.testing.assert_allclose(
+        shape_context.histograms([*points.tolist(), [0.1, 0.1]], scale=1.0).sum(axis=1), [1, 0, 1]
+    )
+
+
+@pytest.mark.parametrize("points", [[[1.0, 2.0]], [[1.0, 2.0]] * 4, [[1.0], [2.0]]])
+def test_points_without_a_scale_or_a_plane_are_refused(points: list[list[float]]) -> None:
+    with pytest.raises(InputError):
+        shape_context.histograms(points)

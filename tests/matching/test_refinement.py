@@ -1,4 +1,4 @@
-"""Hyperparameters and predictions of a map against normal distributions written out; moves to the right pairs."""
+"""Refinement of a map: predictions against normal distributions written out, and moves to the right pairs."""
 
 from __future__ import annotations
 
@@ -6,13 +6,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
-from tsis.matching import posterior as tprl
+from tsis.matching import posterior
 from tsis.matching.methods import UNMATCHED, NormalFrame, spacing
 from tsis.matching.outline import RANK_SIGMA, Ranking, chains
 from tsis.matching.pose_evidence import AMPLITUDES, SIGMAS, SmoothField, gaussian_kernel, hard_evidence
 from tsis.matching.pose_search import PoseSearch, _followed, settled
-from tsis.matching.refinement import chained, grown, predicted, repatched, segment_shifts, shifted
+from tsis.matching.refinement import (
+    MANY_PAIRS,
+    chained,
+    grown,
+    one_to_one,
+    predicted,
+    repatched,
+    segment_shifts,
+    shifted,
+)
 
 if TYPE_CHECKING:
     from tests.matching.conftest import Warped
@@ -191,7 +201,7 @@ def test_false_partners_hardly_draw(warped: Warped) -> None:
     step = spacing(warped.source)
     seen = np.arange(len(warped.truth)) % 4 != 0
     stray = np.random.default_rng(0).uniform(-1.5, 1.5, (sum(seen) // 4, warped.truth.shape[1]))
-    found = tprl.fit(warped.source, np.vstack([warped.truth[seen], stray]), rng=np.random.default_rng(0))
+    found = posterior.fit(warped.source, np.vstack([warped.truth[seen], stray]), rng=np.random.default_rng(0))
     wrong = np.sqrt(np.sum((found.move(warped.source) - warped.truth) ** 2, axis=1))
     assert np.median(wrong[seen]) < 0.1 * step
     assert np.median(wrong[~seen]) < 0.2 * step
@@ -200,20 +210,42 @@ def test_false_partners_hardly_draw(warped: Warped) -> None:
 def test_without_partners_nothing_is_matched(warped: Warped) -> None:
     search = PoseSearch.of(warped.source, warped.target)
     assert settled(search, warped.source + 50.0) is None
-    assert tprl._interpolated(warped.source, warped.source, warped.target + 50.0, search.step) is None
+    assert posterior._interpolated(warped.source, warped.source, warped.target + 50.0, search.step) is None
 
 
 def test_unambiguous_partners_are_reached_and_noise_is_passed_by(warped: Warped) -> None:
     step = spacing(warped.source)
     smooth = warped.truth + 0.02 * np.sin(3 * warped.source)
-    reached = tprl._interpolated(warped.source, smooth, warped.target, step)
+    reached = posterior._interpolated(warped.source, smooth, warped.target, step)
     assert reached is not None
     assert warped.rms(reached(warped.source)) < 1e-4 < warped.rms(smooth)
     noisy = warped.target + 0.3 * step * np.random.default_rng(1).normal(size=warped.target.shape)
-    assert tprl._interpolated(warped.source, smooth, noisy, step) is None
+    assert posterior._interpolated(warped.source, smooth, noisy, step) is None
 
 
 def test_the_least_standard_deviation_bounds_the_noise(warped: Warped) -> None:
     found = hard_evidence(SmoothField.of(warped.source), warped.target, np.argsort(warped.order))
     assert found is not None
     assert found.sigma >= 0.9 * SIGMAS[0]
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize(("rows", "columns"), [(250, 400), (400, 250)])
+@pytest.mark.parametrize("gate", [0.1, 0.3, 9.0])
+def test_pairs_of_many_points_are_the_mutual_nearest_of_two_trees(
+    dimension: int, rows: int, columns: int, gate: float
+) -> None:
+    assert rows * columns > MANY_PAIRS
+    rng = np.random.default_rng([3, dimension, rows])
+    moved, target = rng.normal(size=(rows, dimension)), rng.normal(size=(columns, dimension))
+    away, nearest = (np.asarray(found) for found in cKDTree(target).query(moved))
+    back = np.asarray(cKDTree(moved).query(target)[1])
+    expected = np.where((back[nearest] == np.arange(rows)) & (away < gate), nearest, UNMATCHED)
+    assert np.any(expected != UNMATCHED)
+    np.testing.assert_array_equal(one_to_one(moved, target, gate), expected)
+
+
+def test_many_points_out_of_reach_have_no_pair() -> None:
+    points = np.random.default_rng(4).normal(size=(260, 2))
+    assert np.all(one_to_one(points, points + 50.0, 1.0) == UNMATCHED)
+    np.testing.assert_array_equal(one_to_one(points, points[::-1], 1e-6), np.arange(260)[::-1])

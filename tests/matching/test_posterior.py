@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+from functools import cache
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pytest
+from benchmarks.matching.distort import even_texture, strokes, tactile_surface
+from benchmarks.matching.trials import DATA, matching_error, public_trials
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.linalg import null_space
+from scipy.spatial.transform import Rotation
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
-from tsis.matching import register
+from tsis.matching import posterior, register, registration
+from tsis.matching.methods import MatchFit, NormalFrame
 from tsis.matching.outline import Ranking, _local_medians, chains, laid_pieces, main_curve, successors
 from tsis.matching.pose_evidence import (
     AMPLITUDES,
@@ -21,8 +30,21 @@ from tsis.matching.pose_evidence import (
     hard_evidence,
     size_and_stretch,
 )
-from tsis.matching.posterior import is_sound, log_rotation_prior, pose_posterior, probability_right
+from tsis.matching.posterior import (
+    MOST_UNSOUND,
+    RELIABLE,
+    PosePosterior,
+    is_sound,
+    log_rotation_prior,
+    pose_posterior,
+    probability_right,
+    trust_measures,
+)
 from tsis.matching.registration import match_points
+
+if TYPE_CHECKING:
+    from benchmarks.matching.distort import Family, Shape
+    from tests.matching.conftest import Warped
 
 
 def _outline(*radii: float, count: int = 80) -> np.ndarray:
@@ -80,9 +102,9 @@ def test_noise_divides_the_differences_of_evidence(noise: float, least: float, m
     shape -= shape.mean(axis=0)
     shape /= np.sqrt((shape**2).sum(axis=1).mean())
     rng = np.random.default_rng(2)
-    posterior = pose_posterior(shape, shape + noise * rng.normal(size=shape.shape), rng=rng)
-    priors = np.array([log_rotation_prior(item.affine[1:], None) for item in posterior.maps])
-    evidence, judged = np.array([item.log for item in posterior.maps]), posterior.logs - priors
+    found = pose_posterior(shape, shape + noise * rng.normal(size=shape.shape), rng=rng)
+    priors = np.array([log_rotation_prior(item.affine[1:], None) for item in found.maps])
+    evidence, judged = np.array([item.log for item in found.maps]), found.logs - priors
     ratio = np.ptp(evidence) / np.ptp(judged)
     assert least - 1e-6 <= ratio <= most + 1e-6
     np.testing.assert_allclose(np.argsort(-evidence), np.argsort(-judged))
@@ -181,3 +203,129 @@ CLEAR = (50.0, 1e4, 0.0, 0.0, -3.0, 0.0, 0.3, -50.0, 1.0)  # measures of an answ
 def test_one_doubt_makes_an_answer_unreliable(place: int, value: float, most: float) -> None:
     assert probability_right(np.array(CLEAR)) >= 0.999
     assert probability_right(np.array([*CLEAR[:place], value, *CLEAR[place + 1 :]])) <= most
+
+
+@pytest.mark.parametrize("shape", [even_texture, strokes])
+@settings(max_examples=8, derandomize=True)
+@given(degrees=st.floats(0, 360), seed=st.integers(0, 1000))
+def test_any_rotation_is_found(shape: Shape, degrees: float, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    source = shape(60, rng=rng)
+    angle = np.radians(degrees)
+    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    truth = (source + 0.015 * np.sin(5 * source[:, ::-1])) @ turn
+    found = register(source, truth[rng.permutation(60)], rng=rng)
+    assert np.sqrt(np.mean(np.sum((found.moved - truth) ** 2, axis=1))) < 0.02
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_outliers_and_missing_points_hardly_move_what_is_seen(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    source = strokes(80, rng=rng)
+    truth = source + 0.03 * np.sin(6 * source[:, ::-1])
+    seen = source[:, 0] < np.quantile(source[:, 0], 0.85)
+    found = register(source, np.vstack([truth[seen], rng.uniform(0.2, 1.0, (17, 2))]), rng=rng)
+    wrong = np.sqrt(np.sum((found.moved - truth) ** 2, axis=1))
+    assert np.median(wrong[seen]) < 0.01
+    assert np.sqrt(np.mean(wrong[seen] ** 2)) < 0.03
+
+
+@pytest.mark.parametrize("noise", [0.02, 0.05])
+def test_noise_is_hardly_amplified(warped: Warped, noise: float) -> None:
+    rng = np.random.default_rng(3)
+    noisy = warped.target + noise * rng.normal(size=warped.target.shape)
+    found = posterior.fit(warped.source, noisy, rng=rng)
+    assert warped.rms(found.move(warped.source)) < 1.2 * noise * np.sqrt(warped.source.shape[1])
+
+
+@pytest.mark.skipif(not DATA.is_dir(), reason="the public trials are not on this machine")
+@pytest.mark.parametrize(
+    ("shape", "family", "level"),
+    [
+        ("fish", "deformation", 5),
+        ("chinese", "rotation", 6),
+        pytest.param("fish", "rotation", 6, marks=pytest.mark.slow),
+        pytest.param("chinese", "deformation", 5, marks=pytest.mark.slow),
+    ],
+)
+def test_public_trials_are_matched_far_better_than_by_coherent_point_drift(
+    shape: str, family: Family, level: int
+) -> None:
+    means = {}
+    for method in ("tprl", "cpd"):
+        trials = public_trials(DATA, shape=shape, family=family, level=level, count=3)
+        errors = [matching_error(trial, register(trial.source, trial.target, method=method).moved) for trial in trials]
+        means[method] = float(np.mean(errors))
+    assert means["tprl"] < 0.5 * means["cpd"]
+    assert means["tprl"] < 0.02
+
+
+WRONG = 0.245  # 0.1 of the unit box, in root-mean-square radii
+MANY = settings(max_examples=15, derandomize=True, deadline=None)
+
+
+@cache
+def _judged(kind: str) -> tuple[np.ndarray, np.ndarray, PosePosterior]:
+    """A bent surface or a filled cloud of points, where they went, and the posterior of the two sets."""
+    rng = np.random.default_rng(3)
+    source = tactile_surface(60, rng=rng) if kind == "surface" else rng.normal(size=(60, 3))
+    source = NormalFrame.of(source).inward(source)
+    truth = source + 0.05 * np.sin(2 * source[:, [1, 2, 0]])
+    return source, truth, pose_posterior(source, truth, rng=rng)
+
+
+def _believed(kind: str, matrix: np.ndarray) -> tuple[float, float]:
+    """Confidence in the true map followed by a matrix, and the error of that answer, in radii."""
+    source, truth, searched = _judged(kind)
+
+    def move(points: np.ndarray, /) -> np.ndarray:
+        return np.asarray((points + 0.05 * np.sin(2 * points[:, [1, 2, 0]])) @ matrix)
+
+    error = np.sqrt(((move(source) - truth) ** 2).sum(axis=1).mean())
+    size = np.sqrt(((move(source) - move(source).mean(axis=0)) ** 2).sum(axis=1).mean())
+    measures = trust_measures(searched, move(source), sound=is_sound(move, source))
+    return probability_right(measures), float(error / size)
+
+
+@pytest.mark.parametrize("kind", ["surface", "cloud"])
+def test_the_right_map_is_believed(kind: str) -> None:
+    confidence, error = _believed(kind, np.eye(3))
+    assert error < 1e-12
+    assert confidence >= RELIABLE
+
+
+@pytest.mark.parametrize("kind", ["surface", "cloud"])
+@MANY
+@given(seed=st.integers(0, 10_000), shear=st.floats(0.4, 3.0))
+def test_a_sheared_answer_is_not(kind: str, seed: int, shear: float) -> None:
+    turn = Rotation.random(random_state=seed).as_matrix()
+    matrix = np.eye(3)
+    matrix[0, 1] = shear
+    confidence, error = _believed(kind, turn.T @ matrix @ turn)
+    assert confidence < RELIABLE or error <= WRONG
+
+
+@pytest.mark.parametrize("kind", ["surface", "cloud"])
+@MANY
+@given(seed=st.integers(0, 10_000), depth=st.floats(0.05, 1.0))
+def test_an_answer_inside_out_is_not(kind: str, seed: int, depth: float) -> None:
+    """Mirrored along any direction, as far as the original depth or pressed flatter."""
+    normal = np.random.default_rng(seed).normal(size=3)
+    normal /= np.linalg.norm(normal)
+    confidence, _ = _believed(kind, np.eye(3) - (1 + depth) * np.outer(normal, normal))
+    assert confidence <= MOST_UNSOUND
+
+
+@pytest.mark.parametrize("matrix", [-np.eye(3), np.array([[1.0, 1.2, 0], [0, 1, 0], [0, 0, 1]])])
+def test_a_method_that_answers_so_is_withheld(monkeypatch: pytest.MonkeyPatch, matrix: np.ndarray) -> None:
+    """Its own map is among those that the posterior compares."""
+
+    def crooked(source: np.ndarray, target: np.ndarray, /, *, rng: np.random.Generator) -> MatchFit:
+        del target, rng
+        return MatchFit(
+            move=lambda points, /: points @ matrix, matches=np.arange(len(source)), trust=np.ones(len(source))
+        )
+
+    monkeypatch.setattr(registration, "METHODS", {"crooked": crooked})
+    source, truth, _ = _judged("surface")
+    assert not register(source, truth, method="crooked").reliable
