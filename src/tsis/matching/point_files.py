@@ -135,6 +135,9 @@ CONTOUR_SMOOTHING = 1.0  # standard deviation of the blur, in pixels
 def read_points(path: str | os.PathLike[str]) -> Floats:
     """Read the points of a file; the format is detected by content, not by name.
 
+    Raises `FileInputError` when the file is missing, invalid, of another kind, too large, or contains a value that is
+    not a finite number; the message names the line or row.
+
     Parameters
     ----------
     path
@@ -148,12 +151,6 @@ def read_points(path: str | os.PathLike[str]) -> Floats:
     -------
     numpy.ndarray
         Shape (n, 2) or (n, 3), read-only.
-
-    Raises
-    ------
-    FileInputError
-        When the file is missing, invalid, of another kind, too large, or contains a value that is not a finite number;
-        the message names the line or row.
     """
     path = as_path(path)
     size = file_size(path)

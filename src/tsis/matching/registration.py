@@ -70,67 +70,35 @@ METHODS: Mapping[str, MatchMethod] = MappingProxyType(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Alternative:
-    """A pose that the data allow.
+    """A pose that the data allow."""
 
-    Attributes
-    ----------
-    moved
-        The source's points in this pose, shape (n, d).
-    rotation_deg
-        Angle of its rotation, in [0, 180].
-    probability
-        Posterior probability of all maps about this pose, in [0, 1].
-    """
-
-    moved: Floats
-    rotation_deg: float
-    probability: float
+    moved: Floats  #: the source's points in this pose, shape (n, d)
+    rotation_deg: float  #: angle of its rotation, in [0, 180]
+    probability: float  #: posterior probability of all maps about this pose, in [0, 1]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Registration:
-    """Correspondences of two point sets, and the transform of the first to the second.
+    """Correspondences of two point sets, and the transform of the first to the second."""
 
-    Attributes
-    ----------
-    method
-        Name of the method.
-    moved
-        The source's points after the transform, shape (n, d).
-    matches
-        Index of each source point's target point, -1 where it has none, shape (n,).
-    trust
-        Confidence of each match, in [0, 1], shape (n,); 0 where there is none.
-    confidence
-        Calibrated probability that the root-mean-square error is at most 0.1 of a unit box about the shape, in [0, 1].
-    reliable
-        Whether the confidence is at least 0.999. Otherwise nothing is matched and the transform is the identity.
-    alternatives
-        Poses that the data allow and that differ by more than that error, by falling probability; a symmetric shape has
-        several. The first is the pose of ``"tprl"``.
-    notes
-        Warnings, a message each.
-    move
-        The transform without checks of its points; call `transform`.
-    """
-
-    method: str
-    moved: Floats
-    matches: Integers
-    trust: Floats
+    method: str  #: name of the method
+    moved: Floats  #: the source's points after the transform, shape (n, d)
+    matches: Integers  #: index of each source point's target point, -1 where it has none, shape (n,)
+    trust: Floats  #: confidence of each match, in [0, 1], shape (n,); 0 where there is none
+    #: calibrated probability that the root-mean-square error is at most 0.1 of a unit box about the shape, in [0, 1]
     confidence: float
+    #: Whether the confidence is at least 0.999. Otherwise nothing is matched and the transform is the identity.
     reliable: bool
-    notes: tuple[str, ...]
-    move: Move
+    notes: tuple[str, ...]  #: warnings, a message each
+    move: Move  #: the transform without checks of its points; call `transform`
+    #: Poses that the data allow and that differ by more than that error, by falling probability; a symmetric shape has
+    #: several. The first is the pose of ``"tprl"``.
     alternatives: tuple[Alternative, ...] = ()
 
     def transform(self, points: ArrayLike) -> Floats:
         """Transform points of the source's space, shape (k, d).
 
-        Raises
-        ------
-        InputError
-            When the points are not finite or of another dimension.
+        Raises `InputError` when the points are not finite or of another dimension.
         """
         checked = require_array("points", points, ndim=2)
         dimension = self.moved.shape[1]
@@ -154,6 +122,9 @@ def register(
 ) -> Registration:
     """Match two point sets that differ by a smooth deformation; points of either may be missing in the other.
 
+    Raises `UnknownNameError` when the method is unknown; `InputError` when shapes do not fit, values are not finite, or
+    the points are too few, too many, or in a line or plane.
+
     Parameters
     ----------
     source, target
@@ -168,13 +139,6 @@ def register(
         Standard deviation of the rotation between the sets that is expected before they are compared, in (0, 1000]; at
         1000 all rotations are equally likely. By default four of five pairs of sets are the same way up within 20
         degrees, and the fifth is rotated by any angle.
-
-    Raises
-    ------
-    UnknownNameError
-        When the method is unknown.
-    InputError
-        When shapes do not fit, values are not finite, or the points are too few, too many, or in a line or plane.
 
     Examples
     --------

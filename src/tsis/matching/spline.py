@@ -33,21 +33,11 @@ ANCHOR = 1e-12  # ridge on the affine part, of the total weight: zero weight giv
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ThinPlateSpline:
-    """A smooth map of the plane or of space.
+    """A smooth map of the plane or of space."""
 
-    Attributes
-    ----------
-    control
-        Control points c, shape (k, d), d being 2 or 3.
-    weights
-        Their weights w, shape (k, d); orthogonal to 1 and to the coordinates of the control points.
-    affine
-        Shape (d + 1, d): row 0 is the translation, the others the matrix that multiplies points as rows.
-    """
-
-    control: Floats
-    weights: Floats
-    affine: Floats
+    control: Floats  #: control points c, shape (k, d), d being 2 or 3
+    weights: Floats  #: their weights w, shape (k, d); orthogonal to 1 and to the coordinates of the control points
+    affine: Floats  #: shape (d + 1, d): row 0 is the translation, the others the matrix that multiplies points as rows
 
     def __call__(self, points: ArrayLike) -> Floats:
         """Transform ``points``, shape (n, d)."""
@@ -151,6 +141,9 @@ def fit_spline(
     It has the form of the source's (5.15) and penalises the bending energy (5.14). With ``bending`` 0 it solves (5.16).
     Kernel and energy are corrected.
 
+    Raises `InputError` when the shapes do not fit, a value is out of range, the points lie in a line or plane, or they
+    do not determine the spline.
+
     Parameters
     ----------
     points, targets
@@ -163,12 +156,6 @@ def fit_spline(
     control
         Control points, shape (k, d); by default the points, or `CONTROL_POINTS` spread ones of them. With bending 0, at
         most as many as distinct points.
-
-    Raises
-    ------
-    InputError
-        When the shapes do not fit, a value is out of range, the points lie in a line or plane, or they do not
-        determine the spline.
 
     Examples
     --------

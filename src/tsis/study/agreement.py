@@ -77,22 +77,13 @@ FORMS = ("ICC(1,1)", "ICC(2,1)", "ICC(3,1)", "ICC(1,k)", "ICC(2,k)", "ICC(3,k)")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IntraclassCorrelation:
-    """One of the six forms of Shrout and Fleiss, Psychol. Bull. 86 (1979) 420.
+    """One of the six forms of Shrout and Fleiss, Psychol. Bull. 86 (1979) 420."""
 
-    Attributes
-    ----------
-    form
-        ``"ICC(1,1)"``: each target has other raters. ``"ICC(2,1)"``: raters are a random sample; absolute agreement.
-        ``"ICC(3,1)"``: raters are fixed; consistency. With ``k`` for the 1: of the mean of all raters.
-    value
-        At most 1; below 0 where targets differ less than expected by chance.
-    mean_squares
-        Mean squares of the table.
-    """
-
+    #: ``"ICC(1,1)"``: each target has other raters. ``"ICC(2,1)"``: raters are a random sample; absolute agreement.
+    #: ``"ICC(3,1)"``: raters are fixed; consistency. With ``k`` for the 1: of the mean of all raters.
     form: str
-    value: float
-    mean_squares: MeanSquares
+    value: float  #: at most 1; below 0 where targets differ less than expected by chance
+    mean_squares: MeanSquares  #: mean squares of the table
 
     @property
     def f(self) -> float:
@@ -224,21 +215,13 @@ class ProportionalBias:
     """Line of the differences over the means of both methods.
 
     Unequal scatter of the methods also causes a slope, without a proportional bias.
-
-    Attributes
-    ----------
-    slope, intercept
-        Difference per unit of the mean, and at a mean of 0.
-    standard_error
-        Standard error of the slope.
-    degrees_of_freedom
-        Degrees of freedom of the line, targets less 2.
     """
 
+    #: slope, intercept: difference per unit of the mean, and at a mean of 0
     slope: float
     intercept: float
-    standard_error: float
-    degrees_of_freedom: int
+    standard_error: float  #: standard error of the slope
+    degrees_of_freedom: int  #: degrees of freedom of the line, targets less 2
 
     @property
     def p(self) -> float:
@@ -257,14 +240,10 @@ class ProportionalBias:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BlandAltman:
-    """Differences of paired readings.
+    """Differences of paired readings."""
 
-    Attributes
-    ----------
-    means, differences
-        Mean, and first less second, of each target, shape (targets,), in the unit of the readings.
-    """
-
+    #: means, differences: mean, and first less second, of each target, shape (targets,), in the unit of the
+    #: readings
     means: NDArray[np.float64]
     differences: NDArray[np.float64]
 

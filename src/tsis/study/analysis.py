@@ -303,28 +303,16 @@ def _number(of: Callable[[], Any], name: str) -> AgreementValue:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SizeErrors:
-    """Readings of one quantity with their true values.
+    """Readings of one quantity with their true values."""
 
-    Attributes
-    ----------
-    quantity
-        Its name.
-    codes
-        Of the targets.
-    read, true
-        Shape (targets,), in the unit of the quantity.
-    covered
-        Fraction of the device's 90 % intervals that contain the truth; None without intervals.
-    not_identified
-        Number of readings whose data added hardly anything to the prior.
-    """
-
-    quantity: str
-    codes: tuple[str, ...]
+    quantity: str  #: its name
+    codes: tuple[str, ...]  #: of the targets
+    #: read, true: shape (targets,), in the unit of the quantity
     read: NDArray[np.float64]
     true: NDArray[np.float64]
+    #: fraction of the device's 90 % intervals that contain the truth; None without intervals
     covered: Proportion | None
-    not_identified: int
+    not_identified: int  #: number of readings whose data added hardly anything to the prior
 
     @property
     def bias(self) -> float:
@@ -384,55 +372,30 @@ Value = TypeVar("Value")
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DeviceAnalysis:
-    """Analysis of one device; for a value of None ``missing`` gives the reason.
+    """Analysis of one device; for a value of None ``missing`` gives the reason."""
 
-    Attributes
-    ----------
-    results
-        Its targets.
-    readings, undecided_readings
-        Number of its readings, and of the undecided ones.
-    counts
-        At the fixed threshold, without undecided targets.
-    counts_if_wrong
-        With undecided targets as errors.
-    curve, auc_interval
-        Of the decided targets by `DeviceResults.ranks`; thresholds are in the unit of the ranks.
-    auc_if_wrong
-        Area with undecided targets as errors.
-    points
-        Operating points, selected on the same targets and therefore optimistic.
-    held_out
-        Counts at thresholds of the largest Youden index, each selected without the target that it decides.
-    reliability, brier_interval, recalibration
-        Of scores as probabilities, where all lie in [0, 1].
-    errors
-        Of size, depth and modulus of detected inclusions.
-    strata
-        Detected inclusions by size and by depth.
-    agreements
-        Of repeats and operators.
-    missing
-        Reason of each missing value, by its name.
-    """
-
-    results: DeviceResults
+    results: DeviceResults  #: its targets
+    #: readings, undecided_readings: number of its readings, and of the undecided ones
     readings: int
     undecided_readings: int
-    counts: Counts | None
-    counts_if_wrong: Counts | None
+    counts: Counts | None  #: at the fixed threshold, without undecided targets
+    counts_if_wrong: Counts | None  #: with undecided targets as errors
+    #: curve, auc_interval: of the decided targets by `DeviceResults.ranks`; thresholds are in the unit of the
+    #: ranks
     curve: Roc | None
     auc_interval: Interval | None
-    auc_if_wrong: float | None
-    points: tuple[OperatingPoint, ...]
+    auc_if_wrong: float | None  #: area with undecided targets as errors
+    points: tuple[OperatingPoint, ...]  #: operating points, selected on the same targets and therefore optimistic
+    #: counts at thresholds of the largest Youden index, each selected without the target that it decides
     held_out: Counts | None
+    #: reliability, brier_interval, recalibration: of scores as probabilities, where all lie in [0, 1]
     reliability: ReliabilityCurve | None
     brier_interval: Interval | None
     recalibration: Recalibration | None
-    errors: tuple[SizeErrors, ...]
-    strata: tuple[Stratum, ...]
-    agreements: tuple[Agreement, ...]
-    missing: Mapping[str, str] = field(default_factory=dict)
+    errors: tuple[SizeErrors, ...]  #: of size, depth and modulus of detected inclusions
+    strata: tuple[Stratum, ...]  #: detected inclusions by size and by depth
+    agreements: tuple[Agreement, ...]  #: of repeats and operators
+    missing: Mapping[str, str] = field(default_factory=dict)  #: reason of each missing value, by its name
 
     @property
     def few(self) -> bool:

@@ -48,45 +48,22 @@ class Precision:
     """Precision of one quantity, in its unit, on the inclusions that were read completely.
 
     A reading is complete where the device measured the quantity; a target, where every operator has all repeats of it.
-
-    Attributes
-    ----------
-    quantity
-        Diameter, depth or modulus by its name.
-    device
-        Whose readings; both names where two devices are compared.
-    over
-        What differs between conditions: `OPERATORS`, or `PROBES` with one operator.
-    conditions
-        Names of the operators, or of the devices.
-    complete, incomplete
-        Codes of the targets used, and of those that lack a reading of this quantity.
-    repeats
-        Readings of each target in each condition.
-    within
-        Repeatability, pooled over targets and conditions.
-    between
-        Reproducibility over the conditions; None with a single one.
-    limits
-        Limits of agreement of the first readings, by pairs of conditions, first minus second.
-    errors
-        Target means less the true values; their bias is that of the readings.
-    line
-        Line of the target means over the true values; None where these are too few or too equal.
     """
 
-    quantity: str
-    device: str
-    over: str
-    conditions: tuple[str, ...]
+    quantity: str  #: diameter, depth or modulus by its name
+    device: str  #: whose readings; both names where two devices are compared
+    over: str  #: what differs between conditions: `OPERATORS`, or `PROBES` with one operator
+    conditions: tuple[str, ...]  #: names of the operators, or of the devices
+    #: complete, incomplete: codes of the targets used, and of those that lack a reading of this quantity
     complete: tuple[str, ...]
     incomplete: tuple[str, ...]
-    repeats: int
-    within: Repeatability
-    between: Reproducibility | None
+    repeats: int  #: readings of each target in each condition
+    within: Repeatability  #: repeatability, pooled over targets and conditions
+    between: Reproducibility | None  #: reproducibility over the conditions; None with a single one
+    #: limits of agreement of the first readings, by pairs of conditions, first minus second
     limits: Mapping[tuple[str, str], BlandAltman]
-    errors: BlandAltman
-    line: Linearity | None
+    errors: BlandAltman  #: target means less the true values; their bias is that of the readings
+    line: Linearity | None  #: line of the target means over the true values; None where these are too few or too equal
 
     @property
     def relative_bias(self) -> float:
@@ -109,10 +86,7 @@ def analyse_precision(study: Study) -> PrecisionAnalysis:
 
     Every device is a probe. Devices are compared on the readings of the operator who read most with all of them.
 
-    Raises
-    ------
-    RecordsError
-        When the study is blind, or asks for one reading of each target.
+    Raises `RecordsError` when the study is blind, or asks for one reading of each target.
     """
     if study.unblinded is None:
         raise RecordsError("a study must be unblinded before its repeatability is analysed; run tsis study analyse")
@@ -391,6 +365,9 @@ def rehearse_reference_run(
 ) -> Study:
     """Read the reference phantoms with one virtual probe, and unblind.
 
+    Raises `InputError` when a value lies outside its range, and `RecordsError` when the folder exists or cannot be
+    created.
+
     Parameters
     ----------
     folder
@@ -405,13 +382,6 @@ def rehearse_reference_run(
         Mechanics of presses and estimates, ``"finite"`` or ``"small"``.
     preparing, progress
         Called with (done, total).
-
-    Raises
-    ------
-    InputError
-        When a value lies outside its range.
-    RecordsError
-        When the folder exists or cannot be created.
     """
     require_integer("repeats", repeats, 2, 100, hint="a card shows how well readings repeat")
     require_integer("seed", seed, 0, LARGEST_SEED)

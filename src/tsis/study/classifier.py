@@ -53,11 +53,6 @@ class ClassSplit:
     as these are given; the second is any other inclusion, and the first is none. Raises `InputError` when no limit is
     given, or one lies outside its range.
 
-    Parameters
-    ----------
-    young_kpa, diameter_mm, depth_mm
-        Limits, within what an `tsis.Inclusion` may have; None where a property does not matter.
-
     Examples
     --------
     >>> ClassSplit(young_kpa=60).names
@@ -70,6 +65,8 @@ class ClassSplit:
     0
     """
 
+    #: young_kpa, diameter_mm, depth_mm: limits, within what an `tsis.Inclusion` may have; None where a
+    #: property does not matter
     young_kpa: float | None = None
     diameter_mm: float | None = None
     depth_mm: float | None = None
@@ -123,17 +120,11 @@ class TargetEvidence(ContentValue):
     """Estimate of one target as input of a classifier.
 
     Raises `InputError` when the samples are empty, not positive or of another shape, or the ratio is no number.
-
-    Parameters
-    ----------
-    samples
-        Diameters in mm, depths in mm and moduli in kPa of the posterior, shape (draws, 3), positive.
-    log_ratio
-        Natural logarithm of the likelihood ratio of an inclusion over tissue without inclusion.
     """
 
+    #: diameters in mm, depths in mm and moduli in kPa of the posterior, shape (draws, 3), positive
     samples: NDArray[np.float64]
-    log_ratio: float
+    log_ratio: float  #: natural logarithm of the likelihood ratio of an inclusion over tissue without inclusion
 
     def __post_init__(self) -> None:
         samples = require_array("samples", self.samples, ndim=2)
@@ -199,17 +190,11 @@ class TrainingSet(ContentValue):
 
     Raises `InputError` when shapes do not belong together, there are more than 5,000 targets, or a value is out of its
     range.
-
-    Parameters
-    ----------
-    features
-        Diameter, depth, modulus and inverse hyperbolic sine of the log likelihood ratio of each, shape (targets, 4).
-    labels
-        Classes 0, 1 or 2, shape (targets,).
     """
 
+    #: diameter, depth, modulus and inverse hyperbolic sine of the log likelihood ratio of each, shape (targets, 4)
     features: NDArray[np.float64]
-    labels: NDArray[np.int64]
+    labels: NDArray[np.int64]  #: classes 0, 1 or 2, shape (targets,)
 
     def __post_init__(self) -> None:
         features = require_array("features", self.features, ndim=2)
@@ -253,27 +238,16 @@ class ClassifierSettings:
     """How a classifier is fitted.
 
     Raises `InputError` when a setting lies outside its range.
-
-    Parameters
-    ----------
-    penalty
-        Of misclassified targets, in [0.001, 100]: larger values fit the training targets more closely.
-    width
-        Of the Gaussian kernel, as ``exp(-width * squared distance)`` of standardised features, in [0.001, 100]; None
-        takes one over the number of features.
-    calibration
-        ``"sigmoid"`` (Platt), or ``"isotonic"``, which needs hundreds of targets a class.
-    folds
-        Parts by which the probabilities are calibrated, 2 to 20.
-    seed
-        Shuffles the parts.
     """
 
+    #: of misclassified targets, in [0.001, 100]: larger values fit the training targets more closely
     penalty: float = 1.0
+    #: of the Gaussian kernel, as ``exp(-width * squared distance)`` of standardised features, in [0.001, 100]; None
+    #: takes one over the number of features
     width: float | None = None
-    calibration: str = "sigmoid"
-    folds: int = 5
-    seed: int = 0
+    calibration: str = "sigmoid"  #: ``"sigmoid"`` (Platt), or ``"isotonic"``, which needs hundreds of targets a class
+    folds: int = 5  #: parts by which the probabilities are calibrated, 2 to 20
+    seed: int = 0  #: shuffles the parts
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "penalty", require_number("penalty", self.penalty, 1e-3, 100.0))
@@ -286,17 +260,10 @@ class ClassifierSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Classified:
-    """Probabilities of the classes of one target.
+    """Probabilities of the classes of one target."""
 
-    Attributes
-    ----------
-    probabilities
-        By class name: means over the posterior's samples.
-    at_mean
-        Those of the posterior's mean, for comparison: overconfident for uncertain estimates.
-    """
-
-    probabilities: Mapping[str, float]
+    probabilities: Mapping[str, float]  #: by class name: means over the posterior's samples
+    #: those of the posterior's mean, for comparison: overconfident for uncertain estimates
     at_mean: Mapping[str, float]
 
     @property
@@ -312,22 +279,13 @@ class Classified:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Classifier:
-    """A fitted classifier; `train_classifier` creates it, and `read_classifier` fits it again from its file.
+    """A fitted classifier; `train_classifier` creates it, and `read_classifier` fits it again from its file."""
 
-    Attributes
-    ----------
-    split
-        The classes.
-    settings, training
-        Settings and targets of the fit.
-    notes
-        Warnings, e.g. that another version of scikit-learn gives another fit.
-    """
-
-    split: ClassSplit
+    split: ClassSplit  #: the classes
+    #: settings, training: settings and targets of the fit
     settings: ClassifierSettings
     training: TrainingSet
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  #: Warnings, e.g. that another version of scikit-learn gives another fit.
     model: Any = field(default=None, repr=False)
 
     def probabilities(self, features: ArrayLike) -> NDArray[np.float64]:
@@ -404,24 +362,12 @@ LEAST = 1e-15  # a probability of 0 that came true would cost an infinite loss
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Validation:
-    """Cross-validated probabilities of targets, and their true classes.
+    """Cross-validated probabilities of targets, and their true classes."""
 
-    Attributes
-    ----------
-    split
-        The classes.
-    labels
-        True classes, shape (targets,).
-    probabilities
-        Means over each target's posterior, shape (targets, 3).
-    at_mean
-        Those of its posterior's mean, shape (targets, 3).
-    """
-
-    split: ClassSplit
-    labels: NDArray[np.int64]
-    probabilities: NDArray[np.float64]
-    at_mean: NDArray[np.float64]
+    split: ClassSplit  #: the classes
+    labels: NDArray[np.int64]  #: true classes, shape (targets,)
+    probabilities: NDArray[np.float64]  #: means over each target's posterior, shape (targets, 3)
+    at_mean: NDArray[np.float64]  #: those of its posterior's mean, shape (targets, 3)
 
     @property
     def decided(self) -> NDArray[np.int64]:

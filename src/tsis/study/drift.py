@@ -47,29 +47,18 @@ NODES = 80
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ControlChart:
-    """A chart of single values in order of time; arrays have the shape (checks,).
+    """A chart of single values in order of time; arrays have the shape (checks,)."""
 
-    Attributes
-    ----------
-    values, baseline
-        All values, and how many of the first set the limits.
-    centre, sd
-        Mean and standard deviation of the baseline.
-    shewhart
-        Half width of the limits of a new value: Student's prediction interval with the probability of three sd.
-    ewma
-        Exponentially weighted mean of the values after the baseline; the centre during it.
-    ewma_half
-        Half widths of its limits; NaN during the baseline.
-    """
-
+    #: values, baseline: all values, and how many of the first set the limits
     values: NDArray[np.float64]
     baseline: int
+    #: centre, sd: mean and standard deviation of the baseline
     centre: float
     sd: float
+    #: half width of the limits of a new value: Student's prediction interval with the probability of three sd
     shewhart: float
-    ewma: NDArray[np.float64]
-    ewma_half: NDArray[np.float64]
+    ewma: NDArray[np.float64]  #: exponentially weighted mean of the values after the baseline; the centre during it
+    ewma_half: NDArray[np.float64]  #: half widths of its limits; NaN during the baseline
 
     @property
     def beyond_shewhart(self) -> NDArray[np.bool_]:

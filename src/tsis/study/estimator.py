@@ -64,10 +64,8 @@ class TargetClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
     def fit(self, X: ArrayLike, y: ArrayLike) -> Self:
         """Fit features of shape (n, features) and labels of shape (n,), with at least ``folds`` of each class.
 
-        Raises
-        ------
-        ValueError
-            When a setting is out of range, the arrays do not fit together, or a class has too few samples.
+        Raises `ValueError` when a setting is out of range, the arrays do not fit together, or a class has too few
+        samples.
         """
         settings = ClassifierSettings(
             penalty=self.penalty, width=self.width, calibration=self.calibration, folds=self.folds, seed=self.seed

@@ -87,10 +87,7 @@ class Study:
 def open_study(folder: str | os.PathLike[str]) -> Study:
     """Open the study in a folder, without its truth; `verify_study` checks its integrity.
 
-    Raises
-    ------
-    RecordsError
-        When the folder has no readable study.
+    Raises `RecordsError` when the folder has no readable study.
     """
     root = as_path(folder)
     if not os.path.isfile(root / PLAN):  # noqa: PTH113 - Path.is_file raises for names that no file can have
@@ -107,10 +104,7 @@ def _no_study(path: Path) -> str:
 def read_seal(study: Study) -> tuple[SealedTruth, bool]:
     """The truth of a study, and whether its hash matches the sealed one.
 
-    Raises
-    ------
-    RecordsError
-        When it cannot be read, or lacks a code.
+    Raises `RecordsError` when it cannot be read, or lacks a code.
     """
     content = read_bytes(study.folder / SEAL)
     seal = parse_seal(content, SEAL)
@@ -134,12 +128,8 @@ def enter_readings(
 
     ``imported`` describes the file of the readings for the log, if they come from one.
 
-    Raises
-    ------
-    InputError
-        When a code is not of this study, or a reading exists already.
-    RecordsError
-        When the study is unblinded, or its files were changed.
+    Raises `InputError` when a code is not of this study, or a reading exists already; `RecordsError` when the study is
+    unblinded, or its files were changed.
     """
     require_short_name("actor", actor)
 
@@ -246,24 +236,12 @@ class StudyFault:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StudyVerification:
-    """Result of a verification.
+    """Result of a verification."""
 
-    Attributes
-    ----------
-    faults
-        In the order of files and lines; empty without any.
-    head
-        Hash of the log's last line. A copy elsewhere can show later that the log was cut short.
-    lines
-        Of the log.
-    unblinded
-        Time and person of the unblinding, as text; empty while the study is blind.
-    """
-
-    faults: tuple[StudyFault, ...]
-    head: str
-    lines: int
-    unblinded: str
+    faults: tuple[StudyFault, ...]  #: in the order of files and lines; empty without any
+    head: str  #: Hash of the log's last line. A copy elsewhere can show later that the log was cut short.
+    lines: int  #: of the log
+    unblinded: str  #: time and person of the unblinding, as text; empty while the study is blind
 
     @property
     def sound(self) -> bool:
@@ -274,6 +252,9 @@ class StudyVerification:
 def verify_study(folder: str | os.PathLike[str], *, head: str | None = None) -> StudyVerification:
     """Compare every file of a study with its log, and every line of the log with the one before.
 
+    Raises `InputError` when the head is no hash, or there is no log to read; `RecordsError` when the folder has no
+    study.
+
     Parameters
     ----------
     folder
@@ -281,13 +262,6 @@ def verify_study(folder: str | os.PathLike[str], *, head: str | None = None) -> 
     head
         Hash, or its first 12 digits or more, from a report or an earlier verification: the log must still contain
         that line. Without it a cut at the end or a completely rewritten log cannot be detected.
-
-    Raises
-    ------
-    InputError
-        When the head is no hash, or there is no log to read.
-    RecordsError
-        When the folder has no study.
     """
     root = as_path(folder)
     if not any(os.path.lexists(root / name) for name in (PLAN, LOG_FILE)):
@@ -401,12 +375,7 @@ def unblind(study: Study, *, by: str) -> Study:
 
     The entry includes the faults at this time, so that earlier and later changes differ.
 
-    Raises
-    ------
-    InputError
-        When ``by`` is no name.
-    RecordsError
-        When there is no reading, or the truth cannot be read.
+    Raises `InputError` when ``by`` is no name; `RecordsError` when there is no reading, or the truth cannot be read.
     """
     require_short_name("by", by)
     read_seal(study)
@@ -449,10 +418,7 @@ CLEARANCE = 0.97  # of the slab: deepest end of an inclusion
 def printed_targets(present: int = PRINTED, blank: int = PRINTED) -> tuple[TargetTruth, ...]:
     """Phantoms ``detection-1`` to ``detection-8`` of the catalog in turn, and ``detection-blank``; at least one target.
 
-    Raises
-    ------
-    InputError
-        When a number is negative or too large, or both are 0.
+    Raises `InputError` when a number is negative or too large, or both are 0.
 
     Examples
     --------
@@ -470,10 +436,7 @@ def random_targets(present: int, blank: int, *, rng: np.random.Generator) -> tup
     Tissue of both is drawn from what the estimator assumes, `tsis.inclusion.InclusionPrior`; the slab's thickness is
     drawn again until the inclusion fits.
 
-    Raises
-    ------
-    InputError
-        When a number is negative or too large, or both are 0.
+    Raises `InputError` when a number is negative or too large, or both are 0.
     """
     _check_numbers(present, blank)
     require_type("rng", rng, np.random.Generator)
@@ -528,6 +491,9 @@ def new_study(
 ) -> Study:
     """Create a study atomically.
 
+    Raises `InputError` when a value lies outside its range, or there is no target; `RecordsError` when the folder
+    exists or cannot be created.
+
     Parameters
     ----------
     folder
@@ -550,13 +516,6 @@ def new_study(
         Who creates it; the user of this machine by default.
     progress
         Called with (targets sealed, all): 100,000 take seconds.
-
-    Raises
-    ------
-    InputError
-        When a value lies outside its range, or there is no target.
-    RecordsError
-        When the folder exists or cannot be created.
     """
     root = as_path(folder)
     published_seed = seed

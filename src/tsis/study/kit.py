@@ -219,12 +219,8 @@ def bench_moduli(path: str | os.PathLike[str], *, poisson: float = 0.49) -> dict
     The column phantom names one, or several of one batch between semicolons, or the tissue. ``size_mm`` is the radius
     of the ball of an indentation, or the diameter of the cylinder of a compression; forces in N, lengths in mm.
 
-    Raises
-    ------
-    FileInputError
-        When the table has no point, or a row is no point; the message gives its line.
-    InputError
-        When no modulus fits the points of a specimen.
+    Raises `FileInputError` when the table has no point, or a row is no point; the message gives its line; `InputError`
+    when no modulus fits the points of a specimen.
     """
     file = as_path(path)
     points: dict[tuple[str, str, str], list[tuple[float, ...]]] = {}
@@ -291,13 +287,8 @@ def score_validation(
 
     ``diameter_sd_mm`` and ``depth_sd_mm`` are the standard uncertainties, in [0, 10] mm, of the sealed sizes.
 
-    Raises
-    ------
-    InputError
-        When an uncertainty lies outside its range, a label is not of a sealed inclusion, an inclusion has no measured
-        modulus, or the device read nothing.
-    RecordsError
-        When the study is blind.
+    Raises `InputError` when an uncertainty lies outside its range, a label is not of a sealed inclusion, an inclusion
+    has no measured modulus, or the device read nothing; `RecordsError` when the study is blind.
     """
     sizes_sd = {
         "diameter_mm": require_number("diameter_sd_mm", diameter_sd_mm, 0.0, 10.0, hint="millimetres"),

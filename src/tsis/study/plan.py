@@ -41,48 +41,28 @@ LARGEST_VALUE = 1e6
 class DeviceReading(ContentValue):
     """One reading of a target by a device.
 
-    Parameters
-    ----------
-    code
-        Of the target.
-    device, operator
-        The device and its operator.
-    repeat
-        Number of this operator's readings of the target with this device, this one included.
-    score
-        Higher values mean a likelier inclusion; for the virtual probe its probability. None for an undecided reading,
-        without any substitute.
-    rank
-        Order of readings of the same device where their scores are rounded: for the virtual probe the natural
-        logarithm of the Bayes factor. None where the score itself gives the order.
-    reason
-        Why it is undecided.
-    values
-        Diameter, depth and modulus, as far as measured; names of `QUANTITIES`.
-    sd, interval_90
-        Their standard deviations, and 90 % intervals, where the device gives them.
-    flags
-        Short names of caveats.
-    evidence
-        Provenance: hash of the frames, calibration, prior, seed, version.
-
-    Raises
-    ------
-    InputError
-        When a value lies outside its range.
+    Raises `InputError` when a value lies outside its range.
     """
 
-    code: str
+    code: str  #: of the target
+    #: device, operator: the device and its operator
     device: str
     operator: str
-    repeat: int
+    repeat: int  #: number of this operator's readings of the target with this device, this one included
+    #: Higher values mean a likelier inclusion; for the virtual probe its probability. None for an undecided reading,
+    #: without any substitute.
     score: float | None
+    #: Order of readings of the same device where their scores are rounded: for the virtual probe the natural logarithm
+    #: of the Bayes factor. None where the score itself gives the order.
     rank: float | None = None
-    reason: str = ""
+    reason: str = ""  #: why it is undecided
+    #: diameter, depth and modulus, as far as measured; names of `QUANTITIES`
     values: Mapping[str, float] = field(default_factory=dict)
+    #: sd, interval_90: their standard deviations, and 90 % intervals, where the device gives them
     sd: Mapping[str, float] = field(default_factory=dict)
     interval_90: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    flags: tuple[str, ...] = ()
+    flags: tuple[str, ...] = ()  #: short names of caveats
+    #: provenance: hash of the frames, calibration, prior, seed, version
     evidence: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -145,21 +125,11 @@ LUMP = ("diameter_mm", "depth_mm", "young_kpa", "poisson")
 class TargetTruth:
     """A target with its true values, secret before the unblinding.
 
-    Parameters
-    ----------
-    label
-        Its name in the list of targets.
-    phantom
-        Tissue, with one spherical inclusion or none.
-
-    Raises
-    ------
-    InputError
-        When the label is no short text, or the phantom has several inclusions or one that is no sphere.
+    Raises `InputError` when the label is no short text, or the phantom has several inclusions or one that is no sphere.
     """
 
-    label: str
-    phantom: Phantom
+    label: str  #: its name in the list of targets
+    phantom: Phantom  #: tissue, with one spherical inclusion or none
 
     def __post_init__(self) -> None:
         require_type("label", self.label, str)

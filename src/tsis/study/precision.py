@@ -41,38 +41,20 @@ def _chi_square_interval(coefficient: float, degrees_of_freedom: int, level: flo
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Repeatability:
-    """Scatter of readings within and between targets, in the unit of the readings.
+    """Scatter of readings within and between targets, in the unit of the readings."""
 
-    Attributes
-    ----------
-    within_sd
-        Standard deviation of readings of one target.
-    between_sd
-        Standard deviation of the true values of targets; 0 where ``between_truncated``.
-    between_truncated
-        Whether the estimated variance between targets was negative, and was set to 0.
-    degrees_of_freedom
-        Of ``within_sd``: readings less targets.
-    mean
-        Of all readings.
-    within_cv
-        Root mean square of the coefficients of variation of single targets (QIBA's wCV), weighted by their degrees of
-        freedom; None where the mean of a repeated target is not positive.
-    largest_variance_fraction
-        Cochran's C: the largest variance of a target over the sum of all; None where targets differ in their numbers of
-        readings, or repeats never differ.
-    cochran_limit
-        Value that C exceeds by chance in 5 of 100 studies (ISO 5725-2); None where C is.
-    """
-
-    within_sd: float
-    between_sd: float
-    between_truncated: bool
-    degrees_of_freedom: int
-    mean: float
+    within_sd: float  #: standard deviation of readings of one target
+    between_sd: float  #: standard deviation of the true values of targets; 0 where ``between_truncated``
+    between_truncated: bool  #: whether the estimated variance between targets was negative, and was set to 0
+    degrees_of_freedom: int  #: of ``within_sd``: readings less targets
+    mean: float  #: of all readings
+    #: root mean square of the coefficients of variation of single targets (QIBA's wCV), weighted by their degrees of
+    #: freedom; None where the mean of a repeated target is not positive
     within_cv: float | None
+    #: Cochran's C: the largest variance of a target over the sum of all; None where targets differ in their numbers of
+    #: readings, or repeats never differ
     largest_variance_fraction: float | None
-    cochran_limit: float | None
+    cochran_limit: float | None  #: value that C exceeds by chance in 5 of 100 studies (ISO 5725-2); None where C is
 
     @property
     def coefficient(self) -> float:
@@ -141,30 +123,19 @@ def _cochran_limit(targets: int, repeats: int) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reproducibility:
-    """Scatter of a balanced study of targets, operators and repeats, in the unit of the readings.
+    """Scatter of a balanced study of targets, operators and repeats, in the unit of the readings."""
 
-    Attributes
-    ----------
-    target_sd, operator_sd, interaction_sd, repeat_sd
-        Standard deviations of targets, of operators, of their interaction, and of repeats.
-    truncated
-        Names of the first three that were set to 0, because their estimated variance was negative.
-    mean_squares
-        Of targets, operators, interaction and repeats.
-    degrees_of_freedom
-        Of the same.
-    shape
-        Targets, operators, repeats.
-    """
-
+    #: target_sd, operator_sd, interaction_sd, repeat_sd: standard deviations of targets, of operators,
+    #: of their interaction, and of repeats
     target_sd: float
     operator_sd: float
     interaction_sd: float
     repeat_sd: float
+    #: names of the first three that were set to 0, because their estimated variance was negative
     truncated: tuple[str, ...]
-    mean_squares: tuple[float, float, float, float]
-    degrees_of_freedom: tuple[int, int, int, int]
-    shape: tuple[int, int, int]
+    mean_squares: tuple[float, float, float, float]  #: of targets, operators, interaction and repeats
+    degrees_of_freedom: tuple[int, int, int, int]  #: of the same
+    shape: tuple[int, int, int]  #: targets, operators, repeats
 
     @property
     def repeatability_coefficient(self) -> float:
@@ -285,31 +256,18 @@ FEWEST = 4  # targets: a parabola leaves one degree of freedom
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Linearity:
-    """Line of the readings over the true values of reference targets, each target once.
+    """Line of the readings over the true values of reference targets, each target once."""
 
-    Attributes
-    ----------
-    targets
-        How many.
-    slope, slope_sd
-        Readings per true value, and its standard error; 1 is right.
-    intercept, intercept_sd
-        Reading at a true value of 0, and its standard error.
-    r_squared
-        Fraction of the variance of the readings that the line explains.
-    scatter_sd
-        Standard deviation of the readings about the line.
-    curvature_p
-        Two-sided p-value of a quadratic term beside the line; a small one means that the readings are not linear.
-    """
-
-    targets: int
+    targets: int  #: how many
+    #: slope, slope_sd: readings per true value, and its standard error; 1 is right
     slope: float
     slope_sd: float
+    #: intercept, intercept_sd: reading at a true value of 0, and its standard error
     intercept: float
     intercept_sd: float
-    r_squared: float
-    scatter_sd: float
+    r_squared: float  #: fraction of the variance of the readings that the line explains
+    scatter_sd: float  #: standard deviation of the readings about the line
+    #: two-sided p-value of a quadratic term beside the line; a small one means that the readings are not linear
     curvature_p: float
 
     def slope_interval(self, level: float = LEVEL) -> Interval:
@@ -328,17 +286,14 @@ class Linearity:
 def linearity(measured: ArrayLike, true: ArrayLike) -> Linearity:
     """Regress readings on the true values of reference targets.
 
+    Raises `InputError` when a value is not finite, the lengths differ, or there are too few or too equal targets.
+
     Parameters
     ----------
     measured
         One reading, or the mean of the repeats, of each target, shape (targets,), at least 4.
     true
         True values in the same unit, positive, at least 3 different ones.
-
-    Raises
-    ------
-    InputError
-        When a value is not finite, the lengths differ, or there are too few or too equal targets.
 
     Examples
     --------
@@ -388,21 +343,15 @@ MOST_PHANTOMS = 500
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PrecisionStudySize:
-    """A balanced study of repeatability that reaches a wanted width.
+    """A balanced study of repeatability that reaches a wanted width."""
 
-    Attributes
-    ----------
-    operators, repeats
-        Of the design.
-    phantoms
-        The fewest that reach the width; None where no number up to 500 does, because operators are too few.
-    upper_repeatability, upper_reproducibility
-        Expected upper 95 % limit of each coefficient over its value, less 1; of 500 phantoms where None reach it.
-    """
-
+    #: operators, repeats: of the design
     operators: int
     repeats: int
+    #: the fewest that reach the width; None where no number up to 500 does, because operators are too few
     phantoms: int | None
+    #: upper_repeatability, upper_reproducibility: expected upper 95 % limit of each coefficient over its value,
+    #: less 1; of 500 phantoms where None reach it
     upper_repeatability: float
     upper_reproducibility: float
 
@@ -426,6 +375,8 @@ def study_size(
 
     The limits are those of `Repeatability.interval` and `Reproducibility.interval` at the expected mean squares.
 
+    Raises `InputError` when a value lies outside its range.
+
     Parameters
     ----------
     width
@@ -438,11 +389,6 @@ def study_size(
         Whether the coefficient between operators must reach the width as well.
     level
         Confidence of the two-sided interval, in (0, 1).
-
-    Raises
-    ------
-    InputError
-        When a value lies outside its range.
 
     Examples
     --------

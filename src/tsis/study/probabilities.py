@@ -32,26 +32,13 @@ class BrierScore:
     """Mean square of probability less truth, 0 at best, and its decomposition.
 
     ``score = reliability - resolution + uncertainty + within``.
-
-    Attributes
-    ----------
-    score
-        In [0, 1].
-    reliability
-        Mean square of a group's probability less its frequency of inclusions; 0 is best.
-    resolution
-        Mean square of a group's frequency less that of all; larger is better.
-    uncertainty
-        Score of the frequency of all as the constant probability.
-    within
-        Contribution of different probabilities within a group; 0 where groups have equal probabilities.
     """
 
-    score: float
-    reliability: float
-    resolution: float
-    uncertainty: float
-    within: float
+    score: float  #: in [0, 1]
+    reliability: float  #: mean square of a group's probability less its frequency of inclusions; 0 is best
+    resolution: float  #: mean square of a group's frequency less that of all; larger is better
+    uncertainty: float  #: score of the frequency of all as the constant probability
+    within: float  #: contribution of different probabilities within a group; 0 where groups have equal probabilities
 
 
 def brier_score(probabilities: ArrayLike, present: ArrayLike, *, groups: ArrayLike | None = None) -> BrierScore:
@@ -155,38 +142,21 @@ MOST_BINS = 10_000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReliabilityBin:
-    """Targets of similar probability.
+    """Targets of similar probability."""
 
-    Attributes
-    ----------
-    low, high
-        Ends of the bin; a probability at an inner end belongs below it.
-    probability
-        Mean of the stated probabilities.
-    observed
-        Proportion of the targets with an inclusion; ``observed.interval()`` is Wilson's.
-    """
-
+    #: low, high: ends of the bin; a probability at an inner end belongs below it
     low: float
     high: float
-    probability: float
-    observed: Proportion
+    probability: float  #: mean of the stated probabilities
+    observed: Proportion  #: proportion of the targets with an inclusion; ``observed.interval()`` is Wilson's
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReliabilityCurve:
-    """Stated probability and observed frequency in each bin that is not empty.
+    """Stated probability and observed frequency in each bin that is not empty."""
 
-    Attributes
-    ----------
-    bins
-        By rising probability.
-    brier
-        Brier score with Murphy's parts over these bins.
-    """
-
-    bins: tuple[ReliabilityBin, ...]
-    brier: BrierScore
+    bins: tuple[ReliabilityBin, ...]  #: by rising probability
+    brier: BrierScore  #: Brier score with Murphy's parts over these bins
 
     @property
     def expected_calibration_error(self) -> float:
@@ -242,18 +212,10 @@ TOLERANCE = 1e-10  # of the parameters
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FittedValue:
-    """A maximum-likelihood estimate.
+    """A maximum-likelihood estimate."""
 
-    Attributes
-    ----------
-    value
-        The estimate.
-    standard_error
-        From the curvature of the likelihood there.
-    """
-
-    value: float
-    standard_error: float
+    value: float  #: the estimate
+    standard_error: float  #: from the curvature of the likelihood there
 
     def interval(self, level: float = LEVEL) -> Interval:
         """Wald's interval; it assumes a normal distribution, and is approximate below some 30 targets of each kind.
@@ -266,20 +228,11 @@ class FittedValue:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recalibration:
-    """``logit(true fraction) = intercept + slope * logit(probability)``.
+    """``logit(true fraction) = intercept + slope * logit(probability)``."""
 
-    Attributes
-    ----------
-    slope
-        1 for calibrated probabilities; below 1 they are overconfident, above 1 underconfident.
-    intercept
-        With that slope; 0 for calibrated probabilities.
-    in_the_large
-        Intercept with the slope fixed at 1: positive where inclusions are more frequent than the probabilities.
-    """
-
-    slope: FittedValue
-    intercept: FittedValue
+    slope: FittedValue  #: 1 for calibrated probabilities; below 1 they are overconfident, above 1 underconfident
+    intercept: FittedValue  #: with that slope; 0 for calibrated probabilities
+    #: intercept with the slope fixed at 1: positive where inclusions are more frequent than the probabilities
     in_the_large: FittedValue
 
 
@@ -369,17 +322,6 @@ class PresenceProbability:
 
     Raises `InputError` when a number is no probability.
 
-    Parameters
-    ----------
-    probability
-        Of an inclusion, in [0, 1], at the prevalence ``prior``.
-    prior
-        Prior probability of an inclusion, in [1e-9, 1 - 1e-9].
-    caveats
-        Flags of the estimate that its model is not valid: the probability then compares two poor models.
-    evidence
-        Natural logarithm of the likelihood ratio before the probability was rounded; None if it was not kept.
-
     Examples
     --------
     >>> found = PresenceProbability(probability=0.9, prior=0.5)
@@ -389,9 +331,11 @@ class PresenceProbability:
     0.0833
     """
 
-    probability: float
-    prior: float
+    probability: float  #: of an inclusion, in [0, 1], at the prevalence ``prior``
+    prior: float  #: prior probability of an inclusion, in [1e-9, 1 - 1e-9]
+    #: flags of the estimate that its model is not valid: the probability then compares two poor models
     caveats: tuple[str, ...] = ()
+    #: natural logarithm of the likelihood ratio before the probability was rounded; None if it was not kept
     evidence: float | None = None
 
     def __post_init__(self) -> None:

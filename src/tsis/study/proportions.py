@@ -29,15 +29,6 @@ LEVEL = 0.95
 class Interval:
     """Confidence interval; ``low, high = interval`` unpacks it.
 
-    Attributes
-    ----------
-    low, high
-        Ends, included; an end may be infinite.
-    level
-        Probability that such intervals contain the true value, in (0, 1).
-    method
-        Its method, e.g. ``"wilson"``.
-
     Examples
     --------
     >>> low, high = Interval(low=0.4, high=0.9, level=0.95, method="wilson")
@@ -45,10 +36,11 @@ class Interval:
     (0.4, 0.9)
     """
 
+    #: low, high: ends, included; an end may be infinite
     low: float
     high: float
-    level: float
-    method: str
+    level: float  #: probability that such intervals contain the true value, in (0, 1)
+    method: str  #: Its method, e.g. ``"wilson"``.
 
     def __iter__(self) -> Iterator[float]:
         return iter((self.low, self.high))
@@ -159,13 +151,6 @@ class Proportion:
 
     Raises `InputError` when a number is not whole or out of its range.
 
-    Parameters
-    ----------
-    successes
-        From 0 to ``trials``.
-    trials
-        1 or more.
-
     Examples
     --------
     The printed study on phantoms has 6 of 8 true positives and 7 of 8 true negatives; the intervals are wide:
@@ -179,8 +164,8 @@ class Proportion:
     ['0.529', '0.978']
     """
 
-    successes: int
-    trials: int
+    successes: int  #: from 0 to ``trials``
+    trials: int  #: 1 or more
 
     def __post_init__(self) -> None:
         trials = require_integer("trials", self.trials, 1, MOST_TRIALS)
@@ -263,11 +248,6 @@ class ProportionRatio:
 
     Raises `InputError` when both proportions are 0.
 
-    Parameters
-    ----------
-    first, second
-        Proportions of two groups without common targets; not both 0.
-
     Examples
     --------
     >>> from tsis.study.proportions import Proportion
@@ -278,6 +258,7 @@ class ProportionRatio:
     ['1.37', '34.35']
     """
 
+    #: first, second: proportions of two groups without common targets; not both 0
     first: Proportion
     second: Proportion
 
@@ -321,11 +302,6 @@ class ProportionRatio:
 class ProportionDifference:
     """Difference of two proportions, such as Youden's index.
 
-    Parameters
-    ----------
-    first, second
-        Proportions of two groups without common targets.
-
     Examples
     --------
     >>> from tsis.study.proportions import Proportion
@@ -336,6 +312,7 @@ class ProportionDifference:
     ['0.14', '0.83']
     """
 
+    #: first, second: proportions of two groups without common targets
     first: Proportion
     second: Proportion
 
@@ -377,17 +354,6 @@ class Counts:
     A rate is a `Proportion` with an interval; `InputError` is raised where the study has no target of its denominator.
     Raises `InputError` when a number is not whole or negative, or all are 0.
 
-    Parameters
-    ----------
-    true_positives
-        Targets with an inclusion, decided present.
-    false_positives
-        Targets without an inclusion, decided present.
-    true_negatives
-        Targets without an inclusion, decided absent.
-    false_negatives
-        Targets with an inclusion, decided absent.
-
     Examples
     --------
     >>> printed = Counts(true_positives=6, false_negatives=2, true_negatives=7, false_positives=1)
@@ -395,10 +361,10 @@ class Counts:
     (0.75, 0.875)
     """
 
-    true_positives: int
-    false_positives: int
-    true_negatives: int
-    false_negatives: int
+    true_positives: int  #: targets with an inclusion, decided present
+    false_positives: int  #: targets without an inclusion, decided present
+    true_negatives: int  #: targets without an inclusion, decided absent
+    false_negatives: int  #: targets with an inclusion, decided absent
 
     def __post_init__(self) -> None:
         for name in ("true_positives", "false_positives", "true_negatives", "false_negatives"):

@@ -91,6 +91,9 @@ def press_study(
     The errors of each reading follow from the seed, the code, the operator and the repeat, so an interrupted run
     continues with the readings of an uninterrupted one. Neither the log nor the store contains the truth.
 
+    Raises `InputError` when a value lies outside its range; `RecordsError` when the study is unblinded, its files were
+    changed, or another run is active.
+
     Parameters
     ----------
     study
@@ -111,13 +114,6 @@ def press_study(
         Called with (done, total) while the model of this probe is built, which is cached.
     ended
         Called before each reading; True stops the run.
-
-    Raises
-    ------
-    InputError
-        When a value lies outside its range.
-    RecordsError
-        When the study is unblinded, its files were changed, or another run is active.
     """
     operator = require_short_name("operator", operator or user())
     require_integer("seed", seed, 0, LARGEST_SEED)
@@ -275,16 +271,13 @@ MORE_COLUMNS = ("offset_mm", "tissue_kpa", "thickness_mm", "poisson")
 def read_truth_table(path: str | os.PathLike[str]) -> tuple[TargetTruth, ...]:
     """Read targets from a file with the columns `COLUMNS`, and optionally `MORE_COLUMNS`.
 
+    Raises `FileInputError` when a row is no target; the message gives its line.
+
     Parameters
     ----------
     path
         Comma-separated values in UTF-8. A row whose diameter, depth and modulus are empty is a target without an
         inclusion; other empty cells are as in the phantom ``detection-blank`` of the catalog.
-
-    Raises
-    ------
-    FileInputError
-        When a row is no target; the message gives its line.
     """
     file = as_path(path)
     by_label: dict[str, TargetTruth] = {}
@@ -338,6 +331,9 @@ def import_readings(
 
     `UNCERTAINTY_COLUMNS` may follow: the standard deviation of a quantity, and both ends of its 90 % interval.
 
+    Raises `InputError` when a row is invalid; the message gives its line, and nothing is entered; `RecordsError` when
+    the study is unblinded.
+
     Parameters
     ----------
     study
@@ -351,13 +347,6 @@ def import_readings(
         of a device fixes it.
     actor
         Who enters them.
-
-    Raises
-    ------
-    InputError
-        When a row is invalid; the message gives its line, and nothing is entered.
-    RecordsError
-        When the study is unblinded.
     """
     file = as_path(path)
     return import_table(
@@ -455,10 +444,7 @@ def export_readings(study: Study, device: str | None = None) -> bytes:
 
     `UNCERTAINTY_COLUMNS` follow where a reading has a standard deviation or an interval.
 
-    Raises
-    ------
-    InputError
-        When that device has no readings, or several devices exist and none is named.
+    Raises `InputError` when that device has no readings, or several devices exist and none is named.
     """
     if device is None:
         if len(study.devices) != 1:

@@ -218,20 +218,11 @@ FROM_ENDS = 5  # least product of smaller class and distance of the area from 0 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class AucCovariance:
-    """Areas of several methods on the same targets, with their covariance.
+    """Areas of several methods on the same targets, with their covariance."""
 
-    Attributes
-    ----------
-    auc
-        Areas under the curves, shape (methods,).
-    covariance
-        Covariance of their errors, shape (methods, methods).
-    present, absent
-        Numbers of targets with and without an inclusion.
-    """
-
-    auc: NDArray[np.float64]
-    covariance: NDArray[np.float64]
+    auc: NDArray[np.float64]  #: areas under the curves, shape (methods,)
+    covariance: NDArray[np.float64]  #: covariance of their errors, shape (methods, methods)
+    #: present, absent: numbers of targets with and without an inclusion
     present: int
     absent: int
 
@@ -333,13 +324,6 @@ class Roc:
 
     Raises `InputError` when a score is not finite, the truth is not boolean, the lengths differ, or a class is missing.
 
-    Parameters
-    ----------
-    scores
-        Shape (targets,), finite; higher means that an inclusion is likelier.
-    present
-        Whether a target holds an inclusion, booleans of shape (targets,), both kinds.
-
     Attributes
     ----------
     thresholds
@@ -350,8 +334,8 @@ class Roc:
         Numbers of targets with and without an inclusion that are decided as one at each threshold.
     """
 
-    scores: NDArray[np.float64]
-    present: NDArray[np.bool]
+    scores: NDArray[np.float64]  #: shape (targets,), finite; higher means that an inclusion is likelier
+    present: NDArray[np.bool]  #: whether a target holds an inclusion, booleans of shape (targets,), both kinds
     thresholds: NDArray[np.float64] = field(init=False)
     true_positives: NDArray[np.int64] = field(init=False)
     false_positives: NDArray[np.int64] = field(init=False)
@@ -473,35 +457,19 @@ NO_SPREAD = "the difference does not vary from target to target, so that neither
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Comparison:
-    """Two methods on the same targets.
+    """Two methods on the same targets."""
 
-    Attributes
-    ----------
-    first_auc, second_auc
-        Their areas under the curve.
-    difference
-        First less second.
-    method
-        ``"delong"`` or ``"bootstrap"``.
-    standard_error
-        Of the difference; 0 where it does not vary.
-    interval
-        Of the difference; None where it does not vary.
-    z, p
-        Difference in standard errors, and its two-sided p-value; None where it does not vary.
-    remark
-        Reason of a missing interval and test, else empty.
-    """
-
+    #: first_auc, second_auc: their areas under the curve
     first_auc: float
     second_auc: float
-    difference: float
-    method: str
-    standard_error: float
-    interval: Interval | None
+    difference: float  #: first less second
+    method: str  #: ``"delong"`` or ``"bootstrap"``
+    standard_error: float  #: of the difference; 0 where it does not vary
+    interval: Interval | None  #: of the difference; None where it does not vary
+    #: z, p: difference in standard errors, and its two-sided p-value; None where it does not vary
     z: float | None
     p: float | None
-    remark: str = ""
+    remark: str = ""  #: reason of a missing interval and test, else empty
 
 
 def compare_detectors(first: ArrayLike, second: ArrayLike, present: ArrayLike, *, level: float = LEVEL) -> Comparison:
@@ -603,21 +571,13 @@ class OperatingPoint:
     """A threshold and its counts on the targets on which it was chosen.
 
     Counts and intervals are optimistic, because the threshold was chosen on the same targets.
-
-    Attributes
-    ----------
-    threshold
-        Least score that is decided as an inclusion, midway between the separated scores; infinite or minus infinity
-        where no or all targets are.
-    counts
-        Of the decisions.
-    rule
-        Rule of the choice.
     """
 
+    #: least score that is decided as an inclusion, midway between the separated scores; infinite or minus infinity
+    #: where no or all targets are
     threshold: float
-    counts: Counts
-    rule: str
+    counts: Counts  #: of the decisions
+    rule: str  #: rule of the choice
 
     def decide(self, scores: ArrayLike) -> NDArray[np.bool_]:
         """Decide which targets have an inclusion, from finite scores of shape (targets,); else `InputError`."""

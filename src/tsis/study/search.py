@@ -42,16 +42,6 @@ class DetectionRangeTable:
     An inclusion smaller than the smallest, or deeper than the deepest, has the range 0; a larger or shallower one has
     that of the last in the table. Raises `InputError` when shapes or values are wrong.
 
-    Parameters
-    ----------
-    diameter_mm, depth_mm
-        Ascending, shapes (n,) and (m,).
-    reach_mm
-        Largest distance from the probe's axis at which an inclusion is detected with ``probability``, shape (n, m), in
-        [0, 500]; 0 where it is not detected.
-    probability
-        Probability of detection, in (0, 1).
-
     Examples
     --------
     >>> table = DetectionRangeTable(diameter_mm=[4, 8], depth_mm=[4, 12], reach_mm=[[2, 0], [6, 2]], probability=0.9)
@@ -59,10 +49,13 @@ class DetectionRangeTable:
     (2.5, 0.0, 4.0)
     """
 
+    #: diameter_mm, depth_mm: ascending, shapes (n,) and (m,)
     diameter_mm: NDArray[np.float64]
     depth_mm: NDArray[np.float64]
+    #: largest distance from the probe's axis at which an inclusion is detected with ``probability``, shape (n, m), in
+    #: [0, 500]; 0 where it is not detected
     reach_mm: NDArray[np.float64]
-    probability: float
+    probability: float  #: probability of detection, in (0, 1)
 
     def __post_init__(self) -> None:
         for name in ("diameter_mm", "depth_mm"):
@@ -197,15 +190,6 @@ class ScanPlan:
     diagonal. Presses at the edge overhang the area by ``overhang_mm``. Raises `InputError` when a value lies outside
     its range.
 
-    Parameters
-    ----------
-    width_mm, height_mm
-        The area, in [1, 5000] mm.
-    strips, presses_a_strip
-        Cells across and along, 1 or more, at most 100,000 in all.
-    radius_mm
-        Of the probe's face, in [0.5, 500].
-
     Examples
     --------
     >>> plan = ScanPlan(width_mm=80, height_mm=60, strips=4, presses_a_strip=4, radius_mm=12)
@@ -215,11 +199,13 @@ class ScanPlan:
     [[10.0, 7.5], [10.0, 22.5], [10.0, 37.5], [10.0, 52.5], [30.0, 52.5]]
     """
 
+    #: width_mm, height_mm: the area, in [1, 5000] mm
     width_mm: float
     height_mm: float
+    #: strips, presses_a_strip: cells across and along, 1 or more, at most 100,000 in all
     strips: int
     presses_a_strip: int
-    radius_mm: float
+    radius_mm: float  #: of the probe's face, in [0.5, 500]
 
     def __post_init__(self) -> None:
         for name in ("width_mm", "height_mm"):
