@@ -17,8 +17,7 @@ import numpy as np
 import pytest
 from tests.records.sample import WHEN, levels, sample_record
 from tests.study.made import made_study, table
-from tests.sweep.conftest import small_plan
-from tests.sweep.stand_ins import quick
+from tests.sweep.stand_ins import quick, small_plan
 
 from tsis.errors import RecordsError, TsisError
 from tsis.files.atomic import UNFINISHED, Disk

@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 
 from tsis.errors import InputError
 from tsis.files.frame_names import require_file_stem, snapshot_stems, target_folder
+from tsis.records import target as bundle
+from tsis.sweep import shards
 
 PRINTED = "Target1-020411-131112"  # the source's example: target 1 on 4 February 2011 at 13:11:12
 
@@ -51,3 +53,25 @@ def test_an_accepted_name_is_one_part_of_a_path_on_every_system(name: str) -> No
 def test_targets_are_whole_numbers(target: object) -> None:
     with pytest.raises(InputError, match="target must"):
         target_folder(target)
+
+
+TRICKS = (
+    *("..\\up", "C:x", "C:\\x", "\\\\server\\share", "a\\b", "a/b", "../up", "/root", "a:stream", "a.", "a ", "a\0b"),
+    *("con", "NUL", "com1", "Lpt9", "aux", "a*", "a?", "a<b", 'a"b', "a|b", ""),
+)
+
+
+@pytest.mark.parametrize("name", TRICKS)
+def test_no_name_leads_elsewhere_on_either_system(name: str) -> None:
+    """Names that files give to files: of targets and snapshots, in bundles, of a sweep's parts."""
+    with pytest.raises(InputError):
+        require_file_stem(name)
+    assert not any(pattern.fullmatch(f"frames/{name}.png") for pattern in bundle.LARGEST)
+    assert shards.NAME.fullmatch(name) is None
+
+
+@pytest.mark.parametrize("name", ["Target", "a-1_b", "Z" * 40])
+def test_good_names_are_one_part_and_no_device_on_windows(name: str) -> None:
+    path = PureWindowsPath(require_file_stem(name))
+    assert path.parts == (name,)
+    assert not path.is_reserved()

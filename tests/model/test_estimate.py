@@ -10,10 +10,11 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from tsis.errors import InputError
-from tsis.model.estimate import Estimate
+from tsis.model.estimate import INTERVAL_LEVEL, NO_UNIT, UNITS, Estimate, label_of, unit_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
 
 SAMPLES = hnp.arrays(float, st.integers(1, 200), elements=st.floats(-1e3, 1e3))
 
@@ -87,3 +88,27 @@ def test_a_parameter_is_identified_unless_its_own_flag_says_not() -> None:
     )
     assert estimate.identified("depth_mm")
     assert not estimate.identified("young_kpa")
+
+
+@pytest.mark.parametrize(
+    ("name", "words", "unit"),
+    [
+        ("young_kpa", "Young's modulus", "kPa"),
+        ("long_axis_mm", "long axis", "mm"),
+        ("angle_deg", "angle", "deg"),
+        ("force_n", "force", "N"),
+        ("presence", "presence", NO_UNIT),
+        ("_mm_left", " mm left", NO_UNIT),
+    ],
+)
+def test_the_ending_says_the_unit_and_the_rest_the_words(name: str, words: str, unit: str) -> None:
+    assert (label_of(name), unit_of(name)) == (words, unit)
+
+
+def test_no_ending_hides_another() -> None:
+    assert not [(one, other) for one in UNITS for other in UNITS if one != other and one.endswith(other)]
+
+
+def test_the_interval_that_is_told_is_the_one_that_an_estimate_gives_unasked() -> None:
+    estimate = Estimate(samples={"depth_mm": np.array([0.0, 5.0, 10.0, 20.0])}, prior_sd={"depth_mm": 2.0})
+    assert estimate.interval() == estimate.interval(INTERVAL_LEVEL) != estimate.interval(0.8)

@@ -1,16 +1,18 @@
-"""Presses that cost nothing, and presses that go wrong; workers import them from here."""
+"""A small plan, presses that cost nothing and presses that go wrong; workers import them from here."""
 
 from __future__ import annotations
 
 import os
 import signal
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tsis.catalog.probes import load_probe
 from tsis.errors import MechanicsError
 from tsis.model.press import PressField
+from tsis.sweep.plan import Plan, Range
 
 if TYPE_CHECKING:
     from tsis.model.phantom import Phantom
@@ -19,6 +21,31 @@ if TYPE_CHECKING:
 MARKER = "TSIS_TEST_MARKER"
 TOO_STIFF_KPA = 150.0
 GENTLE_N = 1e-3  # with less, a sweep only asks whether the model takes its presses
+QUANTITIES = {
+    "tissue_young_kpa": 5.0,
+    "thickness_mm": 40.0,
+    "diameter_mm": Range(low=4.0, high=12.0),
+    "depth_mm": Range(low=6.0, high=16.0),
+    "young_kpa": Range(low=20.0, high=200.0, logarithmic=True),
+}
+
+
+def small_plan(**changes: Any) -> Plan:
+    """60 phantoms in 6 files."""
+    given: dict[str, Any] = {
+        "probe": load_probe(),
+        "quantities": QUANTITIES,
+        "count": 60,
+        "seed": 4,
+        "batch": 10,
+        "radii_mm": (0.0, 3.0, 12.0),
+    }
+    return Plan(**(given | changes))
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    """Every file of a folder."""
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
 def quick(probe: Probe, phantom: Phantom, *, force_n: float, strain: str) -> PressField:

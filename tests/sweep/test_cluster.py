@@ -12,9 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
-from tests.sweep.conftest import content, small_plan
 from tests.sweep.loopback_cluster import LoopbackCluster
-from tests.sweep.stand_ins import MARKER, quick
+from tests.sweep.stand_ins import MARKER, content, quick, small_plan
 
 from tsis.errors import SweepError
 from tsis.sweep.run import run_sweep
@@ -28,11 +27,10 @@ ROOT = Path(__file__).parents[2]
 SWEEP = """
 import sys
 from tests.sweep import stand_ins
-from tests.sweep.conftest import small_plan
 from tsis.errors import TsisError
 from tsis.sweep.run import run_sweep
 try:
-    done = run_sweep(small_plan(), sys.argv[1], scheduler=sys.argv[2], press=getattr(stand_ins, sys.argv[3]))
+    done = run_sweep(stand_ins.small_plan(), sys.argv[1], scheduler=sys.argv[2], press=getattr(stand_ins, sys.argv[3]))
 except TsisError as error:
     sys.exit(f"{type(error).__name__}: {error}")
 print(done.computed, done.lost)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tests.sweep.conftest import QUANTITIES, small_plan
+from tests.sweep.stand_ins import QUANTITIES, small_plan
 
 from tsis.errors import FileInputError, InputError
 from tsis.sweep.plan import COLUMNS, EXAMPLE, Plan, Range, load_plan, parse_plan_text, plan_document, plan_from_document

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from tests.sweep.conftest import content, small_plan
-from tests.sweep.stand_ins import MARKER, deadly, deadly_once, faulty, quick, refusing
+from tests.sweep.stand_ins import MARKER, content, deadly, deadly_once, faulty, quick, refusing, small_plan
 
 from tsis.errors import FileInputError, InputError, MissingExtraError, SweepError, UnknownNameError
 from tsis.sweep.data_set import begun, head, read_data_set, verify_data_set
@@ -233,7 +232,7 @@ def test_a_missing_library_is_named_with_its_extra(tmp_path: Path, monkeypatch: 
 @pytest.mark.system
 def test_a_killed_sweep_is_resumed_with_real_presses(tmp_path: Path) -> None:
     code = (
-        "import sys; from pathlib import Path; from tests.sweep.conftest import small_plan; "
+        "import sys; from pathlib import Path; from tests.sweep.stand_ins import small_plan; "
         "from tsis.sweep.run import run_sweep; told = lambda done, _: print(done, flush=True); "
         "run_sweep(small_plan(count=40, batch=2), Path(sys.argv[1]), workers=2, progress=told)"
     )
@@ -257,8 +256,7 @@ def test_a_killed_sweep_is_resumed_with_real_presses(tmp_path: Path) -> None:
 def test_a_script_without_its_guard_is_told_of_it(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     script.write_text(
-        "from tests.sweep.conftest import small_plan\n"
-        "from tests.sweep.stand_ins import quick\n"
+        "from tests.sweep.stand_ins import quick, small_plan\n"
         "from tsis.sweep.run import run_sweep\n"
         f"run_sweep(small_plan(), {str(tmp_path / 'data')!r}, workers=1, press=quick)\n"
     )

@@ -168,10 +168,8 @@ def off_axis() -> Phantom:
 def test_by_default_it_presses_at_finite_strain_and_says_so() -> None:
     probe = VirtualProbe(PROBE, rng=np.random.default_rng(1), sensor=SMALL, light=LightMap.uniform())
     assert probe.frame_settings["strain"] == "finite"
-    assert LUMP.inclusion is not None
-    beside = replace(LUMP, inclusion=replace(LUMP.inclusion, offset_mm=(3.0, 0.0)))
     with pytest.raises(InputError, match=r"only one, for strain='finite'.*VirtualProbe\(strain='small'\) accepts"):
-        probe.press(beside, force_n=1.0)
+        probe.press(off_axis(), force_n=1.0)
 
 
 def test_by_default_it_is_lit_by_its_own_lamps() -> None:

@@ -1,4 +1,4 @@
-"""Probe, phantom, inclusion, press and calibration: what they refuse, and that they cannot be changed."""
+"""Probe with its light, phantom, inclusion and calibration: what they refuse, and that they cannot be changed."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import tsis
 from tsis.errors import InputError
 from tsis.model.calibration import Calibration
 from tsis.model.phantom import Inclusion, Phantom
-from tsis.model.press import PressField
-from tsis.model.probe import Layer, Probe
+from tsis.model.probe import FOUR_LEDS, Glass, Layer, Led, Probe
 
 LUMP = Inclusion(diameter_mm=10.0, depth_mm=5.0, young_kpa=100.0)
 TISSUE = Phantom(young_kpa=5.0, thickness_mm=30.0, inclusion=LUMP)
@@ -117,14 +117,47 @@ def test_the_stack_is_as_thick_as_its_layers() -> None:
     assert replace(PROBE, layers=(LAYER, LAYER)).thickness_mm == 20.0
 
 
-def test_a_press_field_keeps_read_only_profiles() -> None:
-    profile = np.linspace(0.0, 1.0, 5)
-    field = PressField(
-        radius_mm=profile, face_displacement_mm=profile, pressure_kpa=profile, approach_mm=1.0, force_n=0.5
-    )
-    profile[:] = 9.0
-    np.testing.assert_array_equal(field.radius_mm, np.linspace(0.0, 1.0, 5))
-    with pytest.raises(ValueError, match="read-only"):
-        field.pressure_kpa[0] = 1.0
-    with pytest.raises(InputError, match="pressure_kpa must be finite"):
-        replace(field, pressure_kpa=np.array([np.nan]))
+def test_the_intensity_is_one_half_at_the_half_angle() -> None:
+    assert 0.8660254037844387 ** Led(half_angle_deg=30.0).exponent == pytest.approx(0.5, rel=1e-12)
+    assert Led(half_angle_deg=60.0).exponent == pytest.approx(1.0, rel=1e-12)  # Lambert's cosine
+
+
+def test_lamps_stand_at_the_middle_of_the_layers_when_no_height_is_given() -> None:
+    probe = replace(tsis.load_probe("tsis-2011"), leds=FOUR_LEDS)
+    assert [probe.led_height_mm(led) for led in probe.leds] == [5.0] * 4
+    assert probe.led_height_mm(Led(height_mm=2.0)) == 2.0
+
+
+def test_the_printed_indices_are_a_preset() -> None:
+    probe = tsis.load_probe("tsis-2011-printed-indices")
+    assert [layer.refractive_index for layer in probe.layers] == [1.16, 1.15, 1.14]
+    assert probe.glass.refractive_index == 1.13
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"leds": ()}, "at least one with power above 0"),
+        ({"leds": (Led(power=0.0),)}, "at least one with power above 0"),
+        ({"leds": (Led(height_mm=13.5),)}, r"height_mm of a lamp must lie in \[0, 13\]; got 13.5"),
+        ({"glass": None}, "glass must be a Glass"),
+    ],
+)
+def test_a_probe_without_usable_light_is_refused(change: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(InputError, match=sentence):
+        replace(tsis.load_probe("tsis-2011"), **change)
+
+
+@pytest.mark.parametrize(
+    ("make", "values"),
+    [
+        (Glass, {"thickness_mm": 0.0}),
+        (Glass, {"refractive_index": 0.9}),
+        (Led, {"half_angle_deg": 0.0}),
+        (Led, {"aim_deg": 90.0}),
+        (Led, {"power": float("nan")}),
+    ],
+)
+def test_values_out_of_range_are_refused(make: type, values: dict[str, float]) -> None:
+    with pytest.raises(InputError, match=next(iter(values))):
+        make(**values)

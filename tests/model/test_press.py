@@ -1,17 +1,24 @@
-"""Presses over a grid: what they hold, what they refuse, and that they are the presses they come from."""
+"""Presses along the radius and over a grid: what they hold, what they refuse, and interpolation between them."""
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from tsis.errors import InputError
 from tsis.imaging.rendering import render
 from tsis.imaging.sensor import Sensor
 from tsis.model.calibration import Calibration
-from tsis.model.press import PressField, PressMap
+from tsis.model.press import PressField, PressMap, interpolation_matrix, require_ascending
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
 
 RADIUS = np.linspace(0.0, 6.0, 61)
 FIELD = PressField(
@@ -72,3 +79,44 @@ def test_what_a_map_refuses(given: dict[str, Any], phrase: str) -> None:
 def test_a_map_is_read_only() -> None:
     with pytest.raises(ValueError, match="read-only"):
         FIELD.on_grid(AXIS, AXIS).pressure_kpa[0, 0] = 1.0
+
+
+coordinates = st.lists(st.integers(-1000, 1000), min_size=2, max_size=20, unique=True).map(
+    lambda places: np.sort(places) / 64.0
+)
+places = st.lists(st.floats(-20.0, 20.0), min_size=1, max_size=20).map(np.array)
+
+
+@given(knots=coordinates, at=places, seed=st.integers(0, 2**32))
+def test_weights_are_numpys_linear_interpolation(
+    knots: NDArray[np.float64], at: NDArray[np.float64], seed: int
+) -> None:
+    values = np.random.default_rng(seed).standard_normal(len(knots))
+    np.testing.assert_allclose(interpolation_matrix(knots, at) @ values, np.interp(at, knots, values), atol=1e-12)
+    dark = np.interp(at, knots, values, left=0.0, right=0.0)
+    np.testing.assert_allclose(interpolation_matrix(knots, at, outside="zero") @ values, dark, atol=1e-12)
+    np.testing.assert_array_equal(interpolation_matrix(knots, knots).toarray(), np.eye(len(knots)))
+
+
+def test_a_fine_grid_holds_two_weights_a_place() -> None:
+    knots = np.linspace(-1.0, 1.0, 1001)
+    assert interpolation_matrix(knots, np.linspace(-2.0, 2.0, 500)).nnz <= 1000
+
+
+@pytest.mark.parametrize("values", [[1.0], [1.0, 1.0], [2.0, 1.0]])
+def test_a_coordinate_that_does_not_ascend_is_refused(values: list[float]) -> None:
+    with pytest.raises(InputError, match="x_mm must hold at least two ascending numbers"):
+        require_ascending("x_mm", values)
+
+
+def test_a_press_field_keeps_read_only_profiles() -> None:
+    profile = np.linspace(0.0, 1.0, 5)
+    field = PressField(
+        radius_mm=profile, face_displacement_mm=profile, pressure_kpa=profile, approach_mm=1.0, force_n=0.5
+    )
+    profile[:] = 9.0
+    np.testing.assert_array_equal(field.radius_mm, np.linspace(0.0, 1.0, 5))
+    with pytest.raises(ValueError, match="read-only"):
+        field.pressure_kpa[0] = 1.0
+    with pytest.raises(InputError, match="pressure_kpa must be finite"):
+        replace(field, pressure_kpa=np.array([np.nan]))

@@ -1,4 +1,4 @@
-"""Probes written as entries of a catalog: read by Python's own TOML parser they are what they were."""
+"""Probes of the dissertation; written as entries of a catalog they are read back as they were."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tsis.catalog.probes import list_probes, load_probe, parse_probe, probe_toml
+from tsis.catalog.probes import list_probes, load_probe, parse_probe, probe_toml, probe_variant
 from tsis.model.probe import Glass, Layer, Led, Probe
 
 number = st.floats(min_value=1.0, max_value=4.0)
@@ -52,3 +52,20 @@ def test_the_catalog_reads_its_own_probes_back(name: str) -> None:
 
 def test_a_probe_without_a_name_gets_one() -> None:
     assert read(probe_toml(replace(load_probe("tsis-2011"), name=""))).name == "probe"
+
+
+def test_all_lamps_change_together() -> None:
+    start, changed = load_probe("tsis-2011"), probe_variant("tsis-2011", 30.0, 11.5, -5.0)
+    assert len(changed.leds) == len(start.leds) > 0
+    assert {(led.half_angle_deg, led.height_mm, led.aim_deg) for led in changed.leds} == {(30.0, 11.5, -5.0)}
+    assert changed.name == "tsis-2011 (lamps changed)"
+    assert replace(changed, name=start.name, leds=start.leds) == start
+
+
+def test_the_probe_has_the_three_layers_of_section_4_1() -> None:
+    probe = load_probe()
+    assert probe.name == "tsis-2011"
+    assert [layer.thickness_mm for layer in probe.layers] == [2.0, 3.0, 5.0]
+    stiffness = [layer.young_kpa for layer in probe.layers]
+    assert stiffness == sorted(stiffness, reverse=True), "the hardest layer faces the tissue"
+    assert {"radius_mm", "layers.young_kpa"} <= set(probe.assumed)
