@@ -52,7 +52,7 @@ def test_lamps_that_have_warmed_up_differ_until_they_are_brought_to_the_same_lig
     cold = TactileImage(grey=100.0 + rng.normal(0, 0.01, (40, 60)), name="cold")
     warm = replace(cold, grey=1.05 * cold.grey, name="warm")
     assert "mean 5," in comparison(warm, cold).notes[0]
-    matched = shown(comparison(warm, cold, same_light=True).pictures[2])[0]
+    matched = shown(comparison(warm, cold, match_light=True).pictures[2])[0]
     assert np.abs(matched).max() < 1e-9
 
 

@@ -73,7 +73,7 @@ def examine(
         str | None, typer.Option(help="Millimetres per pixel on the face: one number, or x,y when they differ.")
     ] = None,
     invert: Annotated[bool, typer.Option("--invert", help="Light falls where the probe is pressed.")] = False,
-    match_lamps: Annotated[
+    match_light: Annotated[
         bool, typer.Option("--match-light", help="Scale the reference to the image's lamps; less than half is touched.")
     ] = False,
     calibration: Annotated[
@@ -143,12 +143,12 @@ def examine(
         raise InputError("--reference-press needs --calibration: without it no inclusion is estimated")
     if reference_force_n and not reference_presses:
         raise InputError("--reference-force-n needs --reference-press, the presses whose force it tells")
-    if calibration is not None and ((reference is not None and not compared) or invert or match_lamps):
+    if calibration is not None and ((reference is not None and not compared) or invert or match_light):
         raise InputError(
             "--reference, --invert and --match-light are not used with --calibration: its background level is "
             "subtracted instead (a press on tissue without inclusion is a --reference-press)"
         )
-    if match_lamps and reference is None:
+    if match_light and reference is None:
         raise InputError("--match-light needs --reference, the frame that it scales")
     if calibration is None and force_n and not compared:
         raise InputError("--force-n needs --calibration: without it a force is not used")
@@ -176,7 +176,7 @@ def examine(
         "reference": None if untouched is None else {"name": untouched.name, **untouched.settings},
         "mm_per_pixel": None if scale is None else list(scale),
         "invert": invert,
-        "match_light": match_lamps,
+        "match_light": match_light,
         "calibration": None if usable is None else usable.citation(),
     }
     if usable is None:
@@ -188,7 +188,9 @@ def examine(
                 scale,
             )
             comparison = _compared(frames, untouched, on_tissue, None, relative=relative, shape=shape)
-        outcome = _contacts(frames, untouched, provenance, invert=invert, match=match_lamps, comparison=comparison)
+        outcome = _contacts(
+            frames, untouched, provenance, invert=invert, match_light=match_light, comparison=comparison
+        )
         publish(outcome, out, as_json=as_json)
     else:
         reference_presses = reference_presses or []
@@ -305,13 +307,15 @@ def _contacts(
     provenance: dict[str, Any],
     *,
     invert: bool,
-    match: bool,
+    match_light: bool,
     comparison: PressComparison | None = None,
 ) -> CommandOutcome:
     findings = [
         tsis.imaging.finding.analyse_image(
             frame,
-            tsis.imaging.corrections.match_light(untouched, frame) if match and untouched is not None else untouched,
+            tsis.imaging.corrections.match_light(untouched, frame)
+            if match_light and untouched is not None
+            else untouched,
             invert=invert,
         )
         for frame in frames

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -40,7 +40,10 @@ class Flag:
         return f"{self.cure[:1].upper()}{self.cure[1:]}." if self.cure else ""
 
 
-def declared(*flags: Flag) -> Mapping[str, Flag]:
+AnyFlag = TypeVar("AnyFlag", bound=Flag)
+
+
+def declared(*flags: AnyFlag) -> Mapping[str, AnyFlag]:
     """The flags by name, in their order."""
     return MappingProxyType({flag.name: flag for flag in flags})
 

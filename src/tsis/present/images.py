@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.errors import TsisError
-from tsis.imaging import features
-from tsis.imaging.corrections import match_light, subtract_background
+from tsis.imaging import corrections, features
 from tsis.imaging.finding import ImageFinding, analyse_image
 from tsis.imaging.profile import radial_profile
 from tsis.imaging.surface import height_surface
@@ -377,22 +376,22 @@ DIVERGING = "RdBu_r"  # blue to red through white, distinct without red-green vi
 NO_VALUE = "none"
 
 
-def comparison(image: TactileImage, other: TactileImage, *, same_light: bool = False) -> Page:
+def comparison(image: TactileImage, other: TactileImage, *, match_light: bool = False) -> Page:
     """A page with two frames in one colour map, their difference or the reason why there is none, and their features.
 
-    ``same_light`` scales the second to the brightness of the first before the subtraction
+    ``match_light`` scales the second to the brightness of the first before the subtraction
     (`tsis.imaging.corrections.match_light`).
     """
     top = float(max(image.grey.max(), other.grey.max()))
     pictures = [_frame(image, top), _frame(other, top)]
     notes: list[str] = []
     try:
-        change = subtract_background(image, match_light(other, image) if same_light else other)
+        change = corrections.subtract_background(image, corrections.match_light(other, image) if match_light else other)
     except TsisError as error:
         notes.append(f"These two cannot be subtracted: {error}.")
     else:
         pictures.append(_difference(change, image, other))
-        notes.append(_change_text(change, same_light=same_light))
+        notes.append(_change_text(change, match_light=match_light))
     return Page(
         title=f"{image.name} compared with {other.name}",
         subtitle="",
@@ -427,9 +426,9 @@ def _difference(change: TactileImage, image: TactileImage, other: TactileImage) 
     )
 
 
-def _change_text(change: TactileImage, *, same_light: bool) -> str:
+def _change_text(change: TactileImage, *, match_light: bool) -> str:
     grey = change.grey
-    light = "; the second was brought to the brightness of the first" if same_light else ""
+    light = "; the second was brought to the brightness of the first" if match_light else ""
     return (
         f"Difference in grey levels: mean {grey.mean():.3g}, root mean square {np.sqrt(np.square(grey).mean()):.3g}, "
         f"from {grey.min():.4g} to {grey.max():.4g}{light}."

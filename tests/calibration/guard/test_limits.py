@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tsis.calibration.guard.limits import GUARD_FLAGS, RANGES, GuardLimits
+from tsis.calibration.guard.limits import GUARD_FLAGS, GuardLimits
 from tsis.errors import InputError
 
 PAGE = Path(__file__).resolve().parents[3] / "docs" / "how-to" / "watch-a-press.md"
@@ -15,7 +15,8 @@ PAGE = Path(__file__).resolve().parents[3] / "docs" / "how-to" / "watch-a-press.
 
 @pytest.mark.parametrize("name", [one.name for one in fields(GuardLimits)])
 def test_every_limit_has_a_range(name: str) -> None:
-    low, high = RANGES[name]
+    within = {flag.limit: flag.within for flag in GUARD_FLAGS.values()} | {"release": (0.5, 1.0)}
+    low, high = within[name]
     for wrong in (low - 1.0, high + 1.0, float("nan")):
         with pytest.raises(InputError, match=name):
             GuardLimits(**{name: wrong})

@@ -300,9 +300,7 @@ class PressWatch:
             reading, self.limits, settling=settling, flicker_grey=flicker_grey, in_a_row=stillness.count
         )
         up = tuple(
-            item.flag
-            for item in excesses
-            if item.excess > (self.limits.release if item.flag.name in state.raised else 1.0)
+            flag for flag, excess in excesses if excess > (self.limits.release if flag.name in state.raised else 1.0)
         )
         return up, WatchState(
             raised=frozenset(flag.name for flag in up),
@@ -388,7 +386,7 @@ def check_press(
     require_type("limits", limits, GuardLimits)
     force = image.force_n if force_n is None else require_number("force_n", force_n, 0.0, 1000.0, hint="newtons")
     reading = read_guard_frame(image.grey, prepare_reference(reference, FrameShape.of(image)), force_n=force)
-    return tuple(finding.flag for finding in limit_excesses(reading, limits, settling=settling) if finding.excess > 1.0)
+    return tuple(flag for flag, excess in limit_excesses(reading, limits, settling=settling) if excess > 1.0)
 
 
 def guard_reference(calibration: UsableCalibration | None) -> GuardReference:

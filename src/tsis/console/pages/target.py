@@ -469,14 +469,14 @@ def _leave_out(frame: ui.element) -> None:
         ui.label(NO_PICTURE).classes("press-damaged")
 
 
-async def compare(page: TargetContext, view: TargetView, *, same_light: bool = False) -> None:
+async def compare(page: TargetContext, view: TargetView, *, match_light: bool = False) -> None:
     """Show the two chosen presses, what differs, and the features of each."""
     position, chosen = page.compared, tuple(page.presses.chosen)
     position.set_visibility(True)
     position.clear()
     with position:
         ui.label("Loading …").classes("muted").props('role="status"')
-    result = await page.viewer.attempt(_compared, page.instrument.store, view.target, chosen, same_light=same_light)
+    result = await page.viewer.attempt(_compared, page.instrument.store, view.target, chosen, match_light=match_light)
     position.clear()
     if result is None:
         position.set_visibility(False)
@@ -486,8 +486,8 @@ async def compare(page: TargetContext, view: TargetView, *, same_light: bool = F
         with widgets.title_row(content.title, level=3):
             ui.switch(
                 "match brightness",
-                value=same_light,
-                on_change=lambda event: compare(page, view, same_light=event.value),
+                value=match_light,
+                on_change=lambda event: compare(page, view, match_light=event.value),
             ).props("dense")
             ui.button(icon="close", on_click=lambda: position.set_visibility(False)).props(
                 'flat dense round aria-label="Close the comparison"'
@@ -501,14 +501,16 @@ async def compare(page: TargetContext, view: TargetView, *, same_light: bool = F
             widgets.table(item)
 
 
-def _compared(store: Store, target: Target, chosen: Sequence[str], *, same_light: bool) -> tuple[Page, tuple[str, ...]]:
+def _compared(
+    store: Store, target: Target, chosen: Sequence[str], *, match_light: bool
+) -> tuple[Page, tuple[str, ...]]:
     """The comparison, and its pictures drawn."""
     presses = [store.press(target, item) for item in chosen]
     record = replace(store.record(target, limit=0), presses=tuple(presses))
     names = [widgets.press_label(press) for press in presses]
     names = names if len(set(names)) == len(names) else [f"{name} ({at})" for at, name in enumerate(names, 1)]
     item, other = (replace(record.image(press), name=name) for press, name in zip(presses, names, strict=True))
-    content = comparison(item, other, same_light=same_light)
+    content = comparison(item, other, match_light=match_light)
     return content, widgets.drawings(content)
 
 
