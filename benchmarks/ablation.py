@@ -20,7 +20,7 @@ from benchmarks.press_bank import PressBank
 from benchmarks.simulated_presses import DEFAULT, PROTOCOLS
 from benchmarks.worlds import WORLDS
 
-from tsis.cli import progress_bar
+from tsis.cli.progress import progress_bar
 from tsis.compiled import one_blas_thread
 from tsis.errors import TsisError
 from tsis.inclusion import InclusionPrior

@@ -27,7 +27,7 @@ from benchmarks.simulated_presses import DEFAULT, PROTOCOLS
 from benchmarks.worlds import WORLDS
 
 import tsis
-from tsis.cli import progress_bar
+from tsis.cli.progress import progress_bar
 from tsis.errors import TsisError
 from tsis.files.cache import cache_folder, content_key
 from tsis.inclusion import InclusionPrior, estimate

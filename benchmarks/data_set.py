@@ -36,7 +36,7 @@ from benchmarks.worlds import WORLDS, simulate_world
 import tsis
 from tsis.calibration import load_calibration
 from tsis.calibration.file import ProbeCalibration, calibration_bytes
-from tsis.cli import progress_bar
+from tsis.cli.progress import progress_bar
 from tsis.errors import FileInputError, MechanicsError, TsisError
 from tsis.files.atomic import remove_unfinished, write_durably
 from tsis.inclusion import InclusionPrior, estimate

@@ -16,7 +16,7 @@ import numpy as np
 from benchmarks.harness import Bench
 from scipy.special import ndtri
 
-from tsis.cli import progress_bar
+from tsis.cli.progress import progress_bar
 from tsis.errors import InputError
 from tsis.study.roc import Roc
 

@@ -30,7 +30,7 @@ from benchmarks.simulated_presses import PROTOCOLS
 from benchmarks.uneven_tissue import lump_changes
 
 import tsis
-from tsis.cli import progress_bar
+from tsis.cli.progress import progress_bar
 from tsis.errors import TsisError
 from tsis.files.cache import cache_folder, content_key
 from tsis.inclusion import estimate

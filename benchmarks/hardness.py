@@ -27,7 +27,7 @@ from scipy.stats import norm
 
 import tsis
 from tsis.catalog.phantoms import load_sphere
-from tsis.cli import progress_bar
+from tsis.cli.progress import progress_bar
 from tsis.errors import TsisError
 from tsis.hardness import estimate
 from tsis.model.phantom import SoftSphere

@@ -18,7 +18,7 @@ from benchmarks.harness import Bench, Several
 from benchmarks.simulated_presses import PROTOCOLS, SMALL, Protocol, SimulatedCase
 
 from tsis.catalog.probes import load_probe
-from tsis.cli import progress_bar
+from tsis.cli.progress import progress_bar
 from tsis.errors import TsisError
 from tsis.inclusion import estimate
 from tsis.inclusion.prior import PARAMETERS

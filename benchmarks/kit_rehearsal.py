@@ -32,7 +32,7 @@ from numpy.polynomial import polynomial
 from scipy.special import roots_legendre
 
 import tsis
-from tsis.cli import progress_bar
+from tsis.cli.progress import progress_bar
 from tsis.files.atomic import write_durably
 from tsis.files.tables import table_bytes
 from tsis.model.phantom import Inclusion, Phantom

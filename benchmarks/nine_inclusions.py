@@ -21,7 +21,7 @@ from benchmarks.simulated_presses import PROTOCOLS, SMALL, Protocol, examine
 from studies.section_6_3 import PRINTED, PRINTED_ERROR, relative_error, without_itself
 
 import tsis
-from tsis.cli import progress_bar
+from tsis.cli.progress import progress_bar
 from tsis.inclusion import InclusionPrior, estimate
 from tsis.inclusion.prior import PARAMETERS
 from tsis.virtual.examinations import surround

@@ -21,7 +21,7 @@ from benchmarks.simulated_presses import DEFAULT, DRAWN, PROTOCOLS, Protocol, Si
 from benchmarks.worlds import WORLDS, World, seen_by_product, simulate_world
 
 import tsis
-from tsis.cli import progress_bar
+from tsis.cli.progress import progress_bar
 from tsis.errors import MechanicsError
 from tsis.files.atomic import remove_unfinished, write_durably
 from tsis.imaging.sensor import Sensor

@@ -30,7 +30,7 @@ from benchmarks.simulated_presses import DEFAULT, PROTOCOLS
 from benchmarks.worlds import RANDOM_SD, WORLDS, World
 
 from tsis.catalog.priors import inclusion_prior_toml, list_inclusion_priors, parse_prior
-from tsis.cli import progress_bar
+from tsis.cli.progress import progress_bar
 from tsis.errors import TsisError
 from tsis.files.cache import cache_folder, content_key
 from tsis.inclusion import InclusionPrior, estimate

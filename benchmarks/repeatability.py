@@ -22,7 +22,7 @@ from statsmodels.formula.api import ols
 from statsmodels.stats.anova import anova_lm
 
 import tsis
-from tsis.cli import progress_bar
+from tsis.cli.progress import progress_bar
 from tsis.study.card import OPERATORS, analyse_precision, press_by_operators
 from tsis.study.folder import new_study, open_study, random_targets
 from tsis.virtual.probe import VirtualProbe

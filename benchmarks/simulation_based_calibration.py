@@ -26,7 +26,7 @@ from benchmarks.simulated_presses import SMALL, Protocol
 from scipy.stats import chisquare, gaussian_kde
 from threadpoolctl import threadpool_limits
 
-from tsis.cli import progress_bar
+from tsis.cli.progress import progress_bar
 from tsis.imaging.profile import radial_profile
 from tsis.imaging.sensor import Sensor
 from tsis.inclusion import InclusionPrior

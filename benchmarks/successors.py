@@ -26,7 +26,7 @@ from benchmarks.harness import Bench, Choice, append_line, read_lines
 from benchmarks.judgement import compared
 from benchmarks.simulated_presses import DEFAULT, PROTOCOLS, Protocol, examine
 
-from tsis.cli import progress_bar
+from tsis.cli.progress import progress_bar
 from tsis.errors import TsisError
 from tsis.files.cache import cache_folder, content_key
 from tsis.inclusion import InclusionPrior, estimate

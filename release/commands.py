@@ -33,7 +33,7 @@ def faults(root: Path) -> list[str]:
 
 
 def _app() -> typer.Typer:
-    return importlib.import_module("tsis.cli._app").app  # type: ignore[no-any-return]
+    return importlib.import_module("tsis.cli.app").app  # type: ignore[no-any-return]
 
 
 def commands(text: str) -> Iterator[list[str]]:

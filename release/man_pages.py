@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import typer.main
 
 from tsis.__about__ import __version__
-from tsis.cli._app import HELP, app
+from tsis.cli.app import HELP, app
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import typer.main
 
 import tsis
-from tsis.cli._app import app
+from tsis.cli.app import app
 from tsis.console.api.application import api_app
 from tsis.console.api.responses import CONTROL
 

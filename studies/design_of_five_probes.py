@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.cli import progress_bar
+from tsis.cli.progress import progress_bar
 from tsis.imaging.sensor import Sensor
 from tsis.inclusion import InclusionPrior
 from tsis.inclusion.design.alternatives import Design, compare_designs

@@ -35,7 +35,7 @@ from studies import (
     table_6_2,
 )
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.cli import progress_bar
+from tsis.cli.progress import progress_bar
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import tsis
-from tsis.cli import progress_bar
+from tsis.cli.progress import progress_bar
 from tsis.inclusion.relative import RelativeReading, Repeats, ratios, relative_depth, relative_hardness, relative_size
 from tsis.virtual.probe import VirtualProbe
 

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import tsis
-from tsis.cli import progress_bar
+from tsis.cli.progress import progress_bar
 from tsis.inclusion.network import (
     change_reading,
     fit_mapping,

@@ -28,7 +28,7 @@ from benchmarks.uneven_tissue import Site, lump_changes, uneven
 from studies.shown import Shown
 
 import tsis
-from tsis.cli import progress_bar
+from tsis.cli.progress import progress_bar
 from tsis.errors import TsisError
 from tsis.files.cache import cached_arrays, content_key
 from tsis.inclusion import estimate

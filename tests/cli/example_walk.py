@@ -14,7 +14,7 @@ import typer.main
 from tests.cli.test_detect import enter
 from tests.cli.test_program import parsers
 
-from tsis.cli._app import app
+from tsis.cli.app import app
 from tsis.model.phantom import Inclusion
 from tsis.records.store import open_store
 from tsis.study.kit import MODULUS_COLUMNS

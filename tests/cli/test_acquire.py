@@ -55,7 +55,7 @@ def stopped_clock(monkeypatch: pytest.MonkeyPatch) -> None:
         def astimezone(self) -> datetime:
             return NOW
 
-    monkeypatch.setattr("tsis.cli.acquire._snapshots.datetime", Clock)
+    monkeypatch.setattr("tsis.cli.acquire.datetime", Clock)
 
 
 def grey(path: Path) -> NDArray[Any]:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from tsis.calibration.session import CalibrationFrame, CalibrationStep
 
-GUIDE = import_module("tsis.cli.calibrate._guide")  # the package holds the command under this name
+GUIDE = import_module("tsis.cli.calibrate")  # the package holds the command under this name
 PITCH_MM = 1.5
 QUICK = ("--tip-mm", "10", "--tip-mm", "14", "--pitch-mm", str(PITCH_MM))
 STEPS = 10  # of a calibration with two tips

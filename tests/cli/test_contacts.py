@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from tsis.catalog.sensors import load_sensor
-from tsis.cli._contacts import missing_frames_note
+from tsis.cli.contacts import missing_frames_note
 from tsis.virtual.gel_frames import rendered_series
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 import tsis
-from tsis.cli._demo_seeds import stored_note
+from tsis.cli.demo import stored_note
 from tsis.virtual.examinations import coverage_counts
 
 if TYPE_CHECKING:

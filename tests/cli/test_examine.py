@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tsis.calibration.file import ProbeCalibration, calibration_bytes, read_calibration
-from tsis.cli._options import reference_forces
+from tsis.cli.options import reference_forces
 from tsis.errors import InputError
 from tsis.model.calibration import Calibration, LightMap
 

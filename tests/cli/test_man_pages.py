@@ -9,7 +9,7 @@ import pytest
 from release.man_pages import main, pages
 from tests.cli.test_program import parsers
 
-from tsis.cli._app import COMMANDS
+from tsis.cli.app import COMMANDS
 
 if TYPE_CHECKING:
     from pathlib import Path

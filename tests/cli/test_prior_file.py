@@ -14,7 +14,7 @@ import pytest
 import tsis
 from tsis.calibration.file import read_calibration
 from tsis.catalog.priors import default_prior_toml, inclusion_prior_toml, parse_prior, read_prior_file
-from tsis.cli._options import chosen_prior, other_priors
+from tsis.cli.options import chosen_prior, other_priors
 from tsis.errors import FileInputError, InputError, UnknownNameError
 from tsis.hardness.posterior import HardnessPrior
 from tsis.inclusion import InclusionPrior, estimate

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from tsis.catalog.phantoms import load_phantom
 from tsis.catalog.probes import list_probes, load_probe, probe_toml
-from tsis.cli._options import calibrated_probe, chosen_probe, read_probe
+from tsis.cli.options import calibrated_probe, chosen_probe, read_probe
 from tsis.errors import FileInputError, NotCalibratedError
 from tsis.mechanics import press
 from tsis.model.probe import Glass, Layer, Led, Probe

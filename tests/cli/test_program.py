@@ -12,7 +12,7 @@ import pytest
 import typer.main
 
 import tsis
-from tsis.cli._app import COMMANDS, app
+from tsis.cli.app import COMMANDS, app
 from tsis.records.store import open_store
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from tests.hardness.stand_ins import by_table
 import tsis.hardness
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.catalog.phantoms import load_phantom
-from tsis.cli.acquire._snapshots import ROLES
+from tsis.cli.acquire import ROLES
 from tsis.present.records import ENDINGS
 from tsis.records import values
 from tsis.records.store import open_store, verify_store

@@ -13,7 +13,7 @@ from jsonschema import Draft202012Validator
 from tests.cli.published import faults, published
 
 import tsis
-from tsis.cli._output import print_json
+from tsis.cli.output import print_json
 from tsis.errors import FileInputError
 from tsis.files.result_schemas import RESULT_SCHEMAS
 from tsis.present.document import envelope
@@ -73,7 +73,7 @@ def test_a_name_that_nobody_described_is_a_fault() -> None:
 
 def test_commands_print_json_through_one_call() -> None:
     assert list(calls("json.dumps", SOURCE / "cli")) == []
-    assert {path.name for path, _ in calls("json_bytes", SOURCE / "cli")} == {"_output.py"}
+    assert {path.name for path, _ in calls("json_bytes", SOURCE / "cli")} == {"output.py"}
 
 
 def test_a_document_without_a_schema_is_not_printed() -> None:

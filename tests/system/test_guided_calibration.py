@@ -210,7 +210,7 @@ LOST_IN_MID_LOADING = """
 import sys
 from rich.console import Console
 from tsis.calibration.session import plan_steps
-from tsis.cli.calibrate._guide import Operator
+from tsis.cli.calibrate import Operator
 
 class Bench:
     def loading(self, over):

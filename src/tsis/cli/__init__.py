@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import sys
 
-from tsis.cli._progress import INTERRUPTED, progress_bar
+from tsis.cli.progress import INTERRUPTED
 
 
 def main() -> None:
     """Run the program; an interruption while it loads shows no traceback either."""
     try:
-        from tsis.cli._app import run  # slow; Ctrl-C works meanwhile
+        from tsis.cli.app import run  # slow; Ctrl-C works meanwhile
 
         run()
     except KeyboardInterrupt:
         sys.stderr.write("Interrupted; nothing half-written is left.\n")
         sys.exit(INTERRUPTED)
-
-
-__all__ = ["main", "progress_bar"]

@@ -9,10 +9,10 @@ import typer
 
 import tsis
 from tsis.__about__ import LARGEST_SEED, LARGEST_TARGET, RESEARCH_USE_ONLY
-from tsis.cli._options import AsJson
-from tsis.cli._output import CommandResult, Out, show_result
-from tsis.cli._progress import progress_bar
-from tsis.cli._store import PHANTOM, StoreDatabase, StoreFolder, StoreKind, opened
+from tsis.cli.options import AsJson
+from tsis.cli.output import CommandResult, Out, show_result
+from tsis.cli.progress import progress_bar
+from tsis.cli.saving import PHANTOM, StoreDatabase, StoreFolder, StoreKind, opened
 from tsis.errors import InputError, UntrustedError, import_extra
 from tsis.present.page import Column, Table
 

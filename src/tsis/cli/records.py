@@ -15,10 +15,10 @@ import typer
 
 import tsis
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.cli._options import AsJson, scale_of
-from tsis.cli._output import print_json
-from tsis.cli._progress import FAILED, progress_bar, stop_interrupted, waiting
-from tsis.cli._store import (
+from tsis.cli.options import AsJson, scale_of
+from tsis.cli.output import print_json
+from tsis.cli.progress import FAILED, progress_bar, stop_interrupted, waiting
+from tsis.cli.saving import (
     PHANTOM,
     StoreDatabase,
     StoreFolder,

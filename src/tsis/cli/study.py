@@ -20,11 +20,10 @@ import typer
 
 import tsis
 from tsis.__about__ import LARGEST_SEED, RESEARCH_USE_ONLY
-from tsis.cli._groups import ended_by
-from tsis.cli._options import AsJson, PhantomName, ProbeName, read_frames, scale_of
-from tsis.cli._output import CommandOutcome, CommandResult, Out, print_json, publish, result_bytes, show_result
-from tsis.cli._progress import FAILED, progress_bar, stop_interrupted
-from tsis.cli._store import DATABASE, PHANTOM, opened
+from tsis.cli.options import AsJson, PhantomName, ProbeName, read_frames, scale_of
+from tsis.cli.output import CommandOutcome, CommandResult, Out, print_json, publish, result_bytes, show_result
+from tsis.cli.progress import FAILED, ended_by, progress_bar, stop_interrupted
+from tsis.cli.saving import DATABASE, PHANTOM, opened
 from tsis.errors import InputError
 from tsis.present.page import Column, Table
 from tsis.present.terminal import people, print_notice, print_tables, rich_table

@@ -23,9 +23,7 @@ if TYPE_CHECKING:
 
     from tsis.imaging import Features
     from tsis.inclusion.comparison import PressComparison
-    from tsis.inclusion.relative import (
-        RelativeReading,
-    )
+    from tsis.inclusion.relative import RelativeReading
     from tsis.inclusion.shape import ObjectShape
     from tsis.model.image import TactileImage
 

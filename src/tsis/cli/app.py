@@ -1,0 +1,266 @@
+"""The program ``tsis``: its commands, and errors as one-line messages."""
+
+from __future__ import annotations
+
+import io
+import logging
+import os
+import sys
+import traceback
+import warnings
+from functools import cache
+from typing import Annotated, Any, NoReturn, TextIO
+
+import typer
+
+import tsis
+from tsis.__about__ import RESEARCH_USE_ONLY, __version__
+from tsis.cli.commands import CommandEntry, LazyCommands
+from tsis.cli.progress import BAD_INPUT, FAILED, INTERRUPTED, exit_code_of, verbosity
+from tsis.errors import TsisError, TsisWarning
+
+_show_python_warning = warnings.showwarning
+
+COMMANDS = {
+    "demo": CommandEntry(
+        "tsis.cli.demo",
+        "demo",
+        "Press a phantom with the virtual probe, estimate the inclusion, and write a page that shows it.",
+        "tsis demo --phantom size-8 --seed 3 --out first-press",
+    ),
+    "console": CommandEntry(
+        "tsis.cli.console",
+        "console",
+        "Open the console: show a camera or the virtual probe, save presses, estimate, calibrate, report.",
+        "tsis console --phantom size-8",
+    ),
+    "acquire": CommandEntry(
+        "tsis.cli.acquire",
+        "acquire",
+        "Save a snapshot of a target, or record a sequence, from a camera or the virtual probe.",
+        "tsis acquire --camera virtual --probe tsis-domed --phantom size-8 --frames 12 --out press-1",
+    ),
+    "examine": CommandEntry(
+        "tsis.cli.examine",
+        "examine",
+        "Find the contact in image files and measure it; estimate the inclusion when the probe is calibrated.",
+        "tsis examine first-press/target-1N.png --reference first-press/untouched.png --scale-mm 0.0336,0.0392",
+    ),
+    "contacts": CommandEntry(
+        "tsis.cli.contacts",
+        "contacts",
+        "Find the contact in frames of a gel sensor: centre, radius or ellipse, area, and a quality with reasons.",
+        "tsis contacts gel-frames/press-1.png --sensor gelsight-mini --reference gel-frames/untouched.png",
+    ),
+    "depth": CommandEntry(
+        "tsis.cli.depth", "app", f"Depth maps of a gel sensor: tsis depth FRAME... {RESEARCH_USE_ONLY}"
+    ),
+    "track": CommandEntry(
+        "tsis.cli.track",
+        "track",
+        "Follow the light of a press through a sequence of frames, and report whether the press has settled.",
+        "tsis track press-1 --reference first-press/untouched.png --scale-mm 0.0336,0.0392",
+    ),
+    "simulate": CommandEntry(
+        "tsis.cli.simulate",
+        "simulate",
+        "Press a probe on a phantom, or with --sensor balls on a gel sensor, by finite elements.",
+        "tsis simulate --phantom depth-8 --force-n 0.7 --json",
+    ),
+    "design": CommandEntry(
+        "tsis.cli.design",
+        "design",
+        "Predict how well a probe and its presses estimate inclusions, and compare other designs.",
+        "tsis design --probe tsis-domed --compare forces --compare frames --out design",
+    ),
+    "protocol": CommandEntry(
+        "tsis.cli.protocol",
+        "protocol",
+        "Choose the forces of an examination by the tissue: from one light press, or from a known modulus.",
+        "tsis protocol --tissue-kpa 10",
+    ),
+    "hardness": CommandEntry(
+        "tsis.cli.hardness",
+        "hardness",
+        "Estimate Young's modulus of a touched object from two presses, with its interval and as Shore hardness.",
+        "tsis hardness --demo --out first-touch",
+    ),
+    "sensor": CommandEntry(
+        "tsis.cli.sensor", "app", f"Files of gel sensors: GelSight, DIGIT, 9DTact, your own. {RESEARCH_USE_ONLY}"
+    ),
+    "force": CommandEntry(
+        "tsis.cli.force",
+        "force",
+        "Compute the pressure and the normal force from a depth map of a gel sensor, with the force's interval.",
+        "tsis force --demo --sensor gelsight-mini --out first-force",
+    ),
+    "serve": CommandEntry(
+        "tsis.cli.console",
+        "serve",
+        "Serve the virtual probe's frames as a GigE Vision camera, until Ctrl-C.",
+        "tsis serve --phantom size-8 --force-n 0.7",
+    ),
+    "calibrate": CommandEntry(
+        "tsis.cli.calibrate",
+        "app",
+        "Calibrate a probe, step by step; without --camera the virtual rig demonstrates it. Its options: "
+        f"tsis calibrate guide --help. {RESEARCH_USE_ONLY}",
+    ),
+    "login": CommandEntry("tsis.cli.console", "login", "Names and passwords for a console that listens on a network."),
+    "match": CommandEntry(
+        "tsis.cli.match",
+        "match",
+        "Match the points of two files and transform the first onto the second.",
+        "tsis match before.csv after.ply --out moved.csv --figure moved.png",
+    ),
+    "detect": CommandEntry(
+        "tsis.cli.detect",
+        "app",
+        f"Classify targets of a store by measured properties: none, and two kinds of inclusions. {RESEARCH_USE_ONLY}",
+    ),
+    "network": CommandEntry(
+        "tsis.cli.network",
+        "app",
+        f"Estimate inclusions by networks trained on simulated presses, as the dissertation does. {RESEARCH_USE_ONLY}",
+    ),
+    "optics": CommandEntry("tsis.cli.optics", "app", f"Light in the probe. {RESEARCH_USE_ONLY}"),
+    "records": CommandEntry(
+        "tsis.cli.records",
+        "app",
+        f"Targets with their presses and estimates: list, verify, back up, recompute, export. {RESEARCH_USE_ONLY}",
+    ),
+    "study": CommandEntry(
+        "tsis.cli.study",
+        "app",
+        f"Blinded studies, performance cards, daily checks, validation; scan plans. {RESEARCH_USE_ONLY}",
+    ),
+    "doctor": CommandEntry(
+        "tsis.cli.doctor",
+        "doctor",
+        "Say what is installed, where data lie, which cameras answer, and what is missing with its cure.",
+        "tsis doctor",
+    ),
+    "sweep": CommandEntry(
+        "tsis.cli.sweep", "app", "Press many phantoms and write the results as one data set of Parquet files."
+    ),
+}
+
+HELP = f"""Usage: tsis COMMAND [ARGUMENTS] [OPTIONS]        Start with: tsis demo
+
+Open software for optical tactile imaging.
+{RESEARCH_USE_ONLY}
+
+  measure    acquire, examine, hardness, contacts, depth, force, track, match, detect, network
+             Frames from a camera; inclusions and hardness with intervals; point matching.
+  calibrate  calibrate, sensor
+             The calibration of a probe: step by step, from saved frames, or sealed; files of gel sensors.
+  simulate   demo, simulate, design, protocol, optics, sweep, serve
+             The virtual probe, its mechanics and its light; a probe's design, its forces; many presses.
+  records    records, study
+             Targets with their presses and estimates; blinded studies.
+  console    console, login, doctor
+             The instrument in a browser; who may use it; what is installed.
+
+tsis COMMAND --help shows an example and the options. Every command has --quiet and --verbose.
+tsis --version prints the version; tsis --install-completion completes commands in your shell.
+Exit codes: 0 done, 1 failed, 2 wrong input, 3 untrusted or refused, 130 interrupted.
+"""
+
+app = typer.Typer(
+    name="tsis",
+    cls=LazyCommands.of(COMMANDS, HELP),
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _show_version(requested: bool) -> None:
+    if requested:
+        typer.echo(f"tsis {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def root(
+    *,
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the version and stop.", is_eager=True, callback=_show_version)
+    ] = False,
+) -> None:
+    """Read the options that come before the command."""
+
+
+def run() -> None:
+    """Run the program; an error gives one message and an exit code, never a traceback unless ``--verbose`` asks."""
+    verbosity.quiet = verbosity.verbose = False
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # characters outside the terminal's encoding are escaped
+            stream.reconfigure(errors="backslashreplace")
+    warnings.showwarning = _show_warning
+    logging.getLogger("tsis").addHandler(_TERMINAL)
+    logging.getLogger("tsis").setLevel(logging.INFO)
+    try:
+        code = _program()(args=sys.argv[1:] or ["--help"], standalone_mode=False)
+    except TsisError as error:
+        if verbosity.verbose:
+            traceback.print_exc()
+        _stop(f"Error: {error}", exit_code_of(error))
+    except BrokenPipeError:
+        # The reader closed the pipe. Without this, Python reports it again at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(FAILED)
+    except OSError as error:
+        _stop(f"Error: the result could not be printed or read: {error.strerror or error}", FAILED)
+    except Exception as error:
+        # An error of the parser. Its class is private to typer in some versions and click's in others.
+        message = getattr(error, "format_message", None)
+        if message is None:
+            if verbosity.verbose:
+                raise
+            _stop(
+                f"Error: a defect of tsis, {type(error).__name__}: {tsis.files.reading.one_line(error):.200} "
+                "(repeat the command with --verbose and report what it prints)",
+                FAILED,
+            )
+        _stop(f"Error: {message().strip()} (see --help)", BAD_INPUT)
+    if code == INTERRUPTED:  # typer turns Ctrl-C into this code
+        raise KeyboardInterrupt
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+class _Terminal(logging.Handler):
+    """Shows what the library logs to people on a terminal."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        if sys.stderr.isatty() and not verbosity.quiet:
+            typer.echo(f"{record.getMessage()} ...", err=True)
+
+
+_TERMINAL = _Terminal()
+
+
+@cache
+def _program() -> Any:
+    """The parser of all commands, built once a process."""
+    return typer.main.get_command(app)
+
+
+def _show_warning(  # the signature of warnings.showwarning
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    """Print a warning of tsis as one line, any other as Python does."""
+    if issubclass(category, TsisWarning):
+        if not verbosity.quiet:
+            typer.echo(f"Warning: {message}", err=True)
+    else:
+        _show_python_warning(message, category, filename, lineno, file, line)
+
+
+def _stop(message: str, code: int) -> NoReturn:
+    typer.echo(message, err=True)
+    sys.exit(code)

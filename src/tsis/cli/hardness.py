@@ -1,0 +1,360 @@
+"""``tsis hardness``: Young's modulus of a touched object, by a probe's own frames or by contacts of a gel sensor."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+import tsis
+from tsis.__about__ import CALIBRATION_FILE, LARGEST_SEED, RESEARCH_USE_ONLY, __version__
+from tsis.cli.options import (
+    AsJson,
+    PriorFile,
+    ShowHardnessPrior,
+    calibrated_probe,
+    chosen_probe,
+    chosen_scale,
+    read_frames,
+    require_no_file,
+    target_forces,
+)
+from tsis.cli.output import CommandOutcome, leave, print_json
+from tsis.cli.progress import progress_bar, waiting
+from tsis.cli.saving import (
+    KindOption,
+    SaveOption,
+    StoreOption,
+    TargetOption,
+    chosen_destination,
+    publish_and_save,
+    savable_result,
+)
+from tsis.errors import InputError
+from tsis.present.terminal import print_tables
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from tsis.cli.saving import Destination
+    from tsis.hardness.posterior import HardnessPrior
+    from tsis.model.calibration import Calibration
+    from tsis.model.estimate import Estimate
+    from tsis.model.image import TactileImage
+    from tsis.model.probe import Probe
+
+
+PANEL = "Contacts of a gel sensor"
+ContactsFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--contacts",
+        help="CSV file with force_n and radius_mm or area_mm2, or depth_mm; also *_sd_mm, force_sd_n.",
+        rich_help_panel=PANEL,
+    ),
+]
+ContactsSensor = Annotated[
+    str | None,
+    typer.Option("--sensor", help="Gel sensor of the contacts: a name, or mine.toml.", rich_help_panel=PANEL),
+]
+CylinderLength = Annotated[
+    float | None,
+    typer.Option("--cylinder-mm", help="Length of the contact of a cylinder on its side.", rich_help_panel=PANEL),
+]
+FlatObject = Annotated[bool, typer.Option("--flat", help="The object is flat.", rich_help_panel=PANEL)]
+BallContacts = Annotated[
+    Path | None,
+    typer.Option("--ball-contacts", help="CSV file of contacts with a rigid ball.", rich_help_panel=PANEL),
+]
+OneSequence = Annotated[
+    bool,
+    typer.Option("--sequence", help="The contacts are one press in the order of time.", rich_help_panel=PANEL),
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ContactOptions:
+    """What the command line says of contacts."""
+
+    sensor: str | None
+    force_n: list[float] | None
+    radius_mm: float | None
+    radius_sd_mm: float | None
+    cylinder_mm: float | None
+    flat: bool
+    ball: Path | None
+    ball_radius_mm: float | None
+    sequence: bool
+
+
+def hardness_from_contacts(path: Path, given: ContactOptions, *, prior: HardnessPrior | None, as_json: bool) -> None:
+    """Estimate and print; the exit code is 3 where the result must not be trusted."""
+    if given.sensor is None:
+        raise InputError("--contacts needs --sensor, the gel sensor that was touched (tsis sensor show lists them)")
+    if given.flat and given.cylinder_mm is not None:
+        raise InputError("--flat and --cylinder-mm must not be given together: an object has one shape")
+    shape = "flat" if given.flat else "sphere" if given.cylinder_mm is None else "cylinder"
+    forces = given.force_n if given.force_n is None or len(given.force_n) > 1 else given.force_n[0]
+    with waiting("estimating the modulus"):
+        result = tsis.hardness.estimate_from_contacts(
+            path,
+            sensor=given.sensor,
+            force=forces,
+            geometry={
+                "shape": shape,
+                "radius_mm": given.radius_mm,
+                "radius_sd_mm": given.radius_sd_mm,
+                "length_mm": given.cylinder_mm,
+            },
+            reference=given.ball,
+            reference_radius_mm=given.ball_radius_mm,
+            prior=prior,
+            sequence=given.sequence,
+        )
+    if as_json:
+        withheld = result.withheld_reason("young_kpa")
+        print_json(
+            tsis.present.document.envelope(
+                "hardness contacts",
+                estimate=tsis.present.document.estimate_document(result, None),
+                shore_converted=None if withheld else asdict(tsis.hardness.shore.shore(result.mean["young_kpa"])),
+                provenance=dict(result.provenance),
+            )
+        )
+    else:
+        shown = tsis.present.hardness.hardness_table(result, title=f"Hardness by contacts of {given.sensor}")
+        print_tables((shown,), tsis.present.hardness.hardness_notes(result))
+    leave(trusted=result.trusted)
+
+
+DEMO, DEMO_FORCES = "cl2000x", [0.7, 1.2]
+UNNAMED = "tsis-direct"  # for calibrations that name no probe
+
+
+def hardness(
+    images: Annotated[
+        list[Path] | None, typer.Argument(help="Frames of the probe pressed on the object itself: PNG, BMP or TIFF.")
+    ] = None,
+    *,
+    force_n: Annotated[
+        list[float] | None, typer.Option("--force-n", help="Force in newtons, one for each image.")
+    ] = None,
+    radius_mm: Annotated[float | None, typer.Option("--radius-mm", help="Radius of the object in millimetres.")] = None,
+    radius_sd_mm: Annotated[
+        float | None, typer.Option(help="Standard deviation of that radius.", show_default="0.03")
+    ] = None,
+    scale_mm: Annotated[
+        str | None, typer.Option(help="Millimetres per pixel on the face: one number, or x,y when they differ.")
+    ] = None,
+    calibration: Annotated[Path | None, typer.Option(help="Calibration file of the probe.")] = None,
+    ball: Annotated[
+        list[Path] | None, typer.Option(help="Press of a rigid ball with the same probe; repeat it for more.")
+    ] = None,
+    ball_force_n: Annotated[
+        list[float] | None, typer.Option("--ball-force-n", help="Force of each of them, in their order.")
+    ] = None,
+    ball_radius_mm: Annotated[float | None, typer.Option(help="Radius of that ball.")] = None,
+    probe: Annotated[
+        str | None,
+        typer.Option(
+            help="Name in the catalog, or a file of your own, as mine.toml.",
+            show_default=f"the calibration's, else {UNNAMED}",
+        ),
+    ] = None,
+    virtual: Annotated[
+        str | None, typer.Option(help="Press a virtual sphere of the catalog instead: cl2000x or cl2003x.")
+    ] = None,
+    demo: Annotated[bool, typer.Option("--demo", help=f"The same as --virtual {DEMO}.")] = False,
+    contacts: ContactsFile = None,
+    sensor: ContactsSensor = None,
+    cylinder_mm: CylinderLength = None,
+    flat: FlatObject = False,
+    ball_contacts: BallContacts = None,
+    sequence: OneSequence = False,
+    prior: PriorFile = None,
+    show_prior: ShowHardnessPrior = False,
+    seed: Annotated[int, typer.Option(help="Seed of the virtual rig's errors.", min=0, max=LARGEST_SEED)] = 1,
+    out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path(
+        "tsis-hardness"
+    ),
+    save: SaveOption = False,
+    store: StoreOption = None,
+    kind: KindOption = None,
+    number: TargetOption = None,
+    as_json: AsJson = False,
+) -> None:
+    """Estimate Young's modulus of a touched object from two presses, with its interval and as Shore hardness.
+
+    With --contacts the presses are those of a gel sensor, read by this or any other program.
+    """
+    paths = images or []
+    if contacts is not None:
+        if paths or demo or virtual is not None or calibration is not None:
+            raise InputError("--contacts must stand alone: give no images, calibration, --demo or --virtual")
+        own = (
+            None if prior is None else tsis.catalog.priors.read_prior_file(prior, tsis.hardness.posterior.HardnessPrior)
+        )
+        stated = ContactOptions(
+            sensor=sensor,
+            force_n=force_n,
+            radius_mm=radius_mm,
+            radius_sd_mm=radius_sd_mm,
+            cylinder_mm=cylinder_mm,
+            flat=flat,
+            ball=ball_contacts,
+            ball_radius_mm=ball_radius_mm,
+            sequence=sequence,
+        )
+        hardness_from_contacts(contacts, stated, prior=own, as_json=as_json)
+        return
+    if save:
+        require_no_file("--save", probe)
+    assumed = (
+        tsis.hardness.posterior.HardnessPrior()
+        if prior is None
+        else tsis.catalog.priors.read_prior_file(prior, tsis.hardness.posterior.HardnessPrior)
+    )
+    if demo or virtual is not None:
+        given = [*paths, *(ball or ()), calibration, scale_mm, radius_mm, radius_sd_mm, ball_radius_mm]
+        if any(value is not None for value in given):
+            raise InputError("--virtual and --demo simulate the presses: give no images, scale, radius or calibration")
+        chosen, name = chosen_probe(probe or UNNAMED), virtual or DEMO
+        destination = chosen_destination(save, store, kind, number)
+        _virtual(
+            name, chosen, force_n or DEMO_FORCES, seed, out, prior=assumed, destination=destination, as_json=as_json
+        )
+        return
+    if not paths:
+        raise InputError("give the images of two presses, or --demo for a run without hardware")
+    known = None if calibration is None else tsis.calibration.frames.read_usable_calibration(calibration)
+    scale = chosen_scale(known, scale_mm)
+    if known is None or scale is None or not (force_n or known.calibration.force_line):
+        raise InputError(
+            "a hardness estimate needs --calibration, --scale-mm and --force-n for each image, the last two where the "
+            "calibration contains neither scale nor force line"
+        )
+    forces = target_forces(force_n, len(paths)) if force_n else [None] * len(paths)
+    raw = read_frames(paths, forces, scale)
+    frames, response = known.pressed(raw)
+    chosen = chosen_probe(probe) if probe else calibrated_probe(response.probe, unnamed=UNNAMED)
+    balls = ball or []
+    if len(ball_force_n or ()) != len(balls):
+        raise InputError(f"--ball-force-n must be given once for each --ball; got it {len(ball_force_n or ())} times")
+    raw_balls = read_frames(balls, ball_force_n or (), scale)
+    if save:
+        from tsis.records.importing import require_savable  # loads the libraries of records
+
+        require_savable([*raw, *raw_balls])
+    destination = chosen_destination(save, store, kind, number)
+    options = {
+        "radius_mm": radius_mm,
+        "radius_sd_mm": radius_sd_mm,
+        "reference": known.pressed(raw_balls)[0],
+        "reference_radius_mm": ball_radius_mm,
+        **_options(assumed),
+    }
+    outcome, result = _outcome(frames, chosen, response, options, cites=known.citation())
+    savable = partial(
+        savable_result,
+        kind="hardness",
+        estimate=result,
+        probe=chosen.name,
+        calibration=known.calibration,
+        frames={"target": raw, "ball": raw_balls},
+        options=_written_down(options),
+    )
+    publish_and_save(outcome, out, destination, savable, as_json=as_json)
+
+
+def _options(prior: HardnessPrior) -> dict[str, Any]:
+    """Options of every estimate here, recorded so that another release can repeat it."""
+    return {"prior": prior, "blur_mm": tsis.hardness.reading.BLUR_MM, "drift_sd": tsis.hardness.posterior.DRIFT_SD}
+
+
+def _written_down(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Options as stored: without the reference, which is stored as presses, and without those not given."""
+    entries = {name: value for name, value in options.items() if name != "reference" and value is not None}
+    return entries | {"prior": asdict(entries["prior"])}
+
+
+def _virtual(
+    name: str,
+    probe: Probe,
+    forces: Sequence[float],
+    seed: int,
+    out: Path,
+    *,
+    prior: HardnessPrior,
+    destination: Destination | None,
+    as_json: bool,
+) -> None:
+    import numpy as np
+
+    sphere = tsis.catalog.phantoms.load_sphere(name)
+    rig = tsis.virtual.direct_contact.DirectContactRig(probe, rng=np.random.default_rng(seed))
+    with waiting(f"pressing {name} with the virtual rig"):
+        frames = rig.press_path(sphere, forces_n=forces)
+    simulated_probe = tsis.calibration.file.ProbeCalibration(
+        name=rig.calibration.name, probe=probe.name, response=rig.calibration
+    )
+    files = {CALIBRATION_FILE: tsis.calibration.file.calibration_bytes(simulated_probe)}
+    files |= {f"press-{frame.force_n:g}N.png": tsis.instrument.image_files.png_bytes(frame) for frame in frames}
+    simulated = {"seed": seed, "sphere": asdict(sphere), "command": "tsis hardness"}
+    options = _options(prior)
+    outcome, result = _outcome(
+        frames, probe, rig.calibration, options, truth_kpa=sphere.young_kpa, simulated=simulated, files=files
+    )
+    savable = partial(
+        savable_result,
+        kind="hardness",
+        estimate=result,
+        probe=probe.name,
+        calibration=simulated_probe,
+        frames={"target": frames},
+        options=_written_down(options),
+        name=name,
+        truth={"young_kpa": sphere.young_kpa},
+    )
+    publish_and_save(outcome, out, destination, savable, as_json=as_json)
+
+
+def _outcome(
+    frames: Sequence[TactileImage],
+    probe: Probe,
+    calibration: Calibration,
+    options: dict[str, Any],
+    *,
+    truth_kpa: float | None = None,
+    simulated: dict[str, Any] | None = None,
+    files: dict[str, bytes] | None = None,
+    cites: dict[str, Any] | None = None,
+) -> tuple[CommandOutcome, Estimate]:
+    with progress_bar("solving the contact of this probe (cached for next time)") as progress:
+        result = tsis.hardness.estimate(frames, probe=probe, calibration=calibration, progress=progress, **options)
+    title = f"Hardness by direct contact with {probe.name}"
+    provenance = {"notice": RESEARCH_USE_ONLY, "tsis": __version__, "simulated": simulated, "calibration": cites}
+    truth = None if truth_kpa is None else {"young_kpa": truth_kpa}
+    withheld = result.withheld_reason("young_kpa")
+    readings = None if withheld else asdict(tsis.hardness.shore.shore(result.mean["young_kpa"]))
+    outcome = CommandOutcome(
+        trusted=result.trusted,
+        document=tsis.present.document.envelope(
+            "hardness",
+            estimate=tsis.present.document.estimate_document(result, truth),
+            shore_converted=readings,
+            provenance=provenance,
+        ),
+        page=tsis.present.hardness.hardness_page(
+            result,
+            title=title,
+            images=frames,
+            table=tsis.hardness.table.build_contact_table(probe),
+            provenance=provenance,
+            truth_kpa=truth_kpa,
+        ),
+        files=files or {},
+    )
+    return outcome, result

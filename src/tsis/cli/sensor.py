@@ -1,0 +1,241 @@
+"""Gel sensors: ``tsis sensor`` makes, checks and shows their files; other commands read their frames."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+import tsis
+from tsis.__about__ import RESEARCH_USE_ONLY
+from tsis.cli.options import AsJson, scale_of
+from tsis.cli.output import RESULT, print_json, result_bytes
+from tsis.errors import FileInputError, InputError
+from tsis.present.page import Table
+from tsis.present.terminal import print_tables
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from tsis.model.gel_sensor import GelSensor
+
+
+SensorOption = Annotated[
+    str,
+    typer.Option(
+        "--sensor",
+        help="Gel sensor: a name (tsis sensor show lists them) or a file of your own, as mine.toml, which "
+        "tsis sensor new makes.",
+    ),
+]
+
+MOST_GEL_FRAMES = 2000
+GelFrames = Annotated[list[Path], typer.Argument(help="Frames of the sensor, or a folder that tsis acquire recorded.")]
+GelReference = Annotated[
+    Path | None,
+    typer.Option(
+        "--reference",
+        help="Frame of the untouched sensor; left out: that of the sensor's file, or the median of many frames.",
+    ),
+]
+
+
+def chosen_sensor(sensor: str) -> GelSensor:
+    """The sensor that ``--sensor`` names; without one, a sentence on which file and how to make it."""
+    if not sensor:
+        raise InputError(
+            "frames of a gel sensor need its file: give --sensor gelsight-mini, or another that tsis sensor show "
+            "lists, or a file of your own that tsis sensor new makes"
+        )
+    return tsis.catalog.load_sensor(sensor)
+
+
+def gel_frame_paths(frames: Sequence[Path]) -> list[Path]:
+    """Files of the frames; those of a recorded folder in the order of time."""
+    if len(frames) == 1 and frames[0].is_dir():
+        frames = [path for path, _ in tsis.instrument.recording.read_recording_index(frames[0])]
+    if len(frames) > MOST_GEL_FRAMES:
+        raise InputError(
+            f"frames must be at most {MOST_GEL_FRAMES}; got {len(frames)}: give every second one, or fewer"
+        )
+    return list(frames)
+
+
+def read_gel_frame(path: Path) -> NDArray[Any]:
+    """Levels of a frame as stored, in colour where the file has colour; a video is refused with what to do."""
+    from tsis.instrument.drivers.files import VIDEO_ENDINGS
+
+    if path.suffix.lower() in VIDEO_ENDINGS:
+        raise FileInputError(
+            f"{path.name} must be a picture; got a video: tsis acquire --camera video:{path.name} --sensor NAME "
+            "--frames 40 --out FOLDER writes its frames, and FOLDER can be given"
+        )
+    return tsis.instrument.image_files.read_levels(path)
+
+
+def read_gel_reference(sensor: GelSensor, reference: Path | None) -> NDArray[Any] | None:
+    """Levels of the given reference, or of the one that the sensor's file names; None without either."""
+    if reference is None and sensor.reference_file is not None:
+        reference = Path(sensor.reference_file)
+    return None if reference is None else read_gel_frame(reference)
+
+
+def required_reference(sensor: GelSensor, reference: Path | None) -> NDArray[Any]:
+    """Levels of the untouched sensor, without which there is no depth map."""
+    levels = read_gel_reference(sensor, reference)
+    if levels is None:
+        raise InputError("a depth map needs a frame of the untouched sensor; give it as --reference")
+    return levels
+
+
+app = typer.Typer(
+    name="sensor",
+    help=f"Files of gel sensors: GelSight, DIGIT, 9DTact, your own. {RESEARCH_USE_ONLY}",
+    no_args_is_help=True,
+)
+
+
+@app.command("new", epilog="Example: tsis sensor new my-gel --like gelsight-mini --scale-mm 0.0634 --out my-gel.toml")
+def new(
+    name: Annotated[str, typer.Argument(help="Name of the new sensor.")],
+    *,
+    like: Annotated[str, typer.Option(help="Sensor of the catalog to start from.")] = "gelsight-mini",
+    scale_mm: Annotated[
+        str | None, typer.Option(help="Millimetres per pixel on the face: one number, or x,y when they differ.")
+    ] = None,
+    image_px: Annotated[str | None, typer.Option(help="Columns and rows of that scale's frames, as 320,240.")] = None,
+    thickness_mm: Annotated[float | None, typer.Option(help="Thickness of the gel in mm, where you know it.")] = None,
+    young_kpa: Annotated[float | None, typer.Option(help="Young's modulus of the gel in kPa, where known.")] = None,
+    marker_pitch_mm: Annotated[
+        float | None, typer.Option(help="Distance of printed markers, where the gel has them.")
+    ] = None,
+    reference: Annotated[str | None, typer.Option(help="Frame of the untouched sensor, beside the file.")] = None,
+    out: Annotated[Path, typer.Option(help="File to write; it must not exist.")] = Path("sensor.toml"),
+    as_json: AsJson = False,
+) -> None:
+    """Write the file of your own gel sensor, from one of the catalog and what you know better."""
+    from tsis.present.gel_sensor import sensor_document, sensor_notes, sensor_table
+
+    if name in tsis.catalog.sensors.list_sensors():
+        raise InputError(f"the name {name!r} is that of a sensor of the catalog; choose another, as my-{name}")
+    start = tsis.catalog.load_sensor(like)
+    changes: dict[str, Any] = {"name": name}
+    if scale_mm is not None:
+        changes["mm_per_pixel"] = scale_of(scale_mm)
+    if image_px is not None:
+        changes["image_px"] = _pixels(image_px)
+    for key, value in (("thickness_mm", thickness_mm), ("young_kpa", young_kpa)):
+        if value is not None:
+            changes[key] = tsis.model.gel_sensor.BoundedValue(value=value)
+    changes |= {
+        key: value
+        for key, value in (("reference_file", reference), ("marker_pitch_mm", marker_pitch_mm))
+        if value is not None
+    }
+    changed = {key for key in changes if key in start.sources}
+    changes["sources"] = {key: "given by the user" if key in changed else text for key, text in start.sources.items()}
+    sensor = replace(start, **changes)
+    tsis.files.result_folder.require_absent(out)
+    tsis.files.atomic.write_durably(out, tsis.catalog.sensors.sensor_toml(sensor).encode())
+    if as_json:
+        print_json(tsis.present.document.envelope("sensor new", sensor=sensor_document(sensor), file=str(out)))
+        return
+    print_tables(
+        [sensor_table(sensor)],
+        sensor_notes(sensor),
+        where=f"File: {out}",
+    )
+
+
+def _pixels(text: str) -> tuple[int, int]:
+    parts = text.split(",")
+    if len(parts) != 2 or not all(part.strip().isdigit() for part in parts):
+        raise InputError(f"--image-px must be columns and rows, as 320,240; got {text!r:.40}")
+    return int(parts[0]), int(parts[1])
+
+
+@app.command("check", epilog="Example: tsis sensor check my-gel.toml")
+def check(
+    sensor: Annotated[str, typer.Argument(help="File of the sensor, or a name of the catalog.")],
+    frames: Annotated[list[Path] | None, typer.Argument(help="Frames that should belong to it.")] = None,
+    *,
+    as_json: AsJson = False,
+) -> None:
+    """Check the file of a sensor, and that frames have its size; say what is still unknown."""
+    from tsis.present.gel_sensor import sensor_document, sensor_notes, sensor_table
+
+    loaded = tsis.catalog.load_sensor(sensor)
+    for path in frames or []:
+        rows, columns = tsis.instrument.image_files.read_image(path).grey.shape
+        loaded.require_frame(columns, rows)
+    if as_json:
+        print_json(
+            tsis.present.document.envelope(
+                "sensor check",
+                sensor=sensor_document(loaded),
+                frames=len(frames or []),
+                notes=sensor_notes(loaded),
+            )
+        )
+        return
+    count = len(frames or [])
+    where = f"{count} frames belong to it" if count > 1 else "1 frame belongs to it" if count else ""
+    print_tables([sensor_table(loaded)], sensor_notes(loaded), where=where)
+
+
+@app.command("show", epilog="Example: tsis sensor show gelsight-mini")
+def show(
+    sensor: Annotated[str | None, typer.Argument(help="Name or file of the sensor; all names when left out.")] = None,
+    *,
+    as_json: AsJson = False,
+) -> None:
+    """Show a sensor with the source of each value, or the names of all."""
+    from tsis.present.gel_sensor import sensor_document, sensor_notes, sensor_table
+
+    loaded = None if sensor is None else tsis.catalog.load_sensor(sensor)
+    names = tsis.catalog.sensors.list_sensors() if loaded is None else (loaded.name,)
+    if as_json:
+        shown = {} if loaded is None else {"sensor": sensor_document(loaded)}
+        print_json(tsis.present.document.envelope("sensor show", names=list(names), **shown))
+        return
+    if loaded is None:
+        print_tables([], names)
+        return
+    sources = Table(title="Sources", columns=("value", "source"), values=tuple(loaded.sources.items()))
+    print_tables([sensor_table(loaded), sources], sensor_notes(loaded))
+
+
+@app.command("frames", epilog="Example: tsis sensor frames gelsight-mini --out gel-frames --seed 3")
+def frames(
+    sensor: Annotated[str, typer.Argument(help="Name or file of the sensor.")],
+    *,
+    presses: Annotated[int, typer.Option(help="Number of presses.")] = 4,
+    ball_mm: Annotated[float, typer.Option(help="Diameter of the ball in mm.")] = 6.0,
+    seed: Annotated[int, typer.Option(help="Seed of lamps, places, depths and noise.")] = 1,
+    out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path("gel-frames"),
+    as_json: AsJson = False,
+) -> None:
+    """Render frames of a sensor pressed by a ball, with their truth, to try the commands without a sensor."""
+    loaded = tsis.catalog.load_sensor(sensor)
+    tsis.model.require.require_integer("--presses", presses, 1, 100)
+    tsis.model.require.require_number("--ball-mm", ball_mm, 1.0, 40.0, hint="millimetres")
+    made = tsis.virtual.gel_frames.rendered_series(loaded, presses, ball_radius_mm=ball_mm / 2, seed=seed)
+    files = {"untouched.png": tsis.files.images.encode_picture(made[0].reference)}
+    truth = []
+    for number, press in enumerate(made, start=1):
+        files[f"press-{number}.png"] = tsis.files.images.encode_picture(press.frame)
+        truth.append({"frame": f"press-{number}.png", "centre_px": list(press.centre_px), "radius_px": press.radius_px})
+    document = tsis.present.document.envelope(
+        "sensor frames", sensor=loaded.name, ball_mm=ball_mm, seed=seed, truth=truth
+    )
+    folder = tsis.files.result_folder.write_folder(
+        tsis.files.result_folder.free_folder(out), {**files, RESULT: result_bytes(document)}
+    )
+    if as_json:
+        print_json({**document, "folder": str(folder)})
+        return
+    print_tables([], [f"{presses} presses of a ball of {ball_mm:g} mm, rendered"], where=f"Frames: {folder}")

@@ -1,0 +1,236 @@
+"""``tsis simulate``: pressure and displacement of a press, or frames of a virtual gel sensor with their truth apart."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from enum import StrEnum
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, NamedTuple
+
+import numpy as np
+import typer
+
+import tsis
+from tsis.cli.options import AsJson, DepthMm, DiameterMm, ForceN, PhantomName, ProbeOption, YoungKpa, chosen_probe
+from tsis.cli.output import RESULT, npy_bytes, plain_json_bytes, print_json, result_bytes
+from tsis.cli.progress import waiting
+from tsis.present.page import Column, Table
+from tsis.present.terminal import print_tables
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tsis.model.press import PressField
+    from tsis.virtual.gel_frames import RenderedPress
+    from tsis.virtual.gel_sensor import VirtualGelSensor
+
+
+GAUGE_SD, CALIPER_MM = 0.01, 0.1  # relative error of a force gauge; step of a caliper
+
+
+class GelOrder(NamedTuple):
+    """What to press on a virtual gel sensor."""
+
+    ball_mm: float
+    ball_kpa: float | None
+    force_n: float
+    presses: int
+    calibration_presses: int
+    seed: int
+    drag: float
+
+    def check(self) -> None:
+        """Refuse values out of range; `InputError`."""
+        if self.ball_kpa is not None:
+            tsis.model.require.require_number("--ball-kpa", self.ball_kpa, 1.0, 1e5, hint="kilopascals")
+        tsis.model.require.require_number("--ball-mm", self.ball_mm, 1.0, 40.0, hint="millimetres")
+        tsis.model.require.require_number("--force-n", self.force_n, 0.01, 50.0, hint="newtons")
+        tsis.model.require.require_number("--drag", self.drag, -2.0, 2.0)
+        tsis.model.require.require_integer("--presses", self.presses, 1, 20)
+        tsis.model.require.require_integer("--calibration-presses", self.calibration_presses, 0, 60)
+
+
+CALIBRATION_BALL_MM = 6.0
+
+
+def write_gel_frames(name: str, order: GelOrder, out: Path, *, as_json: bool) -> None:
+    """Press balls on a virtual exemplar of a sensor, write the folder, and print what is in it."""
+    order.check()
+    folder = tsis.files.result_folder.free_folder(out)
+    rng = np.random.default_rng(order.seed)
+    with waiting("pressing a gel at finite strain"):
+        virtual = tsis.virtual.gel_sensor.VirtualGelSensor(tsis.catalog.load_sensor(name), rng=rng)
+        ball = virtual.rigid_ball(order.ball_mm / 2)
+        if order.ball_kpa is not None:
+            ball = tsis.model.phantom.SoftSphere(radius_mm=order.ball_mm / 2, young_kpa=order.ball_kpa)
+        forces = [order.force_n * (number + 1) / order.presses for number in range(order.presses)]
+        dragged = virtual.presses(ball, forces_n=forces, shear=(order.drag, 0.0))
+        made = {f"press-{number}": press for number, press in enumerate(dragged, 1)}
+        if order.calibration_presses:
+            known = virtual.calibration_presses(order.calibration_presses, ball_radius_mm=CALIBRATION_BALL_MM / 2)
+            made |= {f"ball-{number}": press for number, press in enumerate(known, 1)}
+    thickness = round(virtual.gel.thickness_mm / CALIPER_MM) * CALIPER_MM
+    gauge = {
+        stem: float(press.force_n or 0.0) * (1.0 + GAUGE_SD * rng.standard_normal()) for stem, press in made.items()
+    }
+    files = {"untouched.png": tsis.files.images.encode_picture(virtual.reference)}
+    for stem, press in made.items():
+        files[f"{stem}.png"] = tsis.files.images.encode_picture(press.frame)
+        sidecar = {
+            "format": "tsis-gel-press", "version": 1, "sensor": name,
+            "force": {"force_n": gauge[stem], "force_sd_n": GAUGE_SD * gauge[stem]},
+        }  # fmt: skip
+        files[f"{stem}.json"] = plain_json_bytes(sidecar)
+    document = tsis.present.document.envelope(
+        "simulate gel", sensor=name, seed=order.seed, ball_mm=order.ball_mm,
+        calibration_ball_mm=CALIBRATION_BALL_MM, thickness_by_caliper_mm=round(thickness, 3),
+        frames=[{"frame": f"{stem}.png", "force_n": force} for stem, force in gauge.items()],
+    )  # fmt: skip
+    written = tsis.files.result_folder.write_folder(folder, {**files, RESULT: result_bytes(document)})
+    tsis.files.result_folder.write_folder(written / "truth", _truth(virtual, made, ball.young_kpa))
+    if as_json:
+        print_json({**document, "folder": str(written)})
+        return
+    table = Table(
+        title=f"Presses on a virtual {name}",
+        columns=("frame", Column(label="force by the gauge", unit="N", form=".3f")),
+        values=tuple((f"{stem}.png", force) for stem, force in gauge.items()),
+    )
+    notes = [
+        f"The gel is {thickness:.1f} mm thick by the caliper.",
+        f"ball-N: a rigid ball of {CALIBRATION_BALL_MM:g} mm; press-N: the ball of {order.ball_mm:g} mm.",
+        "The truth lies apart, in truth/: gel, ball, contacts and depth maps.",
+    ]
+    print_tables([table], notes, where=f"Frames: {written}")
+
+
+def _truth(virtual: VirtualGelSensor, made: dict[str, RenderedPress], ball_kpa: float) -> dict[str, bytes]:
+    """Files of the truth: gel, ball, contacts, and the depth map of each press."""
+    contacts = [
+        {"frame": f"{stem}.png", "force_n": press.force_n, "shear_n": list(press.shear_n),
+         "centre_px": list(press.centre_px), "radius_px": press.radius_px, "deepest_mm": float(press.depth_mm.max())}
+        for stem, press in made.items()
+    ]  # fmt: skip
+    values = {"gel": asdict(virtual.gel), "ball_kpa": ball_kpa, "contacts": contacts}
+    depths = {f"{stem}-depth.npy": npy_bytes(press.depth_mm.astype("float32")) for stem, press in made.items()}
+    return {"truth.json": plain_json_bytes(values), **depths}
+
+
+SHOWN_RADII = 13
+GEL = "Frames of a virtual gel sensor (--sensor)"
+
+
+class Strain(StrEnum):
+    """The strain model."""
+
+    SMALL = "small"
+    FINITE = "finite"
+
+
+def simulate(
+    *,
+    phantom: PhantomName = "hardness-100",
+    probe: ProbeOption = "tsis-2011",
+    force_n: ForceN = 1.0,
+    diameter_mm: DiameterMm = None,
+    depth_mm: DepthMm = None,
+    young_kpa: YoungKpa = None,
+    strain: Annotated[
+        Strain, typer.Option(help="finite: large deformations and sliding, seconds; small: linear, milliseconds.")
+    ] = Strain.FINITE,
+    show_catalog: Annotated[bool, typer.Option("--list", help="List the catalog's probes and phantoms.")] = False,
+    sensor: Annotated[
+        str | None,
+        typer.Option(help="Press balls on this gel sensor instead and write its frames.", rich_help_panel=GEL),
+    ] = None,
+    ball_mm: Annotated[float, typer.Option(help="Diameter of the ball.", rich_help_panel=GEL)] = 10.0,
+    ball_kpa: Annotated[
+        float | None, typer.Option(help="Young's modulus of the ball; left out: rigid.", rich_help_panel=GEL)
+    ] = None,
+    presses: Annotated[
+        int, typer.Option(help="Presses of the ball, at forces up to --force-n.", rich_help_panel=GEL)
+    ] = 3,
+    calibration_presses: Annotated[
+        int, typer.Option(help="Presses of a rigid ball of 6 mm before.", rich_help_panel=GEL)
+    ] = 8,
+    drag: Annotated[
+        float,
+        typer.Option(
+            help="Shear force along x over the force; a file with marker_pitch_mm shows it.", rich_help_panel=GEL
+        ),
+    ] = 0.0,
+    seed: Annotated[int, typer.Option(help="Seed of gel, lamps, places and noise.", rich_help_panel=GEL)] = 1,
+    out: Annotated[
+        Path, typer.Option(help="Folder to write; a number is added when it exists.", rich_help_panel=GEL)
+    ] = Path("virtual-gel"),
+    as_json: AsJson = False,
+) -> None:
+    """Press a probe on a phantom, or with --sensor balls on a gel sensor, by finite elements."""
+    if show_catalog:
+        _catalog(as_json=as_json)
+        return
+    if sensor is not None:
+        order = GelOrder(ball_mm, ball_kpa, force_n, presses, calibration_presses, seed, drag)
+        write_gel_frames(sensor, order, out, as_json=as_json)
+        return
+    pressed = tsis.catalog.phantoms.phantom_variant(phantom, diameter_mm, depth_mm, young_kpa)
+    chosen = chosen_probe(probe)
+    with waiting(f"pressing at {strain} strain"):
+        press: Callable[..., PressField] = partial(tsis.mechanics.press, chosen, strain=strain)
+        if strain == Strain.FINITE and force_n > 0:
+            press = tsis.mechanics.finite_strain.neo_hookean_press.PressSeries(chosen).press
+        field, reference = (press(slab, force_n=force_n) for slab in (pressed, pressed.without_inclusion()))
+    change = field.face_displacement_mm - reference.face_displacement_mm
+    if as_json:
+        print_json(
+            tsis.present.document.envelope(
+                "simulate",
+                probe=asdict(chosen),
+                phantom=asdict(pressed),
+                force_n=force_n,
+                strain=strain,
+                approach_mm=field.approach_mm,
+                radius_mm=field.radius_mm,
+                pressure_kpa=field.pressure_kpa,
+                face_displacement_mm=field.face_displacement_mm,
+                change_by_inclusion_mm=change,
+            )
+        )
+        return
+    quantities = {
+        "radius": "mm",
+        "pressure": "kPa",
+        "face displacement": "um",
+        "change by the inclusion": "um",
+    }
+    step = (len(field.radius_mm) - 1) // (SHOWN_RADII - 1)
+    table = Table(
+        title=f"{chosen.name} on {pressed.name}, {force_n:g} N: the glass travels {field.approach_mm:.3f} mm",
+        columns=tuple(Column(label=label, unit=unit, form=".3f") for label, unit in quantities.items()),
+        values=tuple(
+            (field.radius_mm[i], field.pressure_kpa[i], 1000 * field.face_displacement_mm[i], 1000 * change[i])
+            for i in range(0, len(field.radius_mm), step)
+        ),
+    )
+    print_tables((table,))
+
+
+def _catalog(*, as_json: bool) -> None:
+    if as_json:
+        probes = {name: asdict(tsis.catalog.load_probe(name)) for name in tsis.catalog.probes.list_probes()}
+        phantoms = {name: asdict(tsis.catalog.load_phantom(name)) for name in tsis.catalog.phantoms.list_phantoms()}
+        print_json(tsis.present.document.envelope("simulate", "list", probes=probes, phantoms=phantoms))
+        return
+    rows: list[tuple[str | float | None, ...]] = []
+    for name in tsis.catalog.phantoms.list_phantoms():
+        phantom = tsis.catalog.load_phantom(name)
+        lump = phantom.inclusion
+        sizes = ("", "", "") if lump is None else (lump.diameter_mm, lump.depth_mm, lump.young_kpa)
+        rows.append((name, *sizes, ", ".join(phantom.assumed)))
+    sizes_columns = (Column(label=label, unit=unit) for label, unit in (("d", "mm"), ("h", "mm"), ("E", "kPa")))
+    columns: tuple[str | Column, ...] = ("name", *sizes_columns, "assumed, not printed in the source")
+    probes_table = Table(
+        title="Probes", columns=("name",), values=tuple((n,) for n in tsis.catalog.probes.list_probes())
+    )
+    print_tables((probes_table, Table(title="Phantoms", columns=columns, values=tuple(rows))))
