@@ -86,6 +86,24 @@ def test_who_stops_asking_does_not_stop_the_look_of_others(clock: Callable[[floa
     asyncio.run(requested())
 
 
+def test_no_look_that_began_before_a_command_is_given_after_it(clock: Callable[[float], None]) -> None:
+    async def requested() -> None:
+        instrument = CountedInstrument()
+        poller = StatePoller(instrument)  # type: ignore[arg-type]
+        before = await poller.state()
+        poller.expire()
+        under_way = asyncio.create_task(poller.state())
+        await asyncio.sleep(0)
+        assert not under_way.done()
+        poller.expire()
+        after = await under_way
+        assert after is not before
+        assert instrument.looks == 3
+        assert await poller.state() is after
+
+    asyncio.run(requested())
+
+
 @pytest.mark.parametrize(
     ("path", "address"),
     [

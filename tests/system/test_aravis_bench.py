@@ -12,8 +12,8 @@ from tests.console.services.instruments import ANN
 from tests.system.aravis_peer import LOOPBACK, fake_camera, loopback_camera_port, served_probe
 from tests.waiting import until
 
+from tsis.console.services.choice import InstrumentSettings
 from tsis.console.services.instrument import Instrument
-from tsis.console.services.state import InstrumentSettings
 from tsis.errors import CameraError, InputError
 
 if TYPE_CHECKING:

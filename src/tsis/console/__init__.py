@@ -10,8 +10,8 @@ from tsis.errors import require_extra
 if TYPE_CHECKING:
     from tsis.console.app import opened_in_browser
     from tsis.console.auth import Logins
+    from tsis.console.services.choice import InstrumentSettings
     from tsis.console.services.instrument import Instrument
-    from tsis.console.services.state import InstrumentSettings
     from tsis.console.serving import Certificate, ConsoleSettings, serve_console
     from tsis.console.worker import solving_process
 
@@ -32,7 +32,7 @@ _HOMES = {
     "Certificate": "serving",
     "ConsoleSettings": "serving",
     "Instrument": "services.instrument",
-    "InstrumentSettings": "services.state",
+    "InstrumentSettings": "services.choice",
     "Logins": "auth",
     "opened_in_browser": "app",
     "serve_console": "serving",

@@ -20,8 +20,8 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from tsis.console.app import console_app
 from tsis.console.auth import Access, Logins, Sessions, console_folder, name_of, saved_token
+from tsis.console.services.choice import InstrumentSettings
 from tsis.console.services.instrument import Instrument, warm_up
-from tsis.console.services.state import InstrumentSettings
 from tsis.console.worker import WorkerProcess, collecting_garbage, share_memory_among_threads, solving_process
 from tsis.errors import FileInputError, InputError, TsisError
 from tsis.model.require import require_integer

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final, Generic, ParamSpec, TypeVar, cast
 from nicegui import binding, run, ui
 
 from tsis.console.auth import client_identity
-from tsis.console.widgets import plain_message
+from tsis.console.messages import plain_message
 from tsis.errors import TsisError
 from tsis.files.reading import one_line
 
@@ -36,6 +36,7 @@ class StatePoller:
     def __init__(self, instrument: Instrument) -> None:
         self._state = _Shared(lambda: instrument.state(), FRESH_S)
         self._entries = _Shared(lambda: instrument.store.entries(), ENTRIES_FRESH_S)
+        self.commands = 0
 
     async def state(self) -> InstrumentState | None:
         """The state, at most 0.2 s old, shared by all callers; None at the end."""
@@ -45,26 +46,39 @@ class StatePoller:
         """Entries in the store's audit, at most 0.4 s old, which grow with every change; None at the end."""
         return await self._entries.read()
 
+    def expire(self) -> None:
+        """Take note of a command: no reading that began before it is shown any more."""
+        self.commands += 1
+        self._state.expire()
+
 
 class _Shared(Generic[Reading]):
     """One reading for all concurrent callers."""
 
     def __init__(self, source: Callable[[], Reading], fresh_s: float) -> None:
         self._source, self._fresh_s = source, fresh_s
-        self._latest: Reading | None = None
         self._read_s = 0.0
-        self._task: asyncio.Task[None] | None = None
+        self._latest: asyncio.Task[Reading | None] | None = None
+
+    def expire(self) -> None:
+        self._latest = None
 
     async def read(self) -> Reading | None:
-        if self._latest is None or time.monotonic() - self._read_s > self._fresh_s:
-            if self._task is None or self._task.done():
-                self._task = asyncio.ensure_future(self._refresh())
-            await asyncio.shield(self._task)
-        return self._latest
+        while True:
+            if self._latest is None or (self._latest.done() and self._is_over(self._latest)):
+                self._latest = asyncio.ensure_future(self._refresh())
+            task = self._latest
+            reading = await asyncio.shield(task)
+            if task is self._latest:  # else it expired while it was under way
+                return reading
 
-    async def _refresh(self) -> None:
-        self._latest = await run.io_bound(self._source)
+    def _is_over(self, task: asyncio.Task[Reading | None]) -> bool:
+        return task.exception() is not None or time.monotonic() - self._read_s > self._fresh_s
+
+    async def _refresh(self) -> Reading | None:
+        reading = await run.io_bound(self._source)
         self._read_s = time.monotonic()
+        return reading
 
 
 MOST_NAMES = 1000  # tabs; more than anybody opens while a console runs
@@ -183,6 +197,8 @@ class Viewer:
         except Exception as error:
             _log.exception("a command of a page failed")
             return TsisError(f"Unexpected error: {type(error).__name__}: {error}")
+        finally:
+            self._poller.expire()
         return None
 
     def command(self, act: Callable[..., object], *given: object) -> Callable[[], Awaitable[object]]:
@@ -216,17 +232,18 @@ class Viewer:
         ui.timer(seconds, refresh_visible)
 
     def follow(self, show: Callable[[InstrumentState], Any]) -> None:
-        """Show the instrument's state now and after each change, while the present part of the page exists.
+        """Show the instrument's state now and after each change or command, while the present part of the page exists.
 
         A page behind another tab is updated when it is visible again.
         """
         shown: InstrumentState | None = None
+        commands = 0  # before which it was shown; each may have changed what is shown by itself
 
         async def refresh() -> None:
-            nonlocal shown
+            nonlocal shown, commands
             state = await self._poller.state()
-            if state is not None and state is not shown and state != shown:
-                shown = state
+            if state is not None and (state != shown or commands != self._poller.commands):
+                shown, commands = state, self._poller.commands
                 show(state)
 
         self.every(STATE_EVERY_S, refresh)

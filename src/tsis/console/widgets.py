@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import re
 import tempfile
@@ -15,6 +16,7 @@ from urllib.parse import urlsplit
 from nicegui import ui
 from nicegui.elements.upload import Upload
 
+from tsis.console.messages import labelled, plain_message
 from tsis.console.services.jobs import estimate_title
 from tsis.errors import InputError
 from tsis.model.require import require_integer
@@ -53,54 +55,6 @@ def address_of(path: str) -> str:
     return "/" + urlsplit(path).path.strip("/").partition("/")[0]
 
 
-UNITS = {"millimetres": "mm", "newtons": "N", "kilopascals": "kPa", "seconds": "s", "degrees": "°", "pixels": "pixels"}
-LONGEST_SIGN = 3  # letters of a unit's sign, as dB
-ENTERED = {"": "", "''": "nothing was entered", "none": "nothing was entered", "inf": "what you entered is too large"}
-
-
-def plain_message(error: Exception | str) -> str:
-    """An error as one sentence for people: of its fields where it has some, else its message.
-
-    Examples
-    --------
-    >>> gain = InputError(name="gain", requirement="must lie in [0, 24]", value="-5", hint="dB", bounds=(0, 24))
-    >>> plain_message(gain)
-    'Gain must be 0–24 dB (you entered −5).'
-    >>> plain_message(InputError(name="target", requirement="must be a number, as 2 or 0.5", value="''"))
-    'Target must be a number, as 2 or 0.5 (nothing was entered).'
-    >>> plain_message("own.png: no image")
-    'own.png: no image.'
-    """
-    text = str(error)
-    if isinstance(error, InputError) and error.requirement:
-        entered = ENTERED.get(error.value, f"you entered {_number(error.value)}")
-        behind = (f" ({entered})" if entered else "") + (f"; {error.cure}" if error.cure else "")
-        if error.bounds is None:
-            text = f"{error.name} {error.requirement}{behind}" + (f"; {error.hint}" if error.hint else "")
-        else:
-            text = f"{error.name} must be {_range(*error.bounds)}{_unit(error.hint)}{behind}"
-    if re.match(r"[a-z]+[ ,]", text):
-        text = text[0].upper() + text[1:]
-    return text if text.endswith((".", "!", "?", ":")) else f"{text}."
-
-
-def _range(low: float, high: float) -> str:
-    if high == float("inf"):
-        return f"{_number(f'{low:g}')} or more"
-    return _number(f"{low:g} to {high:g}" if low < 0 else f"{low:g}–{high:g}")
-
-
-def _unit(hint: str) -> str:
-    """A hint behind a range: its first word is a unit, or it says what the range is."""
-    word = re.split(r"\W", hint, maxsplit=1)[0]
-    sign = UNITS.get(word, word if word == hint and len(word) <= LONGEST_SIGN else "")
-    return f" {sign}{hint[len(word) :]}" if sign else f", {hint}" * bool(hint)
-
-
-def _number(value: str) -> str:
-    return value if value.startswith(("'", '"')) else value.replace("-", "−")
-
-
 @contextmanager
 def loading(button: ui.button) -> Iterator[None]:
     """Show a button as busy until the block ends."""
@@ -109,40 +63,6 @@ def loading(button: ui.button) -> Iterator[None]:
         yield
     finally:
         button.props(remove="loading")
-
-
-STALE_STATES = 2  # states that may still be from before
-
-
-class UndoMemory:
-    """Remembers the value that was replaced.
-
-    Examples
-    --------
-    >>> last = UndoMemory()
-    >>> last.replaced(1)
-    >>> last.is_old(1), last.is_old(1), last.is_old(1)
-    (True, True, False)
-    >>> last.replaced(1)
-    >>> last.is_old(2), last.is_old(1)
-    (False, False)
-    """
-
-    def __init__(self) -> None:
-        self._before: object = None
-        self._left = 0
-
-    def replaced(self, before: object) -> None:
-        """Take note that this value was replaced now."""
-        self._before, self._left = before, STALE_STATES
-
-    def is_old(self, value: object) -> bool:
-        """Whether a state with this value is probably from before; at most `STALE_STATES` times in a row."""
-        if self._left and value == self._before:
-            self._left -= 1
-            return True
-        self._left = 0
-        return False
 
 
 Control = TypeVar("Control", bound="DisableableElement")
@@ -226,44 +146,7 @@ def estimate_job(state: InstrumentState) -> JobState | None:
     return next((job for job in reversed(state.jobs) if job.title == title), None)
 
 
-FORCE = {"force_n": "force"}
 Result = TypeVar("Result")
-
-
-def with_field_labels(message: str, labels: Mapping[str, str]) -> str:
-    """A message with the page's labels for its parameters.
-
-    Examples
-    --------
-    >>> with_field_labels("radius_mm must lie in [1, 50]; got 0 (millimetres)", {"radius_mm": "radius of the object"})
-    'radius of the object must lie in [1, 50]; got 0 (millimetres)'
-    """
-    return re.sub(r"\w+", lambda result: labels.get(result[0], result[0]), message)
-
-
-def labelled(error: InputError, labels: Mapping[str, str]) -> InputError:
-    """An error with the page's labels for its parameters, in its message and in its fields."""
-    message, name, requirement, hint = (
-        with_field_labels(text, labels) for text in (str(error), error.name, error.requirement, error.hint)
-    )
-    return InputError(
-        message,
-        name=name,
-        requirement=requirement,
-        value=error.value,
-        hint=hint,
-        cure=error.cure,
-        bounds=error.bounds,
-    )
-
-
-@contextmanager
-def field_messages(labels: Mapping[str, str]) -> Iterator[None]:
-    """Show an `InputError` about these parameters with these labels."""
-    try:
-        yield
-    except InputError as error:
-        raise labelled(error, labels) from error
 
 
 async def submit(
@@ -415,7 +298,7 @@ class NumberField:
     ) -> None:
         self._viewer, self._label, self._act, self._emptied = viewer, label, act, emptied
         self._value: float | None = None
-        self._typing, self._sent, self._just_done = False, False, UndoMemory()
+        self._typing, self._sent, self._sending = False, 0, asyncio.Lock()
         self._refused: str | None = None  # the text that was refused last
         self.element = unit_field(label, unit=unit, about=about).classes("number-field")
         self.element.on("update:model-value", self._typed)
@@ -425,14 +308,15 @@ class NumberField:
 
     def show(self, value: float | None) -> None:
         """Show the instrument's number, unless another one is being typed."""
-        if self._just_done.is_old(value):
-            return
         if value != self._value and self._refused is not None:
             self._accepted()
         self._value = value
         self._typing = self._typing and self.element.enabled  # who may not change it any more has not typed it
         if not self._typing and not self._sent:  # what was sent may be refused, and stays then
             self.element.set_value(number_text_of_field(value))
+
+    def _text(self) -> str:
+        return str(self.element.value or "").strip()
 
     def _typed(self) -> None:
         self._typing = True
@@ -441,35 +325,35 @@ class NumberField:
         self._accepted()
         self.show(self._value)
 
-    def refuse(self, message: str) -> None:
-        """Show under the field why its text was refused."""
-        self._refused, self._typing = str(self.element.value or "").strip(), True
+    def refuse(self, message: str, text: str | None = None) -> None:
+        """Show under the field why a text, by default its own, was refused."""
+        self._refused, self._typing = self._text() if text is None else text, True
         self.element.error = message
 
     def _accepted(self) -> None:
         self._refused, self._typing, self.element.error = None, False, None
 
     async def _done(self) -> None:
-        if not self._typing:
+        text = self._text()
+        if not self._typing or text == self._refused:  # the field is left, or Enter is pressed again
             return
-        text = str(self.element.value or "").strip()
-        if text == number_text_of_field(self._value):
+        if not self._sent and text == number_text_of_field(self._value):
             self._give_up()
             return
-        if text == self._refused:  # the field is left, or Enter is pressed again
+        self._typing, self._sent = False, self._sent + 1
+        try:
+            async with self._sending:  # numbers reach the instrument in the order in which they were typed
+                refusal = await self._viewer.refusal(partial(self._accept, text))
+        finally:
+            self._sent -= 1
+        if self._sent:  # a later number is on its way, and its answer counts
             return
-        self._typing, self._sent = False, True
-        before = self._value
-        refusal = await self._viewer.refusal(partial(self._accept, text))
-        self._sent = False
         if not self._typing:
             self._accepted()
         if refusal is not None:
-            self.refuse(plain_message(refusal))
+            self.refuse(plain_message(refusal), text)
         if not self._typing:
             self.element.set_value(number_text_of_field(self._value))
-        if self._value != before:
-            self._just_done.replaced(before)
 
     def _accept(self, text: str) -> None:
         if not text and self._emptied is not None:
@@ -490,13 +374,11 @@ class ChoiceField:
     def __init__(self, viewer: Viewer, element: ChoiceElement, act: Callable[[str], object]) -> None:
         self._viewer, self.element, self._act = viewer, element, act
         self._shown: str | None = element.value
-        self._under_way, self._just_done = False, UndoMemory()
+        self._under_way = False
         element.on_value_change(self._chosen)
 
     def show(self, value: str | None, options: Mapping[str, str] | None = None) -> None:
         """Show the instrument's choice and the options, unless another choice is being made."""
-        if self._just_done.is_old(value):
-            return
         if options is not None and self.element.options != dict(options):
             self._shown = value
             self.element.set_options(dict(options), value=value)
@@ -514,8 +396,6 @@ class ChoiceField:
         finally:
             self._under_way = False
         self.show(event.value if done else before)
-        if done:
-            self._just_done.replaced(before)
 
 
 _NAME = """

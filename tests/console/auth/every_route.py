@@ -13,8 +13,8 @@ from tsis.console.api import Calls
 from tsis.console.app import console_app
 from tsis.console.auth import Access
 from tsis.console.pages import PAGES
+from tsis.console.services.choice import InstrumentSettings
 from tsis.console.services.instrument import Instrument
-from tsis.console.services.state import InstrumentSettings
 
 BELOW_A_MOUNT = ("", "/", "/x", "/console.css", "/socket.io/?EIO=4&transport=polling")
 # Added while the console runs, or when it starts: uploads of a page, and the picture of the tab.

@@ -141,7 +141,7 @@ def test_a_login_that_is_taken_away_closes_the_open_page(tls: TlsConsole, browse
     page.get_by_label("Password").fill(PASSWORD)
     with page.expect_websocket(lambda socket: "_nicegui_ws" in socket.url) as opened:
         page.get_by_role("button", name="Log in").click()
-    page.get_by_role("navigation", name="Pages").wait_for()
+    page.get_by_role("button", name="Release the camera").wait_for()  # the page has its WebSocket
     if not opened.value.is_closed():
         with opened.value.expect_event("close"):
             tls.logins.remove("bert")

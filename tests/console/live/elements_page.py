@@ -13,7 +13,7 @@ from tsis.console import ConsoleSettings, serve_console
 from tsis.console import pages as directory
 from tsis.console.live.hub import MAPS
 from tsis.console.live.view import Histogram, LiveView, SurfaceView
-from tsis.console.services.state import InstrumentSettings
+from tsis.console.services.choice import InstrumentSettings
 
 if TYPE_CHECKING:
     from tsis.console.live.view import ColouredFrames

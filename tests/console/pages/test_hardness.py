@@ -11,7 +11,7 @@ from tests.records.pressed_object import pressed, stored_object
 
 from tsis.calibration.file import write_calibration
 from tsis.calibration.frames import parse_usable_calibration
-from tsis.console.services.state import CameraChoice
+from tsis.console.services.choice import CameraChoice
 
 if TYPE_CHECKING:
     from pathlib import Path

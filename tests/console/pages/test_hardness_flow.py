@@ -11,7 +11,7 @@ import pytest
 
 from tsis.calibration.file import ProbeCalibration
 from tsis.console.pages.hardness import SavedPresses, missing_text, next_free, next_step_text, saved_presses
-from tsis.console.services.state import CameraChoice
+from tsis.console.services.choice import CameraChoice
 from tsis.model.image import TactileImage
 from tsis.records.store import open_store
 

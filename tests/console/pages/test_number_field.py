@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
 from typing import TYPE_CHECKING
 
@@ -78,3 +79,37 @@ def test_a_state_that_comes_meanwhile_does_not_replace_what_is_refused(tmp_path:
 
     with lit_instrument(tmp_path) as instrument:
         on_a_page(instrument, typed)
+
+
+def test_the_answer_to_an_earlier_number_does_not_replace_a_later_one(tmp_path: Path) -> None:
+    arrived: list[float] = []
+
+    async def typed(viewer: RecordingViewer) -> None:
+        answers: asyncio.Queue[None] = asyncio.Queue()
+
+        async def refusal(act: Callable[[], object]) -> InputError | None:
+            act()
+            await answers.get()
+            return InputError("too large") if arrived[-1] > 24 else None
+
+        viewer.refusal = refusal  # type: ignore[method-assign]
+        field = NumberField(viewer, "Gain", arrived.append)
+        field.show(2.0)
+        sent = []
+        for text in ("7.5", "25"):
+            field._typed()
+            field.element.value = text
+            sent.append(asyncio.create_task(field._done()))
+            await asyncio.sleep(0)
+        answers.put_nowait(None)
+        await sent[0]
+        assert (field.element.value, field.element.error) == ("25", None)
+        answers.put_nowait(None)
+        await sent[1]
+        assert (field.element.value, field.element.error) == ("25", "Too large.")
+        field.show(0.0)
+        assert (field.element.value, field.element.error) == ("0", None)
+
+    with lit_instrument(tmp_path) as instrument:
+        on_a_page(instrument, typed)
+    assert arrived == [7.5, 25.0]

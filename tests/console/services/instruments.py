@@ -9,8 +9,8 @@ import numpy as np
 from tests.console.services.lit_camera import World
 from tests.waiting import HANGS_S
 
+from tsis.console.services.choice import InstrumentSettings
 from tsis.console.services.instrument import Instrument
-from tsis.console.services.state import InstrumentSettings
 from tsis.instrument.force_log import ForceLog
 from tsis.instrument.gauge import SimulatedGauge
 

@@ -18,7 +18,7 @@ from tsis.calibration.file import calibration_sha256, write_calibration
 from tsis.calibration.frames import UsableCalibration
 from tsis.calibration.measured import MeasuredValue
 from tsis.calibration.scale import PixelScale
-from tsis.console.services.state import CameraChoice
+from tsis.console.services.choice import CameraChoice
 from tsis.errors import CalibrationError, FileInputError
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from tests.waiting import HANGS_S, until
 
 from tsis.console.services import camera
 from tsis.console.services.camera import CameraController
-from tsis.console.services.state import CameraChoice
+from tsis.console.services.choice import CameraChoice
 from tsis.errors import CameraError, ControlError, InputError, UnknownNameError
 
 if TYPE_CHECKING:

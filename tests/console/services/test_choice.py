@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tsis.console.services.state import CameraChoice, InstrumentSettings, VirtualSubject
+from tsis.console.services.choice import CameraChoice, InstrumentSettings, VirtualSubject
 from tsis.errors import InputError, UnknownNameError
 
 

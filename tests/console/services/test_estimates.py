@@ -20,9 +20,9 @@ from tests.waiting import HANGS_S
 import tsis
 import tsis.hardness
 from tsis.console.services import instrument as estimates_module
-from tsis.console.services import state as subject_module
+from tsis.console.services.choice import BALL_MM, CameraChoice
 from tsis.console.services.instrument import estimate_target, newest_presses
-from tsis.console.services.state import BALL_MM, LIGHT_N, CameraChoice, TissueReading, read_tissue
+from tsis.console.services.memory import LIGHT_N, TissueReading, read_tissue
 from tsis.console.serving import warm_up_once
 from tsis.errors import ControlError, InputError
 from tsis.imaging.sensor import Sensor
@@ -184,7 +184,7 @@ def test_an_estimate_is_that_of_the_frames_and_holds_the_truth(probe: Instrument
 @pytest.mark.slow
 def test_hardness_of_a_sphere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The mechanics of the presses come from a table: this test is about the path through the instrument."""
-    monkeypatch.setattr(subject_module, "DirectContactRig", partial(DirectContactRig, solve=by_table))
+    monkeypatch.setattr("tsis.console.services.choice.DirectContactRig", partial(DirectContactRig, solve=by_table))
     with virtual_instrument(tmp_path, probe="tsis-direct", phantom="cl2003x") as instrument:
         instrument.start(by=ANN)
         remaining = pressed(instrument, [("target", 0.5), ("target", 0.9), ("ball", 0.7)])

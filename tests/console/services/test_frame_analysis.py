@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from tsis.calibration.guard.reading import FrameShape, GuardReference
 from tsis.calibration.guard.watch import PressWatch, WatchState
 from tsis.calibration.settling import UNKNOWN
+from tsis.console.services.choice import PressForce
 from tsis.console.services.frames import (
     BINS,
     LARGEST_SIDE_PX,
@@ -23,7 +24,6 @@ from tsis.console.services.frames import (
     histogram,
     reduced,
 )
-from tsis.console.services.state import PressForce
 from tsis.instrument.camera import Frame
 from tsis.model.image import TactileImage
 

@@ -12,7 +12,7 @@ from tests.console.services.instruments import ANN, BOB, virtual_instrument
 from tests.waiting import until
 
 from tsis.catalog.sensors import load_sensor, sensor_toml
-from tsis.console.services.state import CameraChoice
+from tsis.console.services.choice import CameraChoice
 from tsis.errors import CameraError, ControlError, FileInputError, InputError, UnknownNameError
 from tsis.files.images import encode_picture
 from tsis.imaging.depth import calibrate_depth, depth_calibration_json

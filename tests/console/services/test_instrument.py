@@ -11,8 +11,9 @@ from tests.console.services.instruments import ANN, BOB, LIT, FixedGauge, gauge,
 from tests.console.services.lit_camera import World
 from tests.waiting import HANGS_S, until
 
+from tsis.console.services.choice import CameraChoice, InstrumentSettings
 from tsis.console.services.instrument import Instrument
-from tsis.console.services.state import CameraChoice, InstrumentSettings, InstrumentState
+from tsis.console.services.state import InstrumentState
 from tsis.errors import CameraError, ControlError, FileInputError, GaugeError, InputError, RecordsError, TsisError
 from tsis.records.store import open_store
 

@@ -12,8 +12,7 @@ from tests.console.services.instruments import ANN, virtual_instrument
 from tests.waiting import until
 
 from tsis.catalog.phantoms import list_spheres
-from tsis.console.services import state
-from tsis.console.services.state import CameraChoice, VirtualSubject
+from tsis.console.services.choice import CameraChoice, VirtualSubject
 from tsis.console.worker import WorkerProcess
 from tsis.errors import ControlError, InputError, MechanicsError
 from tsis.records.recomputation import REFERENCE_ROLES
@@ -112,7 +111,7 @@ def test_what_cannot_be_pressed_leaves_the_press_as_it_was(probe: Instrument, mo
     def too_hard(*_: object, **__: object) -> None:
         raise MechanicsError("the tissue cannot be pressed so hard")
 
-    monkeypatch.setattr(state, "light_of", too_hard)
+    monkeypatch.setattr("tsis.console.services.choice.light_of", too_hard)
     with pytest.raises(MechanicsError, match="so hard"):
         probe.hold(role="plain", force_n=3.0, by=ANN)
     monkeypatch.undo()

@@ -11,8 +11,8 @@ from tests.console.live.feed import Feed
 from tests.waiting import until
 
 from tsis.calibration.guard.reading import GuardReference
+from tsis.console.services.choice import PressForce
 from tsis.console.services.frames import Watcher
-from tsis.console.services.state import PressForce
 from tsis.model.image import TactileImage
 
 if TYPE_CHECKING:

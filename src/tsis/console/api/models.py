@@ -17,10 +17,11 @@ from tsis.catalog.phantoms import list_phantoms, list_spheres
 from tsis.catalog.probes import list_probes
 from tsis.console.services.camera import MOST_TYPED_N
 from tsis.console.services.captures import LONGEST_SEQUENCE_S, MOST_SEQUENCE_FRAMES, SHORTEST_SEQUENCE_S
+from tsis.console.services.choice import LONGEST_SPEC, CameraChoice, PressForce
 from tsis.console.services.control import LOCK_S, LONGEST_LOCK_S, LONGEST_OWNER_NAME, SHORTEST_LOCK_S
 from tsis.console.services.frames import ContactView, FrameAnalysis
 from tsis.console.services.jobs import RESULTS, JobState
-from tsis.console.services.state import LONGEST_SPEC, CameraChoice, CameraState, PressForce
+from tsis.console.services.state import CameraState
 from tsis.files.json_values import free_to_json
 from tsis.imaging.colour import COLOUR_MAPS
 from tsis.imaging.depth import GelReading

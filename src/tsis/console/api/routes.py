@@ -56,8 +56,8 @@ from tsis.console.api.responses import (
     picture,
 )
 from tsis.console.live.hub import display_levels
+from tsis.console.services.choice import CameraChoice
 from tsis.console.services.instrument import Instrument
-from tsis.console.services.state import CameraChoice
 from tsis.console.statuses import AbsentError, NoControlError, absent_if_unknown
 from tsis.errors import CameraError, InputError
 from tsis.files.images import QUICK_PNG, encode_picture

@@ -15,8 +15,9 @@ from tsis.calibration.frames import parse_usable_calibration
 from tsis.catalog.phantoms import list_phantoms, list_spheres
 from tsis.catalog.probes import list_probes
 from tsis.console import widgets
+from tsis.console.messages import plain_message
+from tsis.console.services.choice import CameraChoice
 from tsis.console.services.jobs import DONE
-from tsis.console.services.state import CameraChoice
 from tsis.errors import GaugeError
 from tsis.instrument.force_log import BAUD, connected_gauge
 from tsis.instrument.serial_gauge import find_ports
@@ -125,7 +126,7 @@ class GaugePanel:
         try:
             ports = await run.io_bound(find_ports) or ()
         except GaugeError as error:
-            self._viewer.complain(widgets.plain_message(error))
+            self._viewer.complain(plain_message(error))
             return
         self._port.set_options([port.device for port in ports], value=ports[0].device if ports else None)
 

@@ -11,6 +11,7 @@ from nicegui import background_tasks, ui
 
 from tsis.catalog.probes import list_probes, load_probe, probe_toml
 from tsis.console import widgets
+from tsis.console.messages import FORCE, field_messages, labelled, plain_message
 from tsis.console.services.jobs import DONE, JobCancelled
 from tsis.errors import InputError
 from tsis.files.canonical_json import json_bytes
@@ -123,7 +124,7 @@ class ProbeDraft:
 
     def probe(self) -> Probe:
         """The probe of the fields; the catalog's probe when nothing was changed. `InputError` for an invalid field."""
-        with widgets.field_messages(LABELS):
+        with field_messages(LABELS):
             created = replace(
                 self.start,
                 radius_mm=widgets.typed_number("radius", self.radius_mm),
@@ -187,7 +188,7 @@ def draft_message(make: Callable[[], object]) -> str:
     try:
         make()
     except InputError as error:
-        return widgets.plain_message(widgets.labelled(error, LABELS))
+        return plain_message(labelled(error, LABELS))
     return ""
 
 
@@ -218,7 +219,7 @@ class QuestionDraft:
 
     def question(self, probe: Probe) -> DesignQuestion:
         """The question about a probe; `InputError` for an invalid field."""
-        with widgets.field_messages(widgets.FORCE):
+        with field_messages(FORCE):
             return DesignQuestion(
                 probe=probe,
                 forces_n=widgets.typed_forces(self.forces, most=MOST_FORCES),
@@ -476,9 +477,7 @@ class Section:
             probe = self._editor.probe.probe()
         except InputError as error:
             beside = any(self._editor.probe.field_faults())  # which has its own message
-            self._fault.text = (
-                "Not drawn while a field is invalid." if beside else f"Not drawn: {widgets.plain_message(error)}"
-            )
+            self._fault.text = "Not drawn while a field is invalid." if beside else f"Not drawn: {plain_message(error)}"
             return
         self._fault.text = ""
         source = await self._viewer.attempt(address, picture_of(probe))
@@ -622,7 +621,7 @@ class DesignResultPanel:
         try:
             return read()
         except InputError as error:
-            self._viewer.complain(widgets.plain_message(error))
+            self._viewer.complain(plain_message(error))
             return None
 
 

@@ -14,9 +14,11 @@ from tsis.__about__ import LARGEST_TARGET
 from tsis.console import widgets
 from tsis.console.live.hub import FIRST_MAP
 from tsis.console.live.view import Histogram, LiveView, SurfaceView
+from tsis.console.messages import FORCE, field_messages, plain_message
 from tsis.console.services.captures import MOST_SEQUENCE_FRAMES
+from tsis.console.services.choice import CameraChoice
 from tsis.console.services.jobs import FAILED, tissue_title
-from tsis.console.services.state import LIGHT_N, CameraChoice
+from tsis.console.services.memory import LIGHT_N
 from tsis.errors import TsisError
 from tsis.instrument.camera import PRESETS
 from tsis.model.require import require_integer
@@ -36,7 +38,8 @@ if TYPE_CHECKING:
     from tsis.console.services.frames import FrameAnalysis
     from tsis.console.services.instrument import Instrument
     from tsis.console.services.jobs import Job, JobState
-    from tsis.console.services.state import InstrumentState, TissueReading
+    from tsis.console.services.memory import TissueReading
+    from tsis.console.services.state import InstrumentState
     from tsis.console.viewer import Viewer
     from tsis.instrument.camera import Setting
     from tsis.model.estimate import Estimate
@@ -87,7 +90,7 @@ class SettingLine:
         refusal = await self._viewer.refusal(partial(self._adjust, value))
         self._moving = False
         if refusal is not None:
-            self._field.refuse(widgets.plain_message(refusal))
+            self._field.refuse(plain_message(refusal))
 
 
 def setting_label(name: str) -> str:
@@ -139,7 +142,7 @@ class SettingsPanel:
             self._lines[setting.name].show(setting.value)
 
     def _adjust(self, name: str, value: float) -> None:
-        with widgets.field_messages({name: setting_label(name).lower()}):
+        with field_messages({name: setting_label(name).lower()}):
             self._instrument.adjust(name, value, by=self._viewer.identity)
 
 
@@ -759,7 +762,7 @@ class PressPanel:
         self._instrument.set_target(whole, by=self._viewer.identity)
 
     def _hold(self, force_n: float) -> None:
-        with widgets.field_messages(widgets.FORCE):
+        with field_messages(FORCE):
             self._instrument.hold(force_n=force_n, by=self._viewer.identity)
 
     def _stepper(self, icon: str, label: str, by: int) -> ui.button:

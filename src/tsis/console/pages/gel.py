@@ -12,7 +12,7 @@ from tsis.catalog.sensors import list_sensors
 from tsis.console import widgets
 from tsis.console.live.view import LiveView
 from tsis.console.pages.camera import choose_and_start
-from tsis.console.services.state import CameraChoice
+from tsis.console.services.choice import CameraChoice
 from tsis.imaging.gel_contact import REASONS
 from tsis.virtual.camera import GEL_PRESS_SETTING, GEL_PRESSES, virtual_gel_sensor
 

@@ -12,10 +12,11 @@ from tsis.catalog.phantoms import list_spheres
 from tsis.catalog.probes import load_probe
 from tsis.console import widgets
 from tsis.console.live.view import LiveView
+from tsis.console.messages import with_field_labels
 from tsis.console.pages.examine import snapshot_text
+from tsis.console.services.choice import BALL_MM, CameraChoice
 from tsis.console.services.instrument import newest_presses
 from tsis.console.services.jobs import FAILED
-from tsis.console.services.state import BALL_MM, CameraChoice
 from tsis.errors import InputError, TsisError
 from tsis.hardness.estimation import RADIUS_SD_MM, require_radius
 from tsis.hardness.table import build_contact_table
@@ -365,7 +366,7 @@ class Estimating:
         if running:
             text = "The contact of a probe that was never used before is solved once, which takes some minutes."
         elif job is not None and failed:
-            text = widgets.with_field_labels(job.sentence, LABELS)
+            text = with_field_labels(job.sentence, LABELS)
         else:
             text = "" if two or not enough else "One press is nearly as precise, but nothing tests it."
         self._message.text = text

@@ -16,6 +16,7 @@ from nicegui import run, ui
 from tsis.__about__ import LARGEST_SEED
 from tsis.catalog.probes import list_probes
 from tsis.console import widgets
+from tsis.console.messages import field_messages, plain_message
 from tsis.console.studies import (
     StudyRepository,
     begin_publishing,
@@ -592,7 +593,7 @@ class StudyDraft:
     def make(self, repository: StudyRepository, *, actor: str, progress: Callable[[int, int], None]) -> str:
         """Create the study, and return its name; `InputError` for an invalid field."""
         name = self.name.strip()
-        with widgets.field_messages(LABELS):
+        with field_messages(LABELS):
             repository.make(
                 name,
                 self._targets(),
@@ -612,7 +613,7 @@ class StudyDraft:
 
     def size(self) -> StudySize:
         """Readings and presses of the virtual probe; `InputError` for an invalid field."""
-        with widgets.field_messages(LABELS):
+        with field_messages(LABELS):
             present, blank = self._counts()
             repeats = widgets.typed_integer("repeats", self.repeats, 1, MOST_REPEATS)
             forces = widgets.typed_forces(self.forces, most=MOST_FORCES) or USUAL_FORCES
@@ -755,7 +756,7 @@ class _NewStudy:
         try:
             self._size.text = self._draft().size().text()
         except InputError as error:
-            self._size.text = widgets.plain_message(error)
+            self._size.text = plain_message(error)
 
     async def _make(self) -> None:
         draft = self._draft()

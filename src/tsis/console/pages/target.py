@@ -13,6 +13,7 @@ from nicegui import run, ui
 from tsis.calibration.guard.limits import GUARD_FLAGS
 from tsis.console import widgets
 from tsis.console.files import sequence_folders
+from tsis.console.messages import FORCE, field_messages
 from tsis.console.pages.records import (
     AT_ONCE,
     TargetView,
@@ -273,7 +274,7 @@ class _PressEditing(Editing["StoredPress"]):
         changes = changed(self._record, {**requested, "force_n": force_n})
         if not changes:
             return Edited(record=self._record)
-        with widgets.field_messages(widgets.FORCE):
+        with field_messages(FORCE):
             return edit_press(self._page.instrument.store, self._target, self._record, changes)
 
     def _saved(self, record: StoredPress) -> str:

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 from tsis.calibration.guard.watch import guard_reference
 from tsis.catalog.sensors import load_sensor
+from tsis.console.services.choice import VirtualSubject
 from tsis.console.services.jobs import RUNNING
-from tsis.console.services.state import VirtualSubject
 from tsis.errors import CalibrationError, CameraError, ControlError, InputError, TsisError
 from tsis.instrument.acquisition import LOST_AFTER_S, Acquisition
 from tsis.instrument.camera import LATE_FRAMES, preset
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 
     from tsis.calibration.frames import UsableCalibration
     from tsis.calibration.guard.reading import GuardReference
+    from tsis.console.services.choice import CameraChoice
     from tsis.console.services.jobs import Job, Jobs, JobState
-    from tsis.console.services.state import CameraChoice
     from tsis.console.worker import WorkerProcess
     from tsis.instrument.acquisition import ReceivedFrame
     from tsis.instrument.camera import Camera, Setting

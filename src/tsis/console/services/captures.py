@@ -14,7 +14,7 @@ import numpy as np
 
 from tsis.calibration.frames import read_press_image
 from tsis.calibration.guard.watch import check_press
-from tsis.console.services.state import CameraChoice, PressForce
+from tsis.console.services.choice import CameraChoice, PressForce
 from tsis.errors import CameraError, ControlError, FileInputError, GaugeError, InputError, RecordsError, TsisError
 from tsis.files.atomic import write_durably
 from tsis.files.frame_names import target_folder
@@ -39,8 +39,9 @@ if TYPE_CHECKING:
 
     from tsis.calibration.guard.limits import GuardFlag
     from tsis.console.services.camera import ActiveCalibration
+    from tsis.console.services.choice import VirtualSubject
     from tsis.console.services.jobs import Job, Jobs, JobState
-    from tsis.console.services.state import CameraState, VirtualSubject
+    from tsis.console.services.state import CameraState
     from tsis.imaging.finding import ImageFinding
     from tsis.instrument.acquisition import Acquisition, ReceivedFrame
     from tsis.instrument.force_log import ForceLog

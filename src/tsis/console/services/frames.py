@@ -14,7 +14,7 @@ from tsis.calibration.guard.limits import GuardFlag
 from tsis.calibration.guard.reading import FrameShape
 from tsis.calibration.guard.watch import PressWatch, WatchState
 from tsis.catalog.sensors import load_sensor
-from tsis.console.services.state import PressForce
+from tsis.console.services.choice import PressForce
 from tsis.errors import CameraError, InputError, TsisError
 from tsis.files.reading import read_object
 from tsis.imaging.depth import DepthMapper, GelReading, gel_reading, parse_depth_calibration

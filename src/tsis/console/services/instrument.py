@@ -26,18 +26,12 @@ from tsis.console.services.captures import (
     save_press,
     trouble_messages,
 )
+from tsis.console.services.choice import PLAIN
 from tsis.console.services.control import Commands, ControlLock
 from tsis.console.services.frames import GelAnalysis, Watcher
 from tsis.console.services.jobs import Jobs, estimate_title, tissue_title
-from tsis.console.services.state import (
-    LIGHT_N,
-    PLAIN,
-    CalibrationMemory,
-    InstrumentState,
-    TissueReadings,
-    camera_state,
-    read_tissue,
-)
+from tsis.console.services.memory import LIGHT_N, CalibrationMemory, TissueReadings, read_tissue
+from tsis.console.services.state import InstrumentState, camera_state
 from tsis.errors import ControlError, InputError, RecordsError
 from tsis.imaging.colour import COLOUR_MAPS
 from tsis.inclusion import InclusionPrior, estimate
@@ -57,9 +51,10 @@ if TYPE_CHECKING:
 
     from tsis.calibration.frames import UsableCalibration
     from tsis.console.services.captures import SavedPress
+    from tsis.console.services.choice import CameraChoice, InstrumentSettings, PressForce
     from tsis.console.services.frames import FrameAnalysis
     from tsis.console.services.jobs import Job
-    from tsis.console.services.state import CameraChoice, InstrumentSettings, PressForce, TissueReading
+    from tsis.console.services.memory import TissueReading
     from tsis.instrument.acquisition import ReceivedFrame
     from tsis.instrument.camera import Camera
     from tsis.instrument.force_log import ForceLog
