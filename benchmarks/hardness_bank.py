@@ -2,7 +2,7 @@
 
 Contacts at neighbouring forces and moduli look alike once radius and pressure are scaled by the contact's own. So the
 scaled profile, the logarithm of the contact radius and the displacement are interpolated by the logarithms of force and
-modulus between a few solved presses; `tests/hardness/test_bank.py` says how closely.
+modulus between a few solved presses; `tests/benchmarks/test_hardness_bank.py` says how closely.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import tsis
-from tsis.errors import InputError, NotCalibratedError
+from tsis.errors import InputError
 from tsis.inclusion import InclusionPrior
 from tsis.inclusion.estimation import NEARLY_COVERED
 from tsis.inclusion.flags import UNTRUSTED_FLAGS
@@ -156,11 +156,6 @@ def test_forces_that_the_model_does_not_hold_for_are_refused(lump: Frames, force
     with pytest.raises(InputError, match=phrase) as refused:
         found_in(([targets[0], replace(targets[1], force_n=force_n)], references))
     assert "\n" not in str(refused.value)
-
-
-def test_the_calibration_of_another_probe_is_refused(lump: Frames) -> None:
-    with pytest.raises(NotCalibratedError, match="calibration must be that of the probe 'tsis-domed'"):
-        estimate(lump[0], probe=DOMED, calibration=replace(bench().calibration, probe="tsis-2011"), reference=lump[1])
 
 
 def test_a_frame_without_contact_is_refused(lump: Frames) -> None:

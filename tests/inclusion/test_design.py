@@ -21,6 +21,7 @@ from tsis.inclusion.design import alternatives
 from tsis.inclusion.design import information as made_ready
 from tsis.inclusion.design.alternatives import (
     ASPECTS,
+    Design,
     calibration_for,
     compare_designs,
     design_alternatives,
@@ -37,9 +38,9 @@ from tsis.inclusion.design.information import (
     protocol_information,
     view_of,
 )
-from tsis.inclusion.design.limits import covering_n, limits_of
+from tsis.inclusion.design.limits import DesignLimits, covering_n, limits_of
 from tsis.inclusion.design.protocol import PlannedPress, Protocol, default_protocols, protocol_of
-from tsis.inclusion.design.search import at_forces, optimise_design
+from tsis.inclusion.design.search import _binding, _Forces, at_forces, optimise_design
 from tsis.inclusion.frames import largest_force_n
 from tsis.inclusion.posterior.exploration import explore_inclusion
 from tsis.mechanics import press
@@ -54,6 +55,7 @@ if TYPE_CHECKING:
 
     from tsis.mechanics.surrogate.full_contact import FullContactSurrogate
     from tsis.model.calibration import Calibration
+
 
 FLAT, DOMED = tsis.load_probe("tsis-2011"), tsis.load_probe("tsis-domed")
 PRIOR, SENSOR = InclusionPrior(), Sensor()
@@ -386,3 +388,50 @@ def test_designs_are_drawn_where_their_errors_are() -> None:
         assert line.get_marker() == ("x" if design.limits.broken else "o")
         assert line.get_label() == f"{text.get_text()}  {design.protocol.name}"
     assert ax.get_ylabel() == "expected error of modulus E / kPa"
+
+
+FORCES = _Forces(low_n=0.1, high_n=10.0, low_by="contact", high_by="saturation")
+SILENT = ProtocolInformation(
+    inclusions=np.array([[8.0, 8.0, 80.0]]), matrix=np.zeros((1, 3, 3)), prior=InclusionPrior()
+)
+
+
+def design(*forces_n: float, strain: float = 0.1) -> Design:
+    limits = DesignLimits(
+        strain=strain,
+        least_force_n=min(forces_n),
+        covering_force_n=0.0,
+        whole_fraction=1.0,
+        brightest_grey=100.0,
+        full_scale=255.0,
+        read_mm=20.0,
+        view_mm=24.0,
+    )
+    return Design(protocol=protocol_of(tsis.load_probe("tsis-2011"), forces_n), information=SILENT, limits=limits)
+
+
+@pytest.mark.parametrize(
+    ("forces_n", "octaves", "names"),
+    [
+        ((1.0,), (0.0, 0.0), ()),
+        ((0.9, 1.2), (1.9, -1.9), ()),
+        ((1.0, 9.9), (0.0, 0.0), ("saturation",)),
+        ((0.101, 1.0), (0.0, 0.0), ("contact",)),
+        ((0.12, 8.0), (0.0, 0.0), ()),
+        ((0.1, 10.0), (-1.99, 1.99), ("saturation", "contact", "softest", "gradient")),
+        ((1.0,), (1.99, -1.99), ("stiffest", "gradient")),
+    ],
+)
+def test_a_variable_within_a_fiftieth_of_its_range_binds(
+    forces_n: tuple[float, ...], octaves: tuple[float, float], names: tuple[str, ...]
+) -> None:
+    """Forces are compared by their logarithms: a fiftieth of two decades is a tenth of a force."""
+    assert _binding(design(*forces_n), np.array(octaves), FORCES) == names
+
+
+def test_limits_that_are_broken_come_last() -> None:
+    assert _binding(design(9.9, strain=0.4), np.array([-2.0, 0.0]), FORCES) == ("saturation", "softest", "strain")
+
+
+def test_fractions_of_the_range_are_fractions_of_its_logarithm() -> None:
+    assert FORCES.at(np.array([1.0, 0.5, -0.2])) == pytest.approx((0.1, 1.0, 10.0))
