@@ -12,8 +12,7 @@ import pytest
 import tsis
 from tsis.errors import InputError
 from tsis.inclusion import InclusionPrior
-from tsis.inclusion.estimation import NEARLY_COVERED
-from tsis.inclusion.flags import UNTRUSTED_FLAGS
+from tsis.inclusion.flags import NEARLY_COVERED, UNTRUSTED_FLAGS
 from tsis.inclusion.frames import covering_force_n, require_valid_forces, ring_edges
 from tsis.inclusion.posterior.exploration import explore_inclusion
 from tsis.inclusion.posterior.rings import ring_means

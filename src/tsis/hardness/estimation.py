@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.compiled import one_blas_thread
 from tsis.errors import ImageMismatchError, InputError
-from tsis.hardness.flags import UNTRUSTED_FLAGS, findings, identifiability
+from tsis.hardness.flags import UNTRUSTED_FLAGS, identifiability, press_findings
 from tsis.hardness.posterior import (
     DRIFT_SD,
     ContactPress,
@@ -177,13 +177,13 @@ def estimate(
     table = _table(probe) if progress is None else build_contact_table(probe, progress=progress)
     with one_blas_thread():
         likelihood = HardnessLikelihood(presses, table=table, calibration=calibration, drift_sd=drift_sd)
-        result = explore_modulus(likelihood, prior, radius)
-    flagged = findings(presses, likelihood, result, prior, radius)
+        posterior = explore_modulus(likelihood, prior, radius)
+    flagged = press_findings(presses, likelihood, posterior, prior, radius)
     causes = UNTRUSTED_FLAGS.intersection(flag for flag, _ in flagged)
     return Estimate(
-        samples={"young_kpa": result.young_kpa},
+        samples={"young_kpa": posterior.young_kpa},
         prior_sd={"young_kpa": prior.young_sd_kpa},
-        identifiability=NOT_TRUSTED if causes else identifiability(result, prior),
+        identifiability=NOT_TRUSTED if causes else identifiability(posterior, prior),
         prior=str(prior),
         trusted=not causes,
         flags=tuple(flag for flag, _ in flagged),

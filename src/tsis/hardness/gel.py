@@ -21,7 +21,23 @@ from tsis.catalog.sensors import load_sensor
 from tsis.compiled import one_blas_thread
 from tsis.errors import InputError
 from tsis.hardness.contacts import ObjectGeometry, as_geometry, as_touch_readings, loading_part
-from tsis.hardness.flags import DEEPEST_CONTACT, UNTRUSTED_FLAGS, WIDEST_CONTACT, modulus_findings
+from tsis.hardness.flags import (
+    CONTACT_TOO_DEEP,
+    CONTACT_TOO_WIDE,
+    CONTACTS_LEFT_OUT,
+    DEEPEST_CONTACT,
+    FLAT_OBJECT,
+    FORCE_AND_DEPTH_UNKNOWN,
+    FORCE_AND_RADIUS_UNKNOWN,
+    GEL_MODEL_DOES_NOT_FIT,
+    GEL_NOT_FLAT,
+    GEL_ONE_FORCE,
+    GEL_RADIUS_UNKNOWN,
+    SAME_FORCE,
+    UNTRUSTED_FLAGS,
+    WIDEST_CONTACT,
+    modulus_findings,
+)
 from tsis.hardness.posterior import HardnessPrior, modulus_samples
 from tsis.mechanics.gel.contact import layer_contact
 from tsis.model.estimate import IMPROBABLE, NOT_TRUSTED, Estimate, probability_bound
@@ -38,10 +54,9 @@ if TYPE_CHECKING:
 
     from tsis.hardness.contacts import TouchReading
     from tsis.hardness.posterior import RadiusPrior
+    from tsis.model.flag import Finding
     from tsis.model.gel_sensor import BoundedValue
 
-
-if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 # Logarithms of force and dent over their small-strain values by dent/thickness, x² (1 - s), x⁶, x² with x the contact's
@@ -317,9 +332,6 @@ class TouchLikelihood:
         return np.asarray(common + np.diag([term.sd**2 for term in terms]))
 
 
-if TYPE_CHECKING:
-    Finding = tuple[str, str]
-
 GEL_PRIOR = HardnessPrior(young_kpa=(2.0, 10_000.0), poisson=(0.45, 0.495))
 PRESS_SD = 0.02  # relative standard deviation of a contact radius from press to press
 
@@ -487,60 +499,42 @@ def _explored(
     return samples, least[0], likelihood.residual_count - 1
 
 
-SAME_FORCE = 0.02
-
-
 def unknowable(readings: Sequence[TouchReading], shape: ObjectGeometry) -> list[Finding]:
     """Why no modulus can follow from such contacts, at most one reason."""
     if shape.shape == "flat":
-        note = "The modulus is not identifiable: the contact of a flat object does not change with its modulus."
-        return [("young_kpa_not_identified", note)]
+        return [FLAT_OBJECT.finding()]
     forces = [reading for reading in readings if reading.force_n is not None]
     pairs = [reading for reading in readings if reading.radius_mm is not None and reading.depth_mm is not None]
     if not forces and shape.radius_mm is None:
-        note = "The modulus is not identifiable: force and radius of the object are both unknown (give one of them)."
-        return [("young_kpa_not_identified", note)]
-    if not forces and not pairs:
-        note = "The modulus is not identifiable: without a force each contact needs radius_mm and depth_mm."
-        return [("young_kpa_not_identified", note)]
-    return []
+        return [FORCE_AND_RADIUS_UNKNOWN.finding()]
+    return [] if forces or pairs else [FORCE_AND_DEPTH_UNKNOWN.finding()]
 
 
 def contact_findings(
     readings: Sequence[TouchReading], left_out: Sequence[str], shape: ObjectGeometry, gel: GelSensor
-) -> list[Finding]:
+) -> Iterator[Finding]:
     """Warnings about the contacts, the geometry and the sensor."""
-    flagged: list[Finding] = []
     if left_out:
-        flagged.append(("contacts_left_out", f"{len(left_out)} contacts are not good and were left out."))
+        yield CONTACTS_LEFT_OUT.finding(left_out=len(left_out))
     if shape.radius_mm is None and shape.shape != "flat":
-        flagged.append(("radius_unknown", "The object's radius is unknown; its modulus grows with it: give radius_mm."))
-    radii = [reading.radius_mm for reading in readings if reading.radius_mm is not None]
+        yield GEL_RADIUS_UNKNOWN.finding()
+    largest = max((reading.radius_mm for reading in readings if reading.radius_mm is not None), default=0.0)
     widest = WIDEST_CONTACT * min(gel.width_mm, gel.height_mm) / 2
-    if radii and max(radii) > widest:
-        note = f"A contact of {max(radii):.3g} mm is wider than {widest:.3g} mm, 0.6 of the face: press less."
-        flagged.append(("contact_too_wide", note))
-    if radii and shape.radius_mm is not None and max(radii) > DEEPEST_CONTACT * shape.radius_mm:
-        note = f"A contact of {max(radii):.3g} mm on a radius of {shape.radius_mm:.3g} mm is too deep: press less."
-        flagged.append(("contact_too_deep", note))
+    if largest > widest:
+        yield CONTACT_TOO_WIDE.finding(radius_mm=largest, widest_mm=widest)
+    if shape.radius_mm is not None and largest > DEEPEST_CONTACT * shape.radius_mm:
+        yield CONTACT_TOO_DEEP.finding(radius_mm=largest, object_mm=shape.radius_mm)
     if gel.shape != "flat":
-        note = f"The gel of {gel.name} is not flat: as a layer its compliance is only estimated."
-        flagged.append(("gel_not_flat", note))
+        yield GEL_NOT_FLAT.finding(sensor=gel.name)
     forces = [reading.force_n for reading in readings if reading.force_n is not None]
     if forces and max(forces) < (1 + SAME_FORCE) * min(forces):
-        flagged.append(("one_force", "All contacts have one force: a second one would test the model."))
-    return flagged
+        yield GEL_ONE_FORCE.finding()
 
 
-def misfit_findings(misfit: float, freedom: int) -> list[Finding]:
+def misfit_findings(misfit: float, freedom: int) -> Iterator[Finding]:
     """Whether the readings contradict each other."""
     if freedom < 1:
-        return []
+        return
     chance = float(scipy.stats.chi2.sf(misfit, freedom))
-    if chance >= IMPROBABLE:
-        return []
-    note = (
-        f"Forces, radii and dents contradict each other (chance below {probability_bound(chance)}): the object is not "
-        "of that shape, or force, scale or sensor are wrong."
-    )
-    return [("model_does_not_fit", note)]
+    if chance < IMPROBABLE:
+        yield GEL_MODEL_DOES_NOT_FIT.finding(chance=probability_bound(chance))

@@ -7,6 +7,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import scipy
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.compiled import one_blas_thread
@@ -14,20 +15,20 @@ from tsis.errors import InputError, NotCalibratedError
 from tsis.inclusion.checks.images import image_findings, require_forces_as_lit
 from tsis.inclusion.checks.position import position_findings
 from tsis.inclusion.flags import (
-    INCLUSION_FLAGS,
+    NEARLY_COVERED,
+    PARTIAL_CONTACT,
     UNTRUSTED_FLAGS,
-    cramer_rao_sd,
-    findings,
     identifiability,
     layer_findings,
     light_findings,
-    misfit_chance,
     misfit_finding,
+    posterior_findings,
     presence_caveats,
 )
 from tsis.inclusion.frames import covering_force_n, mean_of_repeats, require_valid_forces, with_gain_of_presses
 from tsis.inclusion.posterior.exploration import explore_inclusion
 from tsis.inclusion.posterior.forward import TISSUE
+from tsis.inclusion.posterior.likelihood import least_sd
 from tsis.inclusion.prior import PARAMETERS, InclusionPrior
 from tsis.inclusion.reading import FrameReading, PressTables, covered_presses, press_tables, read_frames
 from tsis.model.estimate import IMPROBABLE, NOT_TRUSTED, Estimate
@@ -38,15 +39,15 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from tsis.inclusion.posterior.exploration import InclusionPosterior
-    from tsis.inclusion.posterior.likelihood import InclusionLikelihood
+    from tsis.inclusion.posterior.likelihood import InclusionLikelihood, Profiles
     from tsis.mechanics.surrogate.full_contact import FullContactSurrogate
     from tsis.model.calibration import Calibration, LightMap
+    from tsis.model.flag import Finding
     from tsis.model.probe import Probe
 
 
 ROUNDING = 1e-6  # of the radius
 STRAINS = ("finite", "small")
-NEARLY_COVERED = 0.9  # of the force of full contact: there the rings err by 0.3 % of the mean pressure
 LARGER_FACE = 1.2  # of the radius: a map of light that extends further is of another face
 
 
@@ -188,23 +189,28 @@ def analyse(
             return read_frames(frames, references, tables, probe=probe, calibration=response, prior=prior)
 
         reading = read(targets)
-        of_images = image_findings(targets, references, probe=probe, calibration=response, uneven=reading.uneven)
-        result = explore_inclusion(reading.likelihood, prior)
-        flagged = [*findings(result, prior, reading.data), *position_findings(reading.position), *of_images]
-        flagged += [*light_findings(calibration), *layer_findings(result.layer)]
-        chance = misfit_chance(result, reading.data)
+        image_flags = image_findings(targets, references, probe=probe, calibration=response, uneven=reading.uneven)
+        posterior = explore_inclusion(reading.likelihood, prior)
+        flagged = [
+            *posterior_findings(posterior, prior, reading.data),
+            *position_findings(reading.position),
+            *image_flags,
+            *light_findings(calibration),
+            *layer_findings(posterior.layer),
+        ]
+        chance = _misfit_chance(posterior, reading.data)
         if chance < IMPROBABLE:
             disagree = len(targets) > 1 and all(_fits(read([target]), prior) for target in targets)
             flagged.append(misfit_finding(chance, disagree=disagree))
-    flagged += _contact_findings(targets + references, surrogate, reading.likelihood, result, prior)
+    flagged += _contact_findings(targets + references, surrogate, reading.likelihood, posterior, prior)
     causes = UNTRUSTED_FLAGS.intersection(flag for flag, _ in flagged)
     estimated = Estimate(
-        samples=dict(zip(PARAMETERS, result.samples.T, strict=True)),
+        samples=dict(zip(PARAMETERS, posterior.samples.T, strict=True)),
         prior_sd=prior.sd,
-        cramer_rao_sd=cramer_rao_sd(result),
-        presence=result.presence,
-        log_bayes_factor=result.log_bayes_factor,
-        identifiability=NOT_TRUSTED if causes else identifiability(result, prior),
+        cramer_rao_sd=dict(zip(PARAMETERS, least_sd(posterior.information).tolist(), strict=True)),
+        presence=posterior.presence,
+        log_bayes_factor=posterior.log_bayes_factor,
+        identifiability=NOT_TRUSTED if causes else identifiability(posterior, prior),
         prior=str(prior),
         presence_trusted=not presence_caveats(causes),
         trusted=not causes,
@@ -216,7 +222,7 @@ def analyse(
     return InclusionAnalysis(
         estimate=estimated,
         likelihood=reading.likelihood,
-        posterior=result,
+        posterior=posterior,
         prior=prior,
         model_error=tables.error,
     )
@@ -234,12 +240,17 @@ def _covered(probe: Probe, prior: InclusionPrior) -> FullContactSurrogate:
 
 def stated_strain(settings: Iterable[Mapping[str, Any]]) -> str:
     """Strain at which frames with these settings are estimated: small where a virtual probe made all of them so."""
-    stated = {item.get("strain", "finite") for item in settings}
+    stated = {one.get("strain", "finite") for one in settings}
     return "small" if stated == {"small"} else "finite"
 
 
 def _fits(reading: FrameReading, prior: InclusionPrior) -> bool:
-    return misfit_chance(explore_inclusion(reading.likelihood, prior), reading.data) >= IMPROBABLE
+    return _misfit_chance(explore_inclusion(reading.likelihood, prior), reading.data) >= IMPROBABLE
+
+
+def _misfit_chance(posterior: InclusionPosterior, data: Profiles) -> float:
+    """Probability of at least this misfit for one sphere in a uniform slab."""
+    return float(scipy.stats.chi2.sf(posterior.fit.misfit[0], int(data.usable.sum())))
 
 
 def _contact_findings(
@@ -248,7 +259,7 @@ def _contact_findings(
     likelihood: InclusionLikelihood,
     posterior: InclusionPosterior,
     prior: InclusionPrior,
-) -> list[tuple[str, str]]:
+) -> list[Finding]:
     """Flag a dome that touched only in part on the estimated inclusion, in a slab of the prior's thickness.
 
     A rim that hardly fails to touch does not matter: the rings end at 0.8 of the radius.
@@ -258,13 +269,7 @@ def _contact_findings(
     least = min(frame.force_n or 0.0 for frame in frames)
     if least >= NEARLY_COVERED * needed:
         return []
-    return [
-        (
-            "contact_not_whole",
-            f"At {least:g} N the dome touches the estimated inclusion only in part; the model assumes full contact, "
-            f"from {needed:.2g} N on: {INCLUSION_FLAGS['contact_not_whole'].cure}.",
-        )
-    ]
+    return [PARTIAL_CONTACT.finding(force_n=least, needed_n=needed)]
 
 
 def _provenance(

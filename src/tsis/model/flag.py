@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING, TypeVar
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+Finding = tuple[str, str]  # name of a flag, and its sentence on one result
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Flag:
-    """A named doubt about a result, declared once for reports, console and documents.
+    """A named doubt about a result, declared once for estimators, reports, console and documents.
 
     Attributes
     ----------
@@ -26,6 +28,9 @@ class Flag:
         From which value on it is raised, and where that limit comes from.
     withholds
         Whether the numbers of the result are not to be trusted and are withheld.
+    says
+        The sentence on one result, with the result's numbers in braces, as in `str.format`; ``{cure}`` and ``{advice}``
+        are those of the flag.
     """
 
     name: str
@@ -33,11 +38,16 @@ class Flag:
     cure: str = ""
     raised: str = ""
     withholds: bool = False
+    says: str = ""
 
     @property
     def advice(self) -> str:
         """The cure as a sentence; empty without one."""
         return f"{self.cure[:1].upper()}{self.cure[1:]}." if self.cure else ""
+
+    def finding(self, **numbers: float | str) -> Finding:
+        """Raise the flag on a result: its name, and its sentence with the ``numbers`` of this result."""
+        return self.name, self.says.format(cure=self.cure, advice=self.advice, **numbers)
 
 
 AnyFlag = TypeVar("AnyFlag", bound=Flag)

@@ -11,7 +11,7 @@ from tsis.errors import InputError
 from tsis.imaging.rendering import rough_contact
 from tsis.inclusion.checks.roundness import roundness_findings, tilt_findings
 from tsis.inclusion.checks.sectors import ring_visibility, sector_means
-from tsis.inclusion.flags import INCLUSION_FLAGS
+from tsis.inclusion.flags import CROPPED, CROPPED_FRACTION, SATURATED
 from tsis.inclusion.frames import ring_edges
 from tsis.model.press import MN_PER_N
 
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from tsis.inclusion.checks.unevenness import FieldHarmonics
     from tsis.inclusion.prior import Complexes
     from tsis.model.calibration import Calibration
+    from tsis.model.flag import Finding
     from tsis.model.image import TactileImage
     from tsis.model.probe import Probe
 
@@ -36,7 +37,6 @@ ONE_FORCE = 0.02  # relative difference
 UNLIT = 3.0  # grey levels
 EACH = 4  # every fourth pixel tells how bright a frame is
 LEAST_VISIBLE_FRACTION = 0.5  # of each ring of the inner half of the profile's disc
-MISSING = 1e-3  # fraction of that disc that may be outside the picture without a flag
 
 
 def image_findings(
@@ -46,7 +46,7 @@ def image_findings(
     probe: Probe,
     calibration: Calibration,
     uneven: FieldHarmonics | None = None,
-) -> list[tuple[str, str]]:
+) -> list[Finding]:
     """Check the frames of a target: refuse frames without a press, and flag other defects.
 
     Parameters
@@ -167,23 +167,18 @@ def require_forces_as_lit(frames: Sequence[TactileImage], *, probe: Probe, calib
             )
 
 
-def saturated_findings(frames: Sequence[TactileImage], means: Sequence[Sectors]) -> list[tuple[str, str]]:
+def saturated_findings(frames: Sequence[TactileImage], means: Sequence[Sectors]) -> list[Finding]:
     """Flag ``saturated`` with the largest fraction of clipped pixels inside the profile's disc."""
     fractions = [float(sectors.clipped.sum() / sectors.grid.count.sum()) for sectors in means]
     worst = int(np.argmax(fractions))
     if fractions[worst] == 0.0:
         return []
     frame = frames[worst]
-    return [
-        (
-            "saturated",
-            f"{100 * fractions[worst]:.2g} % of the profile's pixels clip at {frame.full_scale:g} in "
-            f"{frame.name or 'an image'!r}: {INCLUSION_FLAGS['saturated'].cure}.",
-        )
-    ]
+    percent, name = 100 * fractions[worst], frame.name or "an image"
+    return [SATURATED.finding(percent=percent, full_scale=frame.full_scale, frame=name)]
 
 
-def cropped_findings(frame: TactileImage, probe: Probe) -> list[tuple[str, str]]:
+def cropped_findings(frame: TactileImage, probe: Probe) -> list[Finding]:
     """Flag ``cropped`` with the fraction of the disc outside the picture; refuse less than half of an inner ring."""
     edges = ring_edges(probe)
     visible = ring_visibility(frame, edges)
@@ -197,12 +192,6 @@ def cropped_findings(frame: TactileImage, probe: Probe) -> list[tuple[str, str]]
         )
     area = np.diff(edges**2)
     missing = float(1 - (visible * area).sum() / area.sum())
-    if missing <= MISSING:
+    if missing <= CROPPED_FRACTION:
         return []
-    return [
-        (
-            "cropped",
-            f"{100 * missing:.2g} % of the profile's disc of {edges[-1]:.2g} mm lies outside the picture: incomplete "
-            "rings are biased by anything off the centre.",
-        )
-    ]
+    return [CROPPED.finding(percent=100 * missing, radius_mm=edges[-1])]

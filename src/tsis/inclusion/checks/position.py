@@ -10,7 +10,7 @@ from numpy.polynomial import chebyshev
 
 from tsis.errors import InputError
 from tsis.imaging.corrections import require_same_frame
-from tsis.inclusion.flags import INCLUSION_FLAGS, OFF_AXIS_MM
+from tsis.inclusion.flags import NO_REFERENCE, OFF_AXIS, OFF_AXIS_MM
 from tsis.inclusion.frames import DARKEST, OUTER_FRACTION, RINGS
 from tsis.inclusion.posterior.rings import FARTHEST
 from tsis.model.calibration import Calibration
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.inclusion.prior import Floats
+    from tsis.model.flag import Finding
     from tsis.model.image import TactileImage
 
 
@@ -248,16 +249,10 @@ def _step(cells: _Cells, centre: Floats) -> tuple[Floats, float]:
     return shift, float(np.sqrt(max(misfit, 1.0) / information + by_tissue))
 
 
-def position_findings(inclusion: InclusionPosition | None) -> list[tuple[str, str]]:
+def position_findings(inclusion: InclusionPosition | None) -> list[Finding]:
     """Findings for a missing reference press or an inclusion off the axis."""
     if inclusion is None:
-        return [("no_reference", "No reference press: size and depth are less certain than with one.")]
+        return [NO_REFERENCE.finding()]
     if np.isfinite(inclusion.sd_mm) and inclusion.distance_mm - 2 * inclusion.noise_mm > OFF_AXIS_MM:
-        return [
-            (
-                "off_axis",
-                f"The inclusion lies {inclusion.distance_mm:.1f} mm from the probe's axis; the model is valid up to "
-                f"{OFF_AXIS_MM:g} mm: {INCLUSION_FLAGS['off_axis'].cure}.",
-            )
-        ]
+        return [OFF_AXIS.finding(distance_mm=inclusion.distance_mm)]
     return []

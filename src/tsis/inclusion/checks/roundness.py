@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.inclusion.checks.sectors import harmonic, harmonic_noise, shading_harmonics, unevenness
-from tsis.inclusion.flags import INCLUSION_FLAGS
+from tsis.inclusion.flags import FEWEST_RINGS, NOT_ROUND, ROUNDNESS_NOT_CHECKED, TILTED
 from tsis.model.estimate import IMPROBABLE, probability_bound
 
 if TYPE_CHECKING:
@@ -16,10 +16,10 @@ if TYPE_CHECKING:
     from tsis.inclusion.checks.sectors import Sectors, Unevenness
     from tsis.inclusion.prior import Booleans, Complexes, Floats
     from tsis.model.calibration import Calibration
+    from tsis.model.flag import Finding
 
 
 FIRST_RING = 1  # the innermost is a few pixels wide and has no second harmonic
-FEWEST = 4  # least number of rings for the test
 OFFSET_MM = 1.5  # standard deviation of the position of an inclusion near the axis
 
 
@@ -100,7 +100,7 @@ def _tested_rings(frames: Sequence[Sectors]) -> Booleans | None:
     """Mask of the rings of a test, or None when too few are complete."""
     use = np.logical_and.reduce([frame.usable for frame in frames])
     use[:FIRST_RING] = False
-    return use if use.sum() >= FEWEST else None
+    return use if use.sum() >= FEWEST_RINGS else None
 
 
 def _least_likely(tests: Sequence[Unevenness | None]) -> tuple[int, Unevenness | None]:
@@ -115,7 +115,7 @@ def roundness_findings(
     references: Sequence[Sectors | None],
     calibration: Calibration,
     allowed: Sequence[Sequence[Complexes]] | None = None,
-) -> list[tuple[str, str]]:
+) -> list[Finding]:
     """Flag ``not_one_round_inclusion`` for the least round target, or ``roundness_not_checked``.
 
     A target is compared with its reference, or tested alone where that is None; ``allowed`` as for `roundness`.
@@ -126,22 +126,15 @@ def roundness_findings(
     ]
     count, worst = _least_likely(tests)
     if count == 0:
-        return [
-            (
-                "roundness_not_checked",
-                f"Whether the inclusion is round was not checked: fewer than {FEWEST} rings are complete and "
-                "without clipping.",
-            )
-        ]
+        return [ROUNDNESS_NOT_CHECKED.finding()]
     if worst is None:
         return []
     return [
-        (
-            "not_one_round_inclusion",
-            f"This is not a single sphere in a uniform slab: {worst.radius_mm:.1f} mm from the axis the second "
-            f"harmonic around it is {worst.size_grey:.2g} grey levels, {worst.over_noise:.1f} times its noise (chance "
-            f"over all rings below {probability_bound(worst.chance)}); size, depth and modulus of one sphere do not "
-            "describe it.",
+        NOT_ROUND.finding(
+            radius_mm=worst.radius_mm,
+            size=worst.size_grey,
+            over_noise=worst.over_noise,
+            chance=probability_bound(worst.chance),
         )
     ]
 
@@ -173,17 +166,10 @@ def tilt_evidence(
 
 def tilt_findings(
     references: Sequence[Sectors], calibration: Calibration, allowed: Sequence[Sequence[Complexes]] | None = None
-) -> list[tuple[str, str]]:
+) -> list[Finding]:
     """Flag ``tilted`` for the reference press of the largest tilt; ``allowed`` as for `tilt_evidence`."""
     tests = zip(references, allowed or [()] * len(references), strict=True)
     _, worst = _least_likely([tilt_evidence(harmonics, calibration, allowed=causes) for harmonics, causes in tests])
     if worst is None:
         return []
-    return [
-        (
-            "tilted",
-            f"A reference press is not symmetric: {worst.radius_mm:.1f} mm from the axis one side is "
-            f"brighter by {2 * worst.size_grey:.2g} grey levels, {worst.over_noise:.1f} times the noise; "
-            f"{INCLUSION_FLAGS['tilted'].cure}.",
-        )
-    ]
+    return [TILTED.finding(radius_mm=worst.radius_mm, excess=2 * worst.size_grey, over_noise=worst.over_noise)]
