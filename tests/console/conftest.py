@@ -6,10 +6,14 @@ import pytest
 from playwright.sync_api import expect
 from tests.console.browser import PATIENCE_MS, chromium
 from tests.console.running import RunningConsole, running_console
+from tests.console.tls import PASSWORD, TlsConsole, made_certificate
 from tests.waiting import HANGS_S
+
+from tsis.console.auth import Logins
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from pathlib import Path
 
     from playwright.sync_api import Browser
 
@@ -38,3 +42,22 @@ def browser() -> Iterator[Browser]:
     """One browser for the tests of a file; each opens a context of its own."""
     with chromium() as running:
         yield running
+
+
+@pytest.fixture(scope="session")
+def certificate(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A certificate and its key."""
+    return made_certificate(tmp_path_factory.mktemp("certificate"))
+
+
+@pytest.fixture(scope="module")
+def tls(tmp_path_factory: pytest.TempPathFactory, certificate: tuple[Path, Path]) -> Iterator[TlsConsole]:
+    """One running console with TLS and a login for the tests of a file."""
+    folder = tmp_path_factory.mktemp("tls")
+    logins = Logins(folder / "user")
+    logins.add("anna", PASSWORD)
+    chain, key = certificate
+    with running_console(
+        folder, "--certificate", str(chain), "--key", str(key), "--allow-host", "lab.example"
+    ) as running:
+        yield TlsConsole(console=running, certificate=chain, logins=logins)

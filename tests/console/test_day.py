@@ -11,7 +11,7 @@ import pytest
 from tests.console.browser import needs_browser, picture
 from tests.console.operator import INSTRUMENT, choose_target, follow, go_to, hold, requested, run
 from tests.console.running import running_console
-from tests.console.services.test_own_images import disc
+from tests.console.services.test_captures import disc
 
 from tsis.records.store import open_store
 from tsis.study.folder import open_study, verify_study

@@ -17,7 +17,7 @@ from tests.console.contrast import texts
 from tests.console.filled_store import fill
 from tests.console.operator import BY_ITSELF_MS, TRIES, hold, operating, run, tab
 from tests.console.running import RunningConsole, running_console
-from tests.console.services.test_own_images import disc
+from tests.console.services.test_captures import disc
 from tests.records.sample import WHEN, levels
 from tests.waiting import until
 

@@ -1,28 +1,28 @@
-"""Work in a process of its own: what comes back, and what becomes of it when that process ends."""
+"""Work in a process of its own, what becomes of it when that process ends, and the memory of a server."""
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import subprocess
 import sys
 import threading
 import time
+import weakref
 from contextlib import closing
 from typing import TYPE_CHECKING
 
 import pytest
-from tests.waiting import HANGS_S
+from tests.waiting import HANGS_S, until
 
-from tsis.console.worker import WorkerProcess
+from tsis.console.worker import WorkerProcess, collecting_garbage, share_memory_among_threads
 from tsis.errors import ControlError, InputError, UnknownNameError
 from tsis.model.require import require_integer, require_one_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
-
-pytestmark = pytest.mark.system
 
 
 @pytest.fixture
@@ -32,6 +32,7 @@ def apart() -> Iterator[WorkerProcess]:
     created.close()
 
 
+@pytest.mark.system
 def test_work_is_done_elsewhere_and_its_errors_come_back(
     apart: WorkerProcess, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -48,6 +49,7 @@ def test_work_is_done_elsewhere_and_its_errors_come_back(
     assert apart.call(os.getpid) != there
 
 
+@pytest.mark.system
 def test_a_process_that_was_killed_is_replaced(apart: WorkerProcess) -> None:
     there = apart.call(os.getpid)
     with pytest.raises(RuntimeError, match="ended before its work was done"):
@@ -59,6 +61,7 @@ def loaded(module: str) -> bool:
     return module in sys.modules
 
 
+@pytest.mark.system
 def test_a_process_that_was_begun_has_loaded_its_module() -> None:
     with closing(WorkerProcess(nice=0, loads="tsis.optics")) as begun, closing(WorkerProcess()) as plain:
         begun.begin()
@@ -71,6 +74,7 @@ def touch_and_sleep(path: Path) -> None:
     time.sleep(3600)
 
 
+@pytest.mark.system
 def test_nothing_is_waited_for_when_the_console_ends(apart: WorkerProcess, tmp_path: Path) -> None:
     begun = tmp_path / "begun"
     assert apart.call(require_integer, "port", 1, 0, 2) == 1
@@ -93,6 +97,7 @@ def test_nothing_is_waited_for_when_the_console_ends(apart: WorkerProcess, tmp_p
         apart.call(os.getpid)
 
 
+@pytest.mark.system
 def test_what_cannot_be_sent_is_said_at_once(apart: WorkerProcess) -> None:
     with pytest.raises((AttributeError, TypeError)):
         apart.call(lambda: 1)
@@ -110,6 +115,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.system
 def test_the_process_ends_with_a_console_that_is_killed(tmp_path: Path) -> None:
     script = tmp_path / "console.py"
     script.write_text(CONSOLE, encoding="utf-8")
@@ -121,3 +127,30 @@ def test_the_process_ends_with_a_console_that_is_killed(tmp_path: Path) -> None:
         while True:
             os.kill(there, 0)
             threading.Event().wait(0.01)
+
+
+class Knot:
+    """Two such things that hold each other are garbage that only a search finds."""
+
+    other: Knot
+
+
+def test_what_holds_each_other_is_found_while_nothing_else_is_made() -> None:
+    gc.disable()
+    try:
+        with collecting_garbage(every_s=0.01):
+            one, two = Knot(), Knot()
+            one.other, two.other = two, one
+            left = weakref.ref(one)
+            del one, two
+            until(lambda: left() is None)
+            assert gc.get_freeze_count() > 0
+        assert gc.get_freeze_count() == 0
+        assert not [thread for thread in threading.enumerate() if thread.name == "garbage"]
+    finally:
+        gc.enable()
+
+
+def test_memory_is_shared_wherever_that_can_be_asked_for() -> None:
+    share_memory_among_threads()
+    share_memory_among_threads()  # as often as one likes

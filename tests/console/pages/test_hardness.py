@@ -1,24 +1,42 @@
-"""Hardness: the next step follows from what is there, and the modulus shown is the stored one."""
+"""Hardness: the next step follows from what is stored, and the modulus shown is the stored one."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from datetime import UTC, datetime, timedelta
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
+import pytest
 from nicegui import ui
+from tests.console.pages.open_page import RecordingViewer, on_a_page, texts
 from tests.console.pages.simulated import at_console
-from tests.console.services.instruments import ANN
+from tests.console.services.instruments import ANN, lit_instrument
 from tests.records.pressed_object import pressed, stored_object
 
-from tsis.calibration.file import write_calibration
+from tsis.calibration.file import ProbeCalibration, write_calibration
 from tsis.calibration.frames import parse_usable_calibration
+from tsis.console.pages.hardness import (
+    HardnessPage,
+    SavedPresses,
+    missing_text,
+    next_free,
+    next_step_text,
+    saved_presses,
+)
 from tsis.console.services.choice import CameraChoice
+from tsis.errors import RecordsError
+from tsis.model.image import TactileImage
+from tsis.records.store import open_store
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
     from tests.console.pages.simulated import Operator
 
     from tsis.console.services.instrument import Instrument
+    from tsis.records.store import Store
 
 
 def test_without_camera_or_calibration_it_says_what_to_do_first(lit: Instrument, tmp_path: Path) -> None:
@@ -98,3 +116,138 @@ def test_the_virtual_probe_has_no_object_until_one_lies_under_it(lit: Instrument
         assert operator.named("Press and save") == []
 
     at_console(lit, script, "/hardness")
+
+
+NOON = datetime(2026, 11, 22, 12, tzinfo=UTC)
+USABLE = ProbeCalibration(name="of the test", probe="tsis-direct")
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Iterator[Store]:
+    with open_store(tmp_path / "records", kind="phantom") as created:
+        yield created
+
+
+def pressed_ball(store: Store, number: int, forces: dict[str, tuple[float, ...]]) -> None:
+    """A target with presses of these forces by role, in this order."""
+    target = store.add_target(number=number, name="ball")
+    minute = 0
+    for role, item in forces.items():
+        for force in item:
+            minute += 1
+            store.add_press(
+                target,
+                TactileImage(grey=np.full((6, 8), float(minute)), mm_per_pixel=(0.1, 0.1), force_n=force),
+                role=role,
+                taken=NOON + timedelta(minutes=minute),
+                probe="tsis-direct",
+                calibration=USABLE,
+                flags=(),
+            )
+
+
+def state(
+    choice: CameraChoice, *, running: bool = True, lost: bool = False, calibration: str = "c", busy: str = ""
+) -> Any:
+    camera = SimpleNamespace(choice=choice, running=running, lost=lost)
+    return SimpleNamespace(camera=camera, calibration=calibration, calibration_identity=calibration, busy=busy)
+
+
+def test_of_each_force_the_newest_press_counts(store: Store) -> None:
+    pressed_ball(store, 4, {"target": (0.7, 1.2, 0.7), "ball": (1.0,), "untouched": (0.0,)})
+    result = saved_presses(store, 4)
+    assert [press.force_n for press in result.on_object] == [1.2, 0.7]
+    assert result.on_object[1].taken == NOON + timedelta(minutes=3)
+    assert [press.force_n for press in result.presses if press.role == "ball"] == [1.0]
+    assert result.estimate is None
+    assert not result.is_current
+
+
+def test_the_next_step_follows_from_what_is_kept(store: Store) -> None:
+    pressed_ball(store, 1, {"target": (0.7,)})
+    pressed_ball(store, 2, {"target": (0.7, 1.2)})
+    pressed_ball(store, 3, {"target": (0.7, 0.7)})
+    assert next_step_text(SavedPresses(number=9), ("lay it there.",), estimating=False) == "Next: lay it there."
+    assert next_step_text(SavedPresses(number=9), (), estimating=False).startswith("Next: press the object")
+    assert next_step_text(saved_presses(store, 1), (), estimating=False).startswith(
+        "Next: press it again at another force"
+    )
+    assert next_step_text(saved_presses(store, 3), (), estimating=False).startswith(
+        "Next: press it again at another force"
+    )
+    assert next_step_text(saved_presses(store, 2), (), estimating=False).startswith("Next: estimate")
+    assert next_step_text(saved_presses(store, 2), ("lay it there.",), estimating=False).startswith("Next: estimate")
+    assert next_step_text(saved_presses(store, 2), (), estimating=True) == "The estimate is running."
+
+
+def test_a_new_object_gets_a_number_of_its_own(store: Store) -> None:
+    assert next_free(store, 7) == 7
+    pressed_ball(store, 7, {"target": (0.7,)})
+    pressed_ball(store, 12, {"target": (0.7,)})
+    assert next_free(store, 8) == 8
+    assert next_free(store, 7) == 13
+
+
+def test_what_stands_in_the_way_is_named() -> None:
+    virtual, sphere = CameraChoice(), CameraChoice(probe="tsis-direct", phantom="cl2000x")
+    real = CameraChoice(spec="aravis:x")
+    lay = ("place an object under the virtual probe.",)
+    assert missing_text(state(virtual), scaled=False, responds=True) == lay
+    assert missing_text(state(sphere, running=False), scaled=False, responds=True) == lay
+    assert missing_text(state(sphere), scaled=False, responds=True) == ()
+    assert missing_text(state(real), scaled=True, responds=True) == ()
+    (stopped,) = missing_text(state(real, running=False), scaled=True, responds=True)
+    assert stopped == "start the camera, on the page Examine; it is stopped."
+    (starts,) = missing_text(state(real, running=False, busy="starting the camera"), scaled=True, responds=True)
+    assert starts == "wait; the console is starting the camera."
+    (away,) = missing_text(state(real, lost=True), scaled=True, responds=True)
+    assert away == "wait until the camera is back; it is away."
+    (none,) = missing_text(state(real, calibration=""), scaled=False, responds=False)
+    assert none == "activate a calibration, on the page Camera; there is none (the page Calibrate makes one)."
+    (deaf,) = missing_text(state(real), scaled=True, responds=False)
+    assert deaf == "choose another calibration; 'c' lacks the response to pressure."
+    (blind,) = missing_text(state(real), scaled=False, responds=True)
+    assert blind == "choose another calibration; 'c' lacks the size of a pixel."
+
+
+START = "Next: start the camera, on the page Examine; it is stopped."
+
+
+def test_a_target_that_was_not_read_is_said_to_be_read(tmp_path: Path) -> None:
+    with lit_instrument(tmp_path) as instrument:
+
+        async def changed(viewer: RecordingViewer) -> None:
+            page = HardnessPage(instrument, viewer)
+            page._show(instrument.state())
+            assert "Target 1 is being read." in texts(viewer)
+            await page._refresh()
+            assert START in texts(viewer)
+            instrument.set_target(7, by=ANN)
+            page._show(instrument.state())
+            assert "Target 7 is being read." in texts(viewer)
+            assert START not in texts(viewer)
+            await page._refresh()
+            assert START in texts(viewer)
+
+        on_a_page(instrument, changed)
+
+
+def test_why_the_store_was_not_read_stays_until_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken() -> int:
+        raise RecordsError("the store must be there; it is not")
+
+    with lit_instrument(tmp_path) as instrument:
+
+        async def troubled(viewer: RecordingViewer) -> None:
+            page = HardnessPage(instrument, viewer)
+            page._show(instrument.state())
+            with monkeypatch.context() as patched:
+                patched.setattr(instrument.store, "entries", broken)
+                await page._refresh()
+                page._show(instrument.state())  # which comes much more often
+                assert "the store must be there; it is not" in texts(viewer)
+            await page._refresh()
+            assert "the store must be there; it is not" not in texts(viewer)
+            assert START in texts(viewer)
+
+        on_a_page(instrument, troubled)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from tests.console.pages.open_page import RecordingViewer, on_a_page, texts
 from tests.console.services.instruments import lit_instrument
-from tests.console.services.test_own_images import disc
+from tests.console.services.test_captures import disc
 
 from tsis.console.pages import images
 from tsis.console.widgets import FileField

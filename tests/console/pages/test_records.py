@@ -1,20 +1,41 @@
-"""Records: what the pages of a store show, change and refuse, beside what the store and its API hold."""
+"""Records: what pages show, order, change and refuse, beside what the store and its files hold."""
 
 from __future__ import annotations
 
 import json
 import re
 import shutil
-from typing import TYPE_CHECKING
+from datetime import UTC, datetime, timedelta
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from tests.console.filled_store import ESTIMATED, HARD, MANY, PRESSES, fill
 from tests.console.pages.simulated import at_console
 from tests.console.services.instruments import lit_instrument
 from tests.records.sample import sample_record
 
-from tsis.records.store import open_store
+from tsis.console.pages import records
+from tsis.console.pages.records import (
+    AT_ONCE,
+    KINDS,
+    NOT_ESTIMATED,
+    SHEETS,
+    UNKNOWN_FLAG,
+    Order,
+    flags_of,
+    read_target,
+    sheet_of,
+)
+from tsis.console.pages.target import changed, edit_press, edit_target, truth_text
+from tsis.errors import InputError
+from tsis.model.image import TactileImage
+from tsis.records.reader import TargetState, TargetSummary
+from tsis.records.store import open_store, verify_store
 from tsis.records.target import read_bundle, write_bundle
+from tsis.records.values import Target, parse_force, parse_truth
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -23,6 +44,7 @@ if TYPE_CHECKING:
     from tests.console.pages.simulated import Operator
 
     from tsis.console.services.instrument import Instrument
+    from tsis.records.store import Store
 
 
 @pytest.fixture(scope="module")
@@ -336,3 +358,189 @@ def test_two_targets_are_compared(filled: Instrument) -> None:
         await operator.sees(f"Target {ESTIMATED}: size-10", f"Target {MANY}: many presses", "Current estimates")
 
     at_console(filled, script, f"/records/{ESTIMATED}")
+
+
+BEGUN = datetime(2026, 1, 1, tzinfo=UTC)
+COLUMNS = ("number", "name", "presses", "estimates", "last")
+
+
+def summary(
+    number: int, *, name: str = "", presses: int = 0, estimates: int = 0, day: int | None = None, state: str = ""
+) -> TargetSummary:
+    return TargetSummary(
+        target=Target(number=number, kind="phantom", name=name, made=BEGUN, id=f"{number}"),
+        presses=presses,
+        estimates=estimates,
+        last=None if day is None else BEGUN + timedelta(days=day),
+        state=TargetState(name=state, since=BEGUN) if state else None,
+    )
+
+
+summaries = st.lists(
+    st.builds(
+        summary,
+        st.integers(1, 99_999),
+        name=st.sampled_from(["", "size-10", "Size-2", "ß", "hard 5"]),
+        presses=st.integers(0, 4),
+        estimates=st.integers(0, 2),
+        day=st.none() | st.integers(0, 3),
+        state=st.sampled_from(["", "", "archived", "deleted"]),
+    ),
+    max_size=120,
+    unique_by=lambda item: item.target.number,
+)
+
+
+def value(item: TargetSummary, column: str) -> Any:
+    return {
+        "number": item.target.number,
+        "name": item.target.name.casefold(),
+        "presses": item.presses,
+        "estimates": item.estimates,
+        "last": (item.last is not None, item.last or BEGUN),
+    }[column]
+
+
+@given(result=summaries, column=st.sampled_from(COLUMNS), descending=st.booleans(), kind=st.sampled_from(KINDS))
+def test_all_sheets_together_are_the_sorted_list(
+    result: list[TargetSummary], column: str, descending: bool, kind: str
+) -> None:
+    order = Order(column=column, descending=descending, kind=kind, rows=SHEETS[0])
+    first = sheet_of(result, order)
+    sheets = -(-first.total // SHEETS[0])
+    shown = [
+        item
+        for number in range(1, sheets + 1)
+        for item in sheet_of(
+            result, Order(column=column, descending=descending, kind=kind, rows=SHEETS[0], sheet=number)
+        ).targets
+    ]
+    present = [item for item in result if item.state is None]
+    expected = {
+        "all": present,
+        "estimated": [item for item in present if item.estimates > 0],
+        "not estimated": [item for item in present if item.estimates == 0],
+        "archived": [item for item in result if item.state is not None and item.state.name == "archived"],
+        "deleted": [item for item in result if item.state is not None and item.state.name == "deleted"],
+    }[kind]
+    assert len(shown) == len(expected)
+    assert {item.target.number for item in shown} == {item.target.number for item in expected}
+    pairs = list(pairwise(shown))
+    assert all(
+        (value(b, column) <= value(a, column)) if descending else (value(a, column) <= value(b, column))
+        for a, b in pairs
+    )
+    assert all(a.target.number < b.target.number for a, b in pairs if value(a, column) == value(b, column))
+
+
+@pytest.mark.parametrize(
+    ("search", "numbers"),
+    [("", [1, 2, 12]), ("1", [1, 12]), ("SIZE", [2]), (" size ", [2]), ("ss", [12]), ("3", []), ("2", [2])],
+)
+def test_a_search_finds_parts_of_names_and_beginnings_of_numbers(search: str, numbers: list[int]) -> None:
+    result = [summary(12, name="straße"), summary(2, name="Size"), summary(1)]
+    assert [item.target.number for item in sheet_of(result, Order(search=search)).targets] == numbers
+
+
+def test_a_sheet_behind_the_last_is_the_last() -> None:
+    result = [summary(number, estimates=number % 2) for number in range(1, 61)]
+    last = sheet_of(result, Order(sheet=9, rows=25))
+    assert ([item.target.number for item in last.targets], last.sheet, last.total) == (list(range(51, 61)), 3, 60)
+    assert sheet_of([], Order(sheet=5)).sheet == 1
+    assert sheet_of(result, Order(kind=NOT_ESTIMATED)).total == 30
+
+
+@given(
+    st.dictionaries(
+        st.sampled_from(["sortBy", "descending", "page", "rowsPerPage", "other"]),
+        st.none() | st.booleans() | st.integers() | st.floats() | st.text() | st.lists(st.integers()),
+    ),
+    st.text(),
+)
+def test_whatever_a_browser_sends_is_an_order(pagination: dict[str, Any], kind: str) -> None:
+    order = Order.requested(pagination, search="", kind=kind)
+    assert order.column in COLUMNS
+    assert order.rows in SHEETS
+    assert order.kind in KINDS
+    assert len(sheet_of([summary(1)], order).targets) == (0 if order.kind == records.ESTIMATED else 1)
+
+
+@pytest.fixture
+def edited(tmp_path: Path) -> Iterator[Store]:
+    with open_store(tmp_path / "store") as opened:
+        opened.import_target(sample_record())
+        yield opened
+
+
+def test_the_slower_of_two_is_told_what_the_faster_changed(edited: Store) -> None:
+    mine = theirs = edited.target(3)
+    edited.edit_target(theirs, name="theirs", truth={"depth_mm": 6.0})
+    result = edit_target(edited, mine, {"name": "mine"})
+    assert "somebody else has changed it" in result.refused
+    assert result.differences == (
+        "Name: was “size-10”, is “theirs” now.",
+        "Truth: was “depth_mm=5, diameter_mm=10, young_kpa=80”, is “depth_mm=6” now.",
+    )
+    assert result.record == edited.target(3)
+    again = edit_target(edited, result.record, {"name": "mine"})
+    assert (again.refused, again.record.name, again.record.version) == ("", "mine", 3)
+    assert verify_store(edited).sound
+
+
+def test_a_press_that_was_changed_meanwhile_is_not_written_over(edited: Store) -> None:
+    target = edited.target(3)
+    press = edited.press(target, "press-1")
+    edited.edit_press(press, force_n=None, flags=())
+    result = edit_press(edited, target, press, {"force_n": 1.5})
+    assert result.differences == ("Force: was “1 N”, is not measured now.", "Flags: was “moving”, is empty now.")
+    assert edited.press(target, "press-1").force_n is None
+
+
+def test_only_what_differs_is_a_change(edited: Store) -> None:
+    target = edited.target(3)
+    assert changed(target, {"name": "size-10", "note": "new", "truth": dict(target.truth)}) == {"note": "new"}
+
+
+def test_truth_as_text_is_read_back_as_it_was() -> None:
+    truth = {"diameter_mm": 10.0, "depth_mm": 4.25, "young_kpa": 100 / 3, "other": -1e-7}
+    assert parse_truth(truth_text(truth).splitlines()) == truth
+
+
+@pytest.mark.parametrize("text", ["half", "1,5", "0x1", "--", "1 N"])
+def test_a_force_that_is_no_number_is_refused(text: str) -> None:
+    with pytest.raises(InputError, match="force must be a number of newtons, or nothing; got"):
+        parse_force(text, called="force", nothing="")
+
+
+@pytest.mark.parametrize("text", ["nan", "inf", "-1", "101", "1e400"])
+def test_a_force_outside_its_range_is_refused(text: str) -> None:
+    with pytest.raises(InputError, match="force must"):
+        parse_force(text, called="force", nothing="")
+
+
+def test_a_page_of_a_target_is_a_sheet_of_its_presses(edited: Store) -> None:
+    target = edited.target(3)
+    first = edited.press(target, "press-0")
+    image = TactileImage(grey=edited.levels(first.frame).astype(float), full_scale=255.0)
+    for _ in range(AT_ONCE):
+        edited.add_press(target, image, taken=first.taken)
+    observed = read_target(edited, "3", 10**9)
+    assert (observed.total, observed.offset, len(observed.presses)) == (AT_ONCE + 4, AT_ONCE, 4)
+    assert [press.id for press in observed.presses] == [press.id for press in edited.presses(target)[AT_ONCE:]]
+    assert observed.record.estimates[0].id == "estimate-a"
+
+
+def test_of_a_subject_pages_show_the_pseudonym_and_known_flags(tmp_path: Path) -> None:
+    target_record = sample_record(kind="subject")
+    with open_store(tmp_path / "subjects", kind="subject") as edited:
+        edited.import_target(target_record)
+        target = edited.target(3)
+        edited.edit_target(target, note="Jane Doe")
+        edited.edit_press(edited.press(target, "press-1"), flags=("moving", "Jane Doe"))
+        observed = read_target(edited, "3", 0)
+        flagged = edited.press(observed.target, "press-1")
+    assert observed.private
+    assert (observed.record.target.name, observed.record.target.note) == ("size-10", "")
+    assert flags_of(flagged, private=True) == ("moving", UNKNOWN_FLAG)
+    assert flags_of(flagged, private=False) == ("moving", "Jane Doe")
+    assert [estimate.id for estimate in observed.record.estimates] == ["estimate 1"]
