@@ -124,8 +124,8 @@ def console_app(instrument: Instrument, *, access: Access, hosts: Collection[str
     workspace = instrument.terms.workspace
     application.include_router(files_router(instrument.store, reports, StudyRepository(workspace), workspace=workspace))
     application.mount(PLACE, calls)
-    for sheet in sorted(STATIC.glob("*.css")):  # console.css, then one for each page that needs more
-        ui.add_css(sheet, shared=True)
+    for sheet in ("console.css", "pages.css"):  # what all pages have, then what some have beside it
+        ui.add_css(STATIC / sheet, shared=True)
     ui.add_head_html(AT_ONCE, shared=True)
     set_lost_connection_text()
     ui.run_with(

@@ -99,16 +99,16 @@ def _unreadable(path: Path, error: OSError) -> FileInputError:
     return FileInputError(f"{path} must be a file that can be read; got: {error.strerror or error}")
 
 
-def _require_private(path: Path, result: os.stat_result) -> None:
-    if not stat.S_ISREG(result.st_mode):
+def _require_private(path: Path, status: os.stat_result) -> None:
+    if not stat.S_ISREG(status.st_mode):
         raise FileInputError(f"{path} must be a plain file; got something else")
     if os.name != "posix":  # elsewhere folders of users are closed to others, and modes say nothing
         return
-    if result.st_mode & OTHERS:
-        mode = stat.S_IMODE(result.st_mode)
+    if status.st_mode & OTHERS:
+        mode = stat.S_IMODE(status.st_mode)
         raise FileInputError(f"{path} must be readable by its owner alone; got mode {mode:04o} (chmod 600 {path})")
-    if result.st_uid != os.geteuid():
-        raise FileInputError(f"{path} must belong to user {os.geteuid()}; got user {result.st_uid}")
+    if status.st_uid != os.geteuid():
+        raise FileInputError(f"{path} must belong to user {os.geteuid()}; got user {status.st_uid}")
 
 
 TOKEN_BYTES = 32
@@ -201,15 +201,15 @@ class Sessions:
         with self._ending:
             self._ended = {**self._ended, session.identity: session.ends_s}  # before anything that can fail
             now = self._clock()
-            self._ended = {name: ends for name, ends in {**self._read(), **self._ended}.items() if ends > now}
+            self._ended = {one: ends_s for one, ends_s in {**self._read(), **self._ended}.items() if ends_s > now}
             if self._file is not None:
                 write_private(self._file, json.dumps(self._ended).encode())
 
     def _read(self) -> dict[str, int]:
         content = read_private(self._file) if self._file is not None else None
         try:
-            saved = json.loads(content) if content else {}
-            return {str(name): int(ends) for name, ends in saved.items()}
+            ended = json.loads(content) if content else {}
+            return {str(identity): int(ends_s) for identity, ends_s in ended.items()}
         except (ValueError, TypeError, AttributeError, OverflowError, RecursionError):
             return {}  # nothing that a damaged file could tell is worth a console that does not start
 
@@ -330,14 +330,14 @@ class Logins:
     def _read(self) -> dict[str, Login]:
         with self._lock:
             try:
-                result = self._path.stat()
+                status = self._path.stat()
             except OSError:
                 self._file_stamp, self._by_name = None, {}
                 return self._by_name
-            observed = (result.st_mtime_ns, result.st_ino, result.st_mode)
-            if observed != self._file_stamp:
+            stamp = (status.st_mtime_ns, status.st_ino, status.st_mode)
+            if stamp != self._file_stamp:
                 self._by_name = _logins(self._path)
-                self._file_stamp = observed
+                self._file_stamp = stamp
             return self._by_name
 
     def _write(self, logins: dict[str, Login]) -> None:
@@ -350,7 +350,7 @@ def _logins(path: Path) -> dict[str, Login]:
     if content is None:
         return {}
     try:
-        logins = [_login(**load) for load in json.loads(content)["logins"]]
+        logins = [_login(**item) for item in json.loads(content)["logins"]]
     except (ValueError, TypeError, KeyError) as error:
         raise FileInputError(
             f"{path} must hold the console's logins; it is damaged (remove it and add them again)"
@@ -394,8 +394,8 @@ def client_identity(connection: HTTPConnection) -> ClientIdentity:
     --------
     In a page: ``client_identity(ui.context.client.request).name``.
     """
-    result = connection.scope.get("state", {}).get(CLIENT)
-    return result if isinstance(result, ClientIdentity) else ClientIdentity()
+    client = connection.scope.get("state", {}).get(CLIENT)
+    return client if isinstance(client, ClientIdentity) else ClientIdentity()
 
 
 Headers = list[tuple[bytes, bytes]]
@@ -411,12 +411,12 @@ _FORWARDED = (b"forwarded", b"x-forwarded-", b"x-real-ip", b"x-original-", b"x-r
 
 def headers_of(scope: Scope) -> dict[str, str]:
     """The headers by their names in lower case."""
-    document: dict[str, str] = {}
+    headers: dict[str, str] = {}
     for raw_name, raw_value in scope["headers"]:
         name, value = raw_name.decode("latin-1").lower(), raw_value.decode("latin-1")
         between = "; " if name == "cookie" else ", "
-        document[name] = f"{document[name]}{between}{value}" if name in document else value
-    return document
+        headers[name] = f"{headers[name]}{between}{value}" if name in headers else value
+    return headers
 
 
 def is_repeated(scope: Scope) -> bool:
@@ -475,9 +475,9 @@ def _same_address(name: str, local: str) -> bool:
 
 
 def _address(text: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address:
-    result = ipaddress.ip_address(text.partition("%")[0])
-    mapped = result.ipv4_mapped if isinstance(result, ipaddress.IPv6Address) else None
-    return mapped or result
+    address = ipaddress.ip_address(text.partition("%")[0])
+    mapped = address.ipv4_mapped if isinstance(address, ipaddress.IPv6Address) else None
+    return mapped or address
 
 
 BEARER = "bearer "
@@ -575,7 +575,6 @@ async def failed(request: Request, _: Exception) -> Response:
 def login_page(
     *,
     then: str,
-    requested: Mapping[str, str],
     wrong: str = "",
     status: HTTPStatus = HTTPStatus.OK,
     others: Mapping[str, str] | None = None,
@@ -587,9 +586,9 @@ def login_page(
         "Password": 'name="password" type="password" autocomplete="current-password" maxlength="1024"',
     }
     inputs = "".join(f"<label>{label}<input {field} required></label>" for label, field in fields.items())
-    saved = f'<input type="hidden" name="then" value="{escape(then)}">'
+    hidden = f'<input type="hidden" name="then" value="{escape(then)}">'
     button = "<button>Log in</button>"
-    form = f'<form method="post" action="{LOGIN}">{alert}{saved}{inputs}{button}</form>'
+    form = f'<form method="post" action="{LOGIN}">{alert}{hidden}{inputs}{button}</form>'
     return _page("Log in to the console", form, status, others)
 
 
@@ -605,7 +604,7 @@ def onward(address: str, *, requested: Mapping[str, str], others: Mapping[str, s
     return _page("tsis console", link, HTTPStatus.OK, {**others, "refresh": f"0; url={address}"})
 
 
-def logout_page(name: str, *, requested: Mapping[str, str]) -> Response:
+def logout_page(name: str) -> Response:
     """Ask whether to go."""
     who = f"Logged in as {escape(name)}." if name else "Logged in with the console's key."
     button = "<button>Log out</button>"
@@ -613,7 +612,7 @@ def logout_page(name: str, *, requested: Mapping[str, str]) -> Response:
     return _page("Log out of the console", form, HTTPStatus.OK, None)
 
 
-def gone_page(others: Mapping[str, str], *, logins: bool, requested: Mapping[str, str]) -> Response:
+def gone_page(others: Mapping[str, str], *, logins: bool) -> Response:
     """Say that the session is over, and have the browser delete its cached pictures."""
     link = f'<a href="{LOGIN}">Log in</a>'
     back = f"<p>{link if logins else KEY_NEEDED}</p>"
@@ -628,8 +627,8 @@ def local_address(text: str) -> str:
     >>> local_address("/records/3?sort=name"), local_address("//evil.example/"), local_address("https://evil.example")
     ('/records/3?sort=name', '/', '/')
     """
-    reference = text.isprintable() and "\\" not in text
-    return text if reference and text.startswith("/") and not text.startswith("//") else "/"
+    plain = text.isprintable() and "\\" not in text
+    return text if plain and text.startswith("/") and not text.startswith("//") else "/"
 
 
 def _page(title: str, content: str, status: HTTPStatus, others: Mapping[str, str] | None) -> Response:
@@ -688,12 +687,12 @@ class LoginBound:
 def network(address: str) -> str:
     """What counts as one: an IPv4 address, or the network of an IPv6 address."""
     try:
-        result = _address(address)
+        number = _address(address)
     except ValueError:
         return address
-    if isinstance(result, ipaddress.IPv4Address):
-        return str(result)
-    return str(ipaddress.ip_network((result, NETWORK_OF_ONE), strict=False))
+    if isinstance(number, ipaddress.IPv4Address):
+        return str(number)
+    return str(ipaddress.ip_network((number, NETWORK_OF_ONE), strict=False))
 
 
 class AuthRoutes:
@@ -707,13 +706,8 @@ class AuthRoutes:
         """The response at `LOGIN` and `LOGOUT`."""
         method = scope["method"]
         if method not in ("GET", "HEAD", "POST"):
-            allowed = {"allow": "GET, HEAD, POST"}
-            return refusal(
-                "This address accepts GET, HEAD and POST only.",
-                HTTPStatus.METHOD_NOT_ALLOWED,
-                requested=headers,
-                others=allowed,
-            )
+            message, allowed = "This address accepts GET, HEAD and POST only.", {"allow": "GET, HEAD, POST"}
+            return refusal(message, HTTPStatus.METHOD_NOT_ALLOWED, requested=headers, others=allowed)
         if scope["path"] == LOGOUT:
             return await self._logout(headers, leaves=method == "POST")
         logins = self._access.logins
@@ -721,52 +715,49 @@ class AuthRoutes:
             return refusal(KEY_NEEDED, HTTPStatus.UNAUTHORIZED, requested=headers)
         if method != "POST":
             query = parse_qs(scope.get("query_string", b"").decode("latin-1"))
-            return login_page(then=local_address(query.get("then", ["/"])[0]), requested=headers)
+            return login_page(then=local_address(query.get("then", ["/"])[0]))
         return await self._login(Request(scope, receive), headers, logins)
 
     async def _login(self, request: Request, headers: Mapping[str, str], logins: Logins) -> Response:
         form = await _form(request)
         if form is None:
-            return refusal(
-                "The name and password were too long or took too long to arrive.",
-                HTTPStatus.BAD_REQUEST,
-                requested=headers,
-            )
+            message = "The name and password were too long or took too long to arrive."
+            return refusal(message, HTTPStatus.BAD_REQUEST, requested=headers)
         name, then = form.get("name", ""), local_address(form.get("then", "/"))
         address = "" if request.client is None else request.client.host
         wait_s = self._tries.wait_s(address)
         if wait_s:
-            reported = f"Too many attempts: try again in {math.ceil(wait_s)} s."
-            after = {"retry-after": str(math.ceil(wait_s))}
-            many = HTTPStatus.TOO_MANY_REQUESTS
-            return login_page(then=then, requested=headers, wrong=reported, status=many, others=after)
+            seconds = math.ceil(wait_s)
+            return login_page(
+                then=then,
+                wrong=f"Too many attempts: try again in {seconds} s.",
+                status=HTTPStatus.TOO_MANY_REQUESTS,
+                others={"retry-after": str(seconds)},
+            )
         try:
             async with self._hashing:
                 login = await asyncio.to_thread(logins.check, name, form.get("password", ""))
         except FileInputError as error:
             _log.error("nobody can log in: %s", error)
-            return refusal(
-                "Login is impossible: the file of logins cannot be read.",
-                HTTPStatus.SERVICE_UNAVAILABLE,
-                requested=headers,
-            )
+            message = "Login is impossible: the file of logins cannot be read."
+            return refusal(message, HTTPStatus.SERVICE_UNAVAILABLE, requested=headers)
         if login is None:
             _log.warning("a login from %s failed", address)
-            return login_page(then=then, requested=headers, wrong=WRONG, status=HTTPStatus.UNAUTHORIZED)
+            return login_page(then=then, wrong=WRONG, status=HTTPStatus.UNAUTHORIZED)
         _log.info("%s logged in from %s", login.name, address)
         return RedirectResponse(then, HTTPStatus.SEE_OTHER, headers={"set-cookie": self._access.cookie(login)})
 
     async def _logout(self, headers: Mapping[str, str], *, leaves: bool) -> Response:
         session = self._access.session(headers)
         if session is not None and not leaves:
-            return logout_page(session.name, requested=headers)
+            return logout_page(session.name)
         if session is not None:
             try:
                 await asyncio.to_thread(self._access.sessions.end, session)
             except FileInputError as error:
                 _log.warning("a session that was ended comes back when the console is started anew: %s", error)
         others = {"set-cookie": self._access.no_cookie()}
-        return gone_page(others, logins=self._access.logins is not None, requested=headers)
+        return gone_page(others, logins=self._access.logins is not None)
 
 
 async def _form(request: Request) -> dict[str, str] | None:
@@ -866,11 +857,11 @@ def with_safe_headers(send: Send, nonce: str, *, tls: bool, host: str) -> Send:
     async def guarded(message: Message) -> None:
         if message["type"] in ("http.response.start", "websocket.http.response.start"):
             added = {name.encode(): value.encode() for name, value in own.items()}
-            saved = [(name, value) for name, value in message.get("headers", []) if name.lower() not in added]
-            names = {name.lower() for name, _ in saved}
+            kept = [(name, value) for name, value in message.get("headers", []) if name.lower() not in added]
+            names = {name.lower() for name, _ in kept}
             if b"cache-control" not in names:
-                saved.append((b"cache-control", b"no-cache" if b"etag" in names else b"no-store"))
-            message["headers"] = [*saved, *added.items()]
+                kept.append((b"cache-control", b"no-cache" if b"etag" in names else b"no-store"))
+            message["headers"] = [*kept, *added.items()]
         await send(message)
 
     return guarded
@@ -944,13 +935,13 @@ class AuthMiddleware:
         nonce = secrets.token_urlsafe(16)
         headers = headers_of(scope)
         safe = with_safe_headers(send, nonce, tls=self._access.secure, host=headers.get("host", ""))
-        result = await self._identify(scope, receive, headers)
-        if not isinstance(result, ClientIdentity):
-            await _refuse(result, scope, receive, safe)
+        client = await self._identify(scope, receive, headers)
+        if not isinstance(client, ClientIdentity):
+            await _refuse(client, scope, receive, safe)
         elif scope["type"] == "websocket":
-            await self._pass_socket(_marked(scope, result), receive, send, headers)
+            await self._pass_socket(_marked(scope, client), receive, send, headers)
         else:
-            await self._pass(_marked(scope, result), receive, with_nonce(safe, nonce), safe)
+            await self._pass(_marked(scope, client), receive, with_nonce(safe, nonce), safe)
 
     async def _identify(self, scope: Scope, receive: Receive, headers: Mapping[str, str]) -> ClientIdentity | Response:
         """Who may pass, or what is answered instead."""
@@ -985,7 +976,7 @@ class AuthMiddleware:
         needed = {"www-authenticate": "Bearer"}
         return refusal(KEY_NEEDED, HTTPStatus.UNAUTHORIZED, requested=headers, others=needed)
 
-    async def _pass(self, scope: Scope, receive: Receive, send: Send, reference: Send) -> None:
+    async def _pass(self, scope: Scope, receive: Receive, send: Send, plain_send: Send) -> None:
         body = CappedBody(receive, send)
         try:
             await self._inner(scope, body.receive, body.send)
@@ -995,7 +986,7 @@ class AuthMiddleware:
         if not body.response_started:
             large = body.too_large
             message, status = (TOO_LARGE, 413) if large else (FAILED, 500)
-            await refusal(message, HTTPStatus(status), requested=headers_of(scope))(scope, receive, reference)
+            await refusal(message, HTTPStatus(status), requested=headers_of(scope))(scope, receive, plain_send)
 
     async def _pass_socket(self, scope: Scope, receive: Receive, send: Send, headers: Mapping[str, str]) -> None:
         def stays() -> bool:

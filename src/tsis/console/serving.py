@@ -92,11 +92,11 @@ def resolve_host(host: str) -> str:
         When it is none.
     """
     try:
-        result = socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)
+        found = socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)
     except (OSError, UnicodeError) as error:
-        message = getattr(error, "strerror", None) or error
-        raise InputError(f"host must be an address of this machine; got {host!r:.80}: {message}") from error
-    return str(result[0][4][0])
+        cause = getattr(error, "strerror", None) or error
+        raise InputError(f"host must be an address of this machine; got {host!r:.80}: {cause}") from error
+    return str(found[0][4][0])
 
 
 def is_loopback(address: str) -> bool:
@@ -240,13 +240,15 @@ class ConsoleSettings:
                 raise InputError(f"name of a host must be a name without a port; got {name!r:.80}")
 
 
-def serve_console(terms: ConsoleSettings, *, ready: Callable[[str], None], solver: WorkerProcess | None = None) -> None:
+def serve_console(
+    settings: ConsoleSettings, *, ready: Callable[[str], None], solver: WorkerProcess | None = None
+) -> None:
     """Serve a console until the process is interrupted or terminated.
 
     Parameters
     ----------
-    terms
-        How.
+    settings
+        Where it listens, with what, and how the instrument begins.
     ready
         Called with the address when it listens.
     solver
@@ -260,10 +262,10 @@ def serve_console(terms: ConsoleSettings, *, ready: Callable[[str], None], solve
         As `Instrument`, and when the console's key, logins or certificate cannot be used.
     """
     with _terminated_as_interrupted():
-        address, tls, logins = _permitted(terms)
+        address, tls, logins = _permitted(settings)
         folder = console_folder()
-        with listen(address, terms.port) as listener:  # before a new key, so that a failure here ends no session
-            token = saved_token(new=terms.new_token, folder=folder)
+        with listen(address, settings.port) as listener:  # before a new key, so that a failure here ends no session
+            token = saved_token(new=settings.new_token, folder=folder)
             access = Access(
                 token,
                 sessions=Sessions(token, folder=folder),
@@ -274,13 +276,13 @@ def serve_console(terms: ConsoleSettings, *, ready: Callable[[str], None], solve
             share_memory_among_threads()
             warming = WorkerProcess()  # the first estimate is as fast as the others: its process fills the caches
             solver = solver or solving_process()
-            with logging_to(folder), closing(warming), closing(solver), Instrument(terms.instrument) as instrument:
+            with logging_to(folder), closing(warming), closing(solver), Instrument(settings.instrument) as instrument:
                 instrument.before_estimates = warm_up_once(warming)
                 instrument.camera_controller.solver = solver
                 instrument.camera_controller.prepare()
-                application = console_app(instrument, access=access, hosts=(*OWN_NAMES, *terms.names))
+                application = console_app(instrument, access=access, hosts=(*OWN_NAMES, *settings.names))
                 scheme, port = "http" if tls is None else "https", listener.getsockname()[1]
-                ready(f"{scheme}://{public_host(address, terms.names)}:{port}/?token={token}")
+                ready(f"{scheme}://{public_host(address, settings.names)}:{port}/?token={token}")
                 # The server has ended in order, and raises the interruption that ended it.
                 with collecting_garbage(), suppress(KeyboardInterrupt):
                     uvicorn.Server(_config(application, tls)).run(sockets=[listener])
@@ -304,15 +306,15 @@ def warm_up_once(worker: WorkerProcess) -> Callable[[str], None]:
     return begin
 
 
-def _permitted(terms: ConsoleSettings) -> tuple[str, ssl.SSLContext | None, Logins | None]:
+def _permitted(settings: ConsoleSettings) -> tuple[str, ssl.SSLContext | None, Logins | None]:
     """The address to listen on, TLS and logins; a network needs both."""
-    address = resolve_host(terms.host)
-    tls = None if terms.certificate is None else terms.certificate.context()
+    address = resolve_host(settings.host)
+    tls = None if settings.certificate is None else settings.certificate.context()
     logins = None if tls is None else Logins()
     if not is_loopback(address) and (tls is None or logins is None or not logins.names()):
         raise InputError(
             f"host must be an address of this machine alone, as {LOOPBACK}, unless a certificate and "
-            f"a login are there; got {terms.host} (give --certificate and --key, and "
+            f"a login are there; got {settings.host} (give --certificate and --key, and "
             "add a login with tsis login add NAME)"
         )
     return address, tls, logins

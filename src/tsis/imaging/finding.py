@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from tsis.imaging import features, find_contact
+from tsis.imaging.contact import find_contact
 from tsis.imaging.corrections import signal
+from tsis.imaging.patch import features
 
 if TYPE_CHECKING:
-    from tsis.imaging import Features
     from tsis.imaging.contact import Contact
+    from tsis.imaging.patch import Features
     from tsis.model.image import TactileImage
 
 
