@@ -50,7 +50,8 @@ CALIBRATED = (*REPORT, "calibration.json")
 WALK = (
     Step("doctor", r"tsis +│ ok"),
     Step("demo", r"diameter", tuple(f"first-press/{name}" for name in (*CALIBRATED, "target-1N.png", "untouched.png"))),
-    Step("examine", r"equivalent diameter", tuple(f"tsis-examine/{name}" for name in REPORT)),
+    Step("examine", r"diameter", tuple(f"tsis-examine/{name}" for name in REPORT)),
+    Step("compare", r"relative size", tuple(f"tsis-compare/{name}" for name in REPORT)),
     Step("simulate", r'"name": "tsis-simulate"'),
     Step("acquire", r"12 frames in", ("press-1/frame-000011.png", "press-1/recording.json")),
     Step("track", r"path by noise", tuple(f"tsis-track/{name}" for name in REPORT)),

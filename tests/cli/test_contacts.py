@@ -1,4 +1,4 @@
-"""``tsis contacts`` and ``tsis sensor frames``."""
+"""``tsis contacts`` for frames of a probe and of a gel sensor, and ``tsis sensor frames``."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import cv2
 import numpy as np
 import pytest
 
@@ -155,7 +156,133 @@ def test_a_video_is_read_as_a_live_sensor(run_tsis: RunTsis, tmp_path: Path) -> 
 
 
 def test_a_sensor_without_a_file_says_which_and_how(run_tsis: RunTsis) -> None:
-    finished = run_tsis("contacts", "press.png")
+    finished = run_tsis("depth", "calibrate", "press.png", "--ball-mm", "6")
     assert finished.code == 2
     assert "give --sensor gelsight-mini" in finished.err
     assert "tsis sensor new makes" in finished.err
+
+
+DISC_PX, CENTRE = 30.0, (140.0, 90.0)
+
+
+@pytest.fixture
+def frames(tmp_path: Path) -> None:
+    """A dark disc of 30 px radius on an evenly lit probe, and the probe untouched."""
+    y, x = np.mgrid[:200, :300]
+    disc = np.where(np.hypot(x - CENTRE[0], y - CENTRE[1]) < DISC_PX, 120, 200).astype(np.uint8)
+    cv2.imwrite(str(tmp_path / "press.png"), disc)
+    cv2.imwrite(str(tmp_path / "untouched.png"), np.full((200, 300), 200, np.uint8))
+    cv2.imwrite(str(tmp_path / "small.png"), np.full((20, 30), 200, np.uint8))
+    cv2.imwrite(str(tmp_path / "deep.png"), np.full((200, 300), 200, np.uint16))
+    (tmp_path / "cut.png").write_bytes((tmp_path / "press.png").read_bytes()[:-30])
+    (tmp_path / "empty.png").write_bytes(b"")
+    (tmp_path / "notes.png").write_text("no picture")
+
+
+def entries(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir()}
+
+
+@pytest.mark.usefixtures("frames")
+def test_a_disc_is_measured(run_tsis: RunTsis, tmp_path: Path) -> None:
+    finished = run_tsis(
+        *("contacts", "press.png", "--reference", "untouched.png", "--invert", "--scale-mm", "0.05,0.04", "--json")
+    )
+    assert finished.code == 0, finished.err
+    document = json.loads(finished.out)
+    (image,) = document["images"]
+    found = image["features"]
+    assert found["centroid_px"] == pytest.approx(CENTRE, abs=0.05)
+    assert found["area_mm2"] == pytest.approx(np.pi * DISC_PX**2 * 0.05 * 0.04, rel=0.01)
+    assert found["semi_axes_mm"] == pytest.approx([DISC_PX * 0.05, DISC_PX * 0.04], rel=0.02)
+    assert found["peak"] == pytest.approx(80.0, rel=0.01)
+    assert {entry["estimate"] for entry in document["refused"]} == {
+        "inclusion: diameter, depth, modulus",
+        "force",
+        "hardness of a touched object",
+    }
+    page = (tmp_path / "tsis-contacts" / "index.html").read_text()
+    assert "Not estimated, and why" in page
+    assert "Research use only" in page
+
+
+@pytest.mark.usefixtures("frames")
+def test_without_a_scale_lengths_stay_in_pixels(run_tsis: RunTsis) -> None:
+    finished = run_tsis("contacts", "press.png", "--reference", "untouched.png", "--invert", "--json")
+    found = json.loads(finished.out)["images"][0]["features"]
+    assert found["area_px"] == pytest.approx(np.pi * DISC_PX**2, rel=0.01)
+    assert found["area_mm2"] is None
+    assert found["equivalent_diameter_mm"] is None
+
+
+@pytest.mark.usefixtures("frames")
+def test_the_wrong_sign_finds_no_contact_and_says_so(run_tsis: RunTsis) -> None:
+    finished = run_tsis("contacts", "untouched.png", "--reference", "untouched.png")
+    assert finished.code == 0
+    assert "no contact stands out of the noise" in " ".join(finished.out.split())
+
+
+@pytest.mark.parametrize("name", ["[bold]frame[red].png", "a\x1b[2J\nb.png", "\udcff.png", "<b>.png"])
+def test_names_of_files_stay_text(run_tsis: RunTsis, tmp_path: Path, name: str) -> None:
+    cv2.imwrite(str(tmp_path / "plain.png"), np.full((30, 40), 7, np.uint8))
+    (tmp_path / "plain.png").rename(tmp_path / name)
+    finished = run_tsis("contacts", name)
+    assert finished.code == 0, finished.err
+    assert "\x1b" not in finished.out
+    if "[" in name and "\x1b" not in name:
+        assert name in finished.out
+
+
+@pytest.mark.parametrize("shape", [(1, 60), (60, 1), (1, 1)])
+def test_a_thin_image_is_no_crash(run_tsis: RunTsis, tmp_path: Path, shape: tuple[int, int]) -> None:
+    cv2.imwrite(str(tmp_path / "thin.png"), np.full(shape, 9, np.uint8))
+    assert run_tsis("contacts", "thin.png", "--scale-mm", "0.05").code == 0
+
+
+def test_a_white_frame_is_said_to_be_clipped(run_tsis: RunTsis, tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "white.png"), np.full((50, 60), 255, np.uint8))
+    assert "100.0 % of the picture is clipped by the camera" in " ".join(run_tsis("contacts", "white.png").out.split())
+
+
+@pytest.mark.usefixtures("frames")
+def test_several_images_have_a_table_each(run_tsis: RunTsis) -> None:
+    finished = run_tsis("contacts", "press.png", "untouched.png", "--reference", "untouched.png", "--invert", "--json")
+    first, second = json.loads(finished.out)["images"]
+    assert (first["name"], second["name"]) == ("press.png", "untouched.png")
+    assert (first["features"]["contact"], second["features"]["contact"]) == (True, False)
+
+
+@pytest.mark.usefixtures("frames")
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["absent.png"], "absent.png"),
+        (["cut.png"], "must be a complete image file"),
+        (["empty.png"], "empty.png"),
+        (["notes.png"], "notes.png"),
+        (["."], "must have a sidecar"),
+        (["press.png", "--reference", "small.png"], "reference must have the image's shape (200, 300); got (20, 30)"),
+        (["press.png", "--reference", "deep.png"], "reference must have the image's full_scale 255; got 65535"),
+        (["press.png", "--scale-mm", "-0.05"], "mm_per_pixel must lie in [0.0001, 10]; got -0.05"),
+        (["press.png", "--scale-mm", "50"], "mm_per_pixel must lie in [0.0001, 10]; got 50"),
+        (["press.png", "--scale-mm", "wide"], "--scale-mm must be one number or x,y"),
+        (["press.png", "--scale-mm", "nan"], "mm_per_pixel must be finite"),
+        (["press.png", "--invert"], "invert needs a reference"),
+        (["press.png", "--out", "."], "must name a new folder"),
+        (["press.png", "--out", "x" * 300], "must be a folder that can be made"),
+        (["press.png", "--match-light"], "--match-light needs --reference"),
+        (["press.png", "--csv", "c.csv"], "--csv is an option for frames of a gel sensor, with --sensor; leave it out"),
+        (["press.png", "--sensor", "gelsight-mini", "--invert"], "--invert is an option for frames of a probe"),
+    ],
+)
+def test_wrong_input_is_one_sentence_and_writes_nothing(
+    run_tsis: RunTsis, tmp_path: Path, arguments: list[str], sentence: str
+) -> None:
+    before = entries(tmp_path)
+    finished = run_tsis("contacts", *arguments)
+    assert finished.code == 2
+    assert finished.out == ""
+    assert sentence in finished.err
+    assert finished.err.startswith("Error: ")
+    assert finished.err.count("\n") == 1
+    assert entries(tmp_path) == before

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import fields, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
@@ -17,7 +18,7 @@ from tsis.model.calibration import Calibration, LightMap
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tests.cli.conftest import RunTsis
+    from tests.cli.conftest import Finished, RunTsis
 
     from tsis.model.probe import Probe
 
@@ -44,103 +45,15 @@ def entries(folder: Path) -> set[str]:
 
 
 @pytest.mark.usefixtures("frames")
-def test_a_disc_is_measured(run_tsis: RunTsis, tmp_path: Path) -> None:
-    finished = run_tsis(
-        *("examine", "press.png", "--reference", "untouched.png", "--invert", "--scale-mm", "0.05,0.04", "--json")
-    )
-    assert finished.code == 0, finished.err
-    document = json.loads(finished.out)
-    (image,) = document["images"]
-    found = image["features"]
-    assert found["centroid_px"] == pytest.approx(CENTRE, abs=0.05)
-    assert found["area_mm2"] == pytest.approx(np.pi * DISC_PX**2 * 0.05 * 0.04, rel=0.01)
-    assert found["semi_axes_mm"] == pytest.approx([DISC_PX * 0.05, DISC_PX * 0.04], rel=0.02)
-    assert found["peak"] == pytest.approx(80.0, rel=0.01)
-    assert {entry["estimate"] for entry in document["refused"]} == {
-        "inclusion: diameter, depth, modulus",
-        "force",
-        "hardness of a touched object",
-    }
-    page = (tmp_path / "tsis-examine" / "index.html").read_text()
-    assert "Not estimated, and why" in page
-    assert "Research use only" in page
-
-
-@pytest.mark.usefixtures("frames")
-def test_without_a_scale_lengths_stay_in_pixels(run_tsis: RunTsis) -> None:
-    finished = run_tsis("examine", "press.png", "--reference", "untouched.png", "--invert", "--json")
-    found = json.loads(finished.out)["images"][0]["features"]
-    assert found["area_px"] == pytest.approx(np.pi * DISC_PX**2, rel=0.01)
-    assert found["area_mm2"] is None
-    assert found["equivalent_diameter_mm"] is None
-
-
-@pytest.mark.usefixtures("frames")
-def test_the_wrong_sign_finds_no_contact_and_says_so(run_tsis: RunTsis) -> None:
-    finished = run_tsis("examine", "untouched.png", "--reference", "untouched.png")
-    assert finished.code == 0
-    assert "no contact stands out of the noise" in " ".join(finished.out.split())
-
-
-@pytest.mark.parametrize("name", ["[bold]frame[red].png", "a\x1b[2J\nb.png", "\udcff.png", "<b>.png"])
-def test_names_of_files_stay_text(run_tsis: RunTsis, tmp_path: Path, name: str) -> None:
-    cv2.imwrite(str(tmp_path / "plain.png"), np.full((30, 40), 7, np.uint8))
-    (tmp_path / "plain.png").rename(tmp_path / name)
-    finished = run_tsis("examine", name)
-    assert finished.code == 0, finished.err
-    assert "\x1b" not in finished.out
-    if "[" in name and "\x1b" not in name:
-        assert name in finished.out
-
-
-@pytest.mark.parametrize("shape", [(1, 60), (60, 1), (1, 1)])
-def test_a_thin_image_is_no_crash(run_tsis: RunTsis, tmp_path: Path, shape: tuple[int, int]) -> None:
-    cv2.imwrite(str(tmp_path / "thin.png"), np.full(shape, 9, np.uint8))
-    assert run_tsis("examine", "thin.png", "--scale-mm", "0.05").code == 0
-
-
-def test_a_white_frame_is_said_to_be_clipped(run_tsis: RunTsis, tmp_path: Path) -> None:
-    cv2.imwrite(str(tmp_path / "white.png"), np.full((50, 60), 255, np.uint8))
-    assert "100.0 % of the picture is clipped by the camera" in " ".join(run_tsis("examine", "white.png").out.split())
-
-
-@pytest.mark.usefixtures("frames")
-def test_several_images_have_a_table_each(run_tsis: RunTsis) -> None:
-    finished = run_tsis("examine", "press.png", "untouched.png", "--reference", "untouched.png", "--invert", "--json")
-    first, second = json.loads(finished.out)["images"]
-    assert (first["name"], second["name"]) == ("press.png", "untouched.png")
-    assert (first["features"]["contact"], second["features"]["contact"]) == (True, False)
-
-
-@pytest.mark.usefixtures("frames")
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (["absent.png"], "absent.png"),
-        (["cut.png"], "must be a complete image file"),
-        (["empty.png"], "empty.png"),
-        (["notes.png"], "notes.png"),
-        (["."], "must be"),
-        (["press.png", "--reference", "small.png"], "reference must have the image's shape (200, 300); got (20, 30)"),
-        (["press.png", "--reference", "deep.png"], "reference must have the image's full_scale 255; got 65535"),
-        (["press.png", "--scale-mm", "-0.05"], "mm_per_pixel must lie in [0.0001, 10]; got -0.05"),
-        (["press.png", "--scale-mm", "50"], "mm_per_pixel must lie in [0.0001, 10]; got 50"),
-        (["press.png", "--scale-mm", "wide"], "--scale-mm must be one number or x,y"),
-        (["press.png", "--scale-mm", "nan"], "mm_per_pixel must be finite"),
-        (["press.png", "--invert"], "invert needs a reference"),
-        (["press.png", "--reference-press", "untouched.png"], "--reference-press needs --calibration"),
+        (["press.png"], "an estimate needs the calibration of the probe: give it as --calibration"),
+        (["press.png", "--force-n", "1"], "tsis contacts measures the contact without one"),
+        (["."], "an estimate needs the calibration"),
         (["press.png", "--probe", "tsis2011"], "no probe is called 'tsis2011'; did you mean 'tsis-2011'?"),
-        (["press.png", "--calibration", "absent.json", "--invert"], "are not used with --calibration"),
-        (["press.png", "--out", "."], "must name a new folder"),
-        (["press.png", "--out", "x" * 300], "must be a folder that can be made"),
         (["press.png", "--calibration", "absent.json"], "'absent.json' does not exist"),
-        (["press.png", "--force-n", "1"], "--force-n needs --calibration"),
-        (["press.png", "--match-light"], "--match-light needs --reference"),
-        (["press.png", "--reference-force-n", "1"], "--reference-press needs --calibration"),
-        (
-            ["press.png", "--calibration", "absent.json", "--reference-force-n", "1"],
-            "--reference-force-n needs --reference-press, the presses whose force it tells",
-        ),
+        (["press.png", "untouched.png", "--invert"], "No such option: --invert"),
     ],
 )
 def test_wrong_input_is_one_sentence_and_writes_nothing(
@@ -298,3 +211,45 @@ def test_a_calibration_file_keeps_every_value(tmp_path: Path) -> None:
     assert again.light is not None
     assert again.light.sha256 == LightMap.uniform().sha256
     assert replace(again, light=None) == replace(named, light=None)
+
+
+def told(finished: Finished) -> Any:
+    assert finished.code == 0, finished.err
+    return json.loads(finished.out)["estimate"]
+
+
+def test_a_folder_of_the_demo_gives_the_estimate_of_the_demo(run: RunTsis, kept: Path, tmp_path: Path) -> None:
+    first = json.loads((kept / "demo" / "result.json").read_text())["estimate"]
+    again = told(run("examine", "demo", "--out", tmp_path / "made", "--json"))
+    assert again["presence"] == first["presence"]
+    for name, found in again["parameters"].items():
+        assert found["mean"] == first["parameters"][name]["mean"]
+        assert found["interval_90"] == first["parameters"][name]["interval_90"]
+    assert [frame["force_n"] for frame in again["provenance"]["images"]] == [0.5, 1.0]
+
+
+def test_an_option_replaces_what_the_folder_tells(run: RunTsis, tmp_path: Path) -> None:
+    changed = told(run("examine", "demo", "--force-n", "0.52", "--force-n", "1", "--out", tmp_path / "made", "--json"))
+    assert [frame["force_n"] for frame in changed["provenance"]["images"]] == [0.52, 1.0]
+    wide = told(run("examine", "demo", "--prior", "wide", "--out", tmp_path / "made", "--json"))
+    assert wide["prior"].startswith("wide")
+
+
+def test_a_table_of_presses_tells_forces_kinds_and_scale(run: RunTsis, kept: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "session"
+    (folder / "frames").mkdir(parents=True)
+    rows = ["frame file,force (N),role,pixel size x (mm),pixel size y (mm),probe"]
+    for name in ("target-0.5N", "target-1N", "reference-0.5N", "reference-1N"):
+        shutil.copy(kept / "demo" / f"{name}.png", folder / "frames")
+        role, force = "plain" if name.startswith("reference") else "target", name.split("-")[1].removesuffix("N")
+        rows.append(f"frames/{name}.png,{force},{role},0.0336,0.0392,tsis-domed")
+    (folder / "presses.csv").write_text("\n".join(rows))
+    shutil.copy(kept / "demo" / "calibration.json", folder)
+    first = json.loads((kept / "demo" / "result.json").read_text())["estimate"]
+    again = told(run("examine", folder, "--strain", "small", "--out", tmp_path / "made", "--json"))
+    for name, found in again["parameters"].items():
+        assert found["mean"] == first["parameters"][name]["mean"]
+    (folder / "presses.csv").write_text(rows[0] + "\n../target.png,1,target,,,\n")
+    refused = run("examine", folder)
+    assert refused.code == 2
+    assert "must name files of its own" in refused.err

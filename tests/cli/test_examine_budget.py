@@ -98,13 +98,6 @@ def test_withheld_numbers_stay_withheld(run: RunTsis, tmp_path: Path, monkeypatc
     assert "sd of the samples" not in (tmp_path / "made" / "index.html").read_text(encoding="utf-8")
 
 
-def test_a_budget_needs_a_calibration(run: RunTsis) -> None:
-    for option in ("--budget", "--pdf"):
-        finished = run("examine", *FRAMES, option)
-        assert finished.code == 2
-        assert f"{option} needs --calibration" in finished.err
-
-
 @pytest.mark.system  # poppler
 def test_the_budget_is_in_the_pdf(run: RunTsis, tmp_path: Path) -> None:
     told(run, *BUDGET, "--pdf", "--out", tmp_path / "made")

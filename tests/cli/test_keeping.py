@@ -119,7 +119,7 @@ OTHER_CODES = {"result.json": 1}  # of messages that are no wrong input
         (("demo", "--target", "3"), "--target needs --save"),
         (("demo", "--save", "--target", "0"), "--target"),
         (("demo", "--save", "--store", "demo/result.json/below"), "result.json"),
-        (("examine", FRAMES[0], "--save"), "--save needs --calibration"),
+        (("examine", FRAMES[0], "--save"), "an estimate needs the calibration of the probe"),
         (("hardness", "--demo", "--kind", "subject"), "--kind needs --save"),
         (("hardness", "--demo", "--save", "--kind", "person"), "no kind of store is called 'person'"),
         (("acquire", "--save", "--frames", "2"), "tsis records import"),

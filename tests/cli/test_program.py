@@ -40,7 +40,7 @@ def test_version(run_tsis: RunTsis) -> None:
         (["demo", "--dept-mm", "3"], "No such option: --dept-mm"),
         (["demo", "--seed", "-1"], "--seed"),
         (["demo", "--force-n", "abc"], "--force-n"),
-        (["examine"], "images"),
+        (["examine"], "FRAME"),
         (["press"], "No such command 'press'"),
     ],
 )

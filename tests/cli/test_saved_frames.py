@@ -169,7 +169,7 @@ def test_what_is_no_folder_of_frames(tmp_path: Path, path: str) -> None:
 
 def test_a_folder_without_frames(tmp_path: Path) -> None:
     (tmp_path / "notes.json").write_text('{"format": "other"}')
-    with pytest.raises(FileInputError, match="it holds neither"):
+    with pytest.raises(FileInputError, match="it holds none of these"):
         tsis.load_frames(tmp_path)
 
 

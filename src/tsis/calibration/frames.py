@@ -19,6 +19,7 @@ from tsis.errors import FileInputError, ImageMismatchError, InputError
 from tsis.files.json_values import from_json_value
 from tsis.files.reading import as_path, file_error, own_file, printable_path, read_bytes, read_object, written_by
 from tsis.files.result_schemas import require_known_schema
+from tsis.files.tables import read_csv_rows
 from tsis.instrument.image_files import read_image
 from tsis.instrument.snapshot import RAW_ENDINGS, SIDECAR_FORMAT, SIDECAR_VERSION
 from tsis.model.budget import QuantityBudget, UncertaintyComponent
@@ -170,6 +171,12 @@ def _usable(calibration: ProbeCalibration) -> UsableCalibration:
 RESULT_FILE, UNTOUCHED_FILE = "result.json", "untouched.png"
 TARGET, REFERENCE, UNTOUCHED = "target", "plain", "untouched"  # roles of frames in sidecars
 MOST_FRAMES = 1000  # of one folder
+PRESSES_FILE, FRAMES_FOLDER = "presses.csv", "frames"
+PRESS_COLUMNS = (  # the first two are needed
+    *("frame file", "force (N)", "role", "pixel size x (mm)", "pixel size y (mm)", "probe", "full scale (grey level)"),
+    *("frame (SHA-256)", "press", "taken", "axis x (px)", "axis y (px)", "rows (px)", "columns (px)", "flags", "name"),
+    *("note", "calibration (SHA-256)", "settings (JSON)", "id", "version"),
+)
 PICTURES = (".png", ".bmp", ".jpg", ".jpeg", ".tif", ".tiff")
 
 
@@ -228,14 +235,15 @@ def load_frames(
     role: str = TARGET,
     mm_per_pixel: tuple[float, float] | None = None,
 ) -> PressFrames:
-    """Read the frames of a folder of ``tsis demo``, or of snapshots of ``tsis acquire`` and the console.
+    """Read the frames of a folder of ``tsis demo``, of snapshots of ``tsis acquire`` and the console, or of an export.
 
-    Force, scale, role and probe come from the result file or the sidecars. Each frame is compared with its hash.
+    Force, scale, role and probe come from the result file, the table ``presses.csv`` or the sidecars. Each frame is
+    compared with its hash.
 
     Parameters
     ----------
     folder
-        A folder with ``result.json``, or with sidecars, or with a folder of sidecars for each target.
+        A folder with ``result.json``, ``presses.csv`` or sidecars, or with a folder of sidecars for each target.
     calibration
         The result of `load_calibration`. It corrects the frames, and gives the scale and the forces that it contains.
     probe
@@ -259,6 +267,37 @@ def load_frames(
     InputError
         When the probe is unknown.
     """
+    frames, pressing = _checked_frames(folder, calibration, probe, target, role, mm_per_pixel)
+    return _ready(frames, pressing, calibration, mm_per_pixel)
+
+
+def read_raw_frames(
+    folder: str | os.PathLike[str],
+    *,
+    calibration: UsableCalibration | None = None,
+    probe: Probe | None = None,
+    mm_per_pixel: tuple[float, float] | None = None,
+) -> PressFrames:
+    """Frames of a folder as the camera gave them, compared with the calibration as `load_frames` compares them.
+
+    Forces and scale are those of the files; parameters and errors as `load_frames`.
+    """
+    frames, pressing = _checked_frames(folder, calibration, probe, None, TARGET, mm_per_pixel)
+    if calibration is not None:
+        calibration.require_untouched([frame.image for frame in frames if frame.role == UNTOUCHED])
+        mm_per_pixel = mm_per_pixel if calibration.calibration.scale is None else None
+    return _ready(frames, pressing, None, mm_per_pixel)
+
+
+def _checked_frames(
+    folder: str | os.PathLike[str],
+    calibration: UsableCalibration | None,
+    probe: Probe | None,
+    target: int | None,
+    role: str,
+    mm_per_pixel: tuple[float, float] | None,
+) -> tuple[list[_SavedFrame], Probe]:
+    """The checked frames of one target, and the probe of all."""
     require_one_of("role", role, (TARGET, REFERENCE, UNTOUCHED))
     if calibration is not None:
         require_type("calibration", calibration, UsableCalibration)
@@ -271,8 +310,11 @@ def load_frames(
         is_folder = False
     if not is_folder:
         raise file_error(root, "must be a folder of frames; it is none")
-    demo = own_file(root, RESULT_FILE)
-    frames = list(_of_demo(root, demo) if demo.exists() else _of_snapshots(root, role))
+    demo, table = own_file(root, RESULT_FILE), own_file(root, PRESSES_FILE)
+    if demo.exists():
+        frames = list(_of_demo(root, demo))
+    else:
+        frames = list(_of_table(root, table, role) if table.exists() else _of_snapshots(root, role))
     frames = _of_one_target(root, frames, target)
     pressing = _one_probe(root, frames, calibration, probe)
     if calibration is not None:
@@ -282,7 +324,7 @@ def load_frames(
             calibration.calibration.require_usable(
                 datetime.now(UTC), probe=pressing.name, camera=camera, settings=settings
             )
-    return _ready(frames, pressing, calibration, mm_per_pixel)
+    return frames, pressing
 
 
 def _ready(
@@ -338,6 +380,27 @@ def _of_demo(folder: Path, source: Path) -> Iterator[_SavedFrame]:
         yield _SavedFrame(file=untouched, role=UNTOUCHED, target=None, image=image, probe=probe)
 
 
+def _of_table(folder: Path, table: Path, role: str) -> Iterator[_SavedFrame]:
+    """Frames as a table of presses lists them: that of ``tsis records export``, or one of the same headings."""
+    rows = list(read_csv_rows(table, PRESS_COLUMNS[:2], PRESS_COLUMNS[2:]))
+    require_integer(f"the number of frames in {printable_path(table)}", len(rows), 1, MOST_FRAMES)
+    for row in rows:
+        name = row.text("frame file")
+        inside = own_file(folder, FRAMES_FOLDER) if name.startswith(f"{FRAMES_FOLDER}/") else folder
+        file = own_file(inside, name.removeprefix(f"{FRAMES_FOLDER}/"))
+        x, y = row.number("pixel size x (mm)"), row.number("pixel size y (mm)")
+        scale = None if x is None or y is None else (x, y)
+        image = read_image(file, mm_per_pixel=scale, force_n=row.number("force (N)"))
+        full_scale, probe = row.number("full scale (grey level)"), row.text("probe")
+        image = replace(
+            image,
+            full_scale=image.full_scale if full_scale is None else full_scale,
+            settings={**image.settings, "probe": probe},
+        )
+        given = require_one_of("role", row.text("role") or role, (TARGET, REFERENCE, UNTOUCHED))
+        yield _SavedFrame(file=file, role=given, target=None, image=image, probe=probe)
+
+
 def _of_snapshots(folder: Path, role: str) -> Iterator[_SavedFrame]:
     """Frames by their sidecars, in this folder and the folders of targets in it, in the order of their names."""
     try:
@@ -360,7 +423,10 @@ def _of_snapshots(folder: Path, role: str) -> Iterator[_SavedFrame]:
                 "frame alone by tsis.instrument.image_files.read_image)",
             )
     if not documents:
-        raise file_error(folder, "must hold the result of tsis demo, or frames with their sidecars; it holds neither")
+        raise file_error(
+            folder,
+            "must hold the result of tsis demo, or frames with presses.csv or their sidecars; it holds none of these",
+        )
     for path, document in documents.items():
         with written_by("tsis acquire", path):
             yield _snapshot(path, document, role)

@@ -43,14 +43,21 @@ COMMANDS = {
     "examine": CommandEntry(
         "tsis.cli.examine",
         "examine",
-        "Find the contact in image files and measure it; estimate the inclusion when the probe is calibrated.",
-        "tsis examine first-press/target-1N.png --reference first-press/untouched.png --scale-mm 0.0336,0.0392",
+        "Estimate the inclusion under the pressed probe, from a folder of frames or from single frames.",
+        "tsis examine first-press",
     ),
     "contacts": CommandEntry(
         "tsis.cli.contacts",
         "contacts",
-        "Find the contact in frames of a gel sensor: centre, radius or ellipse, area, and a quality with reasons.",
+        "Find and measure the contact in frames: of a probe, or with --sensor of a gel sensor.",
         "tsis contacts gel-frames/press-1.png --sensor gelsight-mini --reference gel-frames/untouched.png",
+    ),
+    "compare": CommandEntry(
+        "tsis.cli.compare",
+        "compare",
+        "Read relative size, depth and hardness of presses, and ellipse, roundness and outline of the lit area.",
+        "tsis compare first-press/target-1N.png --reference-press first-press/reference-1N.png "
+        "--scale-mm 0.0336,0.0392",
     ),
     "depth": CommandEntry(
         "tsis.cli.depth", "app", f"Depth maps of a gel sensor: tsis depth FRAME... {RESEARCH_USE_ONLY}"
@@ -150,7 +157,7 @@ HELP = f"""Usage: tsis COMMAND [ARGUMENTS] [OPTIONS]        Start with: tsis dem
 Open software for optical tactile imaging.
 {RESEARCH_USE_ONLY}
 
-  measure    acquire, examine, hardness, contacts, depth, force, track, match, detect, network
+  measure    acquire, examine, contacts, compare, hardness, depth, force, track, match, detect, network
              Frames from a camera; inclusions and hardness with intervals; point matching.
   calibrate  calibrate, sensor
              The calibration of a probe: step by step, from saved frames, or sealed; files of gel sensors.

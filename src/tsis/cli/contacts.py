@@ -1,4 +1,4 @@
-"""``tsis contacts``: contacts in frames."""
+"""``tsis contacts``: contacts in frames of a probe or of a gel sensor."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ import typer
 import tsis
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.cli.options import AsJson
-from tsis.cli.output import leave, print_json
+from tsis.cli.output import CommandOutcome, leave, print_json, publish
+from tsis.cli.presses import folder_of, read_presses
 from tsis.cli.progress import progress_bar
 from tsis.cli.sensor import (
-    GelFrames,
-    GelReference,
     SensorOption,
     chosen_sensor,
     gel_frame_paths,
     read_gel_frame,
     read_gel_reference,
 )
+from tsis.errors import InputError
 from tsis.present.terminal import print_page
 
 if TYPE_CHECKING:
@@ -32,27 +32,148 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
+GEL, PROBE = "Gel sensor (--sensor)", "Probe"
+
+
 def contacts(
-    frames: GelFrames,
+    context: typer.Context,
+    frames: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FOLDER|FRAME...",
+            help="Frames of a probe or of a gel sensor, or a folder that tsis acquire, demo or records export wrote.",
+        ),
+    ],
     *,
     sensor: SensorOption = "",
-    reference: GelReference = None,
+    reference: Annotated[
+        Path | None,
+        typer.Option(
+            "--reference",
+            help="Frame of the untouched probe or sensor; left out: that of the folder or of the sensor's file, or the "
+            "median of many frames of a sensor.",
+        ),
+    ] = None,
+    scale_mm: Annotated[
+        str | None,
+        typer.Option(
+            "--scale-mm",
+            help="Millimetres per pixel on the face: one number, or x,y when they differ.",
+            rich_help_panel=PROBE,
+        ),
+    ] = None,
+    invert: Annotated[
+        bool, typer.Option("--invert", help="Light falls where the probe is pressed.", rich_help_panel=PROBE)
+    ] = False,
+    match_lamps: Annotated[
+        bool,
+        typer.Option(
+            "--match-light",
+            help="Scale the reference to the image's lamps; less than half is touched.",
+            rich_help_panel=PROBE,
+        ),
+    ] = False,
+    out: Annotated[
+        Path, typer.Option(help="Folder to write; a number is added when it exists.", rich_help_panel=PROBE)
+    ] = Path("tsis-contacts"),
     sequence: Annotated[
-        bool, typer.Option("--sequence", help="Frames are of one press in the order of time: refuse moving ones.")
+        bool,
+        typer.Option(
+            "--sequence",
+            help="Frames are of one press in the order of time: refuse moving ones.",
+            rich_help_panel=GEL,
+        ),
     ] = False,
     csv: Annotated[
         Path | None,
-        typer.Option("--csv", help="Table of the contacts to write, with forces from JSON files beside the frames."),
+        typer.Option(
+            "--csv",
+            help="Table of the contacts to write, with forces from JSON files beside the frames.",
+            rich_help_panel=GEL,
+        ),
     ] = None,
-    page: Annotated[Path | None, typer.Option("--html", help="Page with overlays to write.")] = None,
-    figure: Annotated[Path | None, typer.Option("--figure", help="Picture of the overlays to write.")] = None,
+    page: Annotated[
+        Path | None, typer.Option("--html", help="Page with overlays to write.", rich_help_panel=GEL)
+    ] = None,
+    figure: Annotated[
+        Path | None, typer.Option("--figure", help="Picture of the overlays to write.", rich_help_panel=GEL)
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Find the contact in frames of a gel sensor: centre, radius or ellipse, area, and a quality with reasons.
+    """Find and measure the contact in frames: of a probe, or with --sensor of a gel sensor.
 
-    The exit code is 3 where no contact is good.
+    A probe's contact has centre, area, ellipse, light and profile, in a folder with a page. A gel sensor's has centre,
+    radius or ellipse, and a quality with reasons; the exit code is 3 where no contact is good.
     """
-    for path in (csv, page, figure):
+    if sensor:
+        _require_own(context, "a probe, without --sensor", ("scale_mm", "invert", "match_lamps", "out"))
+        _gel_contacts(frames, sensor, reference, (csv, page, figure), sequence=sequence, as_json=as_json)
+    else:
+        _require_own(context, "a gel sensor, with --sensor", ("sequence", "csv", "page", "figure"))
+        outcome = _probe_contacts(frames, reference, scale_mm, invert=invert, match_lamps=match_lamps)
+        publish(outcome, out, as_json=as_json)
+
+
+OPTION_NAMES = {"match_lamps": "--match-light", "scale_mm": "--scale-mm", "page": "--html"}
+
+
+def _require_own(context: typer.Context, what: str, names: Sequence[str]) -> None:
+    """Refuse options of the other kind of frames."""
+    for name in names:
+        source = context.get_parameter_source(name)
+        if source is not None and source.name == "COMMANDLINE":
+            raise InputError(f"{OPTION_NAMES.get(name, f'--{name}')} is an option for frames of {what}; leave it out")
+
+
+def _probe_contacts(
+    paths: Sequence[Path], reference: Path | None, scale_mm: str | None, *, invert: bool, match_lamps: bool
+) -> CommandOutcome:
+    folder = folder_of(paths)
+    if folder is not None and (folder / tsis.instrument.recording.RECORDING_INDEX).is_file():
+        paths = [path for path, _ in tsis.instrument.recording.read_recording_index(folder)]
+    presses = read_presses(paths, scale_mm=scale_mm, reference=reference)
+    untouched = presses.untouched[0] if presses.untouched else None
+    if match_lamps and untouched is None:
+        raise InputError("--match-light needs --reference, the frame that it scales")
+    findings = [
+        tsis.imaging.finding.analyse_image(
+            frame,
+            tsis.imaging.corrections.match_light(untouched, frame)
+            if match_lamps and untouched is not None
+            else untouched,
+            invert=invert,
+        )
+        for frame in presses.images
+    ]
+    scale = presses.images[0].mm_per_pixel
+    provenance: dict[str, Any] = {
+        "notice": RESEARCH_USE_ONLY,
+        "tsis": __version__,
+        "images": [{"name": frame.name, **frame.settings} for frame in presses.images],
+        "reference": None if untouched is None else {"name": untouched.name, **untouched.settings},
+        "mm_per_pixel": None if scale is None else list(scale),
+        "invert": invert,
+        "match_light": match_lamps,
+    }
+    return CommandOutcome(
+        document=tsis.present.document.envelope(
+            "contacts", "probe", **tsis.present.images.contacts_document(findings), provenance=provenance
+        ),
+        page=tsis.present.images.contact_page(findings, provenance=provenance),
+    )
+
+
+def _gel_contacts(
+    frames: Sequence[Path],
+    sensor: str,
+    reference: Path | None,
+    targets: tuple[Path | None, Path | None, Path | None],
+    *,
+    sequence: bool,
+    as_json: bool,
+) -> None:
+    """Find the contacts of a gel sensor, write the table, the page and the picture asked for, and print."""
+    for path in targets:
         if path is not None:
             tsis.files.result_folder.require_absent(path)
     chosen = chosen_sensor(sensor)
@@ -69,13 +190,13 @@ def contacts(
         )
     provenance = {"notice": RESEARCH_USE_ONLY, "tsis": __version__, "sensor": chosen.name, "frames": len(paths)}
     shown = tsis.present.gel_sensor.gel_contacts_page(levels, gel_contacts, provenance=provenance)
-    written: list[str] = []
-    outputs: tuple[tuple[Path | None, Callable[[], bytes]], ...] = (
-        (csv, lambda: tsis.present.gel_sensor.contacts_csv(gel_contacts, [_sidecar_force(path) for path in paths])),
-        (page, lambda: tsis.present.html.html_bytes(shown)),
-        (figure, lambda: _picture(levels, gel_contacts)),
+    contents: tuple[Callable[[], bytes], ...] = (
+        lambda: tsis.present.gel_sensor.contacts_csv(gel_contacts, [_sidecar_force(path) for path in paths]),
+        lambda: tsis.present.html.html_bytes(shown),
+        lambda: _picture(levels, gel_contacts),
     )
-    for path, content in outputs:
+    written: list[str] = []
+    for path, content in zip(targets, contents, strict=True):
         if path is not None:
             tsis.files.atomic.write_durably(path, content())
             written.append(str(path))

@@ -14,6 +14,7 @@ from tsis.__about__ import CALIBRATION_FILE, LARGEST_SEED, RESEARCH_USE_ONLY, __
 from tsis.cli.options import (
     AsJson,
     PriorFile,
+    ScaleMm,
     ShowHardnessPrior,
     calibrated_probe,
     chosen_probe,
@@ -146,9 +147,7 @@ def hardness(
     radius_sd_mm: Annotated[
         float | None, typer.Option(help="Standard deviation of that radius.", show_default="0.03")
     ] = None,
-    scale_mm: Annotated[
-        str | None, typer.Option(help="Millimetres per pixel on the face: one number, or x,y when they differ.")
-    ] = None,
+    scale_mm: ScaleMm = None,
     calibration: Annotated[Path | None, typer.Option(help="Calibration file of the probe.")] = None,
     ball: Annotated[
         list[Path] | None, typer.Option(help="Press of a rigid ball with the same probe; repeat it for more.")

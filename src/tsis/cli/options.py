@@ -51,6 +51,25 @@ LampHeightMm = Annotated[
 AimDeg = Annotated[
     float | None, typer.Option("--aim-deg", help="Aim of all lamps above the horizontal instead, degrees.")
 ]
+ScaleMm = Annotated[
+    str | None,
+    typer.Option("--scale-mm", help="Millimetres per pixel on the face: one number, or x,y when they differ."),
+]
+PressForces = Annotated[
+    list[float] | None,
+    typer.Option("--force-n", help="Force in newtons: one for all images, or one for each, in their order."),
+]
+ReferencePresses = Annotated[
+    list[Path] | None,
+    typer.Option("--reference-press", help="Press on tissue without inclusion, same probe; best one per force."),
+]
+ReferenceForces = Annotated[
+    list[float] | None,
+    typer.Option(
+        "--reference-force-n",
+        help="Force of the reference presses, in their order; by default that of the images.",
+    ),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON and nothing else.")]
 
 

@@ -10,7 +10,7 @@ import typer
 
 import tsis
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.cli.options import AsJson, scale_of
+from tsis.cli.options import AsJson, ScaleMm, scale_of
 from tsis.cli.output import RESULT, print_json, result_bytes
 from tsis.errors import FileInputError, InputError
 from tsis.present.page import Table
@@ -104,9 +104,7 @@ def new(
     name: Annotated[str, typer.Argument(help="Name of the new sensor.")],
     *,
     like: Annotated[str, typer.Option(help="Sensor of the catalog to start from.")] = "gelsight-mini",
-    scale_mm: Annotated[
-        str | None, typer.Option(help="Millimetres per pixel on the face: one number, or x,y when they differ.")
-    ] = None,
+    scale_mm: ScaleMm = None,
     image_px: Annotated[str | None, typer.Option(help="Columns and rows of that scale's frames, as 320,240.")] = None,
     thickness_mm: Annotated[float | None, typer.Option(help="Thickness of the gel in mm, where you know it.")] = None,
     young_kpa: Annotated[float | None, typer.Option(help="Young's modulus of the gel in kPa, where known.")] = None,

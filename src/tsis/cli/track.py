@@ -9,7 +9,7 @@ import typer
 
 import tsis
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.cli.options import AsJson, chosen_scale
+from tsis.cli.options import AsJson, ScaleMm, chosen_scale
 from tsis.cli.output import CommandOutcome, publish
 from tsis.cli.progress import progress_bar
 from tsis.errors import InputError
@@ -38,9 +38,7 @@ def track(
             help="Press on tissue without inclusion at the force of the frames, to compare with instead; repeatable.",
         ),
     ] = None,
-    scale_mm: Annotated[
-        str | None, typer.Option(help="Millimetres per pixel on the face: one number, or x,y when they differ.")
-    ] = None,
+    scale_mm: ScaleMm = None,
     interval_s: Annotated[
         float | None,
         typer.Option(help="Time from frame to frame in seconds; a recorded folder has its own times."),

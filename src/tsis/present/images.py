@@ -12,6 +12,7 @@ from tsis.imaging import corrections, features
 from tsis.imaging.finding import ImageFinding, analyse_image
 from tsis.imaging.profile import radial_profile
 from tsis.imaging.surface import height_surface
+from tsis.present.document import features_document
 from tsis.present.figures import relief, ring_profile, tactile_image
 from tsis.present.page import Card, Page, Picture, Table, on_axes
 
@@ -224,38 +225,55 @@ ROW = ("quantity", "value")
 ODD_FRACTION = 1e-3  # of the pixels
 
 
-def contact_page(
-    findings: Sequence[ImageFinding],
-    *,
-    refused: Sequence[tuple[str, str]],
-    provenance: Mapping[str, Any],
-    comparison: PressComparison | None = None,
-) -> Page:
-    """Contact features: images with outline, surface, profile, numbers, and refused estimates.
+NOT_ESTIMATED = (
+    (
+        "inclusion: diameter, depth, modulus",
+        "needs a calibration of this probe, the forces and the scale: tsis examine",
+    ),
+    ("force", "needs a force calibration of this probe and camera"),
+    ("hardness of a touched object", "needs a calibration of this probe and two presses on the object: tsis hardness"),
+)
 
-    ``refused`` has the estimates that these files do not allow, each with the reason; ``provenance`` versions, files
-    and options; ``comparison`` relative readings and shapes of the same images.
+
+def contact_page(findings: Sequence[ImageFinding], *, provenance: Mapping[str, Any]) -> Page:
+    """Contact features: images with outline, surface, profile, numbers, and the estimates that frames do not allow.
+
+    ``provenance`` has versions, files and options.
     """
     return Page(
         title="Contact found in tactile images",
         subtitle=", ".join(finding.image.name for finding in findings),
         cards=_cards(findings[0].features) if len(findings) == 1 else (),
-        notes=(
-            *(note for finding in findings for note in finding_notes(finding)),
-            *(() if comparison is None else comparison_notes(comparison)),
+        notes=tuple(note for finding in findings for note in finding_notes(finding)),
+        pictures=tuple(picture for finding in findings for picture in _pictures(finding)),
+        tables=tuple(
+            Table(title=f"Features of {item.image.name}", columns=("quantity", "value"), values=finding_rows(item))
+            for item in findings
         ),
-        pictures=(
-            *(picture for finding in findings for picture in _pictures(finding)),
-            *(() if comparison is None else comparison_pictures(comparison)),
-        ),
-        tables=(
-            *(() if comparison is None else comparison_tables(comparison)),
-            *(
-                Table(title=f"Features of {item.image.name}", columns=("quantity", "value"), values=finding_rows(item))
-                for item in findings
-            ),
-        ),
-        refused=tuple(refused),
+        refused=NOT_ESTIMATED,
+        provenance=provenance,
+    )
+
+
+def contacts_document(findings: Sequence[ImageFinding]) -> dict[str, Any]:
+    """The features as JSON values, and the estimates that frames do not allow."""
+    return {
+        "images": [
+            {"name": finding.image.name, "features": features_document(finding.features, finding.contact)}
+            for finding in findings
+        ],
+        "refused": [{"estimate": name, "reason": reason} for name, reason in NOT_ESTIMATED],
+    }
+
+
+def comparison_page(press_comparison: PressComparison, *, names: Sequence[str], provenance: Mapping[str, Any]) -> Page:
+    """Relative readings and shapes of the presses of these names, with the outlines."""
+    return Page(
+        title=f"Presses compared with the {press_comparison.against}",
+        subtitle=", ".join(names),
+        notes=comparison_notes(press_comparison),
+        pictures=comparison_pictures(press_comparison),
+        tables=comparison_tables(press_comparison),
         provenance=provenance,
     )
 

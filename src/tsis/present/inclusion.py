@@ -15,9 +15,6 @@ from tsis.present.document import estimate_messages, sd_text
 from tsis.present.figures import marginal, posterior, tissue_section, trade_off
 from tsis.present.images import (
     change_picture,
-    comparison_notes,
-    comparison_pictures,
-    comparison_tables,
     force_of,
     frame_picture,
     profile_picture,
@@ -34,7 +31,6 @@ if TYPE_CHECKING:
 
     from tsis.inclusion import InclusionPrior
     from tsis.inclusion.budget import UncertaintyBudget
-    from tsis.inclusion.comparison import PressComparison
     from tsis.model.budget import QuantityBudget
     from tsis.model.estimate import Estimate
     from tsis.model.image import TactileImage
@@ -55,7 +51,6 @@ def inclusion_page(
     ring_edges_mm: NDArray[np.float64],
     truth: Mapping[str, float] | None = None,
     provenance: Mapping[str, Any] | None = None,
-    comparison: PressComparison | None = None,
     budget: UncertaintyBudget | None = None,
     forces: Mapping[str, QuantityBudget] = MappingProxyType({}),
     notes: Sequence[str] = (),
@@ -80,8 +75,6 @@ def inclusion_page(
         True parameters of a virtual phantom.
     provenance
         Additions to the provenance of the estimate.
-    comparison
-        Relative readings and shapes of the same presses.
     budget, forces
         Uncertainty budgets of the estimate, and of the forces by the name of the frame.
     notes
@@ -95,7 +88,6 @@ def inclusion_page(
         notes=(
             *estimate_messages(estimate),
             *(() if budget is None else budget_notes(budget)),
-            *(() if comparison is None else comparison_notes(comparison)),
             *notes,
         ),
         pictures=(
@@ -103,13 +95,11 @@ def inclusion_page(
             *_image_pictures(target, reference),
             profile_picture({"target": targets, "plain tissue": references}, ring_edges_mm),
             *((trade_off_picture(estimate, truth),) if estimate.trusted else ()),
-            *(() if comparison is None else comparison_pictures(comparison)),
         ),
         tables=(
             estimate_table(estimate, truth=truth),
             *flags_table(estimate.flags, INCLUSION_FLAGS),
             *(() if budget is None else budget_tables(budget, forces)),
-            *(() if comparison is None else comparison_tables(comparison)),
         ),
         provenance={**(provenance or {}), **estimate.provenance},
     )

@@ -1,4 +1,4 @@
-"""``tsis examine --relative --shape``: the readings are those of Python, and refused where frames do not suffice."""
+"""``tsis compare``: the readings are those of Python, and refused where frames do not suffice."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from tests.records.sample import sample_estimate
 
 import tsis
 from tsis.calibration.file import ProbeCalibration, calibration_bytes, read_calibration
@@ -23,7 +22,6 @@ if TYPE_CHECKING:
 
     from tests.cli.conftest import RunTsis
 
-    from tsis.model.estimate import Estimate
 
 SCALE = (0.0336, 0.0392)
 SCALE_TEXT = "0.0336,0.0392"
@@ -52,8 +50,8 @@ def image(folder: Path, name: str, force_n: float | None) -> TactileImage:
 
 def test_relative_readings_and_shape_are_those_of_python(run_tsis: RunTsis, pressed: Path, tmp_path: Path) -> None:
     finished = run_tsis(
-        *("examine", pressed / "t1.0.png", "--reference-press", pressed / "p1.0.png", "--force-n", "1"),
-        *("--scale-mm", SCALE_TEXT, "--relative", "--shape", "--json"),
+        *("compare", pressed / "t1.0.png", "--reference-press", pressed / "p1.0.png", "--force-n", "1"),
+        *("--scale-mm", SCALE_TEXT, "--json"),
     )
     assert finished.code == 0, finished.err
     document = json.loads(finished.out)
@@ -67,7 +65,7 @@ def test_relative_readings_and_shape_are_those_of_python(run_tsis: RunTsis, pres
     expected = object_shape(press, plain, against="plain tissue")
     assert shape["semi_axes_mm"] == list(expected.semi_axes_mm or ())
     assert len(shape["contour_mm"]) == len(expected.contour_mm)
-    page = (tmp_path / "tsis-examine" / "index.html").read_text()
+    page = (tmp_path / "tsis-compare" / "index.html").read_text()
     assert "Relative readings against plain tissue" in page
     assert "Shape in t1.0.png" in page
     assert "Research use only" in page
@@ -81,9 +79,7 @@ def test_the_shape_of_a_drawn_ellipse_is_found(run_tsis: RunTsis, tmp_path: Path
     ellipse = 20.0 + 60.0 * ((along / 40) ** 2 + (across / 20) ** 2 < 1)
     for name, grey in (("press.png", ellipse), ("dark.png", np.full((120, 160), 20.0))):
         (tmp_path / name).write_bytes(png_bytes(TactileImage(grey=grey)))
-    finished = run_tsis(
-        "examine", "press.png", "--reference", "dark.png", "--scale-mm", "0.1", "--shape", "--relative", "--json"
-    )
+    finished = run_tsis("compare", "press.png", "--reference", "dark.png", "--scale-mm", "0.1", "--json")
     assert finished.code == 0, finished.err
     document = json.loads(finished.out)
     (shape,) = document["shape"]["presses"]
@@ -92,33 +88,25 @@ def test_the_shape_of_a_drawn_ellipse_is_found(run_tsis: RunTsis, tmp_path: Path
     assert shape["area_mm2"] == pytest.approx(np.pi * 8.0, rel=0.02)
     size = document["relative"]["readings"][0]
     assert size["value"] == pytest.approx(2 * np.sqrt(8.0), rel=0.05)
-    printed = run_tsis("examine", "press.png", "--reference", "dark.png", "--scale-mm", "0.1", "--shape").out
+    printed = run_tsis("compare", "press.png", "--reference", "dark.png", "--scale-mm", "0.1").out
     assert "Shape in press.png" in printed
     assert "Research use only" in printed
 
 
-def test_relative_hardness_needs_a_calibration_and_two_forces(
-    run_tsis: RunTsis, pressed: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """They stand beside the estimate, which other tests compare."""
-
-    def estimated(*_: object, **__: object) -> Estimate:
-        return sample_estimate()
-
-    monkeypatch.setattr("tsis.inclusion.estimate", estimated)
-    options = ("--calibration", pressed / "calibration.json", "--scale-mm", SCALE_TEXT, "--relative", "--json")
+def test_relative_hardness_needs_a_calibration_and_two_forces(run_tsis: RunTsis, pressed: Path) -> None:
+    options = ("--calibration", pressed / "calibration.json", "--scale-mm", SCALE_TEXT, "--json")
     forces = ("--force-n", "0.5", "--force-n", "1")
     files = [pressed / name for name in ("t0.5.png", "t1.0.png")]
     known = stored_calibration(pressed)
     untouched = image(pressed, "untouched.png", 0.0)
     weak, strong = image(pressed, "t0.5.png", 0.5), image(pressed, "t1.0.png", 1.0)
-    bare = run_tsis("examine", *files, *forces, *options, "--reference", pressed / "untouched.png")
+    bare = run_tsis("compare", *files, *forces, *options, "--reference", pressed / "untouched.png")
     assert bare.code == 0, bare.err
     reading = json.loads(bare.out)["relative"]["readings"][-1]
     expected = relative_hardness(weak, strong, reference=untouched, against="untouched probe", calibration=known)
     assert (reading["quantity"], reading["value"]) == ("relative hardness", expected.value)
     plain = ("--reference-press", pressed / "p0.5.png", "--reference-press", pressed / "p1.0.png")
-    on_plain = run_tsis("examine", *files, *forces, *options, *plain)
+    on_plain = run_tsis("compare", *files, *forces, *options, *plain)
     assert on_plain.code == 0, on_plain.err
     reading = json.loads(on_plain.out)["relative"]["readings"][-1]
     expected = relative_hardness(
@@ -131,7 +119,7 @@ def test_relative_hardness_needs_a_calibration_and_two_forces(
     )
     assert reading["presses"] == "t0.5.png, t1.0.png"
     assert reading["value"] == expected.value
-    one = run_tsis("examine", files[1], "--force-n", "1", *options, "--reference-press", pressed / "p1.0.png")
+    one = run_tsis("compare", files[1], "--force-n", "1", *options, "--reference-press", pressed / "p1.0.png")
     assert "two presses on one target" in json.loads(one.out)["relative"]["missing"][0]
 
 
@@ -144,35 +132,36 @@ def stored_calibration(folder: Path) -> tsis.Calibration:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["--relative"], "give the untouched probe as --reference, or reference presses"),
-        (["--shape", "--reference", "untouched.png"], "need --scale-mm"),
-        (["--relative", "--reference", "untouched.png", "--scale-mm", "0.05", "--invert"], "leave out --invert"),
+        ([], "give the untouched probe as --reference, or reference presses"),
+        (["--reference", "untouched.png"], "needs --scale-mm"),
         (
-            ["--relative", "--reference", "untouched.png", "--reference-press", "p1.0.png", "--scale-mm", "0.05"],
+            ["--reference", "untouched.png", "--reference-press", "p1.0.png", "--scale-mm", "0.05"],
             "give --reference or --reference-press",
         ),
         (
             [
-                "--relative",
-                "--reference-press",
-                "p0.5.png",
-                "--scale-mm",
-                "0.05",
-                "--force-n",
-                "1",
-                "--reference-force-n",
-                "0.5",
+                *("--reference-press", "p0.5.png", "--scale-mm", "0.05"),
+                *("--force-n", "1", "--reference-force-n", "0.5"),
             ],
             "with a reference press at its force 1 N within 5 %; got 0.5 N",
         ),
-        (["--reference", "untouched.png", "--reference-press", "p1.0.png"], "--reference-press needs --calibration"),
+        (["--reference-force-n", "1"], "--reference-force-n needs --reference-press"),
     ],
 )
 def test_frames_that_do_not_suffice_are_named(
     run_tsis: RunTsis, pressed: Path, options: list[str], message: str
 ) -> None:
     given = [pressed / word if word.endswith(".png") else word for word in options]
-    finished = run_tsis("examine", pressed / "t1.0.png", *given)
+    finished = run_tsis("compare", pressed / "t1.0.png", *given)
     assert finished.code == 2
     assert message in finished.err
     assert finished.err.count("\n") == 1
+
+
+def test_a_folder_of_the_demo_is_compared_without_an_option(run: RunTsis, tmp_path: Path) -> None:
+    finished = run("compare", "demo", "--out", tmp_path / "made", "--json")
+    assert finished.code == 0, finished.err
+    document = json.loads(finished.out)
+    assert document["relative"]["against"] == "plain tissue"
+    assert document["relative"]["readings"][-1]["quantity"] == "relative hardness"
+    assert [shape["press"] for shape in document["shape"]["presses"]] == ["target-0.5N.png", "target-1N.png"]
