@@ -24,7 +24,7 @@ from rich.table import Table
 
 from tsis.catalog.sensors import load_sensor
 from tsis.imaging.gel_contact import contacts
-from tsis.instrument.image_files import read_colour
+from tsis.instrument.image_files import read_levels
 from tsis.model.phantom import SoftSphere
 from tsis.virtual.gel_frames import random_gel_press
 from tsis.virtual.gel_sensor import VirtualGelSensor
@@ -67,7 +67,7 @@ def nine_d_tact(folder: Path) -> Table:
     )
     for sensor in ("sensor_1", "sensor_2"):
         frames = [
-            read_colour(folder / sensor / f"depth_calibration_rectify_crop_{kind}.png") for kind in ("sample", "ref")
+            read_levels(folder / sensor / f"depth_calibration_rectify_crop_{kind}.png") for kind in ("sample", "ref")
         ]
         (contact,) = contacts(frames[:1], sensor=load_sensor("9dtact"), reference=frames[1])
         levels = np.load(folder / sensor / "depth_calibration_Pixel_to_Depth.npy")

@@ -27,7 +27,7 @@ from tsis.files.images import (
     tiff_fault,
     without_metadata,
 )
-from tsis.instrument.image_files import read_colour, read_image
+from tsis.instrument.image_files import read_image, read_levels
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -69,7 +69,7 @@ def test_notes_are_taken_out_and_pixels_are_not(tmp_path: Path, colour: NDArray[
     assert decoded is not None
     np.testing.assert_array_equal(decoded[..., ::-1], colour)
     (tmp_path / "a.png").write_bytes(whole)
-    np.testing.assert_array_equal(read_colour(tmp_path / "a.png"), colour)
+    np.testing.assert_array_equal(read_levels(tmp_path / "a.png"), colour)
 
 
 @pytest.mark.parametrize("progressive", [False, True])
@@ -77,7 +77,7 @@ def test_a_jpeg_with_notes_loads(tmp_path: Path, colour: NDArray[np.uint8], prog
     whole = _noted_jpeg(colour, progressive=progressive)
     assert b"secret" in whole
     (tmp_path / "a.jpg").write_bytes(whole)
-    np.testing.assert_array_equal(read_colour(tmp_path / "a.jpg"), np.asarray(Image.open(io.BytesIO(whole))))
+    np.testing.assert_array_equal(read_levels(tmp_path / "a.jpg"), np.asarray(Image.open(io.BytesIO(whole))))
 
 
 def test_what_has_no_notes_is_handed_on_as_it_is(colour: NDArray[np.uint8]) -> None:
@@ -91,7 +91,7 @@ def test_what_has_no_notes_is_handed_on_as_it_is(colour: NDArray[np.uint8]) -> N
 def test_the_colours_of_an_adobe_jpeg_stay(tmp_path: Path, colour: NDArray[np.uint8]) -> None:
     whole = _saved(colour, "JPEG", quality=95, subsampling=0, keep_rgb=True)  # stored as RGB, which a segment tells
     (tmp_path / "a.jpg").write_bytes(whole)
-    np.testing.assert_array_equal(read_colour(tmp_path / "a.jpg"), np.asarray(Image.open(io.BytesIO(whole))))
+    np.testing.assert_array_equal(read_levels(tmp_path / "a.jpg"), np.asarray(Image.open(io.BytesIO(whole))))
 
 
 def test_more_scans_than_any_encoder_makes_are_refused(colour: NDArray[np.uint8]) -> None:
@@ -155,7 +155,7 @@ def test_a_tiff_with_notes_loads(tmp_path: Path, colour: NDArray[np.uint8]) -> N
     tags = TiffImagePlugin.ImageFileDirectory_v2()
     tags[270] = "a note" * 10_000
     (tmp_path / "a.tif").write_bytes(_saved(colour, "TIFF", tiffinfo=tags, icc_profile=bytes(100_000)))
-    np.testing.assert_array_equal(read_colour(tmp_path / "a.tif"), colour)
+    np.testing.assert_array_equal(read_levels(tmp_path / "a.tif"), colour)
 
 
 def _may(pixels: tuple[int, int], file_bytes: int, kind: str, pixel_bytes: int = 1) -> bool:

@@ -11,7 +11,7 @@ import pytest
 from tsis.catalog.sensors import load_sensor
 from tsis.errors import ImageMismatchError, InputError
 from tsis.imaging.gel_contact import ContactFit, GelLayer, contacts, fit_contact, joined_fits, layer_hill
-from tsis.instrument.image_files import read_colour
+from tsis.instrument.image_files import read_levels
 from tsis.virtual.gel_frames import RenderedPress, ball_press, random_gel_light, random_gel_press, render_gel
 
 if TYPE_CHECKING:
@@ -205,7 +205,7 @@ def test_real_presses_near_their_labels(shared_data: Path, every: int) -> None:
 @pytest.mark.parametrize("sensor", ["sensor_1", "sensor_2"])
 def test_real_white_light_presses_are_good(shared_data: Path, sensor: str) -> None:
     folder = shared_data / "real" / "9dtact" / sensor
-    frames = [read_colour(folder / f"depth_calibration_rectify_crop_{kind}.png") for kind in ("sample", "ref")]
+    frames = [read_levels(folder / f"depth_calibration_rectify_crop_{kind}.png") for kind in ("sample", "ref")]
     (contact,) = contacts(frames[:1], sensor=load_sensor("9dtact"), reference=frames[1])
     assert contact.good
     assert contact.radius_mm is not None

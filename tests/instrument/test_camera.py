@@ -89,7 +89,7 @@ def test_other_presets_are_not_known() -> None:
         preset("minimum", SETTINGS)
 
 
-def test_a_slow_camera_is_given_the_time_of_two_frames() -> None:
+def test_a_slow_camera_is_given_the_time_of_three_frames() -> None:
     assert silence_timeout_s({}) == 1.0
     assert silence_timeout_s({"frames_per_s": 0.25}) == 12.0
     assert silence_timeout_s({"frames_per_s": 30.0, "exposure_ms": 3000.0}) == 9.0

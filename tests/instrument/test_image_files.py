@@ -27,7 +27,7 @@ from tsis.files.images import (
     LARGEST_PIXELS,
     PIXELS_A_BYTE,
 )
-from tsis.instrument.image_files import png_bytes, read_colour, read_image, whole_levels
+from tsis.instrument.image_files import png_bytes, read_image, read_levels, whole_levels
 from tsis.model.image import TactileImage
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ def test_grey_levels_written_by_either_library_come_back_exactly(
 def test_colour_becomes_rec_709_luma(write: Write, colour: NDArray[np.uint8], suffix: str) -> None:
     path = write(f"colour.{suffix}", colour)
     np.testing.assert_allclose(read_image(path).grey, colour @ LUMA, rtol=0, atol=1e-12)
-    np.testing.assert_array_equal(read_colour(path), colour)
+    np.testing.assert_array_equal(read_levels(path), colour)
 
 
 def test_a_grey_picture_stored_as_colour_keeps_its_levels_exactly(write: Write, grey: NDArray[np.uint8]) -> None:
@@ -114,7 +114,7 @@ def test_alpha_is_dropped(tmp_path: Path, grey: NDArray[np.uint8], colour: NDArr
     Image.fromarray(np.dstack([grey, grey[::-1]])).save(tmp_path / "grey.png")
     Image.fromarray(np.dstack([colour, grey])).save(tmp_path / "colour.png")
     np.testing.assert_array_equal(read_image(tmp_path / "grey.png").grey, grey)
-    np.testing.assert_array_equal(read_colour(tmp_path / "colour.png"), colour)
+    np.testing.assert_array_equal(read_levels(tmp_path / "colour.png"), colour)
 
 
 def test_scale_force_and_checksum_travel_with_the_image(write: Write, grey: NDArray[np.uint8]) -> None:
@@ -242,11 +242,6 @@ def test_many_threads_may_read_at_once(write: Write, grey: NDArray[np.uint8]) ->
             np.testing.assert_array_equal(image.grey, grey)
 
 
-def test_read_colour_refuses_grey(write: Write, grey: NDArray[np.uint8]) -> None:
-    with pytest.raises(FileInputError, match="must hold a colour image"):
-        read_colour(write("frame.png", grey))
-
-
 KINDS: dict[str, tuple[str, dict[str, Any]]] = {
     "png": ("PNG", {}),
     "jpeg": ("JPEG", {}),
@@ -294,7 +289,7 @@ def test_a_png_of_16_bit_colours_with_forged_notes_loads_in_silence(
     note = b"eXIf" + bytes(1000)
     forged = encoded[:33] + struct.pack(">I", 1000) + note + struct.pack(">I", zlib.crc32(note)) + encoded[33:]
     (tmp_path / "a.png").write_bytes(forged)
-    assert (read_colour(tmp_path / "a.png") == 1000).all()
+    assert (read_levels(tmp_path / "a.png") == 1000).all()
     assert capfd.readouterr() == ("", "")
 
 

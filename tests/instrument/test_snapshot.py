@@ -13,7 +13,7 @@ from tsis.errors import FileInputError, InputError, UnknownNameError
 from tsis.files.atomic import write_durably
 from tsis.instrument import snapshot as room
 from tsis.instrument.camera import Frame
-from tsis.instrument.image_files import read_colour, read_image
+from tsis.instrument.image_files import read_image, read_levels
 from tsis.instrument.snapshot import save_snapshot
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ def test_the_raw_frame_comes_back_bit_for_bit(tmp_path: Path, picture: str, bits
     assert saved.colour == tmp_path / "Target1" / f"Target1-020411-131112.{picture}"
     assert saved.raw.stem == "Target1-020411-131112-raw"
     np.testing.assert_array_equal(read_image(saved.raw).grey, frame.pixels)
-    colour = read_colour(saved.colour).astype(float)
+    colour = read_levels(saved.colour).astype(float)
     assert np.corrcoef(colour[..., 0].ravel(), frame.pixels.ravel().astype(float))[0, 1] > 0.8
     assert colour[..., 1].mean() < colour[..., 0].mean()
 

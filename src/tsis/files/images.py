@@ -172,15 +172,15 @@ def without_metadata(data: bytes) -> bytes:
     """
     if not data.startswith(_PNG_SIGNATURE):
         return data
-    saved, position, kind = [_PNG_SIGNATURE], len(_PNG_SIGNATURE), b""
+    kept, position, kind = [_PNG_SIGNATURE], len(_PNG_SIGNATURE), b""
     while kind != b"IEND":
         (length,) = struct.unpack_from(">I", data, position)
         kind, end = data[position + 4 : position + 8], position + 12 + length
         critical = not kind[0] & 0x20  # a capital letter
         if critical or kind in _PNG_COLOUR_CHUNKS:
-            saved.append(memoryview(data)[position:end])  # type: ignore[arg-type]  # joins as bytes do
+            kept.append(memoryview(data)[position:end])  # type: ignore[arg-type]  # joins as bytes do
         position = end
-    return data if sum(map(len, saved)) == len(data) else b"".join(saved)
+    return data if sum(map(len, kept)) == len(data) else b"".join(kept)
 
 
 LARGEST_PIXELS = 65_000_000  # sensors sold as 64 million have 64.1 to 64.5
@@ -223,25 +223,25 @@ def rows_missing(data: bytes) -> bool:
         return False
     columns, rows, depth, colour = struct.unpack_from(">IIBB", data, 16)
     bits, interlaced = _CHANNELS.get(colour, 1) * depth, data[28] == 1
-    requested = sum(
+    needed = sum(
         high * (1 + -(-wide * bits // 8))
         for left, span, top, down in (_ADAM7 if interlaced else _WHOLE)
         if (wide := -(-(columns - left) // span)) > 0 and (high := -(-(rows - top) // down)) > 0
     )
-    unpacker, position, kind, result = zlib.decompressobj(), 8, b"", 0
+    unpacker, position, kind, unpacked = zlib.decompressobj(), 8, b"", 0
     view = memoryview(data)
     try:
-        while kind != b"IEND" and result < requested:
+        while kind != b"IEND" and unpacked < needed:
             (length,) = struct.unpack_from(">I", data, position)
             kind, end = data[position + 4 : position + 8], position + 8 + length
             for start in range(position + 8, end, _PIECE) if kind == b"IDAT" else ():
-                result += len(unpacker.decompress(view[start : min(start + _PIECE, end)]))
-                if unpacker.eof or result >= requested:
-                    return bool(result < requested)
+                unpacked += len(unpacker.decompress(view[start : min(start + _PIECE, end)]))
+                if unpacker.eof or unpacked >= needed:
+                    return bool(unpacked < needed)
             position += 12 + length
     except zlib.error:
         return True
-    return bool(result < requested)
+    return bool(unpacked < needed)
 
 
 QUICK_PNG = 1  # level of compression: half the time of the default for a tenth more bytes

@@ -115,8 +115,8 @@ class _RequirementError(ValueError):
 
 def _refusal(error: ValidationError, where: str) -> TsisError:
     """The error for the first fault."""
-    result = error.errors(include_url=False)
-    first = result[0]
+    faults = error.errors(include_url=False)
+    first = faults[0]
     cause = first.get("ctx", {}).get("error")
     if isinstance(cause, TsisError):
         return cause
@@ -125,7 +125,7 @@ def _refusal(error: ValidationError, where: str) -> TsisError:
         return cause.kind(f"{path}{cause}")
     if first["type"] not in ("missing", "extra_forbidden"):
         return InputError(f"{path} must be an object with named values; got {_shown(first['input'])}")
-    names = sorted(str(item["loc"][-1]) for item in result if item["type"] == first["type"])
+    names = sorted(str(item["loc"][-1]) for item in faults if item["type"] == first["type"])
     parent = path.removesuffix(f".{first['loc'][-1]}")
     if first["type"] == "missing":
         return InputError(f"{parent} must hold all of its values; missing {names!r:.200}")

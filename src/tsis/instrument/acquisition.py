@@ -1,10 +1,7 @@
-"""Acquisition: a camera's frames in a ring, counted and monitored, so that every loss is reported.
+"""Acquisition of a camera's frames in threads: every frame is received or counted as missed, every loss is reported.
 
-A ring of received frames with their arrival times.
-
-Counts of a camera's frames: received, missed, disordered, and interruptions.
-
-Acquisition of frames in a thread, with reconnection of a lost camera.
+A `FrameRing` keeps the newest frames, an `Intake` counts them, and an `Acquisition` reads a camera into both and
+reconnects it when it is lost.
 """
 
 from __future__ import annotations

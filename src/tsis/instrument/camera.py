@@ -121,8 +121,7 @@ class Setting:
 def checked_setting(settings: Iterable[Setting], name: str, value: float, *, camera: str) -> float:
     """The value for the setting of that name, if it lies in its range.
 
-    Raises `UnknownNameError` when there is no such setting; `InputError` when the value lies outside its range;
-    `CameraError` when the camera has no settings.
+    Raises `UnknownNameError`, `InputError` outside its range, and `CameraError` when the camera has no settings.
     """
     by_name = {setting.name: setting for setting in settings}
     if not by_name:
@@ -246,7 +245,6 @@ def preset(name: str, settings: Iterable[Setting]) -> dict[str, float]:
 
     Examples
     --------
-    >>> from tsis.instrument.camera import Setting
     >>> settings = [Setting(name="exposure_ms", value=20.0, low=0.1, high=33.0, unit="ms")]
     >>> preset("minimal", settings), preset("default", settings)
     ({'exposure_ms': 0.1}, {'exposure_ms': 20.0})

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from tsis.errors import InputError
+from tsis.errors import InputError, MissingExtraError
 from tsis.model.content import ContentValue
 from tsis.model.require import require_number, require_one_of, require_type
 from tsis.plugins import find_plugins, load_plugin
@@ -55,6 +55,15 @@ class CameraInfo:
     def spec(self) -> str:
         """Argument of `tsis.instrument.discovery.connect` for this camera."""
         return f"{self.source}:{self.identity}"
+
+
+def missing_message(load: Callable[[], object]) -> str | None:
+    """Message of the library that ``load`` cannot import, with its cure; None when it is installed."""
+    try:
+        load()
+    except MissingExtraError as error:
+        return str(error)
+    return None
 
 
 _HOME = "tsis.instrument.drivers"

@@ -1,11 +1,10 @@
-"""A log of a gauge's readings, filled by a thread.
+"""A log of a gauge's readings, filled by a thread, and the delay of the gauge relative to a camera's frames.
 
-The constant delay between a gauge's readings and a camera's frames, from a press that both recorded.
-
-The sum of grey levels follows the force with unknown gain and offset. Both courses are smoothed over twice the longer
-of the two sampling intervals, so that noise between samples does not favour some delays. The correlation of their rates
-of change is insensitive to slow drift of the light or of the gauge's zero; the delay maximises it. The uncertainty of
-the delay is that of the jackknife over eight stretches of the record, which needs no model of the noise.
+The delay is constant and follows from presses that both recorded. The sum of grey levels follows the force with unknown
+gain and offset. Both courses are smoothed over twice the longer of the two sampling intervals, so that noise between
+samples does not favour some delays. The correlation of their rates of change is insensitive to slow drift of the light
+or of the gauge's zero; the delay maximises it. The uncertainty of the delay is that of the jackknife over eight
+stretches of the record, which needs no model of the noise.
 """
 
 from __future__ import annotations
@@ -31,6 +30,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from tsis.instrument.gauge import ForceReading, Gauge
+
+    Floats = NDArray[np.float64]
 
 
 _LONGEST_END_S = 5.0  # a gauge closes within its own timeout; longer than this it hangs
@@ -78,7 +79,6 @@ class ForceLog:
 
     Examples
     --------
-    >>> import numpy as np
     >>> from tsis.instrument.gauge import SimulatedGauge
     >>> gauge = SimulatedGauge(lambda time_s: 0.5, rng=np.random.default_rng(0), rate_per_s=1000.0)
     >>> with ForceLog(gauge) as log:
@@ -242,9 +242,6 @@ def connected_gauge(
     return log
 
 
-if TYPE_CHECKING:
-    Floats = NDArray[np.float64]
-
 _LEAST = 24  # frames, and readings: three per stretch
 _STRETCHES = 8
 _STEPS = 4  # of the common grid in the shorter interval
@@ -359,7 +356,7 @@ def _refuse_flat(what: str, times: Floats, values: Floats, *, step: float, cure:
     # The median of the noise over stretches, so that the bends of a press do not count.
     stretches = max(len(times) // 12, 1)
     pairs = zip(np.array_split(times, stretches), np.array_split(values, stretches), strict=True)
-    noise = float(np.median([reading_noise(item, value)[0] for item, value in pairs]))
+    noise = float(np.median([reading_noise(*stretch)[0] for stretch in pairs]))
     change, needed = float(np.ptp(values)), _LEAST_CHANGE * max(noise, step)
     if change <= needed:
         raise GaugeError(f"the {what} must change by more than {needed:.3g} to find a delay; got {change:.3g}; {cure}")
@@ -393,8 +390,8 @@ def _highest(times: Floats, lit: Floats, pressed: tuple[Floats, Floats], longest
     best, height = _peak(delays, sign * correlation)
     _refuse_unclear(delays, sign * correlation, best, height, longest_s)
     left_out = [_peak(delays, sign * _correlation(without[:, :, k]))[0] for k in range(_STRETCHES)]
-    fraction = (_STRETCHES - 1) / _STRETCHES
-    sd = float(np.sqrt(fraction * np.sum((np.array(left_out) - np.mean(left_out)) ** 2)))
+    spread = (_STRETCHES - 1) / _STRETCHES  # of the jackknife's sum of squares
+    sd = float(np.sqrt(spread * np.sum((np.array(left_out) - np.mean(left_out)) ** 2)))
     return Latency(latency_s=best, sd_s=sd, degrees_of_freedom=_STRETCHES - 1, correlation=height)
 
 

@@ -1,12 +1,6 @@
-"""Force gauges: serial, simulated, recorded; their readings at the times of camera frames.
+"""The protocol of force gauges, a simulated and a recorded gauge, and the force at the time of a camera frame.
 
-The gauge protocol, and a reading of a force gauge.
-
-A simulated force gauge with the faults of a real one.
-
-Force readings in a CSV file, and the file as a gauge.
-
-Noise of force readings, and the force at the time of a frame.
+`tsis.instrument.serial_gauge` has gauges on a serial line, `tsis.instrument.force_log` a log of their readings.
 """
 
 from __future__ import annotations
@@ -36,6 +30,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from numpy.typing import NDArray
+
+    Floats = NDArray[np.float64]
 
 
 LARGEST_FORCE_N = 1e6
@@ -134,7 +130,6 @@ class SimulatedGauge:
 
     Examples
     --------
-    >>> import numpy as np
     >>> gauge = SimulatedGauge(lambda time_s: 0.5, rng=np.random.default_rng(0), rate_per_s=1000.0)
     >>> gauge.open()
     >>> reading = next(gauge.readings())
@@ -329,9 +324,6 @@ def _parsed(content: bytes) -> Iterator[ForceReading]:
         raise _LineError("must hold at least one reading; got none")
 
 
-if TYPE_CHECKING:
-    Floats = NDArray[np.float64]
-
 _SPAN = 4  # successive readings: one more than the three parameters of a parabola
 
 
@@ -352,10 +344,12 @@ def reading_noise(times: Floats, forces: Floats) -> tuple[float, float]:
     rows = np.arange(count)[:, None] + np.arange(_SPAN)
     difference = times[rows][:, :, None] - times[rows][:, None, :]
     difference[:, np.arange(_SPAN), np.arange(_SPAN)] = 1.0
-    weights = 1.0 / difference.prod(axis=2)  # of the third divided difference
+    # The third divided difference, the sum of f(t_i) / prod(t_i - t_j) over j != i, vanishes for every parabola.
+    weights = 1.0 / difference.prod(axis=2)
     weights /= np.linalg.norm(weights, axis=1, keepdims=True)
     combinations = np.zeros((count, len(times)))
     np.put_along_axis(combinations, rows, weights, axis=1)
+    # Satterthwaite: f = (trace G)^2 / trace G^2 of the Gram matrix G, whose diagonal is 1.
     gram = combinations @ combinations.T
     freedom = count**2 / float(np.sum(gram**2))
     return float(np.sqrt(np.mean((combinations @ forces) ** 2))), freedom
@@ -423,7 +417,6 @@ def force_at(
 
     Examples
     --------
-    >>> from tsis.instrument.gauge import ForceReading
     >>> readings = [ForceReading(time_s=0.1 * k, force_n=0.01 * k**2, resolution_n=0.001) for k in range(12)]
     >>> force = force_at(readings, 0.55)
     >>> round(force.force_n, 4), round(force.error_n, 4), round(force.gap_s, 3)
@@ -453,6 +446,7 @@ def force_at(
     curvature = _curvature(times, forces, right)
     sd, freedom = reading_noise(times, forces)
     time_error = time_error_s + max(reading.time_error_s for reading in pair)
+    # Remainder of the linear interpolation, half a step of the display, error of the time, and noise of both readings.
     error = (
         curvature * abs(float(times[right - 1] * times[right])) / 2
         + max(reading.resolution_n for reading in pair) / 2

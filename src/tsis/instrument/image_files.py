@@ -1,7 +1,4 @@
-"""Image files: decoding to grey levels, and encoding of raw frames.
-
-Silences decoders: they must not write to the terminal.
-"""
+"""Image files: decoding to grey levels, encoding of raw frames, and silent decoders."""
 
 from __future__ import annotations
 
@@ -13,7 +10,6 @@ import sys
 import threading
 import warnings
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -124,18 +120,6 @@ _REFUSED_MODES = {
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Picture:
-    """Decoded levels, (rows, columns) or (rows, columns, 3) in red-green-blue order, and their provenance."""
-
-    levels: NDArray[Any]
-    provenance: dict[str, Any]
-
-    @property
-    def full_scale(self) -> float:
-        return float(np.iinfo(self.levels.dtype).max)
-
-
 def read_image(
     path: str | os.PathLike[str],
     *,
@@ -165,28 +149,15 @@ def read_image(
         When the pixel size or the force lies outside its range.
     """
     source = as_path(path)
-    picture = _decode(source)
+    levels, provenance = _decode(source)
     return TactileImage(
-        grey=luma(picture.levels) if picture.levels.ndim == 3 else picture.levels,
+        grey=luma(levels) if levels.ndim == 3 else levels,
         mm_per_pixel=mm_per_pixel,
-        full_scale=picture.full_scale,
+        full_scale=float(np.iinfo(levels.dtype).max),
         force_n=force_n,
         name=printable_name(source),
-        settings=picture.provenance,
+        settings=provenance,
     )
-
-
-def read_colour(path: str | os.PathLike[str]) -> NDArray[Any]:
-    """Read a colour image file as stored: shape (rows, columns, 3), red-green-blue, uint8 or uint16, read-only.
-
-    Raises `FileInputError` as `read_image`, and when the file has no colour.
-    """
-    source = as_path(path)
-    levels = _decode(source).levels
-    if levels.ndim != 3:
-        raise FileInputError(f"{printable_path(source)} must hold a colour image; got a grey one (use read_image)")
-    levels.flags.writeable = False
-    return levels
 
 
 def read_levels(path: str | os.PathLike[str]) -> NDArray[Any]:
@@ -194,12 +165,13 @@ def read_levels(path: str | os.PathLike[str]) -> NDArray[Any]:
 
     Raises `FileInputError` as `read_image`. The array is read-only.
     """
-    levels = _decode(as_path(path)).levels
+    levels, _ = _decode(as_path(path))
     levels.flags.writeable = False
     return levels
 
 
-def _decode(path: Path) -> _Picture:
+def _decode(path: Path) -> tuple[NDArray[Any], dict[str, Any]]:
+    """Levels, (rows, columns) or (rows, columns, 3) in red-green-blue order, and their provenance."""
     name = printable_path(path)
     if not read_head(path).startswith(_MAGIC):
         raise FileInputError(f"{name} must be a PNG, JPEG, BMP or TIFF file; got something else")
@@ -226,7 +198,7 @@ def _decode(path: Path) -> _Picture:
         "bits": 8 * levels.dtype.itemsize,
         "sha256": hashlib.sha256(data).hexdigest(),
     }
-    return _Picture(levels=levels, provenance=provenance)
+    return levels, provenance
 
 
 def _require_supported(name: str, image: Image.Image, data: bytes) -> None:
@@ -284,7 +256,6 @@ def png_bytes(image: TactileImage) -> bytes:
 
     Examples
     --------
-    >>> from tsis.model.image import TactileImage
     >>> png_bytes(TactileImage(grey=np.eye(8)))[1:4]
     b'PNG'
     """

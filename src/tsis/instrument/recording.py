@@ -1,7 +1,4 @@
-"""Sequences of frames on disk, lossless, with an index that accounts for every frame.
-
-Recording of a sequence into a folder or a lossless video: every frame is stored or counted, whatever happens.
-"""
+"""Recordings of frames in a folder or a lossless video, with an index: every frame is stored or counted."""
 
 from __future__ import annotations
 
@@ -50,13 +47,7 @@ class FrameSink(Protocol):
 
 
 class FrameFolder:
-    """One PNG file per frame, 8 or 16 bits.
-
-    Parameters
-    ----------
-    folder
-        An existing folder.
-    """
+    """One PNG file per frame, 8 or 16 bits, in an existing folder."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -79,14 +70,9 @@ class FrameFolder:
 
 
 class LosslessVideo:
-    """One video file in the FFV1 codec, 8 bits, lossless.
+    """The file ``frames.mkv`` in an existing folder, in the FFV1 codec: 8 bits, lossless.
 
-    Parameters
-    ----------
-    folder
-        An existing folder, for ``frames.mkv``.
-    frames_per_s
-        Rate for players; the index contains the real times.
+    ``frames_per_s`` is the rate for players; the index contains the real times.
     """
 
     def __init__(self, folder: Path, *, frames_per_s: float | None = None) -> None:

@@ -1,10 +1,7 @@
-"""A force gauge with ASCII replies on a serial line, as those of Mecmesin and Mark-10.
+"""Force gauges with ASCII replies on a serial line, as those of Mecmesin and Mark-10, and the ports of this machine.
 
-Replies of a force gauge on its serial line: a sign, a number and perhaps a unit.
-
-The syntax is common to Mecmesin's and Mark-10's gauges: ``-0.123 N``, ``+1.20``, ``  18.78 lbF``.
-
-Lines of a serial port with their arrival times, and the ports of this machine.
+A reply is a sign, a number and perhaps a unit: ``-0.123 N``, ``+1.20``, ``  18.78 lbF``. Each line has the time of its
+arrival, so that the force at the time of a camera frame can be told.
 """
 
 from __future__ import annotations
@@ -224,10 +221,7 @@ with suppress(ImportError):  # on Windows
     PORT_FAILURES += (termios.error,)
 
 # Errors of Windows' ports have no number: the name of the error is in the text.
-_CAUSES = {
-    "FileNotFoundError": errno.ENOENT,
-    "PermissionError": errno.EACCES,
-}
+_CAUSES = {"FileNotFoundError": errno.ENOENT, "PermissionError": errno.EACCES}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -251,8 +245,8 @@ def find_ports() -> tuple[SerialPort, ...]:
     except PORT_FAILURES as error:
         raise GaugeError(f"the serial ports of this machine cannot be listed; got: {error!s:.120}") from error
     return tuple(
-        SerialPort(device=str(item.device), description=str(item.description))
-        for item in sorted(ports, key=lambda item: str(item.device))
+        SerialPort(device=str(port.device), description=str(port.description))
+        for port in sorted(ports, key=lambda port: str(port.device))
     )
 
 
@@ -272,7 +266,7 @@ def _refusal(port: str, error: Exception) -> str:
     number = number or next((code for name, code in _CAUSES.items() if name in str(error)), None)
     shown = f"{port!r:.120}"
     if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
-        ports = ", ".join(item.device for item in find_ports()) or "none"
+        ports = ", ".join(found.device for found in find_ports()) or "none"
         return f"no serial port is called {shown}; check the cable and the name (found: {ports})"
     if number in (errno.EBUSY, errno.EAGAIN):
         return f"serial port {shown} is in use by another program; close that one"
@@ -300,22 +294,19 @@ class SerialLine:
         self._requested_s: float | None = None
         self._checked_s = clock()
         self._lock = threading.Lock()  # a port is not closed while a thread reads from it
-        self._first, self._closed, self.heard = True, False, False
-
-    @property
-    def closed(self) -> bool:
-        """True when no more lines come."""
-        return self._closed
+        self._first = True
+        self.closed = False  # True when no more lines come
+        self.heard = False  # True after any byte
 
     def take(self) -> Line | None:
-        """The next line, or None when none was complete within the port's timeout; ``heard`` is True after any byte.
+        """The next line, or None when none was complete within the port's timeout.
 
         A line's time is the arrival of its first byte. After a request it is the middle between that and the request,
         with half the time between them as its error.
         """
         if not self._lines:
             with self._lock:
-                if not self._closed:
+                if not self.closed:
                     self._exchange()
         if not self._lines:
             return None
@@ -330,12 +321,9 @@ class SerialLine:
 
     def close(self) -> None:
         """Release the port."""
-        self._closed = True
-        with self._lock:
-            try:
-                self._port.close()
-            except PORT_FAILURES:  # a lost port cannot be closed, and need not be
-                return
+        self.closed = True
+        with self._lock, suppress(*PORT_FAILURES):  # a lost port cannot be closed, and need not be
+            self._port.close()
 
     def _exchange(self) -> None:
         waiting = min(self._port.in_waiting, _LARGEST_CHUNK)
@@ -389,10 +377,7 @@ class SerialGauge:
     clock
         Seconds, monotonic.
 
-    Raises
-    ------
-    InputError
-        When a parameter is out of its range.
+    Raises `InputError` when a parameter is out of its range.
 
     Examples
     --------
@@ -439,10 +424,7 @@ class SerialGauge:
         return self._skipped
 
     def open(self) -> None:
-        """Open the port; older bytes are dropped.
-
-        Raises `GaugeError` when there is no such port, another program uses it, or this user has no permission.
-        """
+        """Open the port; older bytes are dropped. Raises as `opened`."""
         self.close()
         port = opened(
             self._name,
@@ -468,10 +450,7 @@ class SerialGauge:
                 yield reading
 
     def tare(self) -> None:
-        """Command the gauge to set its zero, without confirmation.
-
-        Raises `GaugeError` when it has no such command or was lost.
-        """
+        """Command the gauge to set its zero, without confirmation; `GaugeError` when it cannot or was lost."""
         if self._tare_command is None:
             raise GaugeError(f"{self.name} has no command that sets its zero; press its zero key")
         serial_line = self._opened()

@@ -21,7 +21,7 @@ from tsis.model.require import require_one_of
 
 if TYPE_CHECKING:
     import os
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Iterator, Mapping
     from datetime import datetime
     from pathlib import Path
 
@@ -108,13 +108,13 @@ def save_snapshot(
     return Snapshot(colour=files[f".{picture}"], raw=files[f"-raw.{raw_format}"], sidecar=path / f"{stem}.json")
 
 
-def _reserved(path: Path, stems: Any, endings: tuple[str, ...]) -> str:
+def _reserved(path: Path, stems: Iterator[str], endings: tuple[str, ...]) -> str:
     """The first free stem, reserved by its sidecar, so that two programs never choose the same."""
     for stem in stems:
         if any((path / f"{stem}{ending}").exists() for ending in endings):
             continue
         with suppress(FileExistsError), (path / f"{stem}.json").open("xb"):
-            return str(stem)
+            return stem
     raise AssertionError("stems never end")
 
 

@@ -48,8 +48,8 @@ def _suspected(value: float, low: float, high: float, hint: str) -> str:
 def require_integer(name: str, value: object, low: int, high: int, *, hint: str = "") -> int:
     """Return ``value`` as an int when it is a whole number, e.g. 3 or 3.0 or 1e6, in ``[low, high]``."""
     # Infinity and NaN are not whole.
-    fraction = isinstance(value, (float, np.floating)) and not float(value).is_integer()
-    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)) or fraction:
+    has_fraction = isinstance(value, (float, np.floating)) and not float(value).is_integer()
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)) or has_fraction:
         raise InputError(name=name, requirement="must be a whole number", value=f"{value!r:.80}", hint=hint)
     result = int(value)  # a float would round large seeds
     if not low <= result <= high:

@@ -167,11 +167,11 @@ class GigEServer:
 
     def _region(self) -> tuple[slice, slice]:
         fake, value = self._fake, ctypes.c_uint32()
-        results = []
+        numbers = []
         for register in (FIRST_ROW, HEIGHT, FIRST_COLUMN, WIDTH):
             self._aravis.call("fake_camera_read_register", fake, register, ctypes.byref(value))
-            results.append(value.value)
-        first_row, rows, first_column, columns = results
+            numbers.append(value.value)
+        first_row, rows, first_column, columns = numbers
         return slice(first_row, first_row + rows), slice(first_column, first_column + columns)
 
 

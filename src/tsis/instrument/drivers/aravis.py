@@ -1,12 +1,8 @@
 """GigE Vision and USB3 Vision cameras through the system library Aravis, bound with ctypes.
 
-Modes and settings of a camera under Aravis, in the units of the camera protocol.
-
-The library Aravis: signatures of libaravis 0.8, whose interface is stable, and its loading.
-
-The connection to a camera through Aravis, and the buffers of its stream.
-
-Cameras through Aravis, and the time that a reader waits before a camera counts as lost.
+In this order: settings and modes in the units of the camera protocol; the library (libaravis 0.8, whose interface is
+stable), with the signatures of its calls; the search; the connection to a camera and the buffers of its stream; the
+camera.
 """
 
 from __future__ import annotations
@@ -25,7 +21,7 @@ import numpy as np
 
 from tsis.errors import CameraError, MissingExtraError
 from tsis.instrument.camera import SILENT_S, Frame, Mode, Setting, checked_setting, silence_timeout_s
-from tsis.instrument.discovery import CameraInfo
+from tsis.instrument.discovery import CameraInfo, missing_message
 from tsis.instrument.drivers.frame_numbers import FULL_SCALE, BlockCount
 from tsis.model.require import require_type
 
@@ -129,9 +125,9 @@ def choose(aravis: Aravis, camera: int, mode: Mode) -> None:
 
 def region(aravis: Aravis, camera: int) -> tuple[int, int, int, int]:
     """First column, first row, columns and rows of the sensor's region."""
-    positions = [ctypes.c_int() for _ in range(4)]
-    aravis.call("camera_get_region", camera, *(ctypes.byref(position) for position in positions))
-    first_column, first_row, columns, rows = (position.value for position in positions)
+    numbers = [ctypes.c_int() for _ in range(4)]
+    aravis.call("camera_get_region", camera, *(ctypes.byref(number) for number in numbers))
+    first_column, first_row, columns, rows = (number.value for number in numbers)
     return first_column, first_row, columns, rows
 
 
@@ -316,12 +312,12 @@ class Aravis:
         if name in self._infallible:
             return self._infallible[name](*arguments)
         error = ctypes.POINTER(_Error)()
-        response = self._fallible[name](*arguments, ctypes.byref(error))
+        returned = self._fallible[name](*arguments, ctypes.byref(error))
         if error:
             message = (error.contents.message or b"no reason given").decode(errors="replace")
             self._below["g_error_free"](error)
             raise CameraError(f"Aravis could not do {name}: {message}")
-        return response
+        return returned
 
     def text(self, name: str, *arguments: Any) -> str:
         """The text result of ``arv_name``; empty without one."""
@@ -391,11 +387,7 @@ _the_list = threading.Lock()  # the library has one list, whose entries are read
 
 def missing_requirement(library: Callable[[], Aravis] = load) -> str | None:
     """What is not installed, with the cure; None when cameras can be searched."""
-    try:
-        library()
-    except MissingExtraError as error:
-        return str(error)
-    return None
+    return missing_message(library)
 
 
 def find_cameras_here(library: Callable[[], Aravis] = load) -> tuple[CameraInfo, ...]:
@@ -564,11 +556,9 @@ def _chosen(aravis: Aravis, identity: str | None) -> tuple[str, str]:
             # Aravis may find a camera of this machine over another network, where its frames would not arrive.
             here = _is_address(address) and ipaddress.ip_address(address).is_loopback
             return camera.identity, address if here else camera.identity
-    requested = "no camera answers" if identity is None else f"no camera called {identity!r} answers"
+    absent = "no camera answers" if identity is None else f"no camera called {identity!r} answers"
     names = ", ".join(camera.identity for camera, _ in cameras) or "none"
-    raise CameraError(
-        f"{requested} through Aravis; found: {names}; check its power, cable and network, or name another"
-    )
+    raise CameraError(f"{absent} through Aravis; found: {names}; check its power, cable and network, or name another")
 
 
 def _is_address(text: str) -> bool:
@@ -697,8 +687,8 @@ class AravisCamera:
         """
         with self._controlling:
             connection = self._opened()
-            requested = checked_setting(self.settings(), name, value, camera=self.name)
-            adjust(connection.aravis, connection.camera, name, requested)
+            checked = checked_setting(self.settings(), name, value, camera=self.name)
+            adjust(connection.aravis, connection.camera, name, checked)
             if self._running.is_set():
                 self._taken = [*self._taken[-1:], (time.time_ns(), values(self.settings()))]
 

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from tsis.model.image import TactileImage
 
 
-# Numbers of OpenCV's properties CAP_PROP_...: a reader of this module needs no OpenCV.
 class StoredFrames:
     """Frames of a file or folder behind the camera protocol; a subclass gives its mode and yields the frames."""
 
@@ -65,6 +64,7 @@ class StoredFrames:
         return CameraError(f"{printable_path(self._path)} must be opened first; call open()")
 
 
+# Numbers of OpenCV's properties CAP_PROP_...: a reader of this module needs no OpenCV.
 POS_MSEC, WIDTH, HEIGHT, FPS, FRAME_COUNT, BRIGHTNESS, GAIN, EXPOSURE = 0, 3, 4, 5, 7, 10, 14, 15
 
 

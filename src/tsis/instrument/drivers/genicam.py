@@ -1,13 +1,7 @@
-"""Cameras of any maker through the GenICam standard.
+"""Cameras of any maker through the GenICam standard: their features, their modes, and the stream of their frames.
 
-The features of a GenICam camera, as the libraries of Basler and Harvesters offer them.
-
-Each library wraps the same node map in its own classes. `Nodes` is the common part: two kinds of values to read, and
-one call to write.
-
-The protocol between a GenICam camera and its maker's library, and the import of such libraries.
-
-Cameras of the GenICam standard, and their modes: grey pixel formats, region, rate.
+The libraries of Basler and Harvesters wrap the same node map in classes of their own. `Nodes` is the common part of
+the features, with two kinds of values to read and one call to write; `Link` is that of the connection.
 """
 
 from __future__ import annotations
@@ -168,8 +162,8 @@ def adjust(nodes: Nodes, name: str, value: float) -> None:
     if named_node is None:
         raise CameraError(f"the camera no longer reports its {name}")
     node_name, node = named_node
-    requested = _setting(name, node).checked(value)
-    nodes.write(node_name, node.nearest(requested * feature.scale))
+    checked = _setting(name, node).checked(value)
+    nodes.write(node_name, node.nearest(checked * feature.scale))
 
 
 def run_free(nodes: Nodes) -> None:
@@ -395,9 +389,9 @@ def _resize(nodes: Nodes, mode: Mode) -> None:
             room = "" if node is None else f"; its {name} goes from {node.low:g} to {node.high:g} by {node.step:g}"
             raise CameraError(f"the camera has no mode {mode.label}{room}")
         nodes.write(name, requested)
-        position = number_node(nodes, offset)
-        if position is not None and position.high > position.low:
-            nodes.write(offset, position.nearest((position.low + position.high) / 2))
+        first = number_node(nodes, offset)
+        if first is not None and first.high > first.low:
+            nodes.write(offset, first.nearest((first.low + first.high) / 2))
 
 
 _POLL_S = 0.1  # longest wait for a frame, so the delay of a stop or a removal
@@ -502,7 +496,7 @@ class GenICamCamera:
     def frames(self) -> Iterator[Frame]:
         """Yield frames on arrival, until stopped.
 
-        Raises `CameraError` when none arrives for 1 s (or two frames, where those take longer) or the camera is
+        Raises `CameraError` when none arrives for 1 s (or three frames, where those take longer) or the camera is
         removed.
         """
         if not self._running.is_set():

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tsis.errors import CameraError, MissingExtraError
+from tsis.errors import CameraError
 from tsis.files.reading import printable_name
-from tsis.instrument.discovery import CameraInfo
+from tsis.instrument.discovery import CameraInfo, missing_message
 from tsis.instrument.drivers.frame_numbers import FULL_SCALE
 from tsis.instrument.drivers.genicam import (
     ChoiceNode,
@@ -240,12 +240,8 @@ class HarvestersCamera(GenICamCamera):
 
 def missing_requirement() -> str | None:
     """What is not installed or not set, with the cure; None when nothing is missing."""
-    try:
-        harvesters()
-    except MissingExtraError as error:
-        return str(error)
-    if producer_files():
-        return None
+    if (message := missing_message(harvesters)) is not None or producer_files():
+        return message
     return (
         "the camera source genicam needs a GenTL producer (a .cti file of the camera maker's software) and found none; "
         f"install that software, or set {PATH_VARIABLE} to the folder of the file"

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tsis.errors import CameraError, MissingExtraError
+from tsis.errors import CameraError
 from tsis.instrument.camera import Frame, Mode, Setting, checked_setting
-from tsis.instrument.discovery import CameraInfo
+from tsis.instrument.discovery import CameraInfo, missing_message
 from tsis.instrument.drivers.files import BRIGHTNESS, EXPOSURE, GAIN, HEIGHT, WIDTH, OpenCVCapture, natural_key
 from tsis.instrument.image_files import grey_of_opencv, opencv, quiet_decoders
 from tsis.model.require import require_number
@@ -27,11 +27,7 @@ _FEATURE = "the camera source opencv"
 
 def missing_requirement() -> str | None:
     """What is not installed, with the cure; None when nothing is missing."""
-    try:
-        opencv(_FEATURE)
-    except MissingExtraError as error:
-        return str(error)
-    return None
+    return missing_message(lambda: opencv(_FEATURE))
 
 
 def find_cameras_here(*, devices: Path = _LINUX_DEVICES, platform: str = sys.platform) -> tuple[CameraInfo, ...]:
@@ -135,11 +131,11 @@ class OpenCVDevice(OpenCVCapture):
         Raises `UnknownNameError` when the camera has no such setting; `CameraError` when the camera does not take the
         value.
         """
-        requested = checked_setting(self.settings(), name, value, camera=self.name)
+        checked = checked_setting(self.settings(), name, value, camera=self.name)
         with self._lock:
-            taken = self._opened().set(_PROPERTIES[name], requested)
+            taken = self._opened().set(_PROPERTIES[name], checked)
         if not taken:
-            raise CameraError(f"{self.name} does not take {name} = {requested:g}")
+            raise CameraError(f"{self.name} does not take {name} = {checked:g}")
 
     def start(self, mode: Mode | None = None) -> None:
         """Begin to deliver frames; a ``mode`` other than the present one is requested and checked."""

@@ -9,8 +9,7 @@ import contextlib
 import time
 from typing import TYPE_CHECKING, Any
 
-from tsis.errors import MissingExtraError
-from tsis.instrument.discovery import CameraInfo
+from tsis.instrument.discovery import CameraInfo, missing_message
 from tsis.instrument.drivers.genicam import (
     ChoiceNode,
     GenICamCamera,
@@ -39,11 +38,7 @@ class PylonCamera(GenICamCamera):
 
 def missing_requirement() -> str | None:
     """What is not installed, with the cure; None when nothing is missing."""
-    try:
-        _pylon()
-    except MissingExtraError as error:
-        return str(error)
-    return None
+    return missing_message(_pylon)
 
 
 def find_cameras_here() -> tuple[CameraInfo, ...]:
@@ -108,18 +103,18 @@ class _PylonLink:
         self._camera.StartGrabbing(_pylon().GrabStrategy_OneByOne)
 
     def grab(self, timeout_s: float) -> Grab | None:
-        result = self._camera.RetrieveResult(round(1000 * timeout_s), _pylon().TimeoutHandling_Return)
+        buffer = self._camera.RetrieveResult(round(1000 * timeout_s), _pylon().TimeoutHandling_Return)
         try:
-            if not result.IsValid():
+            if not buffer.IsValid():
                 return None
-            whole = result.GrabSucceeded()
+            whole = buffer.GrabSucceeded()
             return Grab(
-                pixels=result.GetArray() if whole else None,
-                number=None if result.BlockID == _NO_NUMBER else result.BlockID,
-                time_s=result.TimeStamp / self._ticks_hz if whole and result.TimeStamp else None,
+                pixels=buffer.GetArray() if whole else None,
+                number=None if buffer.BlockID == _NO_NUMBER else buffer.BlockID,
+                time_s=buffer.TimeStamp / self._ticks_hz if whole and buffer.TimeStamp else None,
             )
         finally:
-            result.Release()
+            buffer.Release()
 
     def end(self) -> None:
         self._camera.StopGrabbing()
