@@ -108,13 +108,13 @@ def test_help_ends_with_an_example(run_tsis: RunTsis, command: str) -> None:
 SWEEP_THAT_PRINTS = """
 import sys
 from contextlib import contextmanager
-from tsis.cli import _progress, main
+from tsis.cli import main, progress
 
 @contextmanager
 def printed(_description):
     yield lambda done, total: print(done, "files are there", flush=True)
 
-_progress.progress_bar = printed
+progress.progress_bar = printed
 sys.argv[0] = "tsis"
 main()
 """

@@ -22,133 +22,77 @@ from tsis.errors import TsisError, TsisWarning
 _show_python_warning = warnings.showwarning
 
 COMMANDS = {
-    "demo": CommandEntry(
-        "tsis.cli.demo",
-        "demo",
-        "Press a phantom with the virtual probe, estimate the inclusion, and write a page that shows it.",
-        "tsis demo --phantom size-8 --seed 3 --out first-press",
-    ),
-    "console": CommandEntry(
-        "tsis.cli.console",
-        "console",
-        "Open the console: show a camera or the virtual probe, save presses, estimate, calibrate, report.",
-        "tsis console --phantom size-8",
-    ),
+    "demo": CommandEntry("tsis.cli.demo", "demo", example="tsis demo --phantom size-8 --seed 3 --out first-press"),
+    "console": CommandEntry("tsis.cli.console", "console", example="tsis console --phantom size-8"),
     "acquire": CommandEntry(
         "tsis.cli.acquire",
         "acquire",
-        "Save a snapshot of a target, or record a sequence, from a camera or the virtual probe.",
-        "tsis acquire --camera virtual --probe tsis-domed --phantom size-8 --frames 12 --out press-1",
+        example="tsis acquire --camera virtual --probe tsis-domed --phantom size-8 --frames 12 --out press-1",
     ),
-    "examine": CommandEntry(
-        "tsis.cli.examine",
-        "examine",
-        "Estimate the inclusion under the pressed probe, from a folder of frames or from single frames.",
-        "tsis examine first-press",
-    ),
+    "examine": CommandEntry("tsis.cli.examine", "examine", example="tsis examine first-press"),
     "contacts": CommandEntry(
         "tsis.cli.contacts",
         "contacts",
-        "Find and measure the contact in frames: of a probe, or with --sensor of a gel sensor.",
-        "tsis contacts gel-frames/press-1.png --sensor gelsight-mini --reference gel-frames/untouched.png",
+        example="tsis contacts gel-frames/press-1.png --sensor gelsight-mini --reference gel-frames/untouched.png",
     ),
-    "compare": CommandEntry(
-        "tsis.cli.compare",
-        "compare",
-        "Read relative size, depth and hardness of presses, and ellipse, roundness and outline of the lit area.",
-        "tsis compare first-press/target-1N.png --reference-press first-press/reference-1N.png "
-        "--scale-mm 0.0336,0.0392",
-    ),
-    "depth": CommandEntry(
-        "tsis.cli.depth", "app", f"Depth maps of a gel sensor: tsis depth FRAME... {RESEARCH_USE_ONLY}"
-    ),
+    "compare": CommandEntry("tsis.cli.compare", "compare", example="tsis compare first-press"),
+    "depth": CommandEntry("tsis.cli.depth", "app", summary="Depth maps of a gel sensor: tsis depth FRAME..."),
     "track": CommandEntry(
         "tsis.cli.track",
         "track",
-        "Follow the light of a press through a sequence of frames, and report whether the press has settled.",
-        "tsis track press-1 --reference first-press/untouched.png --scale-mm 0.0336,0.0392",
+        example="tsis track press-1 --reference first-press/untouched.png --scale-mm 0.0336,0.0392",
     ),
     "simulate": CommandEntry(
-        "tsis.cli.simulate",
-        "simulate",
-        "Press a probe on a phantom, or with --sensor balls on a gel sensor, by finite elements.",
-        "tsis simulate --phantom depth-8 --force-n 0.7 --json",
+        "tsis.cli.simulate", "simulate", example="tsis simulate --phantom depth-8 --force-n 0.7 --json"
     ),
     "design": CommandEntry(
         "tsis.cli.design",
         "design",
-        "Predict how well a probe and its presses estimate inclusions, and compare other designs.",
-        "tsis design --probe tsis-domed --compare forces --compare frames --out design",
+        example="tsis design --probe tsis-domed --compare forces --compare frames --out design",
     ),
-    "protocol": CommandEntry(
-        "tsis.cli.protocol",
-        "protocol",
-        "Choose the forces of an examination by the tissue: from one light press, or from a known modulus.",
-        "tsis protocol --tissue-kpa 10",
-    ),
-    "hardness": CommandEntry(
-        "tsis.cli.hardness",
-        "hardness",
-        "Estimate Young's modulus of a touched object from two presses, with its interval and as Shore hardness.",
-        "tsis hardness --demo --out first-touch",
-    ),
+    "protocol": CommandEntry("tsis.cli.protocol", "protocol", example="tsis protocol --tissue-kpa 10"),
+    "hardness": CommandEntry("tsis.cli.hardness", "hardness", example="tsis hardness --demo --out first-touch"),
     "sensor": CommandEntry(
-        "tsis.cli.sensor", "app", f"Files of gel sensors: GelSight, DIGIT, 9DTact, your own. {RESEARCH_USE_ONLY}"
+        "tsis.cli.sensor", "app", summary="Files of gel sensors: GelSight, DIGIT, 9DTact, your own."
     ),
     "force": CommandEntry(
-        "tsis.cli.force",
-        "force",
-        "Compute the pressure and the normal force from a depth map of a gel sensor, with the force's interval.",
-        "tsis force --demo --sensor gelsight-mini --out first-force",
+        "tsis.cli.force", "force", example="tsis force --demo --sensor gelsight-mini --out first-force"
     ),
-    "serve": CommandEntry(
-        "tsis.cli.console",
-        "serve",
-        "Serve the virtual probe's frames as a GigE Vision camera, until Ctrl-C.",
-        "tsis serve --phantom size-8 --force-n 0.7",
-    ),
+    "serve": CommandEntry("tsis.cli.console", "serve", example="tsis serve --phantom size-8 --force-n 0.7"),
     "calibrate": CommandEntry(
         "tsis.cli.calibrate",
         "app",
-        "Calibrate a probe, step by step; without --camera the virtual rig demonstrates it. Its options: "
-        f"tsis calibrate guide --help. {RESEARCH_USE_ONLY}",
+        summary="Calibrate a probe, step by step; without --camera the virtual rig demonstrates it. "
+        "Its options: tsis calibrate guide --help.",
     ),
-    "login": CommandEntry("tsis.cli.console", "login", "Names and passwords for a console that listens on a network."),
+    "login": CommandEntry(
+        "tsis.cli.console", "login", summary="Names and passwords for a console that listens on a network."
+    ),
     "match": CommandEntry(
-        "tsis.cli.match",
-        "match",
-        "Match the points of two files and transform the first onto the second.",
-        "tsis match before.csv after.ply --out moved.csv --figure moved.png",
+        "tsis.cli.match", "match", example="tsis match before.csv after.ply --out moved.csv --figure moved.png"
     ),
     "detect": CommandEntry(
         "tsis.cli.detect",
         "app",
-        f"Classify targets of a store by measured properties: none, and two kinds of inclusions. {RESEARCH_USE_ONLY}",
+        summary="Classify targets of a store by measured properties: none, and two kinds of inclusions.",
     ),
     "network": CommandEntry(
         "tsis.cli.network",
         "app",
-        f"Estimate inclusions by networks trained on simulated presses, as the dissertation does. {RESEARCH_USE_ONLY}",
+        summary="Estimate inclusions by networks trained on simulated presses, as the dissertation does.",
     ),
-    "optics": CommandEntry("tsis.cli.optics", "app", f"Light in the probe. {RESEARCH_USE_ONLY}"),
+    "optics": CommandEntry("tsis.cli.optics", "app", summary="Light in the probe."),
     "records": CommandEntry(
         "tsis.cli.records",
         "app",
-        f"Targets with their presses and estimates: list, verify, back up, recompute, export. {RESEARCH_USE_ONLY}",
+        summary="Targets with their presses and estimates: list, verify, back up, recompute, export.",
     ),
     "study": CommandEntry(
-        "tsis.cli.study",
-        "app",
-        f"Blinded studies, performance cards, daily checks, validation; scan plans. {RESEARCH_USE_ONLY}",
+        "tsis.cli.study", "app", summary="Blinded studies, performance cards, daily checks, validation; scan plans."
     ),
-    "doctor": CommandEntry(
-        "tsis.cli.doctor",
-        "doctor",
-        "Say what is installed, where data lie, which cameras answer, and what is missing with its cure.",
-        "tsis doctor",
-    ),
+    "doctor": CommandEntry("tsis.cli.doctor", "doctor", example="tsis doctor"),
     "sweep": CommandEntry(
-        "tsis.cli.sweep", "app", "Press many phantoms and write the results as one data set of Parquet files."
+        "tsis.cli.sweep", "app", summary="Press many phantoms and write the results as one data set of Parquet files."
     ),
 }
 

@@ -15,7 +15,7 @@ import typer
 from rich.console import Console
 
 import tsis
-from tsis.__about__ import CALIBRATION_FILE, LARGEST_SEED, RESEARCH_USE_ONLY, VALID_DAYS
+from tsis.__about__ import CALIBRATION_FILE, LARGEST_SEED, VALID_DAYS
 from tsis.cli.acquire import (
     VIRTUAL,
     GaugeBaud,
@@ -450,10 +450,6 @@ def light(
 app = typer.Typer(
     name="calibrate",
     cls=DefaultCommand.named("guide"),
-    help=(
-        "Calibrate a probe, step by step; without --camera the virtual rig demonstrates it. "
-        f"Its options: tsis calibrate guide --help. {RESEARCH_USE_ONLY}"
-    ),
     epilog="Example: tsis calibrate --camera aravis: --gauge /dev/ttyUSB0 --probe tsis-2011 --name bench-2",
 )
 app.command("guide", epilog="Example: tsis calibrate guide --seed 3 --tip-mm 2 --tip-mm 10 --pad-kpa 5 --out first")(

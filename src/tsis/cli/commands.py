@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command, get_group
 
+from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.cli.progress import verbosity
 
 if TYPE_CHECKING:
@@ -26,15 +30,25 @@ class CommandEntry:
     module, attribute
         Location of the command's function, or of the group's `typer.Typer`.
     summary
-        The first paragraph of its own help.
+        Help of a group; that of a command is the docstring of its function.
     example
-        Command line at the start of a command's help; a group has its own.
+        Command line at the start of a command's help; the commands of a group have theirs.
     """
 
     module: str
     attribute: str
-    summary: str
+    _: KW_ONLY
+    summary: str = ""
     example: str = ""
+
+    def short_help(self) -> str:
+        """The summary, or the first paragraph of the docstring, read without importing the module."""
+        if self.summary:
+            return self.summary
+        spec = find_spec(self.module)
+        source = "" if spec is None or spec.origin is None else Path(spec.origin).read_text(encoding="utf-8")
+        found = re.search(rf'^def {self.attribute}\(.*?^    """(.+?)(?:\n\n|""")', source, re.DOTALL | re.MULTILINE)
+        return "" if found is None else " ".join(found[1].split())
 
 
 class LoadedCommands(Mapping[str, Any]):
@@ -59,7 +73,9 @@ class LoadedCommands(Mapping[str, Any]):
 def _parser(name: str, entry: CommandEntry) -> Any:
     result = getattr(import_module(entry.module), entry.attribute)
     if isinstance(result, typer.Typer):
-        return _finished(get_group(result))
+        group = get_group(result)
+        group.help = f"{entry.summary} {RESEARCH_USE_ONLY}"
+        return _finished(group)
     single = typer.Typer(add_completion=False)
     single.command(name, epilog=f"Example: {entry.example}")(result)
     return _finished(get_command(single))
@@ -103,7 +119,7 @@ class LazyCommands(TyperGroup):
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """A command for help and completion: its name and summary."""
         entry = self.entries.get(cmd_name)
-        return None if entry is None else TyperCommand(name=cmd_name, help=entry.summary)
+        return None if entry is None else TyperCommand(name=cmd_name, help=entry.short_help())
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """The command that the first argument names, imported now."""

@@ -16,7 +16,7 @@ from tsis.cli.presses import Frames, read_calibration_of, read_presses
 from tsis.errors import InputError
 
 if TYPE_CHECKING:
-    from tsis.cli.presses import Presses
+    from tsis.cli.presses import RawPresses
 
 
 def compare(
@@ -89,7 +89,7 @@ def compare(
     publish(outcome, out, as_json=as_json)
 
 
-def _compared(presses: Presses, *, on_tissue: bool) -> tsis.inclusion.comparison.PressComparison:
+def _compared(presses: RawPresses, *, on_tissue: bool) -> tsis.inclusion.comparison.PressComparison:
     """The comparison, of frames that the calibration corrects where there is one."""
     references = presses.reference if on_tissue else [replace(frame, force_n=0.0) for frame in presses.untouched[:1]]
     images, usable, response = presses.images, presses.calibration, None

@@ -31,9 +31,7 @@ if TYPE_CHECKING:
 
 LONGEST_LINE = 4096
 
-login = typer.Typer(
-    name="login", help="Names and passwords for a console that listens on a network.", no_args_is_help=True
-)
+login = typer.Typer(name="login", no_args_is_help=True)
 Name = Annotated[str, typer.Argument(metavar="NAME", help="Login name; others see who controls the camera.")]
 
 

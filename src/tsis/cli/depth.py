@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import tsis
-from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.cli.commands import DefaultCommand
 from tsis.cli.options import AsJson
 from tsis.cli.output import print_json
@@ -39,7 +38,6 @@ MOST_WEIGHTS = 10**6
 app = typer.Typer(
     name="depth",
     cls=DefaultCommand.named("map", is_default=False),
-    help=f"Depth maps of a gel sensor: tsis depth FRAME... {RESEARCH_USE_ONLY}",
 )
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import tsis
-from tsis.__about__ import LARGEST_SEED, LARGEST_TARGET, RESEARCH_USE_ONLY
+from tsis.__about__ import LARGEST_SEED, LARGEST_TARGET
 from tsis.cli.options import AsJson
 from tsis.cli.output import CommandResult, Out, show_result
 from tsis.cli.progress import progress_bar
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 app = typer.Typer(
     name="detect",
     no_args_is_help=True,
-    help=f"Classify targets of a store by measured properties: none, and two kinds of inclusions. {RESEARCH_USE_ONLY}",
 )
 MOST_LISTED = 5000  # targets per call
 

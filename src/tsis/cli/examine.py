@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tsis.calibration.frames import UsableCalibration
-    from tsis.cli.presses import Presses
+    from tsis.cli.presses import RawPresses
     from tsis.inclusion import InclusionPrior
     from tsis.model.image import TactileImage
 
@@ -204,7 +204,7 @@ def _require_force_and_scale(images: Sequence[TactileImage], usable: UsableCalib
         )
 
 
-def _provenance(presses: Presses, usable: UsableCalibration, pressed: Sequence[TactileImage]) -> dict[str, Any]:
+def _provenance(presses: RawPresses, usable: UsableCalibration, pressed: Sequence[TactileImage]) -> dict[str, Any]:
     scale = pressed[0].mm_per_pixel
     provenance: dict[str, Any] = {
         "notice": RESEARCH_USE_ONLY,

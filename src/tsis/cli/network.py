@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import tsis
-from tsis.__about__ import LARGEST_SEED, RESEARCH_USE_ONLY
+from tsis.__about__ import LARGEST_SEED
 from tsis.cli.options import (
     AsJson,
     InclusionPriorChoice,
@@ -34,9 +34,6 @@ if TYPE_CHECKING:
 app = typer.Typer(
     name="network",
     no_args_is_help=True,
-    help=(
-        f"Estimate inclusions by networks trained on simulated presses, as the dissertation does. {RESEARCH_USE_ONLY}"
-    ),
 )
 UNNAMED = "tsis-2011"  # for calibrations that name no probe
 SPREAD = (

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import tsis
-from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.cli.options import AimDeg, AsJson, HalfAngleDeg, LampHeightMm, ProbeOption, chosen_lit_probe, numbers
 from tsis.cli.output import CommandResult, Out, show_result
 from tsis.cli.progress import progress_bar, waiting
@@ -626,7 +625,7 @@ def _map(traced: TracedLight, what: str) -> Figure:
     return figure
 
 
-app = typer.Typer(name="optics", help=f"Light in the probe. {RESEARCH_USE_ONLY}", no_args_is_help=True)
+app = typer.Typer(name="optics", no_args_is_help=True)
 app.command("propagate", epilog="Example: tsis optics propagate --dent-um 0,2,4,6 --out pressed-guide")(
     propagate_command
 )

@@ -33,7 +33,7 @@ Frames = Annotated[
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Presses:
+class RawPresses:
     """Raw frames: presses on the target and on tissue without inclusion, the untouched probe; a calibration, if any.
 
     A frame without force has that of the calibration's force line. ``probe`` is None where nothing names it.
@@ -69,7 +69,7 @@ def read_presses(
     reference: Path | None = None,
     reference_presses: Sequence[Path] | None = None,
     reference_force_n: Sequence[float] | None = None,
-) -> Presses:
+) -> RawPresses:
     """Read the frames; what options give replaces what a folder tells.
 
     Raises
@@ -109,4 +109,4 @@ def read_presses(
             reference_forces(reference_force_n or (), known, count) if told else [None] * count,
             scale,
         )
-    return Presses(images=images, reference=on_tissue, untouched=untouched, probe=probe, calibration=calibration)
+    return RawPresses(images=images, reference=on_tissue, untouched=untouched, probe=probe, calibration=calibration)

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Self
 import typer
 
 import tsis
-from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.cli.options import AsJson, scale_of
 from tsis.cli.output import print_json
 from tsis.cli.progress import FAILED, progress_bar, stop_interrupted, waiting
@@ -666,7 +665,6 @@ def export(
 
 app = typer.Typer(
     name="records",
-    help=f"Targets with their presses and estimates: list, verify, back up, recompute, export. {RESEARCH_USE_ONLY}",
     epilog="Start with: tsis demo --save, then tsis records list",
     no_args_is_help=True,
 )

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import tsis
-from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.cli.options import AsJson, ScaleMm, scale_of
 from tsis.cli.output import RESULT, print_json, result_bytes
 from tsis.errors import FileInputError, InputError
@@ -94,7 +93,6 @@ def required_reference(sensor: GelSensor, reference: Path | None) -> NDArray[Any
 
 app = typer.Typer(
     name="sensor",
-    help=f"Files of gel sensors: GelSight, DIGIT, 9DTact, your own. {RESEARCH_USE_ONLY}",
     no_args_is_help=True,
 )
 

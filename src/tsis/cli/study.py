@@ -39,7 +39,6 @@ if TYPE_CHECKING:
 
 app = typer.Typer(
     name="study",
-    help=f"Blinded studies, performance cards, daily checks, validation; scan plans. {RESEARCH_USE_ONLY}",
     epilog="Start with: tsis study new trial, tsis study run trial, tsis study analyse trial --by NAME",
     no_args_is_help=True,
 )

@@ -35,7 +35,7 @@ DataFolder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder that tsi
 
 @app.callback()
 def sweep(context: typer.Context) -> None:
-    """Press many phantoms and write the results as one data set of Parquet files."""
+    """Show the help where no command follows."""
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
 
