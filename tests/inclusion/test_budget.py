@@ -22,7 +22,7 @@ from tsis.inclusion.budget import (
     uncertainty_budget,
 )
 from tsis.inclusion.estimation import analyse
-from tsis.inclusion.posterior.forward import NUISANCES
+from tsis.inclusion.posterior.forward import SHARED_NUISANCES
 from tsis.inclusion.posterior.likelihood import ErrorSources
 from tsis.model.calibration import LightMap
 from tsis.virtual.probe import VirtualProbe, nominal_calibration
@@ -40,7 +40,7 @@ ANSWER = nominal_calibration(Sensor())
 
 
 def linear_sources(rng: np.random.Generator) -> ErrorSources:
-    nuisances, rings = len(NUISANCES) + 2 * FRAMES + LIGHT, FRAMES * RINGS
+    nuisances, rings = len(SHARED_NUISANCES) + 2 * FRAMES + LIGHT, FRAMES * RINGS
     roots = {name: rng.normal(size=(rings, 4)) for name in ("pattern", "repeatability", "model", "heterogeneity")}
     return ErrorSources(
         by_inclusion=rng.normal(size=(rings, PARAMETERS)) * [3.0, 1.0, 0.02],

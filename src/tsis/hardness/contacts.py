@@ -1,8 +1,6 @@
-"""Contacts read by any program: force, radius or area, depth of the dent, each with its standard deviation.
+"""Contacts of a gel sensor read by any program, from a CSV file, a table of pandas or objects; shape of the object.
 
-Rows of contacts from a CSV file, a table of pandas, or objects with such attributes.
-
-Shape of an object that touches a gel sensor.
+A contact has a force, a radius or area, and the depth of the dent, each with its standard deviation.
 """
 
 from __future__ import annotations
@@ -78,7 +76,7 @@ def forces_of_contacts(force: float | Sequence[float] | None, count: int) -> Seq
     """The force of each contact; None where it is not given."""
     if force is None:
         return [None] * count
-    forces = [float(force)] * count if isinstance(force, (int, float)) else [float(item) for item in force]
+    forces = [float(force)] * count if isinstance(force, (int, float)) else [float(value) for value in force]
     if len(forces) != count:
         raise InputError(f"force must be one number, or one for each of the {count} contacts; got {len(forces)}")
     return forces
@@ -177,11 +175,11 @@ def as_touch_readings(
     if not rows:
         raise InputError("contacts must hold at least one contact; got none")
     forces = forces_of_contacts(force, len(rows))
-    good = [(row, item) for row, item in zip(rows, forces, strict=True) if is_good(row)]
+    good = [(row, own_force) for row, own_force in zip(rows, forces, strict=True) if is_good(row)]
     refused = tuple(_name(row, index) for index, row in enumerate(rows) if not is_good(row))
     if not good:
         raise InputError(f"contacts must hold a good contact; all {len(rows)} are marked as not good: press again")
-    readings = tuple(_reading(row, _name(row, index), item) for index, (row, item) in enumerate(good))
+    readings = tuple(_reading(row, _name(row, index), own_force) for index, (row, own_force) in enumerate(good))
     radii = {float(radius) for row, _ in good if (radius := contact_value(row, "object_radius_mm")) is not None}
     if len(radii) > 1:
         raise InputError(f"object_radius_mm must be one number for all contacts; got {sorted(radii)}")

@@ -37,57 +37,6 @@ RADIUS_SD_MM = 0.03  # of a radius given without uncertainty: that of a calliper
 BALL_SD_MM = 0.003  # of a rigid ball given without uncertainty: bearing balls are rounder
 
 
-def radius_prior(
-    probe: Probe, frames: list[TactileImage], radius_mm: float | None, radius_sd_mm: float | None
-) -> RadiusPrior:
-    """Prior of the object's radius, from the caller or else from the frames' settings."""
-    largest = WIDEST_FRACTION * probe.radius_mm
-    if radius_mm is None:
-        radius_mm, frames_sd_mm = _radius_of_settings(frames)
-        radius_sd_mm = frames_sd_mm if radius_sd_mm is None else radius_sd_mm
-    if radius_mm is None:
-        return RadiusPrior(radius_mm=None, sd_mm=0.0, largest_mm=largest)
-    sd = RADIUS_SD_MM if radius_sd_mm is None else radius_sd_mm
-    require_radius("radius_mm", probe, radius_mm)
-    hint = "millimetres, up to a tenth of the radius; omit both if the radius is unknown"
-    require_number("radius_sd_mm", sd, 0.0, radius_mm / 10, hint=hint)
-    return RadiusPrior(radius_mm=radius_mm, sd_mm=sd, largest_mm=largest)
-
-
-def ball_radius(probe: Probe, balls: list[TactileImage], radius_mm: float | None) -> tuple[float, float]:
-    """Radius in mm of the rigid ball of the reference presses, and its relative standard deviation."""
-    sd_mm: float | None = None
-    if radius_mm is None:
-        radius_mm, sd_mm = _radius_of_settings(balls)
-    if radius_mm is None:
-        raise InputError(
-            "reference_radius_mm must be given, the radius of the rigid ball; no frame's settings contain it"
-        )
-    require_radius("reference_radius_mm", probe, radius_mm)
-    return radius_mm, (BALL_SD_MM if sd_mm is None else sd_mm) / radius_mm
-
-
-def require_radius(name: str, probe: Probe, radius_mm: float) -> None:
-    """Refuse a radius in mm of an object that this probe cannot measure; `InputError` names it."""
-    require_number(name, radius_mm, 1.0, 50.0, hint="millimetres")
-    require_small_sphere(probe, radius_mm)
-
-
-def _radius_of_settings(frames: list[TactileImage]) -> tuple[float | None, float | None]:
-    """Radius and standard deviation in the frames' settings, which must agree."""
-    radii = {(frame.settings.get("radius_mm"), frame.settings.get("radius_sd_mm")) for frame in frames}
-    if len(radii) > 1:
-        raise ImageMismatchError(
-            f"all images must be of one object; their settings give (radius_mm, radius_sd_mm) {sorted(radii, key=str)}"
-        )
-    radius, sd = radii.pop()
-    if radius is not None:
-        radius = require_number("radius_mm of the settings", radius, 1e-3, 1e3)
-    if sd is not None:
-        sd = require_number("radius_sd_mm of the settings", sd, 0.0, 1e3)
-    return radius, sd
-
-
 def estimate(
     images: TactileImage | Sequence[TactileImage],
     *,
@@ -203,6 +152,57 @@ def estimate(
             ],
         },
     )
+
+
+def radius_prior(
+    probe: Probe, frames: list[TactileImage], radius_mm: float | None, radius_sd_mm: float | None
+) -> RadiusPrior:
+    """Prior of the object's radius, from the caller or else from the frames' settings."""
+    largest = WIDEST_FRACTION * probe.radius_mm
+    if radius_mm is None:
+        radius_mm, frames_sd_mm = _radius_of_settings(frames)
+        radius_sd_mm = frames_sd_mm if radius_sd_mm is None else radius_sd_mm
+    if radius_mm is None:
+        return RadiusPrior(radius_mm=None, sd_mm=0.0, largest_mm=largest)
+    sd = RADIUS_SD_MM if radius_sd_mm is None else radius_sd_mm
+    require_radius("radius_mm", probe, radius_mm)
+    hint = "millimetres, up to a tenth of the radius; omit both if the radius is unknown"
+    require_number("radius_sd_mm", sd, 0.0, radius_mm / 10, hint=hint)
+    return RadiusPrior(radius_mm=radius_mm, sd_mm=sd, largest_mm=largest)
+
+
+def ball_radius(probe: Probe, balls: list[TactileImage], radius_mm: float | None) -> tuple[float, float]:
+    """Radius in mm of the rigid ball of the reference presses, and its relative standard deviation."""
+    sd_mm: float | None = None
+    if radius_mm is None:
+        radius_mm, sd_mm = _radius_of_settings(balls)
+    if radius_mm is None:
+        raise InputError(
+            "reference_radius_mm must be given, the radius of the rigid ball; no frame's settings contain it"
+        )
+    require_radius("reference_radius_mm", probe, radius_mm)
+    return radius_mm, (BALL_SD_MM if sd_mm is None else sd_mm) / radius_mm
+
+
+def require_radius(name: str, probe: Probe, radius_mm: float) -> None:
+    """Refuse a radius in mm of an object that this probe cannot measure; `InputError` names it."""
+    require_number(name, radius_mm, 1.0, 50.0, hint="millimetres")
+    require_small_sphere(probe, radius_mm)
+
+
+def _radius_of_settings(frames: list[TactileImage]) -> tuple[float | None, float | None]:
+    """Radius and standard deviation in the frames' settings, which must agree."""
+    radii = {(frame.settings.get("radius_mm"), frame.settings.get("radius_sd_mm")) for frame in frames}
+    if len(radii) > 1:
+        raise ImageMismatchError(
+            f"all images must be of one object; their settings give (radius_mm, radius_sd_mm) {sorted(radii, key=str)}"
+        )
+    radius, sd = radii.pop()
+    if radius is not None:
+        radius = require_number("radius_mm of the settings", radius, 1e-3, 1e3)
+    if sd is not None:
+        sd = require_number("radius_sd_mm of the settings", sd, 0.0, 1e3)
+    return radius, sd
 
 
 @lru_cache(maxsize=8)  # reading it from disk takes as long as an estimate

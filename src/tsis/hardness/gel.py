@@ -1,10 +1,7 @@
 """Young's modulus of an object from contacts of a gel sensor, read by this or any other program.
 
-Force and dent by contact radius for a body on a gel, tabulated over the body's fraction of the compliance.
-
-What was measured in contacts with one body, as logarithms of forces and dents with their models.
-
-Likelihood of contacts on a gel sensor for an object's modulus, with gel, radius and reading errors as nuisances.
+The logarithms of force and dent at a measured contact radius are tabulated over the body's fraction of the compliance,
+and compared with those measured. Gel, radius and errors of the readings are nuisances.
 """
 
 from __future__ import annotations

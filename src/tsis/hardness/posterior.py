@@ -1,7 +1,4 @@
-"""Priors of a pressed sphere, and the posterior of its modulus on a grid.
-
-Likelihood of contact radii and light for a sphere of given modulus, Poisson's ratio and radius.
-"""
+"""Prior, likelihood and posterior of a pressed sphere: contact radii and light tell its modulus on a grid."""
 
 from __future__ import annotations
 
@@ -117,15 +114,15 @@ def explore_modulus(likelihood: HardnessLikelihood, prior: HardnessPrior, radius
     log_weight = log_ratio[:, None] + log_radius
 
     def at(log_young: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        result, misfit = likelihood(np.exp(log_young)[:, None, None], *nodes)
-        return result + log_weight, misfit
+        log_density, misfit = likelihood(np.exp(log_young)[:, None, None], *nodes)
+        return log_density + log_weight, misfit
 
     coarse = np.linspace(np.log(prior.young_kpa[0]), np.log(prior.young_kpa[1]), COARSE)
     log_young = _where_it_matters(coarse, scipy.special.logsumexp(at(coarse)[0], axis=(1, 2)))
-    result, misfit = at(log_young)
+    log_density, misfit = at(log_young)
     best = np.unravel_index(int(np.argmin(misfit)), misfit.shape)
     return HardnessPosterior(
-        young_kpa=np.exp(_quantiles(log_young, scipy.special.logsumexp(result, axis=(1, 2)))),
+        young_kpa=np.exp(_quantiles(log_young, scipy.special.logsumexp(log_density, axis=(1, 2)))),
         misfit=float(misfit.min()),
         best=(float(np.exp(log_young[best[0]])), float(ratios[best[1]]), float(radii[best[2]])),
     )
@@ -184,13 +181,10 @@ class HardnessLikelihood:
     ) -> None:
         self.presses, self.table = tuple(presses), table
         self._calibration, self._drift_sd = calibration, drift_sd
-        observed = [press.seen for press in presses]
-        self.log_radius = np.log([item.radius_mm for item in observed])
-        self.log_light = np.log(
-            [item.light_force_n / press.force_n for item, press in zip(observed, presses, strict=True)]
-        )
+        self.log_radius = np.log([press.seen.radius_mm for press in presses])
+        self.log_light = np.log([press.seen.light_force_n / press.force_n for press in presses])
         light = calibration.gain_sd**2 + np.zeros((len(presses), len(presses)))
-        own = np.array([item.light_force_sd**2 for item in observed]) + drift_sd**2 + calibration.force_sd**2
+        own = np.array([press.seen.light_force_sd**2 for press in presses]) + drift_sd**2 + calibration.force_sd**2
         self._light = light + np.diag(own)
 
     def __call__(self, young_kpa: Any, poisson: Any, radius_mm: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

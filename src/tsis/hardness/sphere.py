@@ -100,7 +100,7 @@ class SphereOnDeformedFace(SphereOnProbe):
 
     def fields(self, forces_n: Sequence[float], *, stop_at_limit: bool) -> tuple[PressField, ...]:
         """Fields at ascending forces in newtons, as far as they converge."""
-        forces, result = [force * MN_PER_N for force in forces_n], list[PressField]()
+        forces, fields_found = [force * MN_PER_N for force in forces_n], list[PressField]()
         with suppress(MechanicsError) if stop_at_limit else nullcontext():
             first = find_first_contact(
                 self.potential, self.deformed, TOUCH * self._radius, PULL, below_mn=forces[0] / 2
@@ -110,10 +110,10 @@ class SphereOnDeformedFace(SphereOnProbe):
                 field = self.read(state, force).field
                 weights = self.face.face.weights(self.shape.arc_at(field.radius_mm))[:, 0]
                 outward = weights @ self.potential.displacements(state.unknowns)[self.face.nodes, 0]
-                result.append(to_deformed_radius(field, np.asarray(outward)))
-        if not result:
+                fields_found.append(to_deformed_radius(field, np.asarray(outward)))
+        if not fields_found:
             raise MechanicsError(f"the press does not converge at {forces_n[0]:.3g} N; ask for another resolution")
-        return tuple(result)
+        return tuple(fields_found)
 
 
 def to_deformed_radius(field: PressField, outward_mm: NDArray[np.float64]) -> PressField:

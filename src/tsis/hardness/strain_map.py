@@ -213,9 +213,9 @@ def printed_estimate(
     before, area_before = _lit_surface(first, depth, count)
     after, area_after = _lit_surface(second, depth, count)
     # Two smooth round caps match under any rotation, so no match is reliable; the source requires none.
-    result = match_points(before, after, method=method, rng=rng)
-    pairs = ~result.outliers if spline == "matches" else np.ones(len(before), dtype=bool)
-    targets = after[result.matches[pairs]] if spline == "matches" else result.moved
+    registration = match_points(before, after, method=method, rng=rng)
+    pairs = ~registration.outliers if spline == "matches" else np.ones(len(before), dtype=bool)
+    targets = after[registration.matches[pairs]] if spline == "matches" else registration.moved
     strain = strain_of(fit_spline(before[pairs], targets).gradient(before))
     forces = (first.force_n or 0.0, second.force_n or 0.0)
     light, heavy = MN_PER_N * forces[0] / area_before, MN_PER_N * forces[1] / area_after  # force over area (5.5)
@@ -232,7 +232,7 @@ def printed_estimate(
         area_mm2=(area_before, area_after),
         before=before,
         after=after,
-        registration=result,
+        registration=registration,
     )
 
 

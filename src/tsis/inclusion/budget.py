@@ -18,7 +18,7 @@ from tsis.compiled import one_blas_thread
 from tsis.errors import InputError, NotIdentifiedError, UntrustedError
 from tsis.inclusion.estimation import analyse, estimate
 from tsis.inclusion.flags import NAMES
-from tsis.inclusion.posterior.forward import NUISANCES, SHARED
+from tsis.inclusion.posterior.forward import SHARED, SHARED_NUISANCES
 from tsis.inclusion.prior import PARAMETERS
 from tsis.model.budget import QuantityBudget, UncertaintyComponent
 from tsis.model.content import ContentValue
@@ -236,7 +236,7 @@ def nuisance_columns(name: str, sources: ErrorSources) -> list[int]:
         "offset": range(first + frames, first + 2 * frames),
         "light": range(first + 2 * frames, len(sources.nuisance_sd)),
     }
-    return list(columns.get(name, [place for place, shared in enumerate(NUISANCES) if shared == name]))
+    return list(columns.get(name, [place for place, shared in enumerate(SHARED_NUISANCES) if shared == name]))
 
 
 def propagate(sources: ErrorSources, prior_sd: Floats) -> dict[str, Floats]:
@@ -322,10 +322,10 @@ def with_prior_sensitivity(own: Estimate, shifts: Sequence[PriorShift]) -> Estim
     The notes of an untrusted estimate belong to its flags one by one, and are withheld with them; so the sentence,
     which holds no number then, ends the last note that is printed.
     """
-    message = f"Under other priors: {'; '.join(map(str, shifts))}."
+    sentence = f"Under other priors: {'; '.join(map(str, shifts))}."
     if own.trusted:
-        return replace(own, notes=(*own.notes, message))
+        return replace(own, notes=(*own.notes, sentence))
     if not own.printed_notes:
         return own
     place = len(own.notes) - 1 - own.notes[::-1].index(own.printed_notes[-1])
-    return replace(own, notes=(*own.notes[:place], f"{own.notes[place]} {message}", *own.notes[place + 1 :]))
+    return replace(own, notes=(*own.notes[:place], f"{own.notes[place]} {sentence}", *own.notes[place + 1 :]))

@@ -69,20 +69,20 @@ def compare_presses(
         As `tsis.inclusion.relative.relative_size`; when an image has no reference of the same force.
     """
     fitting = [matching_references(image, references, against=against) for image in images]
-    given: dict[str, Any] = {"against": against, "calibration": calibration}
+    common: dict[str, Any] = {"against": against, "calibration": calibration}
     readings, shapes, changes = [], [], []
     for image, own in zip(images, fitting, strict=True):
         if relative:
-            readings += [(image.name, read(image, own, **given)) for read in (relative_size, relative_depth)]
+            readings += [(image.name, read(image, own, **common)) for read in (relative_size, relative_depth)]
         if shape:
-            shapes.append((image.name, object_shape(image, own, **given)))
-        changes.append((image.name, change_of_light(image, own, **given).image))
+            shapes.append((image.name, object_shape(image, own, **common)))
+        changes.append((image.name, change_of_light(image, own, **common).image))
     rising = sorted(zip(images, fitting, strict=True), key=lambda pair: pair[0].force_n or 0.0)
-    pairs = [(item, other) for item, other in pairwise(rising) if (item[0].force_n or 0.0) < (other[0].force_n or 0.0)]
+    pairs = [(one, other) for one, other in pairwise(rising) if (one[0].force_n or 0.0) < (other[0].force_n or 0.0)]
     missing = _missing(pairs, calibration) if relative else ()
     if relative and not missing and calibration is not None:
-        for (first, item), (second, other) in pairs:
-            reading = relative_hardness(first, second, reference=item, second_reference=other, **given)
+        for (first, plain), (second, second_plain) in pairs:
+            reading = relative_hardness(first, second, reference=plain, second_reference=second_plain, **common)
             readings.append((f"{first.name}, {second.name}", reading))
     return PressComparison(
         against=against, relative=tuple(readings), shapes=tuple(shapes), changes=tuple(changes), missing=missing

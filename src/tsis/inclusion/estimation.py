@@ -182,14 +182,14 @@ def analyse(
     else:
         tables = press_tables(probe, prior, strain, surrogate=surrogate, progress=progress)
     correction = tables.correction
-    response = with_gain_of_presses(references or targets, calibration, surrogate, probe=probe, prior=prior)
+    with_gain = with_gain_of_presses(references or targets, calibration, surrogate, probe=probe, prior=prior)
     with one_blas_thread():  # threads slow down matrices this small
 
         def read(frames: list[TactileImage]) -> FrameReading:
-            return read_frames(frames, references, tables, probe=probe, calibration=response, prior=prior)
+            return read_frames(frames, references, tables, probe=probe, calibration=with_gain, prior=prior)
 
         reading = read(targets)
-        image_flags = image_findings(targets, references, probe=probe, calibration=response, uneven=reading.uneven)
+        image_flags = image_findings(targets, references, probe=probe, calibration=with_gain, uneven=reading.uneven)
         posterior = explore_inclusion(reading.likelihood, prior)
         flagged = [
             *posterior_findings(posterior, prior, reading.data),

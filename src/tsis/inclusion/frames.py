@@ -146,8 +146,8 @@ def _rings_of(
     outwards = relative * (flux_x * x + flux_y * y[:, None]) / np.maximum(np.hypot(x, y[:, None]), 1e-9)
 
     def mean(values: NDArray[np.floating[Any]], empty: float) -> Floats:
-        result = radial_profile(replace(frame, grey=np.asarray(values, dtype=float)), edges_mm=edges_mm).mean_grey
-        return np.asarray(np.nan_to_num(result, nan=empty))
+        means = radial_profile(replace(frame, grey=np.asarray(values, dtype=float)), edges_mm=edges_mm).mean_grey
+        return np.asarray(np.nan_to_num(means, nan=empty))
 
     level = mean(relative, 1.0)
     if level.min() <= DARKEST * level.max():

@@ -48,14 +48,14 @@ def centroid_noise_mm(part: LitPart, change: LightChange, frame: TactileImage) -
     grey, threshold = change.image.grey, part.threshold_grey
     step = max(change.noise_grey, LEAST_STEP * threshold)
     near = scipy.ndimage.binary_dilation(part.mask, iterations=EDGE_PX)
-    response = np.zeros(grey.shape)
+    derivative = np.zeros(grey.shape)
     for side in (step, -step):
         counted = np.where(near & (grey + side >= threshold), grey + side, 0.0)
-        response += counted / (2.0 * side)
+        derivative += counted / (2.0 * side)
     x = (np.arange(grey.shape[1])[None, :] - part.centroid_px[0]) * sx
     y = (np.arange(grey.shape[0])[:, None] - part.centroid_px[1]) * sy
     # The blur is its own transpose: it may act on the derivative instead of the noise.
-    pull = sum(float(np.square(change.raised * smoothed(response * along)).sum()) for along in (x, y))
+    pull = sum(float(np.square(change.raised * smoothed(derivative * along)).sum()) for along in (x, y))
     return float(pixel_noise(frame.grey) * np.sqrt(pull / 2.0) / part.total_grey)
 
 
@@ -168,12 +168,12 @@ def mobility(
     noise = float(np.mean(spread)) if spread else 0.0
     any_step = bool(np.isfinite(step).any())
     excursion = float(scipy.spatial.distance.pdist(position[observed]).max()) if any_step else None
-    wrong = {
+    sequence_flags = {
         "contact_lost": not observed.all() and bool(observed.any()),
-        "repeated_frames": any(np.array_equal(item.grey, other.grey) for item, other in pairwise(frames)),
+        "repeated_frames": any(np.array_equal(one.grey, other.grey) for one, other in pairwise(frames)),
         "no_movement": excursion is not None and excursion <= CLEAR_MOVEMENT * noise,
     }
-    of_parts = [flag for flags in flags_of for flag in flags if flag != "no_contact" or not observed.any()]
+    part_flags = [flag for flags in flags_of for flag in flags if flag != "no_contact" or not observed.any()]
     return Mobility(
         position_mm=position,
         step_mm=step,
@@ -189,7 +189,7 @@ def mobility(
             equal_light_assumption(calibration),
             "Probe and force are constant: a sliding probe shifts the light as an object does.",
         ),
-        flags=tuple(dict.fromkeys([*of_parts, *(flag for flag, is_so in wrong.items() if is_so)])),
+        flags=tuple(dict.fromkeys([*part_flags, *(flag for flag, is_so in sequence_flags.items() if is_so)])),
     )
 
 

@@ -347,7 +347,7 @@ def _ring_means(frame: TactileImage, edges_mm: Floats, calibration: Calibration)
         light = calibration.light.at(*pixels_mm(frame))
     clipped = frame.grey >= frame.full_scale
     lit = replace(frame, grey=np.where(clipped, frame.full_scale, light))  # excludes the same pixels
-    observed, light_there = (radial_profile(item, edges_mm=edges_mm).mean_grey for item in (frame, lit))
+    observed, light_there = (radial_profile(each, edges_mm=edges_mm).mean_grey for each in (frame, lit))
     return np.asarray((observed - calibration.background_grey) / np.where(light_there > 0, light_there, np.nan))
 
 
@@ -557,7 +557,7 @@ def train_networks(
         tissue_young_kpa=prior.tissue_young_kpa,
         thickness_mm=prior.thickness_mm,
     )
-    result = train_repeatedly(
+    found = train_repeatedly(
         outputs,
         inclusions,
         rng=rng,
@@ -568,7 +568,11 @@ def train_networks(
         progress=progress,
     )
     return TrainedNetworks(
-        probe=probe.name, force_n=float(force_n), reach_mm=float(extent_mm), prior=asdict(prior), networks=tuple(result)
+        probe=probe.name,
+        force_n=float(force_n),
+        reach_mm=float(extent_mm),
+        prior=asdict(prior),
+        networks=tuple(found),
     )
 
 
@@ -581,7 +585,7 @@ def write_networks(trained: TrainedNetworks, path: str | os.PathLike[str]) -> Pa
         When the file cannot be written.
     """
     require_type("trained", trained, TrainedNetworks)
-    position = as_path(path)
+    file = as_path(path)
     content: dict[str, Any] = {
         "format": FORMAT,
         "version": VERSION,
@@ -594,10 +598,10 @@ def write_networks(trained: TrainedNetworks, path: str | os.PathLike[str]) -> Pa
         "networks": [_plain(network) for network in trained.networks],
     }
     try:
-        write_durably(position, (canonical(content | {"sha256": digest_or_none(content)}) + "\n").encode())
+        write_durably(file, (canonical(content | {"sha256": digest_or_none(content)}) + "\n").encode())
     except OSError as error:
-        raise FileInputError(f"{printable_path(position)} must be writable; got: {error.strerror}") from error
-    return position
+        raise FileInputError(f"{printable_path(file)} must be writable; got: {error.strerror}") from error
+    return file
 
 
 def _plain(network: Network) -> dict[str, Any]:
@@ -617,19 +621,19 @@ def read_networks(path: str | os.PathLike[str]) -> TrainedNetworks:
     FileInputError
         When the file is of another kind, or was changed.
     """
-    position = as_path(path)
-    content = read_object(position, most=LARGEST_BYTES, values=MOST_VALUES)
+    file = as_path(path)
+    content = read_object(file, most=LARGEST_BYTES, values=MOST_VALUES)
     if content.get("format") != FORMAT or content.get("version") != VERSION:
         raise FileInputError(
-            f"{printable_path(position)} must be a {FORMAT!r} file of version {VERSION}; got "
+            f"{printable_path(file)} must be a {FORMAT!r} file of version {VERSION}; got "
             f"{content.get('format')!r:.40} of version {content.get('version')!r:.20}"
         )
     if set(content) != KEYS or digest_or_none({**content, "sha256": None}) != content["sha256"]:
-        raise FileInputError(f"{printable_path(position)} must be unchanged; its content does not match its hash")
+        raise FileInputError(f"{printable_path(file)} must be unchanged; its content does not match its hash")
     try:
         return _trained(content)
     except (InputError, TypeError, ValueError, KeyError, AttributeError) as error:
-        raise FileInputError(f"{printable_path(position)} must hold trained networks; it does not") from error
+        raise FileInputError(f"{printable_path(file)} must hold trained networks; it does not") from error
 
 
 def _trained(content: Mapping[str, Any]) -> TrainedNetworks:
@@ -641,20 +645,20 @@ def _trained(content: Mapping[str, Any]) -> TrainedNetworks:
         force_n=require_number("force_n", content["force_n"], 1e-3, 50.0),
         reach_mm=require_number("reach_mm", content["reach_mm"], 0.1, 200.0),
         prior=asdict(InclusionPrior(**prior)),
-        networks=tuple(_network(item) for item in content["networks"]),
+        networks=tuple(_network(network) for network in content["networks"]),
     )
     require_integer("networks", len(trained.networks), 1, MOST_NETWORKS)
     return trained
 
 
-def _network(reference: Mapping[str, Any]) -> Network:
-    layers = Layers(inputs=len(OUTPUTS), hidden=tuple(reference["hidden"]), outputs=len(PARAMETERS))
-    weights = require_array("weights", reference["weights"], ndim=1)
+def _network(content: Mapping[str, Any]) -> Network:
+    layers = Layers(inputs=len(OUTPUTS), hidden=tuple(content["hidden"]), outputs=len(PARAMETERS))
+    weights = require_array("weights", content["weights"], ndim=1)
     if weights.shape != (layers.weights,):
         raise InputError(f"weights must be {layers.weights}; got {weights.size}")
     spans = {}
     for name, size in (("input_span", layers.inputs), ("output_span", layers.outputs)):
-        ends = require_array(name, reference[name], ndim=2)
+        ends = require_array(name, content[name], ndim=2)
         if ends.shape != (2, size) or not (ends[0] < ends[1]).all():
             raise InputError(f"{name} must be {size} ascending ranges")
         spans[name] = Span(low=ends[0], high=ends[1])

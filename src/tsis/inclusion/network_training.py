@@ -68,12 +68,12 @@ class Layers:
 
     def matrices(self, weights: Floats) -> list[Floats]:
         """One matrix a layer, shape (units, units below + 1); the last column is the bias."""
-        result, start = [], 0
+        matrices, start = [], 0
         for below, above in pairwise(self.sizes):
             size = (below + 1) * above
-            result.append(weights[start : start + size].reshape(above, below + 1))
+            matrices.append(weights[start : start + size].reshape(above, below + 1))
             start += size
-        return result
+        return matrices
 
     def random_weights(self, rng: np.random.Generator) -> Floats:
         """Normal weights that preserve the variance from layer to layer, and zero biases."""
@@ -478,10 +478,10 @@ def _by_conjugate_gradients(
     layers: Layers, x: Floats, y: Floats, start: Floats, iterations: int, watch: _Watch
 ) -> bool:
     """Descend; True when the iterations ran out."""
-    result = scaled_conjugate_gradient(
+    descent = scaled_conjugate_gradient(
         lambda weights: mean_square(layers, weights, x, y), start, iterations=iterations, stop=watch
     )
-    return result.reason == "iterations"
+    return descent.reason == "iterations"
 
 
 def _by_levenberg_marquardt(
@@ -501,11 +501,11 @@ def _by_levenberg_marquardt(
         return jacobian(layers, weights, x).reshape(y.size, layers.weights)
 
     try:
-        result = scipy.optimize.least_squares(residual, start, jac=slopes, method="lm")
+        minimum = scipy.optimize.least_squares(residual, start, jac=slopes, method="lm")
     except _Enough:
         return not watch.tired
-    watch(result.x)
-    return not result.success
+    watch(minimum.x)
+    return not minimum.success
 
 
 MINIMISERS = {"scg": _by_conjugate_gradients, "lm": _by_levenberg_marquardt}

@@ -1,12 +1,7 @@
-"""Relative estimates of section 6.2: numbers that are valid only for comparing presses.
+"""Relative estimates of section 6.2: size (6.2), depth (6.9) and hardness (6.10), for comparing presses only.
 
-Change of light by a press against a reference, and checks that the frames are comparable.
-
-A relative estimate: its value, assumptions and flags.
-
-Relative size (6.2), relative depth (6.9) and relative hardness (6.10).
-
-Depth is read at the centroid of the light, (6.7) and (6.8).
+Each reads the change of light by a press against a reference, after checks that the frames are comparable, and states
+its assumptions and flags. Depth is read at the centroid of the light, (6.7) and (6.8).
 """
 
 from __future__ import annotations
@@ -33,6 +28,8 @@ if TYPE_CHECKING:
 
     from tsis.inclusion.prior import Booleans, Floats
     from tsis.model.image import TactileImage
+
+    Frames = TactileImage | Sequence[TactileImage]
 
 
 UNTOUCHED, REFERENCE_TISSUE = "untouched probe", "plain tissue"
@@ -236,12 +233,12 @@ def lit_part(change: LightChange, threshold_grey: float | None) -> LitPart:
     full_scale = change.image.full_scale
     least = SOURCE_THRESHOLD * full_scale if threshold_grey is None else threshold_grey
     require_number("threshold_grey", least, 1e-6 * full_scale, full_scale, hint="above zero")
-    result = binary_features(change.image, least)
-    lit = result.contact and result.equivalent_diameter_px >= LEAST_WIDTH_PX
-    mask = result.patch.mask & lit
-    wrong = {
+    brighter = binary_features(change.image, least)
+    lit = brighter.contact and brighter.equivalent_diameter_px >= LEAST_WIDTH_PX
+    mask = brighter.patch.mask & lit
+    defects = {
         "no_contact": not lit,
-        "cropped": lit and result.cropped,
+        "cropped": lit and brighter.cropped,
         "saturated": bool(change.clipped[mask].any()),
         "noisy": change.is_drowned(least),
     }
@@ -249,12 +246,12 @@ def lit_part(change: LightChange, threshold_grey: float | None) -> LitPart:
     row, column = scipy.ndimage.center_of_mass(light) if lit else (0.0, 0.0)
     return LitPart(
         mask=mask,
-        area_mm2=(result.area_mm2 or 0.0) * lit,
-        diameter_mm=(result.equivalent_diameter_mm or 0.0) * lit,
+        area_mm2=(brighter.area_mm2 or 0.0) * lit,
+        diameter_mm=(brighter.equivalent_diameter_mm or 0.0) * lit,
         centroid_px=(float(column), float(row)) if lit else None,
         total_grey=float(light.sum()),
         threshold_grey=float(least),
-        flags=tuple(flag for flag, is_so in wrong.items() if is_so),
+        flags=tuple(flag for flag, is_so in defects.items() if is_so),
     )
 
 
@@ -571,10 +568,6 @@ def relative_size(
     )
 
 
-if TYPE_CHECKING:
-    Frames = TactileImage | Sequence[TactileImage]
-
-
 def relative_hardness(
     first: TactileImage,
     second: TactileImage,
@@ -622,6 +615,7 @@ def relative_hardness(
 
     Examples
     --------
+    >>> from tsis.model.image import TactileImage
     >>> y, x = np.mgrid[:120, :160]
     >>> hill = np.exp(-((x - 80) ** 2 + (y - 60) ** 2) / 800.0)
     >>> dark, weak, strong = (TactileImage(grey=level * hill, mm_per_pixel=(0.1, 0.1)) for level in (0, 40, 80))

@@ -1,4 +1,4 @@
-"""Shape of the lit part of a press: two-means threshold, ellipse and outline, (6.11), (6.12) and (6.13)."""
+"""Shape of the lit part of a press: two-means threshold (6.12), (6.13), binary image (6.11), ellipse and outline."""
 
 from __future__ import annotations
 
@@ -82,10 +82,10 @@ def two_means(grey: ArrayLike) -> TwoMeans:
     low, high, below = corners, float(others), -1
     while True:
         cut = (low + high) / 2.0
-        result = int(np.searchsorted(ascending, cut))
-        if result in (0, count, below):  # one class only, or no pixel changed sides
+        darker = int(np.searchsorted(ascending, cut))
+        if darker in (0, count, below):  # one class only, or no pixel changed sides
             return TwoMeans(background_grey=low, object_grey=high, threshold_grey=cut, corners_grey=corners)
-        below = result
+        below = darker
         low, high = float(sums[below] / below), float((sums[-1] - sums[below]) / (count - below))
 
 
@@ -190,25 +190,25 @@ def object_shape(
     )
     if levels.object_grey - levels.background_grey <= NOISE_FACTOR * change.noise_grey:
         return nothing
-    result = binary_features(change.image, levels.threshold_grey)
-    if not result.contact:
+    lit = binary_features(change.image, levels.threshold_grey)
+    if not lit.contact:
         return nothing
     scale, axis = image.scale(), image.axis()
-    wrong = {
-        "cropped": result.cropped,
-        "saturated": bool(change.clipped[result.patch.mask].any()),
+    defects = {
+        "cropped": lit.cropped,
+        "saturated": bool(change.clipped[lit.patch.mask].any()),
         "corners_lit": levels.corners_grey >= levels.threshold_grey,
     }
     return ObjectShape(
         levels=levels,
-        area_mm2=result.area_mm2,
-        centre_mm=result.centroid_mm,
-        semi_axes_mm=result.semi_axes_mm,
-        angle_deg=result.angle_deg,
-        eccentricity=result.eccentricity,
-        circularity=result.circularity,
-        contour_mm=(result.patch.contour_px - axis) * scale,
+        area_mm2=lit.area_mm2,
+        centre_mm=lit.centroid_mm,
+        semi_axes_mm=lit.semi_axes_mm,
+        angle_deg=lit.angle_deg,
+        eccentricity=lit.eccentricity,
+        circularity=lit.circularity,
+        contour_mm=(lit.patch.contour_px - axis) * scale,
         against=against,
         assumptions=assumptions,
-        flags=tuple(flag for flag, is_so in wrong.items() if is_so),
+        flags=tuple(flag for flag, is_so in defects.items() if is_so),
     )

@@ -105,9 +105,9 @@ def _tested_rings(frames: Sequence[Sectors]) -> Booleans | None:
 
 def _least_likely(tests: Sequence[Unevenness | None]) -> tuple[int, Unevenness | None]:
     """Number of results, and the least likely one where it is improbable among so many."""
-    results = [result for result in tests if result is not None]
-    worst = min(results, key=lambda result: (result.chance, -result.over_noise), default=None)
-    return len(results), None if worst is None or worst.chance >= IMPROBABLE / len(results) else worst
+    done = [result for result in tests if result is not None]
+    worst = min(done, key=lambda result: (result.chance, -result.over_noise), default=None)
+    return len(done), None if worst is None or worst.chance >= IMPROBABLE / len(done) else worst
 
 
 def roundness_findings(

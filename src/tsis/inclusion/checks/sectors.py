@@ -1,8 +1,7 @@
-"""Means of a frame over rings and sectors of the face, for the checks of contact, visibility and roundness.
+"""Means of a frame over rings and sectors of the face, and harmonics around the axis with their test against noise.
 
-Harmonics around the axis in rings, and their test against noise.
-
-A harmonic of order m is a complex number per ring: ``c + i s`` of ``c cos(m angle) + s sin(m angle)``.
+The checks of contact, visibility, tilt and roundness use them. A harmonic of order m is a complex number per ring:
+``c + i s`` of ``c cos(m angle) + s sin(m angle)``.
 """
 
 from __future__ import annotations
@@ -134,8 +133,8 @@ def _geometry(frame: TactileImage, extent: float) -> _Geometry:
 
 def _sums(position: NDArray[np.uint8], values: Floats | None) -> Floats:
     """Sums of ``values``, or numbers of pixels, over rings and sectors."""
-    result = np.bincount(position, weights=values, minlength=RINGS * SECTORS + 1)[: RINGS * SECTORS]
-    return np.asarray(result.reshape(RINGS, SECTORS), dtype=float)
+    sums = np.bincount(position, weights=values, minlength=RINGS * SECTORS + 1)[: RINGS * SECTORS]
+    return np.asarray(sums.reshape(RINGS, SECTORS), dtype=float)
 
 
 @lru_cache(maxsize=8)  # equal for all frames of a camera

@@ -58,7 +58,7 @@ def score(protocol_information: ProtocolInformation, criterion: str) -> float:
 
 def rank_designs(designs: Sequence[Design], criterion: str = "all") -> tuple[Design, ...]:
     """Evaluations by rising objective; those that violate a limit come last."""
-    return tuple(sorted(designs, key=lambda item: (bool(item.limits.broken), score(item.information, criterion))))
+    return tuple(sorted(designs, key=lambda design: (bool(design.limits.broken), score(design.information, criterion))))
 
 
 def design_alternatives(planned: Protocol, aspect: Aspect) -> tuple[Protocol, ...]:
@@ -157,13 +157,13 @@ def calibration_for(probe: Probe, *, of: Probe, calibration: Calibration, traced
     seconds a probe; else the calibration's light is used.
     """
     stiffer = probe.layers[0].young_kpa / of.layers[0].young_kpa
-    result = replace(calibration, saturation_kpa=calibration.saturation_kpa * stiffer, probe="")
+    scaled = replace(calibration, saturation_kpa=calibration.saturation_kpa * stiffer, probe="")
     if not traced:
-        return result
+        return scaled
     light = irradiance(probe).near_undented()
     before = 1.0 if calibration.light is None else float(calibration.light.relative.max())
-    gain = result.gain_grey_per_kpa * before / float(light.relative.max())
-    return replace(result, light=light, gain_grey_per_kpa=gain)
+    gain = scaled.gain_grey_per_kpa * before / float(light.relative.max())
+    return replace(scaled, light=light, gain_grey_per_kpa=gain)
 
 
 def compare_designs(
@@ -196,8 +196,8 @@ def compare_designs(
     for done, protocol in enumerate(protocols):
         if progress is not None:
             progress(done, len(protocols))
-        given = calibration_for(protocol.probe, of=of, calibration=calibration, traced=traced)
-        view = planned_view(protocol, prior=prior, calibration=given, sensor=sensor, degrees=degrees)
+        own = calibration_for(protocol.probe, of=of, calibration=calibration, traced=traced)
+        view = planned_view(protocol, prior=prior, calibration=own, sensor=sensor, degrees=degrees)
         designs.append(design_of(view))
     if progress is not None:
         progress(len(protocols), len(protocols))

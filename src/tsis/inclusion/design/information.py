@@ -149,14 +149,14 @@ class PlannedView:
 
     def likelihood(self, inclusion: Floats) -> InclusionLikelihood:
         """Likelihood of the model's frames of an inclusion (3,), without errors."""
-        given, level = self.model.calibration, self.model.level
+        calibration, level = self.model.calibration, self.model.level
         grey = self.model.grey(inclusion[None], self.start)[0]
         observed = grey * level
-        pixel = given.read_noise_grey**2 + given.shot_noise_grey * np.maximum(observed, 0.0) + 1 / 12
+        pixel = calibration.read_noise_grey**2 + calibration.shot_noise_grey * np.maximum(observed, 0.0) + 1 / 12
         variance = (
             pixel / (self.protocol.frames_each * np.maximum(self.count, 1) * level**2) + (MODEL_ERROR * grey) ** 2
         )
-        usable = (self.count > 0) & (observed + given.background_grey < self.sensor.full_scale)
+        usable = (self.count > 0) & (observed + calibration.background_grey < self.sensor.full_scale)
         return InclusionLikelihood(self.model, Profiles(grey=grey, variance=variance, usable=usable))
 
     def information(self, inclusion: Floats) -> Floats:

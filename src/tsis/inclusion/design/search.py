@@ -134,10 +134,8 @@ def optimise_design(
 
     def view_at(octaves: Floats) -> PlannedView:
         probe = with_moduli(planned.probe, _moduli(planned.probe, octaves))
-        given = calibration_for(probe, of=planned.probe, calibration=calibration, traced=traced)
-        return planned_view(
-            replace(planned, probe=probe), prior=prior, calibration=given, sensor=sensor, degrees=degrees
-        )
+        own = calibration_for(probe, of=planned.probe, calibration=calibration, traced=traced)
+        return planned_view(replace(planned, probe=probe), prior=prior, calibration=own, sensor=sensor, degrees=degrees)
 
     def evaluate(octaves: Floats) -> float:
         view = view_at(octaves)
@@ -160,7 +158,7 @@ def optimise_design(
         bounds=[(-OCTAVES, OCTAVES)] * 2,
         options={"maxfev": evaluations, "initial_simplex": simplex, "xatol": 0.05, "fatol": 1e-3},
     )
-    value, octaves, view, forces = min(tried, key=lambda item: item[0])
+    value, octaves, view, forces = min(tried, key=lambda one: one[0])
     if value == HOPELESS:
         raise InputError(
             f"forces must exist at which the whole face touches within every limit; got none for {len(tried)} stacks "
@@ -233,27 +231,27 @@ def _pressed_best(view: PlannedView, forces: _Forces, inclusions: Floats, criter
     count = len(view.protocol.presses)
     start = np.linspace(0.0, 1.0, count + 1)[1:] if count > 1 else np.array([0.8])
     simplex = np.vstack([start, *(start + 0.3 * np.where(start > 0.6, -1, 1) * row for row in np.eye(count))])
-    result = scipy.optimize.minimize(
+    minimum = scipy.optimize.minimize(
         value,
         start,
         method="Nelder-Mead",
         bounds=[(0.0, 1.0)] * count,
         options={"maxfev": FORCE_EVALUATIONS, "initial_simplex": simplex, "xatol": 0.01, "fatol": 1e-3},
     )
-    return float(result.fun), at_forces(view, forces.at(result.x))
+    return float(minimum.fun), at_forces(view, forces.at(minimum.x))
 
 
 def _binding(best: Design, octaves: Floats, forces: _Forces) -> tuple[str, ...]:
     """Names of the binding limits: forces, moduli, then violated limits."""
     span = np.log(forces.high_n / forces.low_n)
-    pressed, stored = best.protocol.forces_n, []
+    pressed, names = best.protocol.forces_n, []
     if np.log(max(pressed) / forces.low_n) > (1 - AT_END) * span:
-        stored.append(forces.high_by)
+        names.append(forces.high_by)
     if np.log(min(pressed) / forces.low_n) < AT_END * span:
-        stored.append(forces.low_by)
+        names.append(forces.low_by)
     extent = (1 - AT_END) * OCTAVES
     if abs(octaves[0]) > extent:
-        stored.append("softest" if octaves[0] < 0 else "stiffest")
+        names.append("softest" if octaves[0] < 0 else "stiffest")
     if abs(octaves[1]) > extent:
-        stored.append("gradient")
-    return tuple(dict.fromkeys([*stored, *best.limits.broken]))
+        names.append("gradient")
+    return tuple(dict.fromkeys([*names, *best.limits.broken]))

@@ -27,16 +27,7 @@ if TYPE_CHECKING:
 
 GAIN, TISSUE, THICKNESS, SITE, PROBE, POISSON, SPREAD = range(7)
 SHADE, SHARED = slice(7, 7 + TERMS), 7 + TERMS
-NUISANCES = (
-    "gain",
-    "tissue",
-    "thickness",
-    "site",
-    "probe",
-    "poisson",
-    "spread",
-    *TERMS * ("shade",),
-)  # the shared ones
+SHARED_NUISANCES = ("gain", "tissue", "thickness", "site", "probe", "poisson", "spread", *TERMS * ("shade",))
 STEP = 1e-3  # of log moduli and log thickness, for derivatives
 
 
@@ -86,19 +77,19 @@ class ForwardModel:
 
     def nuisance_sd(self, mean_grey: Floats) -> Floats:
         """Prior standard deviations of the nuisances; ``mean_grey`` (frames,) scales the offsets."""
-        given = self.calibration
+        errors = self.calibration
         shared = [
-            given.gain_sd,
+            errors.gain_sd,
             self.prior.tissue_young_sd,
             self.prior.thickness_sd,
-            given.site_sd,
-            given.probe_young_sd,
+            errors.site_sd,
+            errors.probe_young_sd,
             self.prior.poisson_sd,
             self.spread_sd,
-            *TERMS * [given.shading_sd],
+            *TERMS * [errors.shading_sd],
         ]
-        forces = np.full(len(self.force_n), given.force_sd)
-        return np.concatenate([shared, forces, given.offset_sd * mean_grey, np.ones(self.shading.uncertainty.count)])
+        forces = np.full(len(self.force_n), errors.force_sd)
+        return np.concatenate([shared, forces, errors.offset_sd * mean_grey, np.ones(self.shading.uncertainty.count)])
 
     def grey(self, inclusions: Floats | None, nuisance: Floats) -> Floats:
         """Grey profiles, shape (n, frames, rings), of inclusions (n, 3) of diameter, depth and modulus.
@@ -199,13 +190,13 @@ class ForwardModel:
         high = np.full(SHARED + 2 * len(self.force_n) + self.shading.uncertainty.count, np.inf)
         low = -high
         box = self.rings.response.box
-        for position, ends, middle in (
+        for place, ends, middle in (
             (TISSUE, box.tissue_young_kpa, self.prior.tissue_young_kpa),
             (THICKNESS, box.thickness_mm, self.prior.thickness_mm),
         ):
-            low[position], high[position] = np.log(np.array(ends) / middle)
-        for position in (POISSON, SPREAD):
-            low[position] = high[position] = 0.0
+            low[place], high[place] = np.log(np.array(ends) / middle)
+        for place in (POISSON, SPREAD):
+            low[place] = high[place] = 0.0
         return low, high
 
     def table(self, nuisance: Floats) -> TissueSurrogate:
@@ -237,11 +228,11 @@ class ForwardModel:
     def _press(self, inclusions: Floats | None, nuisance: Floats, *, reference: bool) -> Floats:
         """Ring responses to a press, (n, outputs), on the target or on the tissue of the reference site."""
         shown = None if reference else inclusions
-        result = self._at(nuisance[TISSUE] + reference * nuisance[SITE], nuisance[THICKNESS], nuisance[PROBE], shown)
+        press = self._at(nuisance[TISSUE] + reference * nuisance[SITE], nuisance[THICKNESS], nuisance[PROBE], shown)
         if not nuisance[[POISSON, SPREAD]].any():
-            return result
+            return press
         by_poisson, by_spread = self._linear(inclusions, reference=reference)
-        return np.asarray(result + nuisance[POISSON] * by_poisson + nuisance[SPREAD] * by_spread)
+        return np.asarray(press + nuisance[POISSON] * by_poisson + nuisance[SPREAD] * by_spread)
 
     def _finite(self, inclusions: Floats | None, nuisance: Floats) -> Floats:
         """What finite strain adds to the rings' responses, (frames, n or 1, 3 rings)."""
@@ -263,17 +254,17 @@ class ForwardModel:
         tissue = self.prior.tissue_young_kpa * np.exp(moved[:, TISSUE, None] + self.is_reference * moved[:, SITE, None])
         thickness = self.prior.thickness_mm * np.exp(moved[:, THICKNESS, None]) * np.ones_like(tissue)
         states = np.stack([tissue / stiffer, thickness, forces / stiffer], axis=-1)
-        result = self.correction.without_inclusion(states.reshape(-1, 3)).reshape(len(names), frames, 1, -1)
+        added = self.correction.without_inclusion(states.reshape(-1, 3)).reshape(len(names), frames, 1, -1)
         targets = np.flatnonzero(~self.is_reference)
         if inclusions is not None and len(targets):
-            result = np.repeat(result, len(inclusions), axis=2)
+            added = np.repeat(added, len(inclusions), axis=2)
             for young in np.unique(tissue[:, targets[0]]).tolist():  # one but for a step of the tissue's modulus
                 alike = np.flatnonzero(tissue[:, targets[0]] == young)
-                result[np.ix_(alike, targets)] += self._finite_signals(
+                added[np.ix_(alike, targets)] += self._finite_signals(
                     inclusions, young, states[np.ix_(alike, targets)], stiffer[alike, 0]
                 )
-        result[..., : self.rings.count] *= stiffer[:, :, None, None]
-        return np.asarray(result)
+        added[..., : self.rings.count] *= stiffer[:, :, None, None]
+        return np.asarray(added)
 
     def _finite_signals(self, inclusions: Floats, tissue_kpa: float, states: Floats, stiffer: Floats) -> Floats:
         """What finite strain adds to the signals of inclusions, for ``states`` (k, targets, 3) of one tissue."""

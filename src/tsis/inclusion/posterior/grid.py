@@ -14,9 +14,9 @@ if TYPE_CHECKING:
 
     from tsis.inclusion.prior import Booleans, Floats, Integers
 
-
-if TYPE_CHECKING:
     Support = Callable[[Floats], Booleans]
+    LogDensity = Callable[[Floats], Floats]
+    SlantedBox = tuple[Floats, Floats]  # a corner, and its edges as rows
 
 
 @cache
@@ -72,13 +72,7 @@ def _corners_inside(origin: Floats, axes: Floats, per_axis: int, support: Suppor
     return cube.ravel()
 
 
-if TYPE_CHECKING:
-    LogDensity = Callable[[Floats], Floats]
-    SlantedBox = tuple[Floats, Floats]  # a corner, and its edges as rows
-
-ENOUGH_FRACTION = (
-    0.04  # of the cells: effective number that a refinement step leaves; fewer alias thin slanted densities
-)
+ENOUGH_FRACTION = 0.04  # of the cells: number that a refinement step leaves; fewer alias thin slanted densities
 NEGLIGIBLE = np.log(1e-7)  # log weight, relative to the best cell, that the next grid may leave out
 FAINT = np.log(1e-2)  # the same after tempering: the density itself is far smaller there
 STEPS = 40
@@ -162,8 +156,8 @@ def refine(
     start = None if near is None else evaluate(near, finder)
     if start is None or not start.holds:
         start = evaluate((low, np.diag(high - low)), max(finder, FEWEST))
-    response = evaluate(*_find(evaluate, start, (low, high), (per_axis, finest * per_axis)))
-    return Grid(cells=response.cells, log_density=response.log_density, support=support)
+    last = evaluate(*_find(evaluate, start, (low, high), (per_axis, finest * per_axis)))
+    return Grid(cells=last.cells, log_density=last.log_density, support=support)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -201,26 +195,26 @@ def box_around(points: Floats, log_density: Floats, edges: Floats) -> SlantedBox
 
 def _find(
     view: Callable[[SlantedBox, int], _CoarseDensity],
-    result: _CoarseDensity,
+    coarse: _CoarseDensity,
     ends: tuple[Floats, Floats],
     counts: tuple[int, int],
 ) -> tuple[SlantedBox, int]:
     """The tight box of a density, and cells along its axes; ``counts`` are the requested and the most."""
-    (fine, most), per_axis = counts, result.per_axis
+    (fine, most), per_axis = counts, coarse.per_axis
     resolved = False
     for _ in range(STEPS):
-        log_weight = result.log_weight
+        log_weight = coarse.log_weight
         power = _temper(log_weight, min(ENOUGH_FRACTION * per_axis**3, len(log_weight) / 2))
-        box = _sheared_box(result.cells, log_weight, power, *ends)
+        box = _sheared_box(coarse.cells, log_weight, power, *ends)
         # The last tempered grid is too wide for the density itself: one more at temperature one.
         if resolved and power == 1.0:
             break
         resolved = power == 1.0
-        if power < 1.0 and abs(np.linalg.det(box[1])) > STUCK * abs(np.linalg.det(result.box[1])):
+        if power < 1.0 and abs(np.linalg.det(box[1])) > STUCK * abs(np.linalg.det(coarse.box[1])):
             if per_axis >= most:
                 break
             per_axis = min(3 * per_axis // 2, most)
-        result = view(box, per_axis)
+        coarse = view(box, per_axis)
     return box, max(per_axis, fine)
 
 

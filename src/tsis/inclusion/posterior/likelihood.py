@@ -189,14 +189,14 @@ class InclusionLikelihood:
         evidence = _evidence(hypotheses, residual, rotated, self._sd)[0][:, 0]
         weight = np.exp(evidence - np.logaddexp.reduce(evidence))
         uneven = np.tensordot(weight, hypotheses.covariance, axes=1) - self._noise
-        model, given = self.model.heterogeneity, self.model.calibration
+        model, calibration = self.model.heterogeneity, self.model.calibration
         frames, rings = self._data.grey.shape
         correlation = np.eye(rings) if self.model.correlation is None else self.model.correlation
         relative = self._data.grey.ravel()[:, None] * self._data.grey.ravel()
         modelled = (model_error * self._data.grey.ravel()) ** 2
         every = {
-            "pattern": given.pattern_sd**2 * relative * np.kron(np.ones((frames, frames)), correlation),
-            "repeatability": given.repeatability_sd**2 * relative * np.kron(np.eye(frames), correlation),
+            "pattern": calibration.pattern_sd**2 * relative * np.kron(np.ones((frames, frames)), correlation),
+            "repeatability": calibration.repeatability_sd**2 * relative * np.kron(np.eye(frames), correlation),
             "pixels": np.diag(self._data.variance.ravel() - modelled),
             "model": np.diag(modelled),
         }
