@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from scipy.spatial.distance import cdist
 from scipy.stats import multivariate_normal
 
 from tsis.matching import annealing
-from tsis.matching.annealing import Cooling, anneal, reference_soft_pairs, soft_pairs
+from tsis.matching.annealing import Cooling, anneal, soft_pairs
 from tsis.matching.spline import spline_basis
 
 if TYPE_CHECKING:
@@ -17,6 +18,19 @@ if TYPE_CHECKING:
 
 
 COOLING = Cooling(factor=0.9, start=annealing.START, end=0.003, rounds=4)
+
+
+def _whole_matrix(
+    transformed: np.ndarray, target: np.ndarray, temperature: float, *, balancings: int = 2000
+) -> np.ndarray:
+    """Weights of `soft_pairs`, shape (n, m), from the full matrix with the outliers' row and column."""
+    weights = np.zeros((len(transformed) + 1, len(target) + 1))
+    weights[:-1, :-1] = np.exp(-cdist(transformed, target, "sqeuclidean") / (2 * temperature)) / temperature
+    weights[:-1, -1], weights[-1, :-1] = annealing.outlier_weights(transformed), annealing.outlier_weights(target)
+    for _ in range(balancings):
+        weights[:-1] /= weights[:-1].sum(axis=1, keepdims=True)
+        weights[:, :-1] /= weights[:, :-1].sum(axis=0, keepdims=True)
+    return np.asarray(weights[:-1, :-1])
 
 
 @pytest.fixture
@@ -31,7 +45,7 @@ def to_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("to_the_end")
 def test_soft_pairs_equal_the_whole_matrix(warped: Warped, temperature: float) -> None:
     target = warped.target[:40]
-    plain = reference_soft_pairs(warped.source, target, temperature)
+    plain = _whole_matrix(warped.source, target, temperature)
     start = np.exp(np.random.default_rng(1).normal(size=40))
     paired, drawn, _ = soft_pairs(warped.source, target, temperature, start)
     np.testing.assert_allclose(paired, plain.sum(axis=1), atol=1e-9)
@@ -47,7 +61,7 @@ def test_so_do_those_of_a_few_balancings(
     monkeypatch.setattr(annealing, "BALANCINGS", balancings)
     monkeypatch.setattr(annealing, "CUT_OFF", 100.0)
     paired, drawn, _ = soft_pairs(warped.source, warped.target, temperature, np.ones(len(warped.target)))
-    plain = reference_soft_pairs(warped.source, warped.target, temperature, balancings=balancings)
+    plain = _whole_matrix(warped.source, warped.target, temperature, balancings=balancings)
     np.testing.assert_allclose(paired, plain.sum(axis=1), atol=1e-9)
     np.testing.assert_allclose(drawn, plain @ warped.target, atol=1e-9)
 
@@ -56,7 +70,7 @@ def test_so_do_those_of_a_few_balancings(
 def test_every_pair_within_reach_is_kept_however_many_there_are() -> None:
     moved, target = np.random.default_rng(3).normal(size=(2, 90, 2)) * 0.2
     paired, drawn, _ = soft_pairs(moved, target, 3.0, np.ones(90))
-    plain = reference_soft_pairs(moved, target, 3.0, balancings=5000)
+    plain = _whole_matrix(moved, target, 3.0, balancings=5000)
     np.testing.assert_allclose(paired, plain.sum(axis=1), atol=1e-9)
     np.testing.assert_allclose(drawn, plain @ target, atol=1e-9)
 
@@ -82,7 +96,7 @@ def test_pairs_beyond_the_reach_count_as_nothing(monkeypatch: pytest.MonkeyPatch
 
 
 def test_the_last_balance_saves_work_and_is_not_changed_in_place(warped: Warped) -> None:
-    plain = reference_soft_pairs(warped.source, warped.target, 0.1).sum(axis=1)
+    plain = _whole_matrix(warped.source, warped.target, 0.1).sum(axis=1)
     balance, wrong = np.ones(len(warped.target)), []
     for _ in range(5):
         before = balance.copy()

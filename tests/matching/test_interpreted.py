@@ -110,7 +110,7 @@ def test_annealing_equals_that_of_the_interpreter(case: Case) -> None:
     start = np.zeros((design.shape[1], case.source.shape[1]))
     start[1 : 1 + len(start[0])] = np.eye(len(start[0]))
     sigmas = np.array([0.5, 0.2, 0.1])
-    assert_interpreted_alike(annealed_map, design, ridge, case.target, start, sigmas, rounds=2, rtol=1e-7)
+    assert_interpreted_alike(annealed_map, design, ridge, case.target, start, sigmas, 2, rtol=1e-7)
 
 
 def test_a_matrix_with_an_empty_row_equals_that_of_the_interpreter() -> None:

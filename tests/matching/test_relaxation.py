@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import cdist
 
+from tsis.matching import relaxation
 from tsis.matching.relaxation import (
     CANDIDATES,
     NEIGHBOURS,
@@ -18,8 +19,6 @@ from tsis.matching.relaxation import (
     Neighbourhood,
     cheapest,
     label,
-    reference_label,
-    reference_supports,
 )
 from tsis.matching.shape_context import chi_squared, histograms
 
@@ -27,6 +26,44 @@ if TYPE_CHECKING:
     from tests.matching.conftest import Warped
 
 ALONE = 0.07
+
+
+def _whole_supports(source: Neighbourhood, target: Neighbourhood) -> np.ndarray:
+    """Support ``[i, j, a, b]`` of pair (i, j) by pair (a, b), shape (n, m, n, m): the terms of (5.12) in full."""
+    difference = np.abs(source.log_distance[:, None, :, None] - target.log_distance[None, :, None, :])
+    alpha = np.maximum(1 - difference / relaxation.SAME_DISTANCE, 0)
+    beta = np.maximum(np.einsum("iad,jbd->ijab", source.direction, target.direction), 0)
+    n, m = len(source.index), len(target.index)
+    i, j = np.arange(n)[:, None, None, None], np.arange(m)[None, :, None, None]
+    supports = np.zeros((n, m, n, m))
+    supports[i, j, source.index[:, None, :, None], target.index[None, :, None, :]] = (
+        alpha * beta * source.nearness[:, None, :, None]
+    )
+    return supports
+
+
+def _whole_label(
+    source: Neighbourhood, target: Neighbourhood, cost: np.ndarray, *, single: float, updates: int = UPDATES
+) -> np.ndarray:
+    """The probabilities of `label` as a full matrix, shape (n, m), from products of full matrices."""
+    supports, candidates = _whole_supports(source, target), cheapest(cost, CANDIDATES)
+    allowed = np.zeros(cost.shape)
+    none = np.full((len(cost), 1), 1 / (candidates.shape[1] + 1))
+    np.put_along_axis(allowed, candidates, 1.0, axis=1)
+    probability = allowed * np.exp((cost.min(axis=1, keepdims=True) - cost) / relaxation.SHARPNESS)
+    probability *= (1 - none) / probability.sum(axis=1, keepdims=True)
+    for _ in range(updates):
+        before = probability
+        probability, none = probability * np.tensordot(supports, probability, axes=2), none * single
+        for _ in range(relaxation.NORMALISATIONS):
+            total = none + probability.sum(axis=1, keepdims=True)
+            probability, none = probability / total, none / total
+            probability = probability / np.maximum(probability.sum(axis=0), 1)
+        none = np.maximum(1 - probability.sum(axis=1, keepdims=True), 0)
+        probability[probability < relaxation.NOTHING] = 0
+        if np.max(np.abs(probability - before)) < relaxation.SETTLED:
+            break
+    return np.asarray(probability)
 
 
 def _cluttered(dimension: int, seed: int, count: int = 34) -> tuple[np.ndarray, np.ndarray]:
@@ -56,7 +93,7 @@ def test_labels_equal_those_of_whole_matrices(dimension: int, updates: int, seed
     cost = chi_squared(histograms(source), histograms(target))
     here, there = Neighbourhood.of(source, NEIGHBOURS), Neighbourhood.of(target, TARGET_NEIGHBOURS)
     found = label(here, there, cost, single=ALONE, updates=updates)
-    plain = reference_label(here, there, cost, single=ALONE, updates=updates)
+    plain = _whole_label(here, there, cost, single=ALONE, updates=updates)
     np.testing.assert_allclose(_whole(found, len(target)), plain, atol=1e-6)
     assert np.sum(found.probability > 0) > len(source)  # beyond one a row: else little would be compared
 
@@ -65,7 +102,7 @@ def test_labels_equal_those_of_whole_matrices(dimension: int, updates: int, seed
 def test_supports_equal_the_formula_pair_by_pair(dimension: int) -> None:
     rng = np.random.default_rng(4)
     source, target = rng.normal(size=(7, dimension)), rng.normal(size=(8, dimension))
-    supports = reference_supports(Neighbourhood.of(source, 3), Neighbourhood.of(target, 4))
+    supports = _whole_supports(Neighbourhood.of(source, 3), Neighbourhood.of(target, 4))
     here, there = cdist(source, source), cdist(target, target)
     for i, j, a, b in product(range(7), range(8), repeat=2):
         near, close = np.sort(here[i])[1:4], np.sort(there[j])[1:5]
@@ -81,7 +118,7 @@ def test_supports_equal_the_formula_pair_by_pair(dimension: int) -> None:
 def test_identical_sets_support_their_own_pairs_fully(warped: Warped) -> None:
     points = warped.source[:30]
     here = Neighbourhood.of(points, NEIGHBOURS)
-    own = np.einsum("ijab,ab->ij", reference_supports(here, here), np.eye(30))
+    own = np.einsum("ijab,ab->ij", _whole_supports(here, here), np.eye(30))
     np.testing.assert_allclose(np.diag(own), 1.0, atol=1e-12)
     assert own.max() <= 1 + 1e-12
 

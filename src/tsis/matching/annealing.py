@@ -184,19 +184,6 @@ def _balanced(
     return paired, drawn, balance
 
 
-def reference_soft_pairs(transformed: Floats, target: Floats, temperature: float, *, balancings: int = 2000) -> Floats:
-    """Weights of `soft_pairs`, shape (n, m), from the full matrix with the outliers' row and column."""
-    weights = np.zeros((len(transformed) + 1, len(target) + 1))
-    weights[:-1, :-1] = (
-        np.exp(-scipy.spatial.distance.cdist(transformed, target, "sqeuclidean") / (2 * temperature)) / temperature
-    )
-    weights[:-1, -1], weights[-1, :-1] = outlier_weights(transformed), outlier_weights(target)
-    for _ in range(balancings):
-        weights[:-1] /= weights[:-1].sum(axis=1, keepdims=True)
-        weights[:, :-1] /= weights[:, :-1].sum(axis=0, keepdims=True)
-    return weights[:-1, :-1]
-
-
 @fused
 def outlier_weights(points: Floats) -> Floats:
     """Weight of being unmatched, shape (n,): a Gaussian about the mass centre at the starting temperature."""
@@ -246,23 +233,38 @@ FIELD_WIDTHS, FIELD_AMPLITUDES = (0.5, 0.9), (0.05, 0.2)
 AFFINE_SD = 0.3
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class AnnealedMap:
-    """Coordinates of a map, shape (k, d), and its penalised log likelihood at the last standard deviation."""
-
-    coordinates: Floats
-    score: float
-
-
+@fused
 def annealed_map(
-    design: Floats, ridge: Floats, target: Floats, start: Floats, sigmas: Floats, *, rounds: int = 1
-) -> AnnealedMap:
+    design: Floats, ridge: Floats, target: Floats, start: Floats, sigmas: Floats, rounds: int
+) -> tuple[Floats, float]:
     """Alternate soft pairs at falling ``sigmas`` and ridge regression on ``design``, shape (n, k), from ``start``.
 
-    The ridge, shape (k,), is the inverse prior variance of each coordinate about its start.
+    The ridge, shape (k,), is the inverse prior variance of each coordinate about its start, shape (k, d). Returns the
+    coordinates of the map and its penalised log likelihood at the last standard deviation.
     """
-    coordinates, score = _annealed(design, ridge, target, np.ascontiguousarray(start), sigmas, rounds)
-    return AnnealedMap(coordinates=coordinates, score=score)
+    n, k = design.shape
+    dimension = target.shape[1]
+    coordinates = start.copy()
+    weighted = np.empty((k, n))
+    across = np.ascontiguousarray(design.T)
+    beside = np.ones((len(target), dimension + 1))
+    beside[:, :dimension] = target
+    for sigma in sigmas:
+        for _ in range(rounds):
+            pairs = balanced_pairs(design @ coordinates, target, sigma, FIELD_BALANCINGS)
+            drawn = pairs @ beside
+            for c in range(k):
+                for i in range(n):
+                    weighted[c, i] = across[c, i] * drawn[i, dimension]
+            normal = weighted @ design
+            right = across @ np.ascontiguousarray(drawn[:, :dimension])
+            for c in range(k):
+                normal[c, c] += ridge[c] * sigma**2
+                for axis in range(dimension):
+                    right[c, axis] += ridge[c] * sigma**2 * start[c, axis]
+            coordinates = np.ascontiguousarray(np.linalg.solve(normal, right))
+    moved = design @ coordinates
+    return coordinates, _score(moved, target, sigmas[-1], ridge, coordinates, start)
 
 
 @fused
@@ -324,35 +326,6 @@ def field_design(source: Floats, rows: Integers) -> tuple[Floats, Floats]:
     dimension = source.shape[1]
     ridge = np.concatenate([[1e-6], np.full(dimension, AFFINE_SD**-2), np.ones(bends.shape[1])])
     return np.column_stack([np.ones(len(source)), source, bends]), ridge
-
-
-@fused
-def _annealed(
-    design: Floats, ridge: Floats, target: Floats, start: Floats, sigmas: Floats, rounds: int
-) -> tuple[Floats, float]:
-    n, k = design.shape
-    dimension = target.shape[1]
-    coordinates = start.copy()
-    weighted = np.empty((k, n))
-    across = np.ascontiguousarray(design.T)
-    beside = np.ones((len(target), dimension + 1))
-    beside[:, :dimension] = target
-    for sigma in sigmas:
-        for _ in range(rounds):
-            pairs = balanced_pairs(design @ coordinates, target, sigma, FIELD_BALANCINGS)
-            drawn = pairs @ beside
-            for c in range(k):
-                for i in range(n):
-                    weighted[c, i] = across[c, i] * drawn[i, dimension]
-            normal = weighted @ design
-            right = across @ np.ascontiguousarray(drawn[:, :dimension])
-            for c in range(k):
-                normal[c, c] += ridge[c] * sigma**2
-                for axis in range(dimension):
-                    right[c, axis] += ridge[c] * sigma**2 * start[c, axis]
-            coordinates = np.ascontiguousarray(np.linalg.solve(normal, right))
-    moved = design @ coordinates
-    return coordinates, _score(moved, target, sigmas[-1], ridge, coordinates, start)
 
 
 @fused

@@ -36,15 +36,6 @@ class DisplacementField:
         return np.asarray(points + gaussian(points, self.control) @ self.weights)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ExpectedPairs:
-    """Expectation: sums over the matrix of probabilities that target j belongs to source i."""
-
-    source: Floats  # sum of the probabilities over the target, shape (n,)
-    target: Floats  # sum over the source, shape (m,)
-    drawn: Floats  # sum of target points weighted by the probabilities, shape (n, d)
-
-
 def fit(source: Floats, target: Floats, /, *, rng: np.random.Generator) -> MatchFit:
     """Match normalised points, shapes (n, d) and (m, d), by coherent point drift, which is deterministic."""
     del rng
@@ -67,11 +58,10 @@ def fit_displacement(
     coordinates = np.zeros((factor.shape[1], dimension))
     variance = max(float(scipy.spatial.distance.cdist(source, target, "sqeuclidean").mean() / dimension), SHARPEST)
     for _ in range(rounds):
-        of_source, of_target, drawn = expect(transformed, target, variance, outliers)
-        expected = ExpectedPairs(source=of_source, target=of_target, drawn=drawn)
-        coordinates = _maximise(factor, source, expected, STIFFNESS * variance)
+        counts, explained, drawn = expect(transformed, target, variance, outliers)
+        coordinates = _maximise(factor, source, counts, drawn, STIFFNESS * variance)
         transformed = source + factor @ coordinates
-        before, variance = variance, _variance(transformed, target, expected)
+        before, variance = variance, _variance(transformed, target, counts, explained, drawn)
         if abs(variance - before) <= settled * before:
             break
     return DisplacementField(
@@ -93,22 +83,22 @@ def kernel_factor(points: Floats) -> tuple[Floats, Floats, Floats]:
     return unpivoted, points[pivots[:rank] - 1], lower[:rank]
 
 
-def _maximise(factor: Floats, source: Floats, expected: ExpectedPairs, ridge: float) -> Floats:
+def _maximise(factor: Floats, source: Floats, counts: Floats, drawn: Floats, ridge: float) -> Floats:
     """Coordinates c of the displacement L c, by ridge regression on the weighted targets."""
-    normal = factor.T @ (expected.source[:, None] * factor)
-    right = factor.T @ (expected.drawn - expected.source[:, None] * source)
+    normal = factor.T @ (counts[:, None] * factor)
+    right = factor.T @ (drawn - counts[:, None] * source)
     return ridge_solution(normal, right, ridge)
 
 
-def _variance(transformed: Floats, target: Floats, expected: ExpectedPairs) -> float:
+def _variance(transformed: Floats, target: Floats, counts: Floats, explained: Floats, drawn: Floats) -> float:
     """Mean square distance per coordinate of target points from their source points."""
-    total = expected.target @ np.sum(target**2, axis=1) + expected.source @ np.sum(transformed**2, axis=1)
-    total -= 2 * np.sum(transformed * expected.drawn)
-    return max(float(total / max(expected.source.sum() * transformed.shape[1], 1e-300)), SHARPEST)
+    total = explained @ np.sum(target**2, axis=1) + counts @ np.sum(transformed**2, axis=1)
+    total -= 2 * np.sum(transformed * drawn)
+    return max(float(total / max(counts.sum() * transformed.shape[1], 1e-300)), SHARPEST)
 
 
 def expect(transformed: Floats, target: Floats, variance: float, outliers: float) -> tuple[Floats, Floats, Floats]:
-    """The sums of `ExpectedPairs` where the fraction ``outliers`` of the target is spread evenly."""
+    """The sums of `expected_sums` where the fraction ``outliers`` of the target is spread evenly."""
     n, dimension = transformed.shape
     background = (2 * np.pi * variance) ** (dimension / 2) * outliers / (1 - outliers) * n / len(target)
     return expected_sums(transformed, target, variance, np.zeros(n), background)
@@ -118,14 +108,15 @@ def expect(transformed: Floats, target: Floats, variance: float, outliers: float
 def expected_sums(
     transformed: Floats, target: Floats, variance: float, handicap: Floats, background: float
 ) -> tuple[Floats, Floats, Floats]:
-    """The sums of `ExpectedPairs` without the matrix or its entries below rounding.
+    """Sums of the probabilities that target j belongs to source i, without the matrix or its entries below rounding.
 
-    A source point's weight is ``exp(-handicap - |x - y|**2 / (2 variance))``, with ``handicap`` of shape (n,); that of
-    no source point is ``background``.
+    They are the sum over the target, shape (n,), that over the source, shape (m,), and the sum of the target's points
+    weighted by them, shape (n, d). A source point's weight is ``exp(-handicap - |x - y|**2 / (2 variance))``, with
+    ``handicap`` of shape (n,); that of no source point is ``background``.
     """
     n, dimension = transformed.shape
     m = len(target)
-    source, explained, drawn = np.zeros(n), np.zeros(m), np.zeros((n, dimension))
+    counts, explained, drawn = np.zeros(n), np.zeros(m), np.zeros((n, dimension))
     away, chance = np.empty(n), np.empty(n)
     for j in range(m):
         for i in range(n):
@@ -140,9 +131,9 @@ def expected_sums(
             total += chance[i]
         for i in range(n):
             if chance[i] > 0:
-                fraction = chance[i] / total
-                source[i] += fraction
-                explained[j] += fraction
+                share = chance[i] / total
+                counts[i] += share
+                explained[j] += share
                 for k in range(dimension):
-                    drawn[i, k] += fraction * target[j, k]
-    return source, explained, drawn
+                    drawn[i, k] += share * target[j, k]
+    return counts, explained, drawn

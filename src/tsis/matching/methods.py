@@ -121,7 +121,7 @@ def ridge_map(normal: Floats, right: Floats, ridge: float) -> Floats:
     """Coordinates of the map, shape (1 + d + r, d), with a ridge on all but its affine part, by elimination."""
     rank, dimension = right.shape
     wide = -(-rank // ALIGNED) * ALIGNED
-    upper, result = np.zeros((rank, wide)), right.copy()
+    upper, solution = np.zeros((rank, wide)), right.copy()
     upper[:, :rank] = normal
     for k in range(dimension + 1, rank):
         upper[k, k] += ridge
@@ -132,14 +132,14 @@ def ridge_map(normal: Floats, right: Floats, ridge: float) -> Floats:
             for j in range(len(row)):
                 row[j] -= share * pivot[j]
             for axis in range(dimension):
-                result[i, axis] -= share * result[k, axis]
+                solution[i, axis] -= share * solution[k, axis]
     for k in range(rank - 1, -1, -1):
         for axis in range(dimension):
-            total = result[k, axis]
+            total = solution[k, axis]
             for j in range(k + 1, rank):
-                total -= upper[k, j] * result[j, axis]
-            result[k, axis] = total / upper[k, k]
-    return result
+                total -= upper[k, j] * solution[j, axis]
+            solution[k, axis] = total / upper[k, k]
+    return solution
 
 
 TOLERANCE_SD = 3.0  # tolerance in standard deviations of a point's position

@@ -133,25 +133,6 @@ def relax(likely: Floats, supported: scipy.sparse.csr_array, pairs: Pairs) -> Ch
     return chances
 
 
-def reference_relax(likely: Floats, source: Floats, target: Floats) -> Floats:
-    """`relax` with all pairs as candidates, by full matrices of shapes (n, m), (n, n) and (m, m)."""
-    chance = np.zeros((len(source) + 1, len(target) + 1))
-    chance[:-1, :-1] = likely * len(source) / likely.sum()
-    chance[:-1, -1] = chance[-1, :-1] = FIRST_NO_PARTNER
-    agreeing = np.maximum(source.sum(axis=1)[:, None], target.sum(axis=1))
-    for _ in range(UPDATES):
-        before = chance[:-1, :-1].copy()
-        chance[:-1, :-1] *= source @ before @ target / agreeing
-        chance[:-1, -1] *= LEAST_AGREEMENT
-        chance[-1, :-1] *= LEAST_AGREEMENT
-        for _ in range(BALANCINGS):
-            chance[:-1] /= chance[:-1].sum(axis=1, keepdims=True)
-            chance[:, :-1] /= chance[:, :-1].sum(axis=0, keepdims=True)
-        if np.max(np.abs(chance[:-1, :-1] - before)) < SETTLED:
-            break
-    return np.asarray(chance[:-1, :-1])
-
-
 def _balanced(chances: Chances, pairs: Pairs) -> Chances:
     """Normalise rows, then columns, to one together with the probability of no partner."""
     pair, source, target = chances.pair, chances.source, chances.target

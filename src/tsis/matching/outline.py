@@ -200,7 +200,7 @@ def _positions(points: Floats, whole: int) -> Integers:
 @fused
 def _local_medians(steps: Floats, reach: int) -> Floats:
     """Median of the steps up to ``reach`` places before and after each, shape (k,); repeated points make no step."""
-    result, near = np.empty(len(steps)), np.empty(2 * reach + 1)
+    medians, near = np.empty(len(steps)), np.empty(2 * reach + 1)
     for k in range(len(steps)):
         count = 0
         for step in steps[max(k - reach, 0) : k + reach + 1]:
@@ -212,8 +212,8 @@ def _local_medians(steps: Floats, reach: int) -> Floats:
                 place -= 1
             near[place] = step
             count += 1
-        result[k] = (near[(count - 1) // 2] + near[count // 2]) / 2 if count else 1.0
-    return result
+        medians[k] = (near[(count - 1) // 2] + near[count // 2]) / 2 if count else 1.0
+    return medians
 
 
 def curve_order(following: Integers) -> tuple[Integers, bool]:
@@ -234,7 +234,7 @@ def chains(following: Integers) -> list[tuple[Integers, bool]]:
     """Indices along each curve, and whether it is closed, from each point's next one."""
     visited = np.zeros(len(following), dtype=bool)
     starts = np.setdiff1d(np.arange(len(following)), following)
-    result = []
+    curves = []
     for first in [*starts.tolist(), *range(len(following))]:
         if visited[first]:
             continue
@@ -243,8 +243,8 @@ def chains(following: Integers) -> list[tuple[Integers, bool]]:
             visited[at] = True
             order.append(at)
             at = int(following[at])
-        result.append((np.array(order), at == first))
-    return result
+        curves.append((np.array(order), at == first))
+    return curves
 
 
 def main_curve(points: Floats, curves: list[tuple[Integers, bool]]) -> tuple[Integers, bool]:
@@ -352,7 +352,7 @@ def slid(matches: Integers, following: Integers, steps: int) -> Integers:
         ahead = np.full(len(following), UNMATCHED)
         linked = np.flatnonzero(following != UNMATCHED)
         ahead[following[linked]] = linked
-    result = matches
+    partners = matches
     for _ in range(abs(steps)):
-        result = np.where(ahead == UNMATCHED, UNMATCHED, result[ahead])
-    return np.asarray(result)
+        partners = np.where(ahead == UNMATCHED, UNMATCHED, partners[ahead])
+    return np.asarray(partners)

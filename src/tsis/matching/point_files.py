@@ -109,9 +109,9 @@ def _text(body: bytes, vertices: Vertices, axes: Sequence[str]) -> Floats:
         except (IndexError, ValueError) as error:
             text = row.decode("ascii", errors="replace").strip()
             raise FileInputError(f"vertex {number} must hold numbers for each property; got {text!r:.60}") from error
-    result = len(points) // len(axes)
-    if result < vertices.count:
-        raise FileInputError(f"it must hold the {vertices.count} vertices of its header; got {result}")
+    held = len(points) // len(axes)
+    if held < vertices.count:
+        raise FileInputError(f"it must hold the {vertices.count} vertices of its header; got {held}")
     return np.array(points).reshape(-1, len(axes))
 
 

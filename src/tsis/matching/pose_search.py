@@ -80,18 +80,18 @@ class PoseSearch:
 
 def search_poses(search: PoseSearch, *, rng: np.random.Generator) -> list[PoseEvidence]:
     """Maps by falling evidence; slid neighbours are among them."""
-    aligned = sorted(_aligned_maps(search), key=lambda item: -item.log)
+    aligned = sorted(_aligned_maps(search), key=lambda pose: -pose.log)
     if aligned and complete(search, aligned[0]):
-        better = [_mended(search, item) for item in distinct(aligned, DIFFERENT)[:MENDED]]
-        return sorted([*better, *aligned], key=lambda item: -item.log)
-    maps = [item for moved in _annealed_maps(search) if (item := settled(search, moved)) is not None]
+        better = [_mended(search, pose) for pose in distinct(aligned, DIFFERENT)[:MENDED]]
+        return sorted([*better, *aligned], key=lambda pose: -pose.log)
+    maps = [pose for moved in _annealed_maps(search) if (pose := settled(search, moved)) is not None]
     evidence = _refined(search, maps, aligned)
     if not evidence or not _whole(search, evidence[0]):
-        evidence = sorted([*evidence, *_laid_maps(search)], key=lambda item: -item.log)
+        evidence = sorted([*evidence, *_laid_maps(search)], key=lambda pose: -pose.log)
     evidence = _improved_again(search, evidence)
     if evidence and complete(search, evidence[0]):
         return evidence
-    proposed = [item for moved in _proposed_maps(search, rng) if (item := settled(search, moved)) is not None]
+    proposed = [pose for moved in _proposed_maps(search, rng) if (pose := settled(search, moved)) is not None]
     more = _refined(search, proposed, evidence)
     if len(search.source) * len(search.target) > refinement.MANY_PAIRS and evidence and more[0] is evidence[0]:
         return more
@@ -110,79 +110,78 @@ def _improved_again(search: PoseSearch, evidence: list[PoseEvidence]) -> list[Po
 
 def _improved(search: PoseSearch, evidence: list[PoseEvidence]) -> list[PoseEvidence]:
     """All maps, and those that growth, order along curves and shifts make of the likeliest."""
-    result = list(evidence)
     ranking = outlines.Ranking.of(search.field, search.target)
-    done = [_followed(search, item) for item in distinct(evidence, IMPROVED_DISTANCE)[:IMPROVED]]
-    top = max(done, key=lambda item: item.log)
+    done = [_followed(search, pose) for pose in distinct(evidence, IMPROVED_DISTANCE)[:IMPROVED]]
+    top = max(done, key=lambda pose: pose.log)
     for matches in refinement.shifted(search.outline, ranking, top):
-        item = hard_evidence(search.field, search.target, matches, width=top.width)
-        if item is not None:
-            done += [item, _followed(search, item)]
-    top = max(done, key=lambda item: item.log)
+        pose = hard_evidence(search.field, search.target, matches, width=top.width)
+        if pose is not None:
+            done += [pose, _followed(search, pose)]
+    top = max(done, key=lambda pose: pose.log)
     rotated = distinct(refinement.rotated(search.field, search.target, search.step, top), IMPROVED_DISTANCE)[:ROTATED]
-    done += [*rotated, *(_followed(search, item) for item in rotated)]
-    top = max(done, key=lambda item: item.log)
+    done += [*rotated, *(_followed(search, pose) for pose in rotated)]
+    top = max(done, key=lambda pose: pose.log)
     for _ in range(MOST_SEGMENTS):
         items = [
-            item
+            pose
             for order, closed in search.curves
             if len(order) > 5
             for matches in refinement.segment_shifts(order, closed, ranking, top)
-            if (item := hard_evidence(search.field, search.target, matches, width=top.width)) is not None
+            if (pose := hard_evidence(search.field, search.target, matches, width=top.width)) is not None
         ]
-        best = max(items, key=lambda item: item.log, default=top)
+        best = max(items, key=lambda pose: pose.log, default=top)
         if best.log <= top.log + 0.01:
             break
         top = _followed(search, best)
         done += [*items, top]
     if len(search.target) > DENSER * len(search.source):
-        for item in _target_slid_maps(search, top):
-            done.append(item)
-            top = max(top, item, key=lambda item: item.log)
+        for pose in _target_slid_maps(search, top):
+            done.append(pose)
+            top = max(top, pose, key=lambda pose: pose.log)
     done.append(refinement.repatched(search.field, search.target, search.step, top))
-    return sorted([*result, *done], key=lambda item: -item.log)
+    return sorted([*evidence, *done], key=lambda pose: -pose.log)
 
 
-def _mended(search: PoseSearch, item: PoseEvidence) -> PoseEvidence:
+def _mended(search: PoseSearch, pose: PoseEvidence) -> PoseEvidence:
     """The map of an alignment after growth and re-pairing of patches: points of a curve may be in the wrong order."""
-    item = refinement.grown(search.field, search.target, search.step, item)
-    if item.sigma <= CLEAN * SIGMAS[0]:
-        return item
-    return refinement.repatched(search.field, search.target, search.step, item)
+    pose = refinement.grown(search.field, search.target, search.step, pose)
+    if pose.sigma <= CLEAN * SIGMAS[0]:
+        return pose
+    return refinement.repatched(search.field, search.target, search.step, pose)
 
 
-def _target_slid_maps(search: PoseSearch, evidence: PoseEvidence) -> Iterator[PoseEvidence]:
+def _target_slid_maps(search: PoseSearch, found: PoseEvidence) -> Iterator[PoseEvidence]:
     """Maps whose pairs slid along the curves of the denser target."""
     ahead = search.ahead
     back = np.full(len(ahead), UNMATCHED)
     linked = np.flatnonzero(ahead != UNMATCHED)
     back[ahead[linked]] = linked
-    top = evidence
+    top = found
     for direction in (ahead, back):
         for _ in range(MOST_TARGET_SLIDES):
             matches = np.where(top.matches == UNMATCHED, UNMATCHED, direction[top.matches])
-            item = hard_evidence(search.field, search.target, matches, width=top.width)
-            if item is None:
+            pose = hard_evidence(search.field, search.target, matches, width=top.width)
+            if pose is None:
                 break
-            item = _followed(search, item)
-            if item.log <= top.log + 0.01:
+            pose = _followed(search, pose)
+            if pose.log <= top.log + 0.01:
                 break
-            top = item
-            yield item
+            top = pose
+            yield pose
 
 
-def _followed(search: PoseSearch, item: PoseEvidence) -> PoseEvidence:
+def _followed(search: PoseSearch, pose: PoseEvidence) -> PoseEvidence:
     """The map that growth and order along curves reach."""
     for _ in range(3):
-        before = item
+        before = pose
         if before not in search.led:
-            item = refinement.grown(search.field, search.target, search.step, item)
-            item = refinement.chained(search.field, search.target, search.step, search.curves, item)
-            search.led[before] = item
-        item = search.led[before]
-        if item.log < before.log + 0.5:
+            pose = refinement.grown(search.field, search.target, search.step, pose)
+            pose = refinement.chained(search.field, search.target, search.step, search.curves, pose)
+            search.led[before] = pose
+        pose = search.led[before]
+        if pose.log < before.log + 0.5:
             break
-    return item
+    return pose
 
 
 COOLING, COLDEST, COOLED = 0.85, 0.35, 3
@@ -203,15 +202,15 @@ def _laid_maps(search: PoseSearch) -> list[PoseEvidence]:
     pairs = (matches for curve in curves[:MOST_LAID] for matches in laid_pieces(curve, ranking, search.ahead))
     width = outlines.RANK_WIDTH
     maps = [hard_evidence(search.field, search.target, matches, width=width) for matches in pairs]
-    upright = [item for item in maps if item is not None and np.linalg.det(item.affine[1:]) > 0]
-    return [_followed(search, item) for item in distinct(upright, DIFFERENT)[:FOLLOWED]]
+    upright = [pose for pose in maps if pose is not None and np.linalg.det(pose.affine[1:]) > 0]
+    return [_followed(search, pose) for pose in distinct(upright, DIFFERENT)[:FOLLOWED]]
 
 
 def _aligned_maps(search: PoseSearch) -> list[PoseEvidence]:
     """Maps of the alignments of two outlines."""
     alignments = outline_alignments(search.field, search.target, search.following, search.ahead)
     return [
-        item for alignment in alignments if (item := hard_evidence(search.field, search.target, alignment)) is not None
+        pose for alignment in alignments if (pose := hard_evidence(search.field, search.target, alignment)) is not None
     ]
 
 
@@ -222,55 +221,55 @@ def settled(search: PoseSearch, moved: Floats) -> PoseEvidence | None:
             search.field, search.target, refinement.one_to_one(moved, search.target, GATES[0] * search.step)
         )
         return None if first is None else _tightened(search, first)
-    sigma, result = LAST_SIGMA * search.step, None
+    sigma, best = LAST_SIGMA * search.step, None
     for _ in range(SOFT_ROUNDS):
         pairs = balanced_pairs(np.ascontiguousarray(moved), search.target, sigma, BALANCINGS)
-        result = soft_evidence(search.field, search.target, pairs)
-        if result is None:
+        best = soft_evidence(search.field, search.target, pairs)
+        if best is None:
             return None
-        moved, sigma = result.moved, max(result.sigma, 0.1 * search.step)
-    return result
+        moved, sigma = best.moved, max(best.sigma, 0.1 * search.step)
+    return best
 
 
-def complete(search: PoseSearch, evidence: PoseEvidence) -> bool:
+def complete(search: PoseSearch, pose: PoseEvidence) -> bool:
     """Whether nearly all points of the smaller set have a partner at the measurement's standard deviation."""
     fewest = min(len(search.source), len(search.target))
-    return evidence.paired >= WHOLE * fewest and evidence.sigma <= 1.5 * SIGMAS[1]
+    return pose.paired >= WHOLE * fewest and pose.sigma <= 1.5 * SIGMAS[1]
 
 
-def _whole(search: PoseSearch, evidence: PoseEvidence) -> bool:
+def _whole(search: PoseSearch, pose: PoseEvidence) -> bool:
     """Whether a complete map leaves nearly no point of either set without partner."""
     most = max(len(search.source), len(search.target))
-    return complete(search, evidence) and evidence.paired >= WHOLE * most
+    return complete(search, pose) and pose.paired >= WHOLE * most
 
 
 def _refined(
     search: PoseSearch, maps: Iterable[PoseEvidence], evidence: Iterable[PoseEvidence] = ()
 ) -> list[PoseEvidence]:
     """All maps with their tightened and slid successors, by falling evidence."""
-    result = list(evidence)
-    for item in sorted(distinct(maps, 0.3 * search.step), key=lambda item: -item.log)[:FOLLOWED]:
-        best = max((other.log for other in result), default=item.log)
-        result.append(item)
-        if item.log < best - BEHIND * len(search.target):
+    refined = list(evidence)
+    for pose in sorted(distinct(maps, 0.3 * search.step), key=lambda pose: -pose.log)[:FOLLOWED]:
+        best = max((other.log for other in refined), default=pose.log)
+        refined.append(pose)
+        if pose.log < best - BEHIND * len(search.target):
             continue
-        tight = _tightened(search, item)
-        result += [tight, *_slid_maps(search, tight)]
-    return sorted(result, key=lambda item: -item.log)
+        tight = _tightened(search, pose)
+        refined += [tight, *_slid_maps(search, tight)]
+    return sorted(refined, key=lambda pose: -pose.log)
 
 
 def distinct(maps: Iterable[PoseEvidence], least: float) -> list[PoseEvidence]:
     """The maps by falling evidence that lie at least so far from those before them."""
-    result: list[PoseEvidence] = []
+    apart: list[PoseEvidence] = []
     chosen = np.empty((0, 0))
-    for item in sorted(maps, key=lambda item: -item.log):
-        moved = item.moved.ravel()
-        if not result or _is_far(moved, chosen[: len(result)], least**2 * len(item.moved)):
-            if len(result) == len(chosen):
-                chosen = np.concatenate([chosen.reshape(-1, len(moved)), np.empty((len(result) + 8, len(moved)))])
-            chosen[len(result)] = moved
-            result.append(item)
-    return result
+    for pose in sorted(maps, key=lambda pose: -pose.log):
+        moved = pose.moved.ravel()
+        if not apart or _is_far(moved, chosen[: len(apart)], least**2 * len(pose.moved)):
+            if len(apart) == len(chosen):
+                chosen = np.concatenate([chosen.reshape(-1, len(moved)), np.empty((len(apart) + 8, len(moved)))])
+            chosen[len(apart)] = moved
+            apart.append(pose)
+    return apart
 
 
 @fused
@@ -287,9 +286,9 @@ def _is_far(moved: Floats, others: Floats, least: float) -> bool:
     return True
 
 
-def _tightened(search: PoseSearch, evidence: PoseEvidence) -> PoseEvidence:
+def _tightened(search: PoseSearch, found: PoseEvidence) -> PoseEvidence:
     """The best map while pairs are assigned one to one within a shrinking distance."""
-    moved, best, last = evidence.moved, evidence, None
+    moved, best, last = found.moved, found, None
     for gate in GATES:
         matches = refinement.one_to_one(moved, search.target, gate * search.step)
         rows = np.flatnonzero(matches != UNMATCHED)
@@ -299,27 +298,27 @@ def _tightened(search: PoseSearch, evidence: PoseEvidence) -> PoseEvidence:
         if last is not None and np.array_equal(matches, last):
             continue
         last = matches
-        item = hard_evidence(search.field, search.target, matches, width=evidence.width)
-        if item is None:
+        pose = hard_evidence(search.field, search.target, matches, width=found.width)
+        if pose is None:
             break
-        moved = item.moved
-        best = max(best, item, key=lambda item: item.log)
+        moved = pose.moved
+        best = max(best, pose, key=lambda pose: pose.log)
     return best
 
 
-def _slid_maps(search: PoseSearch, evidence: PoseEvidence) -> Iterator[PoseEvidence]:
+def _slid_maps(search: PoseSearch, found: PoseEvidence) -> Iterator[PoseEvidence]:
     """Maps whose pairs slid along the outline, from the best found so far on."""
-    top = evidence
+    top = found
     for _ in range(MOST_SLIDES):
         matches = refinement.one_to_one(top.moved, search.target, max(3 * top.sigma, 0.6 * search.step))
         better = top
         for steps in SLIDES:
-            item = _repaired(search, slid(matches, search.following, steps), top.width)
-            if item is None:
+            pose = _repaired(search, slid(matches, search.following, steps), top.width)
+            if pose is None:
                 continue
-            yield item
-            if item.log > better.log + 0.01:
-                better = item
+            yield pose
+            if pose.log > better.log + 0.01:
+                better = pose
         if better is top:
             return
         top = _tightened(search, better)
@@ -328,54 +327,56 @@ def _slid_maps(search: PoseSearch, evidence: PoseEvidence) -> Iterator[PoseEvide
 
 def _repaired(search: PoseSearch, matches: Integers, width: float) -> PoseEvidence | None:
     """The better of the map of the matches and the map of the pairs that it leads to."""
-    item = hard_evidence(search.field, search.target, matches, width=width)
-    if item is None:
+    pose = hard_evidence(search.field, search.target, matches, width=width)
+    if pose is None:
         return None
-    matches = refinement.one_to_one(item.moved, search.target, max(2 * item.sigma, 0.3 * search.step))
+    matches = refinement.one_to_one(pose.moved, search.target, max(2 * pose.sigma, 0.3 * search.step))
     again = hard_evidence(search.field, search.target, matches, width=width)
-    return item if again is None else max(item, again, key=lambda item: item.log)
+    return pose if again is None else max(pose, again, key=lambda pose: pose.log)
 
 
 def _annealed_maps(search: PoseSearch) -> Iterator[Floats]:
     """Moved source points of the best starts, annealed with a field."""
-    source, target = search.source, search.target
-    rows, columns = spread_indices(source, FINE[0]), spread_indices(target, FINE[1])
-    sample = np.ascontiguousarray(target[columns])
-    design, ridge = field_design(source, rows)
+    design, rows, sample, ridge, sigmas = _sampled_field(search)
     here = np.ascontiguousarray(design[rows])
-    last = max(LAST_SIGMA * max(spacing(source[rows]), spacing(sample)), 0.03)
-    sigmas = np.geomspace(FIRST_SIGMA, min(last, MIDDLE_SIGMA / 2), FINE_STEPS)
     middle = int(np.searchsorted(-sigmas, -MIDDLE_SIGMA))
-    maps = []
-    for affine in _coarse_starts(search):
-        start = np.zeros((design.shape[1], source.shape[1]))
-        start[: len(affine)] = affine
-        maps.append((annealed_map(here, ridge, sample, start, sigmas[:middle], rounds=2), start))
-    maps.sort(key=lambda item: -item[0].score)
-    for item, _ in maps[:FOLLOWED]:
-        yield design @ annealed_map(here, ridge, sample, item.coordinates, sigmas[middle:], rounds=2).coordinates
-    start = np.zeros((design.shape[1], source.shape[1]))
-    start[1 : 1 + source.shape[1]] = np.eye(source.shape[1])
-    whole = np.concatenate([WIDE_SIGMAS, sigmas])
-    yield design @ annealed_map(here, ridge, sample, start, whole, rounds=2).coordinates
+    starts = [_padded(affine, design.shape[1]) for affine in _coarse_starts(search)]
+    maps = [annealed_map(here, ridge, sample, start, sigmas[:middle], 2) for start in starts]
+    maps.sort(key=lambda scored: -scored[1])
+    for coordinates, _ in maps[:FOLLOWED]:
+        yield design @ annealed_map(here, ridge, sample, coordinates, sigmas[middle:], 2)[0]
+    dimension = search.source.shape[1]
+    start = _padded(np.eye(dimension + 1, dimension, -1), design.shape[1])
+    yield design @ annealed_map(here, ridge, sample, start, np.concatenate([WIDE_SIGMAS, sigmas]), 2)[0]
 
 
 def _proposed_maps(search: PoseSearch, rng: np.random.Generator) -> Iterator[Floats]:
     """Moved source points: a spline annealed from the identity, and poses of relaxation labelling with a field."""
     source, target = search.source, search.target
-    rows, columns = spread_indices(source, FINE[0]), spread_indices(target, FINE[1])
+    design, rows, sample, ridge, sigmas = _sampled_field(search)
     basis = spline_basis(source, control=source[rows])
     cooling = Cooling(factor=COOLING, start=START, end=(COLDEST * search.step) ** 2, rounds=COOLED)
     yield basis.design @ anneal(basis, basis.rest, target, cooling)
+    here = np.ascontiguousarray(design[rows])
+    for pose in poses(source[rows], sample, rng=rng)[:PROPOSED]:
+        yield design @ annealed_map(here, ridge, sample, _padded(pose.affine, design.shape[1]), sigmas, 2)[0]
+
+
+def _sampled_field(search: PoseSearch) -> tuple[Floats, Integers, Floats, Floats, Floats]:
+    """Design of a field at all source points, rows of their sample, sample of the target, ridge, falling sigmas."""
+    source, target = search.source, search.target
+    rows, columns = spread_indices(source, FINE[0]), spread_indices(target, FINE[1])
     sample = np.ascontiguousarray(target[columns])
     design, ridge = field_design(source, rows)
-    here = np.ascontiguousarray(design[rows])
     last = max(LAST_SIGMA * max(spacing(source[rows]), spacing(sample)), 0.03)
-    sigmas = np.geomspace(FIRST_SIGMA, min(last, MIDDLE_SIGMA / 2), FINE_STEPS)
-    for pose in poses(source[rows], sample, rng=rng)[:PROPOSED]:
-        start = np.zeros((design.shape[1], source.shape[1]))
-        start[: len(pose.affine)] = pose.affine
-        yield design @ annealed_map(here, ridge, sample, start, sigmas, rounds=2).coordinates
+    return design, rows, sample, ridge, np.geomspace(FIRST_SIGMA, min(last, MIDDLE_SIGMA / 2), FINE_STEPS)
+
+
+def _padded(affine: Floats, count: int) -> Floats:
+    """Coordinates, shape (count, d), of an affine map without bending."""
+    start = np.zeros((count, affine.shape[1]))
+    start[: len(affine)] = affine
+    return start
 
 
 def _coarse_starts(search: PoseSearch) -> list[Floats]:
@@ -386,16 +387,16 @@ def _coarse_starts(search: PoseSearch) -> list[Floats]:
     there = np.ascontiguousarray(target[spread_indices(target, COARSE[1])])
     design = np.column_stack([np.ones(len(here)), here])
     ridge = np.concatenate([[1e-6], np.full(dimension, AFFINE_SD**-2)])
-    evidence = [
-        annealed_map(design, ridge, there, np.vstack([np.zeros(dimension), matrix]), COARSE_SIGMAS)
+    maps = [
+        annealed_map(design, ridge, there, np.vstack([np.zeros(dimension), matrix]), COARSE_SIGMAS, 1)
         for matrix in refinement.start_matrices(source, target)
     ]
-    evidence.sort(key=lambda item: -item.score)
+    maps.sort(key=lambda scored: -scored[1])
     chosen: list[Floats] = []
-    for item in evidence:
-        moved = [design @ (item.coordinates - other) for other in chosen]
+    for affine, _ in maps:
+        moved = [design @ (affine - other) for other in chosen]
         if all((away**2).sum(axis=1).mean() > DIFFERENT**2 for away in moved):
-            chosen.append(item.coordinates)
+            chosen.append(affine)
             if len(chosen) == ANNEALED:
                 break
     return chosen

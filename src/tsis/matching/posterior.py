@@ -97,19 +97,19 @@ class PosePosterior:
     def _near(self, moved: Floats) -> Booleans:
         """Mask of the maps within the tolerance of moved points, shape (k,)."""
         tolerance = TOLERANCE * _radius(moved)
-        return np.array([_is_near(item.moved, moved, tolerance**2 * len(moved)) for item in self.maps])
+        return np.array([_is_near(pose.moved, moved, tolerance**2 * len(moved)) for pose in self.maps])
 
     def alternatives(self) -> tuple[LikelyPose, ...]:
         """Poses that differ by more than the tolerance, by falling probability; the first is the best."""
         left = np.ones(len(self.maps), dtype=bool)
-        result: list[LikelyPose] = []
-        while left.any() and len(result) < MOST_ALTERNATIVES:
+        poses: list[LikelyPose] = []
+        while left.any() and len(poses) < MOST_ALTERNATIVES:
             first = self.maps[left.argmax()]
             near = left & self._near(first.moved)
             probability = float(np.exp(scipy.special.logsumexp(self.logs[near])))
-            if result and probability < LEAST_PROBABILITY:
+            if poses and probability < LEAST_PROBABILITY:
                 break
-            result.append(
+            poses.append(
                 LikelyPose(
                     move=self.move(first),
                     rotation_deg=rotation_deg(first.affine[1:]),
@@ -117,7 +117,7 @@ class PosePosterior:
                 )
             )
             left &= ~near
-        return tuple(sorted(result, key=lambda pose: -pose.probability))
+        return tuple(sorted(poses, key=lambda pose: -pose.probability))
 
 
 def pose_posterior(
@@ -138,9 +138,9 @@ def pose_posterior(
     maps = search_poses(search, rng=rng) if searched is None else list(searched.maps)
     if also is not None and (given := settled(search, also)) is not None:
         maps.append(given)
-    upright = distinct((item for item in maps if np.linalg.det(item.affine[1:]) > 0), DUPLICATE)
-    priors = np.array([log_rotation_prior(item.affine[1:], rotation_sd_deg) for item in upright])
-    logs = priors + _softened(np.array([item.log for item in upright]), upright, search.step)
+    upright = distinct((pose for pose in maps if np.linalg.det(pose.affine[1:]) > 0), DUPLICATE)
+    priors = np.array([log_rotation_prior(pose.affine[1:], rotation_sd_deg) for pose in upright])
+    logs = priors + _softened(np.array([pose.log for pose in upright]), upright, search.step)
     order = np.argsort(-logs, kind="stable")
     logs, chosen = logs[order], [upright[k] for k in order]
     unrelated = unrelated_evidence(target)

@@ -106,10 +106,10 @@ def grown(field: SmoothField, target: Floats, step: float, pose: PoseEvidence) -
         matches = _paired_again(target, best.moved, radius, FARTHEST * step)
         if np.array_equal(matches, best.matches):
             break
-        item = hard_evidence(field, target, matches, width=best.width)
-        if item is None or item.log <= best.log + 0.01:
+        proposed = hard_evidence(field, target, matches, width=best.width)
+        if proposed is None or proposed.log <= best.log + 0.01:
             break
-        best = item
+        best = proposed
     return best
 
 
@@ -129,9 +129,9 @@ def repatched(field: SmoothField, target: Floats, step: float, pose: PoseEvidenc
         matches = _paired_again(target, left.moved, radius, FARTHEST * step)
         if np.array_equal(matches, best.matches):
             continue
-        item = hard_evidence(field, target, matches, width=best.width)
-        if item is not None and item.log > best.log + 0.01:
-            best = item
+        proposed = hard_evidence(field, target, matches, width=best.width)
+        if proposed is not None and proposed.log > best.log + 0.01:
+            best = proposed
     return best
 
 
@@ -153,12 +153,12 @@ def chained(
         matches = _along_curves(
             moved, target, order, ends, ordered, ascending, WINDOW * step, strain * step, POSITION * step
         )
-        item = hard_evidence(field, target, matches, width=current.width)
-        if item is None:
+        proposed = hard_evidence(field, target, matches, width=current.width)
+        if proposed is None:
             break
-        current = item
-        if item.log > best.log + 0.01:
-            best = item
+        current = proposed
+        if proposed.log > best.log + 0.01:
+            best = proposed
     if best is pose:
         return pose
     whole = hard_evidence(field, target, best.matches)
@@ -378,9 +378,9 @@ def rotated(field: SmoothField, target: Floats, step: float, pose: PoseEvidence)
         points = field.points @ (white @ turn @ back)
         bent = gaussian_kernel(points, field.control, pose.width) @ pose.kernel_weights
         moved = pose.affine[0] + points @ pose.affine[1:] + bent
-        item = hard_evidence(field, target, one_to_one(moved, target, FARTHEST * step), width=pose.width)
-        if item is not None:
-            yield item
+        proposed = hard_evidence(field, target, one_to_one(moved, target, FARTHEST * step), width=pose.width)
+        if proposed is not None:
+            yield proposed
 
 
 def plane_rotations() -> Floats:

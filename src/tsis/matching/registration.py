@@ -151,8 +151,8 @@ def register(
     >>> registration.transform([[0.0, 0.0]]).round(0).tolist()
     [[3.0, 1.0]]
     """
-    result = match_points(source, target, method=method, rng=rng, rotation_sd_deg=rotation_sd_deg)
-    return result if result.reliable else _withheld(result, np.array(source, dtype=float))
+    found = match_points(source, target, method=method, rng=rng, rotation_sd_deg=rotation_sd_deg)
+    return found if found.reliable else _withheld(found, np.array(source, dtype=float))
 
 
 def match_points(

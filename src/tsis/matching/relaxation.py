@@ -165,8 +165,8 @@ def _supports(
                     number += among[target_index[j, b]] >= 0
                 for b in near[:number]:
                     position = among[target_index[j, b]]
-                    alpha = 1 - abs(source_log[i, a] - target_log[j, b]) / same
-                    beta = 0.0
+                    alpha = 1 - abs(source_log[i, a] - target_log[j, b]) / same  # (5.8)
+                    beta = 0.0  # (5.9)
                     for axis in range(dimension):
                         beta += source_direction[i, a, axis] * target_direction[j, b, axis]
                     if alpha <= 0 or beta <= 0:
@@ -174,7 +174,8 @@ def _supports(
                     if count == len(entry):
                         entry = np.append(entry, np.empty(count, dtype=np.int32))
                         weight = np.append(weight, np.empty(count, dtype=np.float32))
-                    entry[count], weight[count] = source_index[i, a] * c + position, alpha * beta * nearness[i, a]
+                    entry[count] = source_index[i, a] * c + position
+                    weight[count] = alpha * beta * nearness[i, a]  # (5.11)
                     count += 1
             start[i * c + s + 1] = count
     return start, entry[:count], weight[:count]
@@ -199,12 +200,12 @@ def _relax(
     for _ in range(updates):
         for at in range(n * c):
             total = 0.0
-            if flat[at] > 0:  # zero stays zero
+            if flat[at] > 0:  # zero stays zero; the sum is (5.12)
                 for k in range(start[at], start[at + 1]):
                     total += weight[k] * flat[entry[k]]
             support[at] = total
         before = flat.copy()
-        flat *= support
+        flat *= support  # (5.13)
         none *= single
         for _ in range(NORMALISATIONS):
             _normalise_rows(probability, none)
@@ -233,44 +234,6 @@ def _normalise_rows(probability: Floats, none: Floats) -> None:
         total = none[i] + probability[i].sum()
         none[i] /= total
         probability[i] /= total
-
-
-def reference_supports(source: Neighbourhood, target: Neighbourhood) -> Floats:
-    """Support ``[i, j, a, b]`` of pair (i, j) by pair (a, b), shape (n, m, n, m): the terms of (5.12) in full."""
-    difference = np.abs(source.log_distance[:, None, :, None] - target.log_distance[None, :, None, :])
-    alpha = np.maximum(1 - difference / SAME_DISTANCE, 0)
-    beta = np.maximum(np.einsum("iad,jbd->ijab", source.direction, target.direction), 0)
-    n, m = len(source.index), len(target.index)
-    i, j = np.arange(n)[:, None, None, None], np.arange(m)[None, :, None, None]
-    supports = np.zeros((n, m, n, m))
-    supports[i, j, source.index[:, None, :, None], target.index[None, :, None, :]] = (
-        alpha * beta * source.nearness[:, None, :, None]
-    )
-    return supports
-
-
-def reference_label(
-    source: Neighbourhood, target: Neighbourhood, cost: Floats, *, single: float, updates: int = UPDATES
-) -> Floats:
-    """The probabilities of `label` as a full matrix, shape (n, m), from products of full matrices."""
-    supports, candidates = reference_supports(source, target), cheapest(cost, CANDIDATES)
-    allowed = np.zeros(cost.shape)
-    none = np.full((len(cost), 1), 1 / (candidates.shape[1] + 1))
-    np.put_along_axis(allowed, candidates, 1.0, axis=1)
-    probability = allowed * np.exp((cost.min(axis=1, keepdims=True) - cost) / SHARPNESS)
-    probability *= (1 - none) / probability.sum(axis=1, keepdims=True)
-    for _ in range(updates):
-        before = probability
-        probability, none = probability * np.tensordot(supports, probability, axes=2), none * single
-        for _ in range(NORMALISATIONS):
-            total = none + probability.sum(axis=1, keepdims=True)
-            probability, none = probability / total, none / total
-            probability = probability / np.maximum(probability.sum(axis=0), 1)
-        none = np.maximum(1 - probability.sum(axis=1, keepdims=True), 0)
-        probability[probability < NOTHING] = 0
-        if np.max(np.abs(probability - before)) < SETTLED:
-            break
-    return np.asarray(probability)
 
 
 NO_PARTNER_SUPPORT = 0.07  # support for having no partner
@@ -369,7 +332,7 @@ def agreed(source: Floats, partners: Floats, trust: Floats, *, rng: np.random.Ge
 @fused
 def _closeness(source: Floats, partners: Floats, matrix: Floats, shift: Floats, chance: Floats, close: float) -> Floats:
     """Weight of the pairs, by their distance up to ``close``, that agree on each affine map, shape (t,)."""
-    result = np.zeros(len(matrix))
+    closeness = np.zeros(len(matrix))
     for number in range(len(matrix)):
         for i in range(len(source)):
             squared = 0.0
@@ -378,5 +341,5 @@ def _closeness(source: Floats, partners: Floats, matrix: Floats, shift: Floats, 
                 for other in range(source.shape[1]):
                     away += source[i, other] * matrix[number, other, axis]
                 squared += away * away
-            result[number] += chance[i] * max(1 - squared / close**2, 0.0)
-    return result
+            closeness[number] += chance[i] * max(1 - squared / close**2, 0.0)
+    return closeness

@@ -52,33 +52,6 @@ def histograms(points: ArrayLike, *, turn: float = 0.0, scale: float | None = No
     return _normalised(_counts(points, axis, mean_distance(points) if scale is None else _scale(scale)))
 
 
-def axis_histograms(points: ArrayLike, *, scale: float | None = None) -> Floats:
-    """`histograms` with directions from the mass centre, which are invariant to rotation.
-
-    In space only the polar angle to that direction is defined, in `POLAR_BINS` bins: shape (n, 30).
-
-    Examples
-    --------
-    >>> corner = [[0.0, 0.0], [3.0, 0.0], [0.0, 1.0]]
-    >>> rotated = [[0.0, 0.0], [0.0, 3.0], [-1.0, 0.0]]
-    >>> bool(np.allclose(axis_histograms(corner), axis_histograms(rotated)))
-    True
-    """
-    points = require_points("points", points)
-    scale = mean_distance(points) if scale is None else _scale(scale)
-    towards = points.mean(axis=0) - points
-    if points.shape[1] == 2:
-        return _normalised(_counts(points, np.arctan2(towards[:, 1], towards[:, 0]), scale))
-    away = points[None, :, :] - points[:, None, :]
-    length = np.linalg.norm(away, axis=2)
-    whole = np.linalg.norm(towards, axis=1)[:, None] * length
-    cosine = np.einsum("nk,nmk->nm", towards, away) / np.maximum(whole, SMALLEST)
-    ring, latitude = _rings(length / scale), (1 + np.clip(cosine, -1, 1)) / 2 * POLAR_BINS
-    return _normalised(
-        _radial_weight(ring, _within(latitude, POLAR_BINS), np.zeros_like(ring), (DISTANCE_BINS, POLAR_BINS, 1))
-    )
-
-
 def chi_squared(a: Floats, b: Floats) -> Floats:
     """Chi-squared distances ``sum_k (a_k - b_k)**2 / (a_k + b_k) / 2`` of histograms (n, k) and (m, k), shape (n, m).
 
@@ -140,45 +113,6 @@ def _counts(points: Floats, axis: Floats, scale: float) -> Floats:
     return counts
 
 
-def reference_counts(points: Floats, axis: Floats, scale: float) -> Floats:
-    """Readable reference of `_counts`, shape (n, distance, polar, angle)."""
-    away = points[None, :, :] - points[:, None, :]
-    length = np.linalg.norm(away, axis=2)
-    angle = (np.arctan2(away[..., 1], away[..., 0]) - axis[:, None]) / (2 * np.pi) * ANGLE_BINS - 0.5
-    ring, latitude, polar = _rings(length / scale), np.zeros_like(length), 1
-    if points.shape[1] == 3:
-        polar = POLAR_BINS
-        latitude = np.where(length > 0, (1 + away[..., 2] / np.maximum(length, SMALLEST)) / 2 * polar, 0.0)
-    return _radial_weight(ring, _within(latitude, polar), angle, (DISTANCE_BINS, polar, ANGLE_BINS))
-
-
-def _rings(distance: Floats) -> Floats:
-    """Coordinate of scaled distances in distance bins, from the centre of the first."""
-    return np.maximum(np.log2(np.maximum(distance, SMALLEST) / INNER) + 0.5, 0.0)
-
-
-def _within(position: Floats, bins: int) -> Floats:
-    """Coordinate from the centre of the first of ``bins``, clipped to the centres of the outermost."""
-    return np.clip(position - 0.5, 0.0, bins - 1.0)
-
-
-def _radial_weight(ring: Floats, latitude: Floats, angle: Floats, bins: tuple[int, int, int]) -> Floats:
-    """Distribute each neighbour, shape (n, n), linearly among the nearest bins; a point is not its own neighbour."""
-    counts = np.zeros((len(ring), *bins))
-    row = np.broadcast_to(np.arange(len(ring))[:, None], ring.shape)
-    for corner in np.ndindex(2, 2, 2):
-        weight = 1.0 - np.eye(len(ring))
-        positions = []
-        for at, up in zip((ring, latitude, angle), corner, strict=True):
-            low = np.floor(at)
-            weight *= at - low if up else 1 - at + low
-            positions.append(low.astype(int) + up)
-        inside = (positions[0] < bins[0]) & (positions[1] < bins[1])
-        where = row[inside], positions[0][inside], positions[1][inside], positions[2][inside] % bins[2]
-        np.add.at(counts, where, weight[inside])
-    return counts
-
-
 def _normalised(counts: Floats) -> Floats:
     flat = counts.reshape(len(counts), -1)
     return np.asarray(flat / np.maximum(flat.sum(axis=1, keepdims=True), SMALLEST))
@@ -195,18 +129,13 @@ BENDING = 3.0  # of the first round
 SOFTENING = 0.5  # of the bending, from round to round
 
 
-def fit(source: Floats, target: Floats, /, *, rng: np.random.Generator, rotated: bool = False) -> MatchFit:
-    """Match normalised points, shapes (n, d) and (m, d), by their shape contexts; the method is deterministic.
-
-    With ``rotated``, directions are measured from the mass centre. The sets may then be rotated by any angle, but the
-    contexts discriminate less and change with the mass centre.
-    """
+def fit(source: Floats, target: Floats, /, *, rng: np.random.Generator) -> MatchFit:
+    """Match normalised points, shapes (n, d) and (m, d), by their shape contexts; the method is deterministic."""
     del rng
-    describe = axis_histograms if rotated else histograms
-    target_contexts, basis = describe(target), spline_basis(source)
+    target_contexts, basis = histograms(target), spline_basis(source)
     transformed = source
     for number in range(ROUNDS):
-        cost = chi_squared(describe(transformed), target_contexts)
+        cost = chi_squared(histograms(transformed), target_contexts)
         matches = _matches(cost)
         paired = matches != UNMATCHED
         coordinates = basis.coordinates(
