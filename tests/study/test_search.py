@@ -22,7 +22,6 @@ from tsis.study.search import (
     scan_plan,
     smallest_found_mm,
     widest_plan,
-    widest_spacing_mm,
 )
 
 if TYPE_CHECKING:
@@ -78,7 +77,7 @@ def test_the_widest_plan_has_the_fewest_presses_of_all(width: float, height: flo
 
 
 def test_a_square_grid_of_the_widest_spacing_just_reaches() -> None:
-    spacing = widest_spacing_mm(6.0)
+    spacing = math.sqrt(2) * 6.0
     plan = scan_plan(10 * spacing, 10 * spacing, radius_mm=12.0, spacing_mm=spacing * (1 + 1e-12))
     assert plan.presses == 100
     assert plan.worst_distance_mm == pytest.approx(6.0)

@@ -165,16 +165,10 @@ class IntraclassCorrelation:
 
 
 def intraclass_correlation(ratings: ArrayLike, form: str = "ICC(2,1)") -> IntraclassCorrelation:
-    """Intraclass correlation of a table of ratings.
+    """Intraclass correlation of a finite table of ratings, shape (targets, raters), at least 2 by 2.
 
-    Raises `InputError` when the table is bad, the form unknown, or the ratings do not vary as it needs.
-
-    Parameters
-    ----------
-    ratings
-        Finite, shape (targets, raters), at least 2 by 2; a rater may be a repeat or an instrument.
-    form
-        See `IntraclassCorrelation`.
+    A rater may be a repeat or an instrument; the ``form`` is that of `IntraclassCorrelation`. Raises `InputError` when
+    the table is bad, the form unknown, or the ratings do not vary as it needs.
 
     Examples
     --------
@@ -291,19 +285,12 @@ class BlandAltman:
     def limit_intervals(
         self, level: float = LEVEL, *, coverage: float = COVERAGE, method: str = "exact"
     ) -> tuple[Interval, Interval]:
-        """Interval of the lower and of the upper limit of agreement, each by itself.
+        """Interval of the lower and of the upper limit of agreement, each by itself, with the confidence ``level``.
 
-        Raises `InputError` when a fraction is out of range, the method is unknown, or all differences are equal.
-
-        Parameters
-        ----------
-        level
-            Confidence, in (0, 1).
-        coverage
-            As for `limits`.
-        method
-            ``"exact"``: from the noncentral t distribution, exact for normal differences (Carkeet, Optom. Vis. Sci. 92
-            (2015) e71). ``"approximate"``: symmetric, of Bland and Altman (1999), too short outwards for few targets.
+        The method ``"exact"`` is from the noncentral t distribution, exact for normal differences (Carkeet, Optom. Vis.
+        Sci. 92 (2015) e71); ``"approximate"`` is symmetric, of Bland and Altman (1999), too short outwards for few
+        targets. Raises `InputError` when a fraction is not in (0, 1), the method is unknown, or all differences are
+        equal.
         """
         tail = (1 - checked_level(level)) / 2
         away, spread, n = _normal(coverage), self._spread(), self.targets
@@ -349,14 +336,9 @@ class BlandAltman:
 
 
 def bland_altman(first: ArrayLike, second: ArrayLike) -> BlandAltman:
-    """Compare two methods of measurement on the same targets.
+    """Compare two methods of measurement by one reading of each target in one unit, shapes (targets,), at least 2.
 
     Raises `InputError` when a reading is not finite, the lengths differ, or there is only one target.
-
-    Parameters
-    ----------
-    first, second
-        One reading of each target by either method, shape (targets,), at least 2, in one unit.
 
     Examples
     --------

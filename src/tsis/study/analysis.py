@@ -229,11 +229,9 @@ def agreements(device_results: DeviceResults, readings: Sequence[DeviceReading])
     """
     own = [reading for reading in readings if reading.device == device_results.device]
     inside = {target.code for target in device_results.targets if target.truth.has_inclusion}
-    results = []
-    for quantity in (SCORE, *QUANTITIES):
-        table = _table(own, quantity, None if quantity == SCORE else inside)
-        results += [item for item in (_within(quantity, table), _between(quantity, table)) if item is not None]
-    return tuple(results)
+    tables = {name: _table(own, name, None if name == SCORE else inside) for name in (SCORE, *QUANTITIES)}
+    found = (of(name, table) for name, table in tables.items() for of in (_within, _between))
+    return tuple(item for item in found if item is not None)
 
 
 Table = dict[str, dict[str, list[float]]]  # values by operator and code
@@ -338,12 +336,8 @@ class SizeErrors:
         return float(np.abs(self.read - self.true).max())
 
 
-def _size_errors(device_results: DeviceResults) -> tuple[SizeErrors, ...]:
-    """Errors of every quantity on the inclusions that the device detected."""
-    return tuple(errors for quantity in QUANTITIES if (errors := _errors_of(device_results, quantity)) is not None)
-
-
-def _errors_of(device_results: DeviceResults, quantity: str) -> SizeErrors | None:
+def _size_errors(device_results: DeviceResults, quantity: str) -> SizeErrors | None:
+    """Errors of a quantity on the inclusions that the device detected; None where it measured none."""
     detected = [(item, item.reading) for item in device_results.detected if item.reading]
     pairs = [(item, reading) for item, reading in detected if quantity in reading.values]
     if not pairs:
@@ -446,7 +440,7 @@ def device_analysis(
         reliability=reliability,
         brier_interval=brier,
         recalibration=recalibrated,
-        errors=_size_errors(device_results),
+        errors=tuple(item for name in QUANTITIES if (item := _size_errors(device_results, name)) is not None),
         strata=strata(device_results),
         agreements=agreements(device_results, readings),
         missing=missing,

@@ -363,25 +363,12 @@ def rehearse_reference_run(
     preparing: Callable[[int, int], None] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Study:
-    """Read the reference phantoms with one virtual probe, and unblind.
+    """Let ``operators`` read the reference phantoms in turn with one virtual probe, in a new folder, and unblind.
 
-    Raises `InputError` when a value lies outside its range, and `RecordsError` when the folder exists or cannot be
-    created.
-
-    Parameters
-    ----------
-    folder
-        A new one, of the study.
-    probe
-        Name of a probe in the catalog; its errors follow from the ``seed``.
-    operators
-        Who read every phantom in turn.
-    repeats
-        Readings of a phantom by an operator, 2 or more.
-    strain
-        Mechanics of presses and estimates, ``"finite"`` or ``"small"``.
-    preparing, progress
-        Called with (done, total).
+    The errors of the ``probe`` of the catalog follow from the ``seed``; an operator reads each phantom ``repeats``
+    times, 2 or more. ``strain``, ``"finite"`` or ``"small"``, is the mechanics of presses and estimates. ``preparing``
+    and ``progress`` are called with (done, total). Raises `InputError` when a value lies outside its range, and
+    `RecordsError` when the folder exists or cannot be created.
     """
     require_integer("repeats", repeats, 2, 100, hint="a card shows how well readings repeat")
     require_integer("seed", seed, 0, LARGEST_SEED)
@@ -403,22 +390,10 @@ def press_by_operators(
     preparing: Callable[[int, int], None] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Study:
-    """Let operators read all targets of a study in turn with one virtual probe, and unblind.
+    """Let operators read all targets of a blind study in turn with one ``virtual`` probe, and unblind.
 
-    Parameters
-    ----------
-    study
-        One that is not unblinded; readings that it holds already are not taken again.
-    virtual
-        The probe.
-    operators
-        Their names.
-    seed
-        Of all errors of readings.
-    strain
-        Mechanics of the estimates, ``"finite"`` or ``"small"``.
-    preparing, progress
-        Called with (done, total).
+    Readings that the study holds already are not taken again; all errors of readings follow from the ``seed``. The rest
+    is as for `rehearse_reference_run`.
     """
     readings = len(study.plan.codes) * study.plan.repeats
     for number, name in enumerate(operators):

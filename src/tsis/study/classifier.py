@@ -154,22 +154,14 @@ class TargetEvidence(ContentValue):
 
 
 def target_evidence(estimate: Estimate, *, draws: int = EVIDENCE_DRAWS, prior: float | None = None) -> TargetEvidence:
-    """Input of a classifier from an estimate.
+    """Input of a classifier from a result of `tsis.inclusion.estimate`: ``draws`` of its samples, evenly through them.
 
-    Raises `InputError` when it has no probability of an inclusion, or no samples of diameter, depth and modulus, and
-    `UntrustedError` when that probability is not to be trusted. Of tissue without an inclusion the posterior describes
-    inclusions that could remain undetected; a classifier uses it all the same.
-
-    Parameters
-    ----------
-    estimate
-        A result of `tsis.inclusion.estimate`.
-    draws
-        Number of samples, evenly through its own; all where it has fewer.
-    prior
-        As for `tsis.study.probabilities.presence`.
+    ``prior`` is as for `tsis.study.probabilities.presence`. Of tissue without an inclusion the posterior describes
+    inclusions that could remain undetected; a classifier uses it all the same. Raises `InputError` when the estimate
+    has no probability of an inclusion, or no samples of diameter, depth and modulus, and `UntrustedError` when that
+    probability is not to be trusted.
     """
-    result = presence(estimate, prior=prior)
+    evidence = presence(estimate, prior=prior)
     if not estimate.presence_trusted:
         raise UntrustedError(
             f"estimate must have a presence to be trusted; it is flagged {', '.join(estimate.flags)}: press the target "
@@ -181,7 +173,7 @@ def target_evidence(estimate: Estimate, *, draws: int = EVIDENCE_DRAWS, prior: f
         raise InputError(f"estimate must hold samples of {', '.join(PARAMETERS)}; it has none of {', '.join(missing)}")
     every = np.column_stack([estimate.untrusted.samples[name] for name in PARAMETERS])
     evenly = np.linspace(0, len(every) - 1, min(draws, len(every))).round().astype(int)
-    return TargetEvidence(samples=every[evenly], log_ratio=result.log_likelihood_ratio)
+    return TargetEvidence(samples=every[evenly], log_ratio=evidence.log_likelihood_ratio)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -309,26 +301,23 @@ def train_classifier(
 ) -> Classifier:
     """Fit a classifier: standardised features, support vectors, probabilities calibrated by cross-validation.
 
-    Raises `InputError` when a class has too few targets.
-
-    Parameters
-    ----------
-    training
-        At least ``settings.folds`` targets of each class.
-    split
-        The classes, by which the targets were labelled.
-    settings
-        How; `ClassifierSettings` by default.
+    The ``split`` is that by which the targets were labelled. Raises `InputError` when a class has fewer than
+    ``settings.folds`` targets.
     """
     settings = ClassifierSettings() if settings is None else settings
     require_type("training", training, TrainingSet)
     require_type("split", split, ClassSplit)
     require_type("settings", settings, ClassifierSettings)
-    enough(training.labels, split, settings.folds)
-    return Classifier(split=split, settings=settings, training=training, model=_fitted(training, settings))
+    _require_enough(training.labels, split, settings.folds)
+    return Classifier(
+        split=split,
+        settings=settings,
+        training=training,
+        model=calibrated_machine(settings).fit(training.features, training.labels),
+    )
 
 
-def enough(labels: NDArray[np.int64], split: ClassSplit, least: int) -> None:
+def _require_enough(labels: NDArray[np.int64], split: ClassSplit, least: int) -> None:
     """Refuse labels with fewer than ``least`` of a class."""
     for label, name in enumerate(split.names):
         number = int(np.count_nonzero(labels == label))
@@ -337,10 +326,6 @@ def enough(labels: NDArray[np.int64], split: ClassSplit, least: int) -> None:
                 f"the class {name!r} must have at least {least} targets, one a part; got {number}: add targets, or "
                 "choose fewer folds or another split"
             )
-
-
-def _fitted(training: TrainingSet, settings: ClassifierSettings) -> Any:
-    return calibrated_machine(settings).fit(training.features, training.labels)
 
 
 def calibrated_machine(settings: ClassifierSettings) -> Any:
@@ -404,11 +389,6 @@ class Validation:
         """Mean over targets of the sum over classes of probability less truth, squared: 0 at best, 2 at worst."""
         return float(((self.probabilities - np.eye(CLASSES)[self.labels]) ** 2).sum(axis=1).mean())
 
-    @property
-    def differences(self) -> NDArray[np.float64]:
-        """Largest difference of both probabilities over the classes, shape (targets,)."""
-        return np.asarray(np.abs(self.probabilities - self.at_mean).max(axis=1))
-
 
 def cross_validate(
     readings: Sequence[TargetEvidence],
@@ -419,29 +399,16 @@ def cross_validate(
     folds: int = 5,
     progress: Callable[[int, int], None] | None = None,
 ) -> Validation:
-    """Classify the targets by classifiers that were fitted, and calibrated, without them.
+    """Classify targets by classifiers that were fitted and calibrated without them, in 2 to 20 stratified ``folds``.
 
-    Raises `InputError` when the input is bad, or a class has too few targets for parts within parts.
-
-    Parameters
-    ----------
-    readings
-        Estimates of the targets.
-    truth
-        True inclusions, None for none; as many.
-    split
-        The classes.
-    settings
-        Settings of the classifiers; the seed also shuffles the folds.
-    folds
-        Number of stratified folds, 2 to 20.
-    progress
-        Called with (folds done, folds).
+    ``truth`` has the inclusion of each reading's target, None for none. The seed of the settings also shuffles the
+    folds; ``progress`` is called with (folds done, folds). Raises `InputError` when the input is bad, or a class has
+    too few targets for parts within parts.
     """
     settings = ClassifierSettings() if settings is None else settings
     folds = require_integer("folds", folds, 2, 20)
     training = TrainingSet.of(readings, truth, split)
-    enough(training.labels, split, -(-settings.folds * folds // (folds - 1)))  # what is left holds one a part
+    _require_enough(training.labels, split, -(-settings.folds * folds // (folds - 1)))  # what is left holds one a part
     import_extra("sklearn", feature="cross-validation", extra="study")
     from sklearn.model_selection import StratifiedKFold
 
@@ -470,19 +437,7 @@ KEYS = {"format", "version", "notice", "made_with", "split", "settings", "target
 
 
 def write_classifier(classifier: Classifier, path: str | os.PathLike[str]) -> Path:
-    """Write a classifier atomically; `FileInputError` when it cannot be written there.
-
-    Parameters
-    ----------
-    classifier
-        As `tsis.study.classifier.train_classifier` makes it.
-    path
-        File to write or replace.
-
-    Returns
-    -------
-    The file.
-    """
+    """Write a classifier atomically and return its path; `FileInputError` when it cannot be written there."""
     require_type("classifier", classifier, Classifier)
     path, training = as_path(path), classifier.training
     content = {
@@ -506,18 +461,10 @@ def write_classifier(classifier: Classifier, path: str | os.PathLike[str]) -> Pa
 
 
 def read_classifier(path: str | os.PathLike[str]) -> Classifier:
-    """Read a classifier's file and fit it again.
+    """Read a file of `write_classifier`, of at most 2 MiB, and fit its classifier again.
 
-    Raises `FileInputError` when the file is of another kind, was changed, or its versions give another fit here.
-
-    Parameters
-    ----------
-    path
-        A file of `write_classifier`, of at most 2 MiB.
-
-    Returns
-    -------
-    The same classifier; its ``notes`` say so where another version of scikit-learn gives other probabilities.
+    Its ``notes`` say so where another version of scikit-learn gives other probabilities. Raises `FileInputError` when
+    the file is of another kind, was changed, or the same versions give another fit here.
     """
     path = as_path(path)
     name, content = printable_path(path), read_object(path, most=LARGEST_BYTES)

@@ -82,21 +82,12 @@ class ControlChart:
 def control_chart(
     values: ArrayLike, *, baseline: int, weight: float = EWMA_WEIGHT, width: float = EWMA_WIDTH
 ) -> ControlChart:
-    """Chart of single values; Student's t widens both limits for the error of ``sd``.
+    """Chart of values, shape (checks,), in order of time; Student's t widens both limits for the error of ``sd``.
 
-    After t checks the EWMA has the variance ``sd² (w / (2 - w) (1 - (1 - w)^(2t)) + (1 - (1 - w)^t)² / baseline)``; the
-    second part is the centre's. Raises `InputError` for a value out of range, or equal values in the baseline.
-
-    Parameters
-    ----------
-    values
-        Finite, shape (checks,), in order of time, at least ``baseline``.
-    baseline
-        Checks that set the limits, in [8, 300].
-    weight
-        Of the newest value in the EWMA, in (0, 1].
-    width
-        Half width of the EWMA limits, standard deviations of a long baseline.
+    The first ``baseline`` values, 8 to 300, set the limits. After t checks the EWMA, in which the newest value has the
+    weight w in (0, 1], has the variance ``sd² (w / (2 - w) (1 - (1 - w)^(2t)) + (1 - (1 - w)^t)² / baseline)``; the
+    second part is the centre's. ``width`` is the half width of its limits in standard deviations of a long baseline.
+    Raises `InputError` for a value out of range, or equal values in the baseline.
 
     Examples
     --------

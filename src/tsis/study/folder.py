@@ -252,16 +252,9 @@ class StudyVerification:
 def verify_study(folder: str | os.PathLike[str], *, head: str | None = None) -> StudyVerification:
     """Compare every file of a study with its log, and every line of the log with the one before.
 
-    Raises `InputError` when the head is no hash, or there is no log to read; `RecordsError` when the folder has no
-    study.
-
-    Parameters
-    ----------
-    folder
-        Of the study.
-    head
-        Hash, or its first 12 digits or more, from a report or an earlier verification: the log must still contain
-        that line. Without it a cut at the end or a completely rewritten log cannot be detected.
+    With the ``head`` of a report or of an earlier verification, a hash or its first 12 digits or more, the log must
+    still contain that line. Without it a cut at the end or a completely rewritten log cannot be detected. Raises
+    `InputError` when the head is no hash, or there is no log to read, and `RecordsError` when the folder has no study.
     """
     root = as_path(folder)
     if not any(os.path.lexists(root / name) for name in (PLAN, LOG_FILE)):

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 SIDES = 180  # of the circle
 ARC = 60  # segments of a quarter of a sphere
-WALL_MM, FLOOR_MM, PIN_MM = 3.0, 3.0, 1.0
+WALL_MM, FLOOR_MM = 3.0, 3.0
 
 
 def sphere_mould(diameter_mm: float) -> NDArray[np.float64]:
@@ -52,18 +52,16 @@ def sphere_mould(diameter_mm: float) -> NDArray[np.float64]:
     angle = np.linspace(0, np.pi / 2, ARC + 1)
     top = radius + FLOOR_MM
     cavity = np.stack([radius * np.sin(angle), top - radius * np.cos(angle)], axis=1)  # from the axis to the rim
-    return _revolved([(0.0, 0.0), *map(tuple, cavity[:1]), *map(tuple, cavity[1:]), *_outer(radius + WALL_MM, top)])
+    outside = radius + WALL_MM
+    return _revolved([(0.0, 0.0), *map(tuple, cavity), (outside, top), (outside, 0.0)])
 
 
 def cup(diameter_mm: float, height_mm: float) -> NDArray[np.float64]:
     """A cup for tissue or a test cylinder: inner ``diameter_mm`` and ``height_mm``, as triangles (n, 3, 3) in mm."""
     radius = require_number("diameter_mm", diameter_mm, 1.0, 300.0, hint="millimetres") / 2
     top = require_number("height_mm", height_mm, 1.0, 300.0, hint="millimetres") + FLOOR_MM
-    return _revolved([(0.0, 0.0), (0.0, FLOOR_MM), (radius, FLOOR_MM), (radius, top), *_outer(radius + WALL_MM, top)])
-
-
-def _outer(radius: float, top: float) -> list[tuple[float, float]]:
-    return [(radius, top), (radius, 0.0)]
+    outside = radius + WALL_MM
+    return _revolved([(0.0, 0.0), (0.0, FLOOR_MM), (radius, FLOOR_MM), (radius, top), (outside, top), (outside, 0.0)])
 
 
 def _revolved(profile: list[tuple[float, float]]) -> NDArray[np.float64]:
@@ -85,11 +83,6 @@ def _revolved(profile: list[tuple[float, float]]) -> NDArray[np.float64]:
         if not touching[1]:
             faces.append(np.stack([after[0], high, after[1]], axis=1))
     return np.concatenate(faces)
-
-
-def volume_mm3(triangles: NDArray[np.float64]) -> float:
-    """Volume inside closed outward triangles, by the divergence theorem; negative where they point inwards."""
-    return float(np.linalg.det(triangles).sum() / 6)
 
 
 def stl_bytes(triangles: NDArray[np.float64], name: str) -> bytes:

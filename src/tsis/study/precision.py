@@ -72,12 +72,8 @@ class Repeatability:
 def repeatability(readings: Sequence[ArrayLike]) -> Repeatability:
     """Repeatability from repeats on several targets, by the one-way analysis of variance.
 
-    Raises `InputError` when a row is empty or not finite, or there are fewer than 2 targets or no repeats.
-
-    Parameters
-    ----------
-    readings
-        One row of finite readings per target, at least 2 targets; rows may differ in length, and one has at least 2.
+    ``readings`` has one row of finite readings for each of at least 2 targets; rows may differ in length, and one has
+    at least 2. Other rows raise `InputError`.
 
     Examples
     --------
@@ -206,12 +202,7 @@ def _modified_large_samples(terms: Sequence[tuple[float, float, int]], level: fl
 def reproducibility(readings: ArrayLike) -> Reproducibility:
     """Reproducibility from a balanced study, by the two-way analysis of variance with interaction, all random.
 
-    Raises `InputError` when the table is not finite or too small.
-
-    Parameters
-    ----------
-    readings
-        Finite, shape (targets, operators, repeats), at least 2 of each.
+    ``readings`` is finite, of shape (targets, operators, repeats), at least 2 of each; else `InputError` is raised.
 
     Examples
     --------
@@ -227,25 +218,25 @@ def reproducibility(readings: ArrayLike) -> Reproducibility:
     cells = centred.mean(axis=2)
     rows, columns = cells.mean(axis=1), cells.mean(axis=0)
     free = degrees_of_freedom((n, k, r))
-    result = (
+    squared = (
         k * r * squares(rows, table) / free[0],
         n * r * squares(columns, table) / free[1],
         r * squares(cells - rows[:, None] - columns, table) / free[2],
         squares(centred - cells[:, :, None], table) / free[3],
     )
     variances = {
-        "target": (result[0] - result[2]) / (k * r),
-        "operator": (result[1] - result[2]) / (n * r),
-        "interaction": (result[2] - result[3]) / r,
+        "target": (squared[0] - squared[2]) / (k * r),
+        "operator": (squared[1] - squared[2]) / (n * r),
+        "interaction": (squared[2] - squared[3]) / r,
     }
     cut = {name: math.sqrt(max(variance, 0.0)) for name, variance in variances.items()}
     return Reproducibility(
         target_sd=cut["target"],
         operator_sd=cut["operator"],
         interaction_sd=cut["interaction"],
-        repeat_sd=math.sqrt(result[3]),
+        repeat_sd=math.sqrt(squared[3]),
         truncated=tuple(name for name, variance in variances.items() if variance < 0),
-        mean_squares=result,
+        mean_squares=squared,
         degrees_of_freedom=free,
         shape=(n, k, r),
     )
@@ -284,16 +275,10 @@ class Linearity:
 
 
 def linearity(measured: ArrayLike, true: ArrayLike) -> Linearity:
-    """Regress readings on the true values of reference targets.
+    """Regress readings, or means of repeats, on the ``true`` values of at least 4 reference targets, shapes (targets,).
 
-    Raises `InputError` when a value is not finite, the lengths differ, or there are too few or too equal targets.
-
-    Parameters
-    ----------
-    measured
-        One reading, or the mean of the repeats, of each target, shape (targets,), at least 4.
-    true
-        True values in the same unit, positive, at least 3 different ones.
+    Both have one unit; the true values are positive, at least 3 of them different. Raises `InputError` when a value is
+    not finite, the lengths differ, or there are too few or too equal targets.
 
     Examples
     --------
@@ -373,9 +358,8 @@ def study_size(
 ) -> PrecisionStudySize:
     """The fewest phantoms for which the upper limit of a coefficient exceeds it by less than the fraction ``width``.
 
-    The limits are those of `Repeatability.interval` and `Reproducibility.interval` at the expected mean squares.
-
-    Raises `InputError` when a value lies outside its range.
+    The limits are those of `Repeatability.interval` and `Reproducibility.interval` at the expected mean squares, two-
+    sided with the confidence ``level``. Raises `InputError` when a value lies outside its range.
 
     Parameters
     ----------
@@ -387,8 +371,6 @@ def study_size(
         Expected standard deviations over that of repeats, in [0, 100].
     reproducibility_too
         Whether the coefficient between operators must reach the width as well.
-    level
-        Confidence of the two-sided interval, in (0, 1).
 
     Examples
     --------
@@ -413,21 +395,17 @@ def study_size(
         return within <= width and (between <= width or not reproducibility_too)
 
     low, high = 1, MOST_PHANTOMS
-    if not reaches(high):
-        within, between = uppers(high)
-        return PrecisionStudySize(
-            operators=operators,
-            repeats=repeats,
-            phantoms=None,
-            upper_repeatability=within,
-            upper_reproducibility=between,
-        )
-    while high - low > 1:
+    enough = reaches(high)
+    while enough and high - low > 1:
         middle = (low + high) // 2
         low, high = (low, middle) if reaches(middle) else (middle, high)
     within, between = uppers(high)
     return PrecisionStudySize(
-        operators=operators, repeats=repeats, phantoms=high, upper_repeatability=within, upper_reproducibility=between
+        operators=operators,
+        repeats=repeats,
+        phantoms=high if enough else None,
+        upper_repeatability=within,
+        upper_reproducibility=between,
     )
 
 

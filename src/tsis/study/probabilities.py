@@ -42,19 +42,11 @@ class BrierScore:
 
 
 def brier_score(probabilities: ArrayLike, present: ArrayLike, *, groups: ArrayLike | None = None) -> BrierScore:
-    """Brier score of probabilities, in Murphy's parts.
+    """Brier score in Murphy's parts: probabilities in [0, 1] that targets hold an inclusion, and whether they do.
 
-    Raises `InputError` when a probability lies outside [0, 1], the truth is not boolean, or the lengths differ.
-
-    Parameters
-    ----------
-    probabilities
-        That each target contains an inclusion, shape (targets,), in [0, 1].
-    present
-        Whether it does, booleans of shape (targets,).
-    groups
-        Whole numbers of shape (targets,), equal within a group; None groups equal probabilities, which is of little use
-        where few are equal.
+    All arrays have the shape (targets,). ``groups`` has whole numbers, equal within a group; None groups equal
+    probabilities, which is of little use where few are equal. Raises `InputError` when a probability lies outside [0,
+    1], the truth is not boolean, or the lengths differ.
 
     Examples
     --------
@@ -69,14 +61,14 @@ def brier_score(probabilities: ArrayLike, present: ArrayLike, *, groups: ArrayLi
     group = np.unique(together, return_inverse=True)[1]
     sizes = np.bincount(group)
     mean_probability, observed = (np.bincount(group, weights=item) / sizes for item in (values, truth.astype(float)))
-    fraction = float(truth.mean())
+    frequency = float(truth.mean())
     # Stephenson, Coelho and Jolliffe, Weather Forecast. 23 (2008) 752: variance and covariance inside the groups.
     difference = values - mean_probability[group]
     return BrierScore(
         score=float(np.mean((values - truth) ** 2)),
         reliability=float(np.average((mean_probability - observed) ** 2, weights=sizes)),
-        resolution=float(np.average((observed - fraction) ** 2, weights=sizes)),
-        uncertainty=fraction * (1 - fraction),
+        resolution=float(np.average((observed - frequency) ** 2, weights=sizes)),
+        uncertainty=frequency * (1 - frequency),
         within=float(np.mean(difference**2) - 2 * np.mean(difference * (truth - observed[group]))),
     )
 
@@ -90,23 +82,10 @@ def brier_interval(
     draws: int = DRAWS,
     progress: Callable[[int, int], None] | None = None,
 ) -> Interval:
-    """Bootstrap percentile interval of the Brier score; too narrow for few targets.
+    """Bootstrap percentile interval of the `brier_score`; too narrow for few targets.
 
-    Raises `InputError` when the input is invalid, or all squared errors are equal.
-
-    Parameters
-    ----------
-    probabilities, present
-        As for `brier_score`.
-    rng, level, draws, progress
-        As for `bootstrap_auc`.
-
-    Examples
-    --------
-    >>> truth = [True, True, False, False, True]
-    >>> low, high = brier_interval([0.9, 0.6, 0.3, 0.1, 0.4], truth, rng=np.random.default_rng(0))
-    >>> low < 0.126 < high
-    True
+    ``rng``, ``level``, ``draws`` and ``progress`` are as for `tsis.study.roc.bootstrap_auc`. Raises `InputError` when
+    the input is invalid, or all squared errors are equal.
     """
     values, truth = _probabilities_and_truth(probabilities, present)
     checked_level(level)
@@ -168,21 +147,10 @@ class ReliabilityCurve:
 def reliability_curve(
     probabilities: ArrayLike, present: ArrayLike, *, bins: int = BINS, widths: str = "equal-count"
 ) -> ReliabilityCurve:
-    """Compare grouped probabilities with observed frequencies.
+    """Compare probabilities in 1 or more ``bins`` with observed frequencies; the arrays are as for `brier_score`.
 
-    Raises `InputError` when a probability lies outside [0, 1], the truth is not boolean, the lengths differ, or a
-    choice is unknown.
-
-    Parameters
-    ----------
-    probabilities
-        That each target holds an inclusion, shape (targets,), in [0, 1].
-    present
-        Whether it does, booleans of shape (targets,).
-    bins
-        Number of bins, 1 or more; equal probabilities are in one bin.
-    widths
-        ``"equal-count"``, ends at quantiles of the probabilities, or ``"equal-width"``.
+    With the ``widths`` ``"equal-count"`` the bins end at quantiles of the probabilities; ``"equal-width"`` divides [0,
+    1]. Equal probabilities are in one bin. Raises `InputError` as `brier_score`, or when a choice is unknown.
 
     Examples
     --------
@@ -239,15 +207,9 @@ class Recalibration:
 def recalibration(probabilities: ArrayLike, present: ArrayLike) -> Recalibration:
     """Fit slope and intercept of the logits by maximum likelihood.
 
-    Raises `InputError` when the input is invalid, a class is missing, or the probabilities separate both kinds, so that
-    the slope is infinite.
-
-    Parameters
-    ----------
-    probabilities
-        That each target contains an inclusion, shape (targets,), strictly between 0 and 1, not all equal.
-    present
-        Whether it does, booleans of shape (targets,), both kinds.
+    The arrays are as for `brier_score`, with both kinds of targets, and probabilities strictly between 0 and 1 that are
+    not all equal. Raises `InputError` when the input is invalid, a class is missing, or the probabilities separate both
+    kinds, so that the slope is infinite.
 
     Examples
     --------
@@ -375,22 +337,16 @@ class PresenceProbability:
         remain those of the estimate's prior.
         """
         require_number("prevalence", prevalence, *PREVALENCE, hint="a fraction of targets")
-        transformed = float(scipy.special.expit(self.log_likelihood_ratio + float(scipy.special.logit(prevalence))))
+        moved = float(scipy.special.expit(self.log_likelihood_ratio + float(scipy.special.logit(prevalence))))
         # Where the ratio is only a bound, 0 and 1 stay.
-        return replace(self, probability=self.probability if self.is_bound else transformed, prior=prevalence)
+        return replace(self, probability=self.probability if self.is_bound else moved, prior=prevalence)
 
 
 def presence(estimate: Estimate, *, prior: float | None = None) -> PresenceProbability:
-    """Probability of an inclusion from an estimate.
+    """Probability of an inclusion from a result of `tsis.inclusion.estimate`.
 
+    ``prior`` is the probability of an inclusion that the estimate was made with; by default that of its provenance.
     Raises `InputError` when the estimate has no such probability, or its prior is unknown.
-
-    Parameters
-    ----------
-    estimate
-        A result of `tsis.inclusion.estimate`.
-    prior
-        Prior probability of an inclusion of the estimate; by default that of its provenance.
 
     Examples
     --------

@@ -70,20 +70,20 @@ def booleans(name: str, value: ArrayLike) -> NDArray[np.bool_]:
     if np.ma.is_masked(value):
         raise InputError(f"{name} must not hold masked values; leave those targets out before")
     try:
-        result = np.array(value)
+        flags = np.array(value)
     except ValueError as error:
         raise InputError(f"{name} must be one row of True and False; got rows of unequal lengths") from error
-    if result.ndim != 1:
-        raise InputError(f"{name} must be one row of True and False; got shape {result.shape}")
-    if result.size == 0:
+    if flags.ndim != 1:
+        raise InputError(f"{name} must be one row of True and False; got shape {flags.shape}")
+    if flags.size == 0:
         raise InputError(f"{name} must not be empty; give one value a target")
-    if result.dtype.kind != "b":
+    if flags.dtype.kind != "b":
         raise InputError(
-            f"{name} must hold True and False alone; got {result.dtype.name} as {result[0]!r:.40}: "
+            f"{name} must hold True and False alone; got {flags.dtype.name} as {flags[0]!r:.40}: "
             f"compare first, such as numbers == 1"
         )
-    result.flags.writeable = False
-    return result
+    flags.flags.writeable = False
+    return flags
 
 
 def scored(scores: ArrayLike, present: ArrayLike, *, name: str = "scores") -> tuple[NDArray[Any], NDArray[np.bool_]]:
@@ -128,11 +128,11 @@ def checked_readings(name: str, value: ArrayLike, *, ndim: int) -> NDArray[np.fl
 
     Raises `InputError` when they are empty, of another shape or too large.
     """
-    result = require_array(name, value, ndim=ndim)
-    largest = float(np.abs(result).max())
+    values = require_array(name, value, ndim=ndim)
+    largest = float(np.abs(values).max())
     if largest > LARGEST_READING:
         raise InputError(f"{name} must lie within ±{LARGEST_READING:g}; got {largest:g}: choose a larger unit")
-    return result
+    return values
 
 
 def choice(name: str, value: str, choices: tuple[str, ...]) -> str:
@@ -189,21 +189,9 @@ class Proportion:
 
 
 def wilson_interval(successes: int, trials: int, level: float = LEVEL) -> Interval:
-    """Wilson's score interval: all proportions that a score test does not reject.
+    """Wilson's score interval of a `Proportion`: all proportions that a score test does not reject.
 
-    Raises `InputError` when a number is out of its range.
-
-    Parameters
-    ----------
-    successes, trials
-        As for `Proportion`.
-    level
-        Confidence, in (0, 1).
-
-    Examples
-    --------
-    >>> wilson_interval(8, 8).high
-    1.0
+    ``level`` is the confidence, in (0, 1). Raises `InputError` when a number is out of its range.
     """
     counted = Proportion(successes=successes, trials=trials)
     squared = float(scipy.special.ndtri(0.5 + checked_level(level) / 2)) ** 2
@@ -216,21 +204,9 @@ def wilson_interval(successes: int, trials: int, level: float = LEVEL) -> Interv
 
 
 def exact_interval(successes: int, trials: int, level: float = LEVEL) -> Interval:
-    """Clopper and Pearson's interval of a proportion, from the binomial distribution.
+    """Clopper and Pearson's interval of a `Proportion`, from the binomial distribution: it covers at least ``level``.
 
-    Raises `InputError` when a number is out of its range.
-
-    Parameters
-    ----------
-    successes, trials
-        As for `Proportion`.
-    level
-        Confidence, in (0, 1); true coverage is never less.
-
-    Examples
-    --------
-    >>> [round(end, 3) for end in exact_interval(6, 8)]
-    [0.349, 0.968]
+    ``level`` is the confidence, in (0, 1). Raises `InputError` when a number is out of its range.
     """
     Proportion(successes=successes, trials=trials)
     tail, failures = (1 - checked_level(level)) / 2, trials - successes
@@ -250,7 +226,6 @@ class ProportionRatio:
 
     Examples
     --------
-    >>> from tsis.study.proportions import Proportion
     >>> ratio = ProportionRatio(first=Proportion(successes=6, trials=8), second=Proportion(successes=1, trials=8))
     >>> ratio.value
     6.0
@@ -304,7 +279,6 @@ class ProportionDifference:
 
     Examples
     --------
-    >>> from tsis.study.proportions import Proportion
     >>> youden = ProportionDifference(first=Proportion(successes=6, trials=8), second=Proportion(successes=1, trials=8))
     >>> youden.value
     0.625
@@ -374,14 +348,9 @@ class Counts:
 
     @classmethod
     def of(cls, decided: ArrayLike, present: ArrayLike) -> Counts:
-        """Count decisions; `InputError` when either is empty or not boolean, or their lengths differ.
+        """Count decisions of targets and whether an inclusion was ``present``, booleans of shape (targets,).
 
-        Parameters
-        ----------
-        decided
-            Whether an inclusion was decided present in each target, booleans of shape (targets,).
-        present
-            Whether it was present, likewise.
+        Raises `InputError` when either is empty or not boolean, or their lengths differ.
 
         Examples
         --------

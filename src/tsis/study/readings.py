@@ -269,15 +269,10 @@ MORE_COLUMNS = ("offset_mm", "tissue_kpa", "thickness_mm", "poisson")
 
 
 def read_truth_table(path: str | os.PathLike[str]) -> tuple[TargetTruth, ...]:
-    """Read targets from a file with the columns `COLUMNS`, and optionally `MORE_COLUMNS`.
+    """Read targets from a CSV file in UTF-8 with the columns `COLUMNS`, and optionally `MORE_COLUMNS`.
 
-    Raises `FileInputError` when a row is no target; the message gives its line.
-
-    Parameters
-    ----------
-    path
-        Comma-separated values in UTF-8. A row whose diameter, depth and modulus are empty is a target without an
-        inclusion; other empty cells are as in the phantom ``detection-blank`` of the catalog.
+    A row whose diameter, depth and modulus are empty is a target without an inclusion; other empty cells are as in the
+    phantom ``detection-blank`` of the catalog. Raises `FileInputError` when a row is no target, with its line.
     """
     file = as_path(path)
     by_label: dict[str, TargetTruth] = {}
@@ -327,26 +322,12 @@ def import_readings(
     threshold: float | None = None,
     actor: str = "",
 ) -> Study:
-    """Enter the readings of a device from a file with the columns `READING_COLUMNS`, all or none.
+    """Enter the readings of a device from a CSV file in UTF-8 with the columns `READING_COLUMNS`, all or none.
 
-    `UNCERTAINTY_COLUMNS` may follow: the standard deviation of a quantity, and both ends of its 90 % interval.
-
-    Raises `InputError` when a row is invalid; the message gives its line, and nothing is entered; `RecordsError` when
-    the study is unblinded.
-
-    Parameters
-    ----------
-    study
-        The study, blind.
-    path
-        Comma-separated values in UTF-8. An empty score is an undecided reading; sizes, depths and moduli may be empty.
-    device
-        Name of the device.
-    threshold
-        Least score of a target that is called one with an inclusion; that of the study by default. The first import
-        of a device fixes it.
-    actor
-        Who enters them.
+    An empty score is an undecided reading; sizes, depths and moduli may be empty. `UNCERTAINTY_COLUMNS` may follow: the
+    standard deviation of a quantity, and both ends of its 90 % interval. The ``threshold``, least score of a target
+    that is called one with an inclusion, is that of the study by default; the first import of a device fixes it. Raises
+    `InputError` when a row is invalid, with its line, and `RecordsError` when the study is unblinded.
     """
     file = as_path(path)
     return import_table(

@@ -42,22 +42,11 @@ def bootstrap_auc(
     draws: int = DRAWS,
     progress: Callable[[int, int], None] | None = None,
 ) -> Interval:
-    """Percentile interval of an area under the curve from the stratified bootstrap.
+    """Percentile interval of an area under the curve, with the confidence ``level``, from the stratified bootstrap.
 
-    Raises `InputError` when the input is invalid, a class is missing, or all draws have the same area.
-
-    Parameters
-    ----------
-    scores, present
-        As for `Roc`.
-    rng
-        Source of the draws.
-    level
-        Confidence, in (0, 1).
-    draws
-        How many studies are drawn, 100 or more.
-    progress
-        Called with (done, total) after each batch.
+    The scores are those of `Roc`. ``draws`` studies, 100 or more, are drawn by ``rng``; ``progress`` is called with
+    (done, total) after each batch. Raises `InputError` when the input is invalid, a class is missing, or all draws have
+    the same area.
 
     Examples
     --------
@@ -161,20 +150,11 @@ def area(scores: NDArray[Any], present: NDArray[np.bool_]) -> float:
 
 
 def newcombe_interval(auc: float, present: int, absent: int, level: float = LEVEL) -> Interval:
-    """Interval of an area under the curve, from the area and both numbers of targets.
+    """Interval of an area under the curve, from the area and the numbers of targets with and without an inclusion.
 
     Newcombe's method 5 (Stat. Med. 25 (2006) 559): all areas that a score test does not reject, with the variance of
     exponential scores. It is valid for few targets, and for areas of 0 and 1. Raises `InputError` when a number is out
     of its range.
-
-    Parameters
-    ----------
-    auc
-        Area, in [0, 1].
-    present, absent
-        Numbers of targets with and without an inclusion, 1 or more.
-    level
-        Confidence, in (0, 1).
 
     Examples
     --------
@@ -231,17 +211,10 @@ class AucCovariance:
 
 
 def auc_covariance(scores: ArrayLike, present: ArrayLike) -> AucCovariance:
-    """Areas under the curves of several methods, and their covariance.
+    """Areas under the curves of several methods, and their covariance, from scores of shape (methods, targets).
 
-    Raises `InputError` when the scores are not finite or their shape does not fit, or a class has fewer than two
-    targets.
-
-    Parameters
-    ----------
-    scores
-        Scores of each method for the same targets, shape (methods, targets); higher speaks for an inclusion.
-    present
-        Whether a target holds an inclusion, booleans of shape (targets,); at least two targets of each kind.
+    All methods score the same targets; at least two of each kind. Raises `InputError` when the scores are not finite or
+    their shape does not fit, or a class has fewer than two targets.
 
     Examples
     --------
@@ -260,20 +233,10 @@ def auc_covariance(scores: ArrayLike, present: ArrayLike) -> AucCovariance:
 
 
 def _delong_interval(scores: NDArray[np.float64], present: NDArray[np.bool_], level: float = LEVEL) -> Interval:
-    """DeLong's interval of one area, cut to [0, 1].
-
-    Raises `InputError` when a class has fewer than two targets, or the variance is estimated as 0, as it is for areas
-    of 0 and 1.
-
-    Examples
-    --------
-    >>> interval = _delong_interval(np.array([1.0, 3.0, 2.0, 4.0]), np.array([False, False, True, True]), 0.5)
-    >>> [round(end, 3) for end in interval]
-    [0.512, 0.988]
-    """
+    """DeLong's interval of one area, cut to [0, 1]; `InputError` where its variance is 0, as for areas of 0 and 1."""
     z = float(scipy.special.ndtri(0.5 + checked_level(level) / 2))
-    result = auc_covariance(np.atleast_2d(scores), present)
-    auc, variance = float(result.auc[0]), float(result.covariance[0, 0])
+    found = auc_covariance(np.atleast_2d(scores), present)
+    auc, variance = float(found.auc[0]), float(found.covariance[0, 0])
     if variance == 0:
         raise InputError(
             f"method must not be delong where its variance is 0, as for an area under the curve of {auc:g}: "
@@ -304,13 +267,7 @@ def _covariance(inside: NDArray[np.int64], outside: NDArray[np.int64]) -> NDArra
 
 
 def _is_normal(auc: float, present: int, absent: int) -> bool:
-    """Whether DeLong's interval of an area covers as it says, as measured by ``benchmarks/detection_intervals.py``.
-
-    Examples
-    --------
-    >>> _is_normal(0.8, 40, 40), _is_normal(0.8, 8, 8), _is_normal(0.98, 40, 40)
-    (True, False, False)
-    """
+    """Whether DeLong's interval of an area covers as it says, as measured by ``benchmarks/detection_intervals.py``."""
     smaller = min(present, absent)
     return smaller >= FROM_TARGETS and smaller * min(auc, 1 - auc) >= FROM_ENDS
 
@@ -473,19 +430,10 @@ class Comparison:
 
 
 def compare_detectors(first: ArrayLike, second: ArrayLike, present: ArrayLike, *, level: float = LEVEL) -> Comparison:
-    """Compare two methods by DeLong's paired test.
+    """Compare two methods by DeLong's paired test, from their scores of the same targets, shape (targets,).
 
-    The test assumes a normal distribution: below some 30 targets of each kind it is approximate. Raises `InputError`
-    when the input is bad, or a class has fewer than two targets.
-
-    Parameters
-    ----------
-    first, second
-        Scores of two methods for the same targets, shape (targets,); higher means that an inclusion is likelier.
-    present
-        Whether a target holds an inclusion, booleans of shape (targets,); at least two targets of each kind.
-    level
-        Confidence of the interval, in (0, 1).
+    The test assumes a normal distribution: below some 30 targets of each kind it is approximate. ``level`` is the
+    confidence of the interval. Raises `InputError` when the input is bad, or a class has fewer than two targets.
 
     Examples
     --------
@@ -513,24 +461,11 @@ def bootstrap_compare_detectors(
     draws: int = DRAWS,
     progress: Callable[[int, int], None] | None = None,
 ) -> Comparison:
-    """Compare two methods by the stratified bootstrap, with the same resampled targets for both.
+    """Compare two methods as `compare_detectors`, by the stratified bootstrap with the same resampled targets for both.
 
-    The interval is that of percentiles; the test divides the difference by the standard deviation of the draws. Raises
+    The interval is that of percentiles; the test divides the difference by the standard deviation of the draws. One
+    target of each kind is enough; ``rng``, ``level``, ``draws`` and ``progress`` are as for `bootstrap_auc`. Raises
     `InputError` when the input is bad, or a class is missing.
-
-    Parameters
-    ----------
-    first, second, present
-        As for `compare_detectors`; one target of each kind is enough.
-    rng, level, draws, progress
-        As for `bootstrap_auc`.
-
-    Examples
-    --------
-    >>> truth = [False, False, False, True, True, True]
-    >>> same = bootstrap_compare_detectors([1, 2, 4, 3, 5, 6], [1, 2, 4, 3, 5, 6], truth, rng=np.random.default_rng(0))
-    >>> same.difference, same.p, same.remark[:39]
-    (0.0, None, 'the difference does not vary from targe')
     """
     scores, truth = _pair(first, second, present)
     checked_level(level)
@@ -630,16 +565,9 @@ def at_specificity(curve: Roc, requested: float) -> OperatingPoint:
 def at_costs(curve: Roc, *, prevalence: float, missed: float, false_alarm: float) -> OperatingPoint:
     """The threshold of the least expected cost; among equals that of the highest specificity.
 
-    Raises `InputError` when a number is out of its range.
-
-    Parameters
-    ----------
-    curve
-        The detector.
-    prevalence
-        Fraction of targets with an inclusion where the threshold will be used, in [0, 1].
-    missed, false_alarm
-        Costs of a missed inclusion and of a false one, in any common unit, not negative and not both 0.
+    ``prevalence`` is the fraction of targets with an inclusion where the threshold will be used, in [0, 1]. ``missed``
+    and ``false_alarm`` are the costs of a missed inclusion and of a false one, in any common unit, not negative and not
+    both 0. Other numbers raise `InputError`.
 
     Examples
     --------
@@ -666,21 +594,11 @@ def held_out_counts(
     folds: int | None = None,
     rng: np.random.Generator | None = None,
 ) -> Counts:
-    """Cross-validated decisions: each threshold is chosen without the targets on which it decides.
+    """Cross-validated decisions: a rule, as `youden_point`, chooses each threshold without the targets it decides.
 
-    Raises `InputError` when the input is invalid, a class has fewer than two targets, or ``folds`` is not in 2 to their
-    number.
-
-    Parameters
-    ----------
-    scores, present
-        As for `Roc`; at least two targets of each kind.
-    choose
-        Rule of the point on the curve of the others, e.g. `youden_point`.
-    folds
-        Number of stratified folds; None leaves out one target at a time.
-    rng
-        Shuffles the folds; needed with ``folds``.
+    The scores are those of `Roc`, of at least two targets of each kind. There are stratified ``folds``, which ``rng``
+    shuffles; None leaves out one target at a time. Raises `InputError` when the input is invalid, a class has fewer
+    than two targets, or ``folds`` is not in 2 to their number.
 
     Examples
     --------

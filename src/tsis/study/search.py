@@ -17,7 +17,7 @@ from tsis.files.reading import as_path, printable_path, read_bytes
 from tsis.files.tables import parse_csv_rows
 from tsis.model.phantom import INCLUSION_RANGES
 from tsis.model.press import require_ascending
-from tsis.model.require import require_array, require_integer, require_number, require_pair, require_type
+from tsis.model.require import require_array, require_integer, require_number, require_type
 from tsis.study.proportions import booleans, same_length
 
 if TYPE_CHECKING:
@@ -81,24 +81,11 @@ class DetectionRangeTable:
 
 
 def detection_range_of_trials(offset_mm: ArrayLike, found: ArrayLike, *, probability: float = 0.9) -> float:
-    """Detection range from trials on inclusions of one kind at many distances from the axis.
+    """Detection range from trials on inclusions of one kind at many distances from the axis, shape (trials,), mm.
 
     Isotonic regression fits the detection rate by a step function that does not rise with the distance; the range is
-    the farthest trial with a rate of at least ``probability``. It has no interval and is uncertain with few trials.
-    Raises `InputError` when the input is bad.
-
-    Parameters
-    ----------
-    offset_mm
-        Distances from the axis, shape (trials,), not negative.
-    found
-        Whether the inclusion was detected, booleans of shape (trials,).
-    probability
-        Requested probability of detection, in (0, 1).
-
-    Returns
-    -------
-    The reach in mm, 0 where even the nearest are found less often.
+    the farthest trial with a rate of at least ``probability``, in (0, 1), and 0 where even the nearest are found less
+    often. It has no interval and is uncertain with few trials. Raises `InputError` when the input is bad.
 
     Examples
     --------
@@ -121,14 +108,8 @@ def detection_range_of_trials(offset_mm: ArrayLike, found: ArrayLike, *, probabi
 def read_detection_range(path: str | os.PathLike[str], *, probability: float = 0.9) -> DetectionRangeTable:
     """Read a table of detection ranges: CSV with the columns ``diameter_mm``, ``depth_mm`` and ``reach_mm``.
 
-    Raises `FileInputError` when it is no such table.
-
-    Parameters
-    ----------
-    path
-        The file, at most 1 MiB; every size with every depth once.
-    probability
-        Probability of detection within the range, in (0, 1).
+    The file has at most 1 MiB, and every size with every depth once; ``probability`` is that of a detection within the
+    range, in (0, 1). Raises `FileInputError` when it is no such table.
     """
     path = as_path(path)
     name, rows = printable_path(path), _numbers(path)
@@ -280,20 +261,11 @@ def scan_plan(
     spacing_mm: float | None = None,
     overlap: float | None = None,
 ) -> ScanPlan:
-    """Plan presses no farther apart than a spacing.
+    """Plan presses of a face of ``radius_mm`` over an area, no farther apart than a spacing.
 
-    Raises `InputError` when a value lies outside its range, or not exactly one of spacing and overlap is given.
-
-    Parameters
-    ----------
-    width_mm, height_mm
-        The area, in [1, 5000] mm.
-    radius_mm
-        Of the probe's face, in [0.5, 500].
-    spacing_mm
-        Largest distance of neighbours, in [0.1, 1000]; or
-    overlap
-        Least fraction of the face's diameter by which they overlap, in [0, 0.95].
+    Either ``spacing_mm``, in [0.1, 1000], is the largest distance of neighbours, or ``overlap``, in [0, 0.95], the
+    least fraction of the face's diameter by which they overlap. Raises `InputError` when a value lies outside its range
+    (see `ScanPlan`), or not exactly one of both is given.
 
     Examples
     --------
@@ -316,19 +288,11 @@ def scan_plan(
 
 
 def widest_plan(width_mm: float, height_mm: float, *, radius_mm: float, extent_mm: float) -> ScanPlan:
-    """The plan of fewest presses in which no point is farther from a press than ``extent_mm``.
+    """The plan of fewest presses in which no point is farther from a press than ``extent_mm``, in [0.05, 500].
 
-    All numbers of strips that may be best are tried; among equals the plan of the least worst distance is chosen.
-    Raises `InputError` when a value lies outside its range, or it would take more than 100,000 presses.
-
-    Parameters
-    ----------
-    width_mm, height_mm
-        The area, in [1, 5000] mm.
-    radius_mm
-        Of the probe's face, in [0.5, 500].
-    extent_mm
-        Detection range of the inclusion beside the axis, in [0.05, 500].
+    That is the detection range of the inclusion beside the axis. All numbers of strips that may be best are tried;
+    among equals the plan of the least worst distance is chosen. Raises `InputError` when a value lies outside its range
+    (see `ScanPlan`), or it would take more than 100,000 presses.
 
     Examples
     --------
@@ -346,8 +310,8 @@ def widest_plan(width_mm: float, height_mm: float, *, radius_mm: float, extent_m
         if along > 1e-6 * widest:
             presses_a_strip = _cells(height_mm, along)
             worst = math.hypot(width_mm / strips, height_mm / presses_a_strip)
-            result = (strips * presses_a_strip, worst, strips, presses_a_strip)
-            best = result if best is None else min(best, result)
+            plan = (strips * presses_a_strip, worst, strips, presses_a_strip)
+            best = plan if best is None else min(best, plan)
         strips += 1
     if best[0] > MOST_PRESSES:
         raise InputError(
@@ -372,41 +336,16 @@ SIZES_MM = (0.5, 15.0)  # range of the search for the smallest inclusion
 STEPS = 200
 
 
-def widest_spacing_mm(extent_mm: float) -> float:
-    """Spacing, sqrt(2) times ``extent_mm``, of a square grid on which no point is farther than that from a press.
+def smallest_found_mm(plan: ScanPlan, detection_range: DetectionRange, depth_mm: float) -> float | None:
+    """Least diameter of an inclusion that a plan cannot miss at any position between presses; None if it may miss all.
 
-    Both are in mm, the extent in [0, 500]; else `InputError` is raised.
-    """
-    return math.sqrt(2) * require_number("extent_mm", extent_mm, 0.0, FARTHEST_MM, hint="millimetres")
-
-
-def smallest_found_mm(
-    plan: ScanPlan, detection_range: DetectionRange, depth_mm: float, *, sizes_mm: tuple[float, float] = SIZES_MM
-) -> float | None:
-    """Least diameter of an inclusion that a plan cannot miss, at any position between the presses.
-
-    "Cannot miss" means: with at least the probability of ``detection_range``, by the nearest press. Raises `InputError`
-    when a value is out of range, or the detection range is no number of 0 mm or more.
-
-    Parameters
-    ----------
-    plan
-        The plan.
-    detection_range
-        Function of diameter and depth in mm: largest distance from the axis at which it is detected, mm.
-    depth_mm
-        Depth of its top.
-    sizes_mm
-        Range of the search; 200 diameters are tried, then the change between two of them is located by bisection.
-
-    Returns
-    -------
-    The diameter in mm; None where the plan can miss even the largest.
+    "Cannot miss" means: with at least the probability of ``detection_range``, by the nearest press. That function
+    gives, for a diameter and the ``depth_mm`` of its top, the largest distance from the axis at which an inclusion is
+    detected, all in mm. Of `SIZES_MM` 200 diameters are tried, then the change between two of them is located by
+    bisection. Raises `InputError` when a value is out of range, or the detection range is no number of 0 mm or more.
     """
     require_type("plan", plan, ScanPlan)
-    low, high = require_pair("sizes_mm", sizes_mm)
-    require_number("the low end of sizes_mm", low, 0.1, 100.0)
-    require_number("the high end of sizes_mm", high, low, 100.0)
+    low, high = SIZES_MM
     enough = plan.worst_distance_mm * (1 - ROUNDING)
 
     def detected(size: float) -> bool:
