@@ -37,32 +37,17 @@ Family: TypeAlias = Literal["deformation", "noise", "outliers", "rotation", "occ
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Distortion:
-    """Distortion of a shape that about fills the unit box; lengths are in the unit of its points.
+    """Distortion of a shape that about fills the unit box; lengths are in the unit of its points."""
 
-    Attributes
-    ----------
-    bending
-        Standard deviation of the bumps' coefficients, in [0, 1]; 0.02 to 0.08 in the public trials.
-    affine
-        Standard deviation of the coefficients of the affine part, its translation among them, in [0, 1].
-    noise_sd
-        Standard deviation of each coordinate of each target point, in [0, 1].
-    outlier_ratio
-        Target points without a partner over the points of the shape, in [0, 100].
-    rotation_deg
-        Angle of a rotation about the mean, in [0, 180]; its sense is random, and in space its axis.
-    occluded
-        Fraction of the points without a partner in the target, in [0, 0.9].
-    occlusion
-        Whether these lie in one ``"patch"``, as in the public trials, or are ``"scattered"``.
-    """
-
-    bending: float = 0.0
+    bending: float = 0.0  # standard deviation of the bumps' coefficients, in [0, 1]; 0.02 to 0.08 in the public trials
+    # standard deviation of the coefficients of the affine part, its translation among them, in [0, 1]
     affine: float = 0.0
-    noise_sd: float = 0.0
-    outlier_ratio: float = 0.0
+    noise_sd: float = 0.0  # standard deviation of each coordinate of each target point, in [0, 1]
+    outlier_ratio: float = 0.0  # target points without a partner over the points of the shape, in [0, 100]
+    # angle of a rotation about the mean, in [0, 180]; its sense is random, and in space its axis
     rotation_deg: float = 0.0
-    occluded: float = 0.0
+    occluded: float = 0.0  # fraction of the points without a partner in the target, in [0, 0.9]
+    # whether these lie in one ``"patch"``, as in the public trials, or are ``"scattered"``
     occlusion: Occlusion = "patch"
 
     def __post_init__(self) -> None:
@@ -75,27 +60,13 @@ class Distortion:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Trial:
-    """Two point sets with their true matches.
+    """Two point sets with their true matches."""
 
-    Attributes
-    ----------
-    source
-        Points to be transformed, shape (n, d).
-    target
-        Their targets in another order, without occluded points, with outliers, shape (m, d).
-    target_clean
-        The target before noise, row by row, shape (m, d).
-    truth
-        Row of each source point's true target, or `UNMATCHED`, shape (n,).
-    name
-        Name in tables.
-    """
-
-    source: Floats
-    target: Floats
-    target_clean: Floats
-    truth: Integers
-    name: str = ""
+    source: Floats  # points to be transformed, shape (n, d)
+    target: Floats  # their targets in another order, without occluded points, with outliers, shape (m, d)
+    target_clean: Floats  # the target before noise, row by row, shape (m, d)
+    truth: Integers  # row of each source point's true target, or `UNMATCHED`, shape (n,)
+    name: str = ""  # name in tables
 
     def __post_init__(self) -> None:
         for field in ("source", "target", "target_clean"):
@@ -119,17 +90,14 @@ class Trial:
 def public_distortion(family: Family, level: int) -> Distortion:
     """Distortion of the public trials of Chui and Rangarajan.
 
+    Raises `InputError` when there is no such level.
+
     Parameters
     ----------
     family
         Kind of distortion, which grows with the level.
     level
         From 1; 5 levels of deformation and outliers, 6 of the others.
-
-    Raises
-    ------
-    InputError
-        When there is no such level.
 
     Examples
     --------
@@ -144,6 +112,8 @@ def public_distortion(family: Family, level: int) -> Distortion:
 def distort(shape: ArrayLike, distortion: Distortion, *, rng: np.random.Generator, name: str = "") -> Trial:
     """Distort a shape at random and shuffle the result.
 
+    Raises `InputError` when the shape is no such array.
+
     Parameters
     ----------
     shape
@@ -154,11 +124,6 @@ def distort(shape: ArrayLike, distortion: Distortion, *, rng: np.random.Generato
         Random generator of all errors.
     name
         Name in tables.
-
-    Raises
-    ------
-    InputError
-        When the shape is no such array.
 
     Examples
     --------

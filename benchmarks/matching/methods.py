@@ -44,10 +44,7 @@ class Peer:
     def transformed(self, source: Floats, target: Floats) -> Floats:
         """The source after the library's transform, shape (n, d), in the target's unit.
 
-        Raises
-        ------
-        MissingExtraError
-            When the library is not installed or does not load.
+        Raises `MissingExtraError` when the library is not installed or does not load.
         """
         absent = self.absent()
         if absent:
@@ -121,15 +118,9 @@ RIVAL_METHODS = ("cpd", *PEERS)  # all configurations of coherent point drift
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BenchmarkMethod:
-    """A method by its name; it can be pickled for another process.
+    """A method by its name; it can be pickled for another process."""
 
-    Attributes
-    ----------
-    name
-        One of `OWN_METHODS`, or of `benchmarks.matching.methods.PEERS`.
-    """
-
-    name: str
+    name: str  # one of `OWN_METHODS`, or of `benchmarks.matching.methods.PEERS`
 
     def __post_init__(self) -> None:
         require_one_of("method", self.name, (*OWN_METHODS, *PEERS))

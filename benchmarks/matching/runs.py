@@ -25,33 +25,16 @@ LONGEST_REASON = 120
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrialRow:
-    """Result of one method on one trial.
+    """Result of one method on one trial."""
 
-    Attributes
-    ----------
-    trial
-        Name of the trial: group, level and number, separated by slashes.
-    method
-        Name of the method.
-    seed
-        Of the run.
-    error
-        Root-mean-square error in the unit of the trial's points; that of the unmoved source after an exception.
-    seconds
-        Processor time, without compilation.
-    reliable
-        Whether the method rates its result as reliable: ``"yes"``, ``"no"``, or empty without a rating.
-    refused
-        Reason for the missing result; empty where there is one.
-    """
-
-    trial: str
-    method: str
-    seed: int
+    trial: str  # name of the trial: group, level and number, separated by slashes
+    method: str  # name of the method
+    seed: int  # of the run
+    # root-mean-square error in the unit of the trial's points; that of the unmoved source after an exception
     error: float
-    seconds: float
-    reliable: str
-    refused: str
+    seconds: float  # processor time, without compilation
+    reliable: str  # whether the method rates its result as reliable: ``"yes"``, ``"no"``, or empty without a rating
+    refused: str  # reason for the missing result; empty where there is one
 
     @property
     def group(self) -> str:

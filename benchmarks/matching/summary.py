@@ -32,63 +32,33 @@ LEVEL = 0.95
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ErrorRatio:
-    """Mean error of a method over that of the best rival on the same trials.
+    """Mean error of a method over that of the best rival on the same trials."""
 
-    Attributes
-    ----------
-    value
-        The ratio; below 1 the method is better.
-    low, high
-        Bootstrap interval of 95 %, trials drawn with replacement, method and rival together.
-    """
-
-    value: float
+    value: float  # the ratio; below 1 the method is better
+    # low, high: bootstrap interval of 95 %, trials drawn with replacement, method and rival together
     low: float
     high: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrialSummary:
-    """One method on all trials of one kind.
+    """One method on all trials of one kind."""
 
-    Attributes
-    ----------
-    group, level
-        Shape and distortion, and its level; the level of a pooled summary is empty.
-    method
-        Name of the method.
-    trials
-        Number of trials.
-    median, mean
-        Of the errors, in the unit of the points.
-    failures
-        Fraction of the trials whose error exceeds the limit, in [0, 1].
-    unannounced
-        Fraction of the trials that failed although rated as reliable; None without ratings.
-    withheld
-        Fraction of the trials not rated as reliable; None without ratings.
-    refused
-        Fraction of the trials without a result.
-    seconds
-        Median time.
-    ratio
-        To the best rival; None where there is no rival, or one that never errs.
-    rival
-        Name of the best rival: that of the lowest mean error at each level. Empty where pooled levels differ in it.
-    """
-
+    # group, level: shape and distortion, and its level; the level of a pooled summary is empty
     group: str
     level: str
-    method: str
-    trials: int
+    method: str  # name of the method
+    trials: int  # number of trials
+    # median, mean: of the errors, in the unit of the points
     median: float
     mean: float
-    failures: float
-    unannounced: float | None
-    withheld: float | None
-    refused: float
-    seconds: float
-    ratio: ErrorRatio | None
+    failures: float  # fraction of the trials whose error exceeds the limit, in [0, 1]
+    unannounced: float | None  # fraction of the trials that failed although rated as reliable; None without ratings
+    withheld: float | None  # fraction of the trials not rated as reliable; None without ratings
+    refused: float  # fraction of the trials without a result
+    seconds: float  # median time
+    ratio: ErrorRatio | None  # to the best rival; None where there is no rival, or one that never errs
+    # Name of the best rival: that of the lowest mean error at each level. Empty where pooled levels differ in it.
     rival: str
 
 
@@ -96,6 +66,8 @@ def summarise(
     rows: Iterable[TrialRow], *, rivals: Collection[str], failure: float = FAILURE_RMS, seed: int = 0
 ) -> list[TrialSummary]:
     """One summary a group, level and method, in the order of the rows.
+
+    Raises `InputError` when ``failure`` is not positive.
 
     Parameters
     ----------
@@ -107,11 +79,6 @@ def summarise(
         Least error of a failed trial, in the unit of the points.
     seed
         Of the bootstrap.
-
-    Raises
-    ------
-    InputError
-        When ``failure`` is not positive.
     """
     require_number("failure", failure, 1e-300, 1e300)
     return [
@@ -128,15 +95,12 @@ def summarise_pooled(
 
     The rival is the best at each level.
 
+    Raises `InputError` when ``failure`` is not positive.
+
     Parameters
     ----------
     rows, rivals, failure, seed
         As for `summarise`. The kind is the last part of the group's name.
-
-    Raises
-    ------
-    InputError
-        When ``failure`` is not positive.
     """
     require_number("failure", failure, 1e-300, 1e300)
     kinds: dict[str, list[dict[str, list[TrialRow]]]] = defaultdict(list)
@@ -234,37 +198,18 @@ FREE = (0, 4)  # columns whose weight may be negative: the constant and the nois
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrustCase:
-    """One answer, how far it is wrong, and what was said of it.
+    """One answer, how far it is wrong, and what was said of it."""
 
-    Attributes
-    ----------
-    trial, method
-        Names of the trial and of the method.
-    error
-        Root-mean-square error, in the trial's unit.
-    unmoved_error
-        Error of the source where it is, which an abstaining answer has.
-    confidence
-        Calibrated probability that the error is at most 0.1.
-    reliable
-        Whether the confidence suffices.
-    second
-        Posterior probability of all poses but the best.
-    seconds
-        Duration; of all but the first method of a trial without the search for poses, which they share.
-    measures
-        What the confidence depends on; empty for other programs.
-    """
-
+    # trial, method: names of the trial and of the method
     trial: str
     method: str
-    error: float
-    unmoved_error: float
-    confidence: float
-    reliable: bool
-    second: float
-    seconds: float
-    measures: tuple[float, ...]
+    error: float  # root-mean-square error, in the trial's unit
+    unmoved_error: float  # error of the source where it is, which an abstaining answer has
+    confidence: float  # calibrated probability that the error is at most 0.1
+    reliable: bool  # whether the confidence suffices
+    second: float  # posterior probability of all poses but the best
+    seconds: float  # duration; of all but the first method of a trial without the search for poses, which they share
+    measures: tuple[float, ...]  # what the confidence depends on; empty for other programs
 
     def rated(self) -> TrustCase:
         """The answer with the confidence that the present weights give its measures."""

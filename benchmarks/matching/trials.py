@@ -50,6 +50,8 @@ GENERATED_POINTS = 100
 def matching_error(trial: Trial, transformed: ArrayLike) -> float:
     """Root-mean-square distance of the transformed source points from their true, noise-free targets.
 
+    Raises `InputError` when ``transformed`` has another shape than the source, or is not finite.
+
     Parameters
     ----------
     trial
@@ -61,11 +63,6 @@ def matching_error(trial: Trial, transformed: ArrayLike) -> float:
     -------
     float
         In the unit of the trial's points.
-
-    Raises
-    ------
-    InputError
-        When ``transformed`` has another shape than the source, or is not finite.
 
     Examples
     --------
@@ -87,6 +84,8 @@ def public_trials(
 ) -> Iterator[Trial]:
     """Trials of Chui and Rangarajan, with shuffled targets; the order in a trial does not depend on other trials.
 
+    Raises `InputError` when there is no such shape, family or level, or the file is missing or broken.
+
     Parameters
     ----------
     folder
@@ -99,11 +98,6 @@ def public_trials(
         Number of trials, the first of the 70; None for all.
     seed
         Of the shuffling.
-
-    Raises
-    ------
-    InputError
-        When there is no such shape, family or level, or the file is missing or broken.
     """
     require_one_of("shape", shape, PUBLIC_SHAPES)
     public_distortion(family, level)
@@ -125,6 +119,8 @@ def hotel_trials(
 ) -> Iterator[Trial]:
     """Pairs of frames of the CMU hotel sequence, 30 landmarks each, in pixels, targets shuffled.
 
+    Raises `InputError` when a value is out of range, or the file is missing or not the published one.
+
     Parameters
     ----------
     folder
@@ -137,11 +133,6 @@ def hotel_trials(
         Largest number of pairs, evenly spread over the sequence; None for all.
     seed
         Of the missing landmarks and of the shuffling.
-
-    Raises
-    ------
-    InputError
-        When a value is out of range, or the file is missing or not the published one.
     """
     frames = _frames(folder / SEQUENCE_FILE, "hotel")
     require_integer("separation", separation, 1, len(frames) - 1)
@@ -213,6 +204,8 @@ def distorted_set(
 ) -> list[Trial]:
     """Trials of both shapes at every level of every kind of distortion.
 
+    Raises `InputError` when there is no such kind, shape or level, or the file is missing or broken.
+
     Parameters
     ----------
     folder
@@ -227,11 +220,6 @@ def distorted_set(
         Trials of each shape and level, at least 1; there are 70 public ones.
     seed
         Of the shuffling, and of generated shapes and distortions.
-
-    Raises
-    ------
-    InputError
-        When there is no such kind, shape or level, or the file is missing or broken.
 
     Examples
     --------
@@ -272,6 +260,8 @@ def hotel_set(
 ) -> list[Trial]:
     """Pairs of frames of the hotel sequence at every separation and fraction of hidden landmarks.
 
+    Raises `InputError` when a value is out of range, or the file is missing or broken.
+
     Parameters
     ----------
     folder
@@ -284,11 +274,6 @@ def hotel_set(
         Largest number of pairs at each separation and fraction; None for all.
     seed
         Of the shuffling and of the hidden landmarks.
-
-    Raises
-    ------
-    InputError
-        When a value is out of range, or the file is missing or broken.
     """
     if count is not None and count < 1:
         raise InputError(f"count must be at least 1; got {count}")

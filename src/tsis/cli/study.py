@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
+    from tsis.present.page import Page
     from tsis.study.folder import Study
     from tsis.study.plan import TargetTruth
     from tsis.study.search import DetectionRangeTable, ScanPlan
@@ -46,12 +47,13 @@ app = typer.Typer(
 StudyFolder = Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of the study.")]
 ByName = Annotated[str, typer.Option("--operator", help="Person at the probe.", show_default="this user")]
 TableFile = Annotated[Path, typer.Argument(metavar="READINGS.csv", help="Comma-separated values in UTF-8.")]
-CardCalibration = Annotated[
-    Path | None, typer.Option(help="Calibration file of the probe, whose dates the card checks.")
-]
+OutFolder = Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")]
+DeviceName = Annotated[str | None, typer.Option(help="Whose readings.", show_default="the first device's")]
 USUAL = 8  # targets of either kind
 REPEATS = (2, 3, 5)  # of the designs that size compares
 OPERATORS = (2, 3, 5, 10, 20)
+DESIGN = ("operators", "repeats", "phantoms", "presses", "upper_repeatability", "upper_reproducibility")
+PLANNED = ("strips", "presses_a_strip", "presses", "strip_spacing_mm", "press_spacing_mm")
 KIT_PAPER, KIT_FILE, MODULI = "kit.pdf", "kit.json", "modulus.csv"
 
 
@@ -494,33 +496,33 @@ def verify(
         raise typer.Exit(FAILED)
 
 
+def _publish(document: dict[str, Any], page: Page, out: Path, *, as_json: bool, trusted: bool = True) -> None:
+    """Publish a page, also on paper."""
+    from tsis.present.pdf import pdf_bytes
+    from tsis.present.study import PAPER
+
+    outcome = CommandOutcome(document=document, page=page, files={PAPER: pdf_bytes(page)}, trusted=trusted)
+    publish(outcome, out, as_json=as_json)
+
+
 @app.command(epilog="Example: tsis study repeatability trial --out trial-repeatability")
 def repeatability(
     folder: StudyFolder,
     *,
-    out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path(
-        "tsis-repeatability"
-    ),
+    out: OutFolder = Path("tsis-repeatability"),
     as_json: AsJson = False,
 ) -> None:
     """Repeatability, reproducibility, limits of agreement, bias and linearity of an unblinded study with repeats.
 
     Writes index.html, report.pdf and result.json. ISO 5725 and QIBA name the quantities.
     """
-    from tsis.present.pdf import pdf_bytes
     from tsis.present.precision import precision_document, precision_page
-    from tsis.present.study import PAPER
     from tsis.study.card import analyse_precision
     from tsis.study.folder import open_study
 
     analysis = analyse_precision(open_study(folder))
     page = precision_page(analysis)
-    outcome = CommandOutcome(
-        document=precision_document(analysis),
-        page=page,
-        files={PAPER: pdf_bytes(page)},
-    )
-    publish(outcome, out, as_json=as_json)
+    _publish(precision_document(analysis), page, out, as_json=as_json)
 
 
 @app.command(epilog="Example: tsis study size --width 0.2")
@@ -584,17 +586,7 @@ def size(
                 operator_sd=operator_sd,
                 interaction_sd=interaction_sd,
                 reproducibility_too=reproducibility,
-                designs=[
-                    {
-                        "operators": item.operators,
-                        "repeats": item.repeats,
-                        "phantoms": item.phantoms,
-                        "presses": item.presses,
-                        "upper_repeatability": item.upper_repeatability,
-                        "upper_reproducibility": item.upper_reproducibility,
-                    }
-                    for item in sizes
-                ],
+                designs=[{name: getattr(item, name) for name in DESIGN} for item in sizes],
             ),
             tables=(table,),
             notes=(
@@ -612,8 +604,10 @@ def size(
 def card(
     folder: StudyFolder,
     *,
-    calibration: CardCalibration = None,
-    device: Annotated[str | None, typer.Option(help="Whose readings.", show_default="the first device's")] = None,
+    calibration: Annotated[
+        Path | None, typer.Option(help="Calibration file of the probe, whose dates the card checks.")
+    ] = None,
+    device: DeviceName = None,
     probe: ProbeName = "tsis-domed",
     operator: Annotated[
         list[str] | None, typer.Option("--operator", help="Who reads, in turn; repeatable.", show_default="A and B")
@@ -621,7 +615,7 @@ def card(
     repeats: Annotated[int, typer.Option(help="Readings of a phantom by an operator.", min=2, max=100)] = 3,
     seed: Annotated[int, typer.Option(help="Seed of the virtual probe.", min=0, max=LARGEST_SEED)] = 1,
     strain: Annotated[str, typer.Option(help="Mechanics of presses and estimates: finite or small.")] = "finite",
-    out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path("tsis-card"),
+    out: OutFolder = Path("tsis-card"),
     as_json: AsJson = False,
 ) -> None:
     """Write the two-page performance card of a probe: numbers on reference phantoms, checks, dates, versions.
@@ -630,9 +624,7 @@ def card(
     guided run makes it with a virtual probe: seven reference phantoms and two blanks. The exit code is 3 when a check
     fails.
     """
-    from tsis.present.pdf import pdf_bytes
     from tsis.present.precision import card_document, card_page
-    from tsis.present.study import PAPER
     from tsis.study.card import performance_card, rehearse_reference_run
     from tsis.study.folder import open_study
 
@@ -657,13 +649,7 @@ def card(
     now = datetime.now(UTC)
     result = performance_card(study, now=now, device=device, calibration=known)
     page = card_page(result, now=now)
-    outcome = CommandOutcome(
-        document=card_document(result, now=now),
-        page=page,
-        files={PAPER: pdf_bytes(page)},
-        trusted=result.passed,
-    )
-    publish(outcome, out, as_json=as_json)
+    _publish(card_document(result, now=now), page, out, as_json=as_json, trusted=result.passed)
 
 
 @app.command(epilog="Example: tsis study check checks --rehearse 10 --baseline 8 --seed 2 --out checks-chart")
@@ -685,7 +671,7 @@ def check(
     scale_mm: Annotated[str | None, typer.Option(help="Millimetres per pixel, one number or x,y.")] = None,
     baseline: Annotated[int, typer.Option(help="First checks, which set the limits.", min=8, max=300)] = 20,
     tolerance: Annotated[float, typer.Option(help="Relative drift at which the probe is out.")] = 0.05,
-    out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path("tsis-checks"),
+    out: OutFolder = Path("tsis-checks"),
     as_json: AsJson = False,
 ) -> None:
     """Add a daily check of the probe on one phantom, and draw the control charts: Shewhart and EWMA limits.
@@ -694,8 +680,6 @@ def check(
     the first check.
     """
     from tsis.present.daily_checks import drift_document, drift_page
-    from tsis.present.pdf import pdf_bytes
-    from tsis.present.study import PAPER
     from tsis.study.drift import (
         CheckPlan,
         add_checks,
@@ -737,13 +721,7 @@ def check(
         return
     charts = drift_charts(log)
     page = drift_page(log, charts)
-    outcome = CommandOutcome(
-        document=drift_document(log, charts),
-        page=page,
-        files={PAPER: pdf_bytes(page)},
-        trusted=not any(item.warns for item in charts),
-    )
-    publish(outcome, out, as_json=as_json)
+    _publish(drift_document(log, charts), page, out, as_json=as_json, trusted=not any(item.warns for item in charts))
 
 
 @app.command(epilog="Example: tsis study kit kit")
@@ -776,11 +754,11 @@ def score(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the kit, with modulus.csv filled in.")],
     *,
     study: Annotated[Path, typer.Option(help="Folder of the unblinded study.")],
-    device: Annotated[str | None, typer.Option(help="Whose readings.", show_default="the first device's")] = None,
+    device: DeviceName = None,
     poisson: Annotated[float, typer.Option(help="Poisson's ratio of the tested materials.")] = 0.49,
     diameter_sd: Annotated[float, typer.Option(help="Standard uncertainty of the sealed diameters, mm.")] = 0.0,
     depth_sd: Annotated[float, typer.Option(help="Standard uncertainty of the sealed depths, mm.")] = 0.0,
-    out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path("tsis-score"),
+    out: OutFolder = Path("tsis-score"),
     as_json: AsJson = False,
 ) -> None:
     """Score a validation: readings against measured moduli, with intervals that held, bias and detection.
@@ -788,8 +766,6 @@ def score(
     The bench tests in modulus.csv replace the moduli that were sealed. Writes index.html, report.pdf and result.json.
     """
     from tsis.present.kit import score_document, score_page
-    from tsis.present.pdf import pdf_bytes
-    from tsis.present.study import PAPER
     from tsis.study.folder import open_study
     from tsis.study.kit import bench_moduli, score_validation
 
@@ -797,12 +773,7 @@ def score(
     moduli = bench_moduli(folder / MODULI, poisson=poisson)
     result = score_validation(of_study, moduli, device=device, diameter_sd_mm=diameter_sd, depth_sd_mm=depth_sd)
     page = score_page(result)
-    outcome = CommandOutcome(
-        document=score_document(result),
-        page=page,
-        files={PAPER: pdf_bytes(page)},
-    )
-    publish(outcome, out, as_json=as_json)
+    _publish(score_document(result), page, out, as_json=as_json)
 
 
 @app.command(epilog="Example: tsis study plan --width-mm 90 --height-mm 60 --overlap 0.5 --out plan")
@@ -891,11 +862,7 @@ def _plan_document(
 ) -> dict[str, object]:
     return tsis.present.document.envelope(
         "study plan",
-        strips=plan.strips,
-        presses_a_strip=plan.presses_a_strip,
-        presses=plan.presses,
-        strip_spacing_mm=plan.strip_spacing_mm,
-        press_spacing_mm=plan.press_spacing_mm,
+        **{name: getattr(plan, name) for name in PLANNED},
         overlap=list(plan.overlap),
         overhang_mm=list(plan.overhang_mm),
         travel_mm=plan.travel_mm,
