@@ -49,23 +49,15 @@ def _plain_counts(points: np.ndarray, axis: np.ndarray, scale: float) -> np.ndar
     away = points[None, :, :] - points[:, None, :]
     length = np.linalg.norm(away, axis=2)
     angle = (np.arctan2(away[..., 1], away[..., 0]) - axis[:, None]) / (2 * np.pi) * ANGLE_BINS - 0.5
-    ring, latitude, polar = _rings(length / scale), np.zeros_like(length), 1
+    # rings and latitudes count from the centre of the first bin
+    ring = np.maximum(np.log2(np.maximum(length / scale, shape_context.SMALLEST) / INNER) + 0.5, 0.0)
+    latitude, polar = np.zeros_like(length), 1
     if points.shape[1] == 3:
         polar = POLAR_BINS
         latitude = np.where(
             length > 0, (1 + away[..., 2] / np.maximum(length, shape_context.SMALLEST)) / 2 * polar, 0.0
         )
-    return _radial_weight(ring, _within(latitude, polar), angle, (DISTANCE_BINS, polar, ANGLE_BINS))
-
-
-def _rings(distance: np.ndarray) -> np.ndarray:
-    """Coordinate of scaled distances in distance bins, from the centre of the first."""
-    return np.maximum(np.log2(np.maximum(distance, shape_context.SMALLEST) / INNER) + 0.5, 0.0)
-
-
-def _within(position: np.ndarray, bins: int) -> np.ndarray:
-    """Coordinate from the centre of the first of ``bins``, clipped to the centres of the outermost."""
-    return np.clip(position - 0.5, 0.0, bins - 1.0)
+    return _radial_weight(ring, np.clip(latitude - 0.5, 0.0, polar - 1.0), angle, (DISTANCE_BINS, polar, ANGLE_BINS))
 
 
 def _radial_weight(ring: np.ndarray, latitude: np.ndarray, angle: np.ndarray, bins: tuple[int, int, int]) -> np.ndarray:

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
     from tsis.matching.methods import Floats
 
-
 LONGEST_HEADER = 65_536
 FORMATS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 TYPES = {
@@ -40,90 +39,6 @@ TYPES = {
     **dict.fromkeys(("float", "float32"), "f4"),
     **dict.fromkeys(("double", "float64"), "f8"),
 }
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Vertices:
-    """Vertices as declared in a PLY header."""
-
-    order: str  # NumPy's code of the byte order; empty for text
-    count: int  # number of vertices
-    types: dict[str, str]  # NumPy's type of each property, by name, in order
-
-
-def parse_ply(content: bytes, *, most: int) -> Floats:
-    r"""Coordinates of the vertices of a file's content, shape (n, 2) or (n, 3); at most ``most`` of them.
-
-    Raises `FileInputError` when the header or the data are invalid, or the vertices are not the first element.
-
-    Examples
-    --------
-    >>> header = b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nend_header\n"
-    >>> parse_ply(header + b"1.5 2\n", most=10).tolist()
-    [[1.5, 2.0]]
-    """
-    head, mark, body = content[:LONGEST_HEADER].partition(b"end_header")
-    if not mark:
-        raise FileInputError(f"the PLY header must end within {LONGEST_HEADER} bytes; got none that does")
-    start = len(head) + len(mark)
-    start += 2 if body[:2] == b"\r\n" else 1
-    vertices = _vertices(head.decode("ascii", errors="replace").splitlines())
-    axes = [axis for axis in ("x", "y", "z") if axis in vertices.types]
-    if axes[:2] != ["x", "y"]:
-        raise FileInputError(f"PLY vertices must have x and y; got {', '.join(vertices.types)[:80]!r}")
-    _countable(vertices.count, most)
-    return _text(content[start:], vertices, axes) if not vertices.order else _binary(content[start:], vertices, axes)
-
-
-def _vertices(lines: list[str]) -> Vertices:
-    order, count, types, element = None, None, {}, 0
-    for line in lines[1:]:
-        text = line.split()
-        try:
-            if text[:1] == ["format"]:
-                order = FORMATS[text[1]]
-            elif text[:1] == ["element"]:
-                element += 1
-                if element == 1 and text[1] == "vertex":
-                    count = int(text[2])
-            elif text[:1] == ["property"] and element == 1:
-                if text[2] in types:
-                    raise FileInputError(f"PLY vertices must have each property once; got {text[2]!r:.40} twice")
-                types[text[2]] = TYPES[text[1]]
-        except (KeyError, IndexError, ValueError) as error:
-            if isinstance(error, FileInputError):
-                raise
-            raise FileInputError(f"a PLY header line must have a known form; got {line.strip()!r:.60}") from error
-    if order is None or count is None:
-        raise FileInputError("a PLY header must give a format, and vertices as the first element")
-    return Vertices(order=order, count=count, types=types)
-
-
-def _text(body: bytes, vertices: Vertices, axes: Sequence[str]) -> Floats:
-    positions = [list(vertices.types).index(axis) for axis in axes]
-    points = array("d")
-    for number, row in enumerate(itertools.islice(io.BytesIO(body), vertices.count)):
-        cells = row.split()
-        try:
-            points.extend([float(cells[position]) for position in positions])
-        except (IndexError, ValueError) as error:
-            text = row.decode("ascii", errors="replace").strip()
-            raise FileInputError(f"vertex {number} must hold numbers for each property; got {text!r:.60}") from error
-    held = len(points) // len(axes)
-    if held < vertices.count:
-        raise FileInputError(f"it must hold the {vertices.count} vertices of its header; got {held}")
-    return np.array(points).reshape(-1, len(axes))
-
-
-def _binary(body: bytes, vertices: Vertices, axes: Sequence[str]) -> Floats:
-    layout = np.dtype([(name, vertices.order + kind) for name, kind in vertices.types.items()])
-    needed = vertices.count * layout.itemsize
-    if len(body) < needed:
-        raise FileInputError(f"the {vertices.count} vertices of its header take {needed} bytes; got {len(body)}")
-    rows = np.frombuffer(body, dtype=layout, count=vertices.count)
-    return np.column_stack([rows[axis].astype(float) for axis in axes])
-
-
 LARGEST_BYTES = 160 * 2**20
 AXES = ("x", "y", "z")
 NPY_MAGIC = b"\x93NUMPY"
@@ -222,20 +137,6 @@ def image_contours(path: str | os.PathLike[str]) -> Floats:
     return np.concatenate(parts)
 
 
-def _npy(content: bytes) -> Floats:
-    layout = npy_layout(content)
-    shape, itemsize = layout.shape, layout.dtype.itemsize
-    if layout.dtype.kind not in "fiu":
-        raise FileInputError(f"the array must hold real numbers; got {layout.dtype!s:.40}")
-    if len(shape) != 2 or shape[1] not in (2, 3):
-        raise FileInputError(f"the array must have the shape (n, 2) or (n, 3); got {shape!s:.60}")
-    _countable(shape[0])
-    left = len(content) - layout.start
-    if left != math.prod(shape) * itemsize:
-        raise FileInputError(f"{shape[0]} points take {math.prod(shape) * itemsize} bytes; got {left}")
-    return np.array(layout.values(content), dtype=float)
-
-
 def _csv(content: bytes) -> Floats:
     _require_text(content[:4096])
     lines = (
@@ -298,6 +199,102 @@ def _number(cell: str) -> float | None:
         return float(cell)
     except ValueError:
         return None
+
+
+def _npy(content: bytes) -> Floats:
+    layout = npy_layout(content)
+    shape, itemsize = layout.shape, layout.dtype.itemsize
+    if layout.dtype.kind not in "fiu":
+        raise FileInputError(f"the array must hold real numbers; got {layout.dtype!s:.40}")
+    if len(shape) != 2 or shape[1] not in (2, 3):
+        raise FileInputError(f"the array must have the shape (n, 2) or (n, 3); got {shape!s:.60}")
+    _countable(shape[0])
+    left = len(content) - layout.start
+    if left != math.prod(shape) * itemsize:
+        raise FileInputError(f"{shape[0]} points take {math.prod(shape) * itemsize} bytes; got {left}")
+    return np.array(layout.values(content), dtype=float)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Vertices:
+    """Vertices as declared in a PLY header."""
+
+    order: str  # NumPy's code of the byte order; empty for text
+    count: int  # number of vertices
+    types: dict[str, str]  # NumPy's type of each property, by name, in order
+
+
+def parse_ply(content: bytes, *, most: int) -> Floats:
+    r"""Coordinates of the vertices of a file's content, shape (n, 2) or (n, 3); at most ``most`` of them.
+
+    Raises `FileInputError` when the header or the data are invalid, or the vertices are not the first element.
+
+    Examples
+    --------
+    >>> header = b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nend_header\n"
+    >>> parse_ply(header + b"1.5 2\n", most=10).tolist()
+    [[1.5, 2.0]]
+    """
+    head, mark, body = content[:LONGEST_HEADER].partition(b"end_header")
+    if not mark:
+        raise FileInputError(f"the PLY header must end within {LONGEST_HEADER} bytes; got none that does")
+    start = len(head) + len(mark)
+    start += 2 if body[:2] == b"\r\n" else 1
+    vertices = _vertices(head.decode("ascii", errors="replace").splitlines())
+    axes = [axis for axis in ("x", "y", "z") if axis in vertices.types]
+    if axes[:2] != ["x", "y"]:
+        raise FileInputError(f"PLY vertices must have x and y; got {', '.join(vertices.types)[:80]!r}")
+    _countable(vertices.count, most)
+    return _text(content[start:], vertices, axes) if not vertices.order else _binary(content[start:], vertices, axes)
+
+
+def _vertices(lines: list[str]) -> Vertices:
+    order, count, types, element = None, None, {}, 0
+    for line in lines[1:]:
+        text = line.split()
+        try:
+            if text[:1] == ["format"]:
+                order = FORMATS[text[1]]
+            elif text[:1] == ["element"]:
+                element += 1
+                if element == 1 and text[1] == "vertex":
+                    count = int(text[2])
+            elif text[:1] == ["property"] and element == 1:
+                if text[2] in types:
+                    raise FileInputError(f"PLY vertices must have each property once; got {text[2]!r:.40} twice")
+                types[text[2]] = TYPES[text[1]]
+        except (KeyError, IndexError, ValueError) as error:
+            if isinstance(error, FileInputError):
+                raise
+            raise FileInputError(f"a PLY header line must have a known form; got {line.strip()!r:.60}") from error
+    if order is None or count is None:
+        raise FileInputError("a PLY header must give a format, and vertices as the first element")
+    return Vertices(order=order, count=count, types=types)
+
+
+def _text(body: bytes, vertices: Vertices, axes: Sequence[str]) -> Floats:
+    positions = [list(vertices.types).index(axis) for axis in axes]
+    points = array("d")
+    for number, row in enumerate(itertools.islice(io.BytesIO(body), vertices.count)):
+        cells = row.split()
+        try:
+            points.extend([float(cells[position]) for position in positions])
+        except (IndexError, ValueError) as error:
+            text = row.decode("ascii", errors="replace").strip()
+            raise FileInputError(f"vertex {number} must hold numbers for each property; got {text!r:.60}") from error
+    held = len(points) // len(axes)
+    if held < vertices.count:
+        raise FileInputError(f"it must hold the {vertices.count} vertices of its header; got {held}")
+    return np.array(points).reshape(-1, len(axes))
+
+
+def _binary(body: bytes, vertices: Vertices, axes: Sequence[str]) -> Floats:
+    layout = np.dtype([(name, vertices.order + kind) for name, kind in vertices.types.items()])
+    needed = vertices.count * layout.itemsize
+    if len(body) < needed:
+        raise FileInputError(f"the {vertices.count} vertices of its header take {needed} bytes; got {len(body)}")
+    rows = np.frombuffer(body, dtype=layout, count=vertices.count)
+    return np.column_stack([rows[axis].astype(float) for axis in axes])
 
 
 def _finite(points: Floats, what: str, first: int) -> Floats:

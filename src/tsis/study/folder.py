@@ -43,9 +43,17 @@ if TYPE_CHECKING:
 
     from tsis.files.hash_chain import LogEntry
 
-
 PLAN, SEAL = "study.json", "sealed.json"
 CREATED, READING, IMPORTED, UNBLINDED, ANALYSED = "created", "reading", "imported", "unblinded", "analysed"
+ACTIONS = (CREATED, READING, IMPORTED, UNBLINDED, ANALYSED)
+LEAST_HEAD = 12  # digits that identify a head
+BEFORE, AFTER = "before the unblinding", "after the unblinding"
+MOST_TARGETS = 100_000  # of one kind
+PRINTED = 8  # inclusions of the catalog for studies of detection
+DIAMETER_MM, DEPTH_MM, YOUNG_KPA = (2.0, 15.0), (4.0, 12.0), (40.0, 120.0)
+LARGEST_POISSON = 0.4949
+CLEARANCE = 0.97  # of the slab: deepest end of an inclusion
+THRESHOLD = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,6 +90,93 @@ class Study:
         done = Counter(reading.code for reading in own if reading.operator == operator)
         repeats = range(1, self.plan.repeats + 1)
         return tuple((code, repeat) for repeat in repeats for code in self.plan.codes if done[code] < repeat)
+
+
+def new_study(
+    folder: str | os.PathLike[str],
+    targets: Sequence[TargetTruth] | Callable[[int], Sequence[TargetTruth]],
+    *,
+    name: str = "",
+    seed: int | None = None,
+    probe: str = "tsis-domed",
+    forces_n: Sequence[float] | None = None,
+    with_reference: bool = True,
+    repeats: int = 1,
+    threshold: float = THRESHOLD,
+    actor: str = "",
+    progress: Callable[[int, int], None] = lambda _done, _all: None,
+) -> Study:
+    """Create a study atomically.
+
+    Raises `InputError` when a value lies outside its range, or there is no target; `RecordsError` when the folder
+    exists or cannot be created.
+
+    Parameters
+    ----------
+    folder
+        A new one.
+    targets
+        The targets in any order, or a function that draws them for a seed.
+    name
+        Of the study; that of the folder by default.
+    seed
+        Determines codes and order. Anyone with the seed can recreate the study and read its truth; None draws one
+        and stores it in the seal.
+    probe, forces_n, with_reference
+        Protocol of the virtual probe: by default 0.5 and 1 N with a dome, else 1 N.
+    repeats
+        Readings of every target by an operator.
+    threshold
+        Least score of a target that is called one with an inclusion, in [0, 1]: the virtual probe's score is a
+        probability. Other devices bring their own threshold (`import_readings`).
+    actor
+        Who creates it; the user of this machine by default.
+    progress
+        Called with (targets sealed, all): 100,000 take seconds.
+    """
+    root = as_path(folder)
+    published_seed = seed
+    seed = secrets.randbelow(LARGEST_SEED) if seed is None else require_integer("seed", seed, 0, LARGEST_SEED)
+    listed = tuple(targets(seed) if callable(targets) else targets)
+    if not listed:
+        raise InputError("targets must be at least one; got none")
+    for item in listed:
+        require_type("targets", item, TargetTruth)
+    truths = coded(listed, seed)
+    sealed = SealedTruth(salt=secrets.token_hex(32), seed=seed, truths=truths).content(progress)
+    if forces_n is None:
+        forces_n = protocol_forces(load_probe(probe), tissue_young_kpa=InclusionPrior().tissue_young_kpa)
+    plan = StudyPlan(
+        name=name or root.absolute().name,  # to resolve fails at loops of links
+        seed=published_seed,
+        probe=probe,
+        forces_n=tuple(forces_n),
+        with_reference=with_reference,
+        repeats=repeats,
+        threshold=require_number("threshold", threshold, 0.0, 1.0, hint="probability of an inclusion"),
+        codes=tuple(truths),
+        commitment=commitment(sealed),
+        made=datetime.now(UTC),
+        tsis=__version__,
+    )
+    planned = plan.content()
+    begun = {"study_sha256": commitment(planned), "truth_sha256": plan.commitment, "tsis": __version__}
+    draft_entry = LogDraft(actor=require_short_name("actor", actor or user()), action=CREATED, content=begun)
+    first = link_entries(EMPTY_CHAIN, [draft_entry], plan.made)
+    try:
+        with atomic_folder(root) as draft:
+            (draft / PLAN).write_bytes(planned)
+            handle = os.open(draft / SEAL, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+            with os.fdopen(handle, "wb") as file:
+                file.write(sealed)
+            (draft / LOG_FILE).write_bytes(f"{first[0].line()}\n".encode())
+    except FileExistsError as error:
+        raise file_error(
+            root, "must be a new name; there is such a file or folder (choose another)", RecordsError
+        ) from error
+    except (OSError, ValueError) as error:
+        raise file_error(root, f"must be a folder that can be written; got: {one_line(error)}", RecordsError) from error
+    return open_study(root)
 
 
 def open_study(folder: str | os.PathLike[str]) -> Study:
@@ -210,9 +305,42 @@ def user() -> str:
         return "unknown"
 
 
-ACTIONS = (CREATED, READING, IMPORTED, UNBLINDED, ANALYSED)
-LEAST_HEAD = 12  # digits that identify a head
-BEFORE, AFTER = "before the unblinding", "after the unblinding"
+def unblind(study: Study, *, by: str) -> Study:
+    """Enter the unblinding of a study with readings and return the updated study; a second call changes nothing.
+
+    The entry includes the faults at this time, so that earlier and later changes differ.
+
+    Raises `InputError` when ``by`` is no name; `RecordsError` when there is no reading, or the truth cannot be read.
+    """
+    require_short_name("by", by)
+    read_seal(study)
+    if not open_study(study.folder).readings:
+        raise RecordsError("a study must have a reading before it is unblinded; this one has none (tsis study run)")
+    verification = verify_study(study.folder)
+
+    def drafts(chain: LogChain) -> list[LogDraft]:
+        if any(entry.action == UNBLINDED for entry in chain.entries):
+            return []
+        faults = [fault.key for fault in verification.faults]
+        return [LogDraft(actor=by, action=UNBLINDED, content={"faults": faults, "tsis": __version__})]
+
+    append_log(study.folder, drafts, damaged=True)
+    return open_study(study.folder)
+
+
+def enter_analysis(study: Study, *, by: str, folder: str, files: Mapping[str, str]) -> Study:
+    """Enter an analysis of an unblinded study with the hashes of its files.
+
+    ``folder`` is its name below the study's folder, empty elsewhere; ``files`` has the SHA-256 by name.
+
+    `RecordsError` when the study is blind.
+    """
+    if study.unblinded is None:
+        raise RecordsError("a study must be unblinded before it is analysed; this one is blind")
+    entries = {"folder": folder, "files": dict(files), "tsis": __version__}
+    draft = LogDraft(actor=require_short_name("by", by), action=ANALYSED, content=entries)
+    append_log(study.folder, lambda _chain: [draft], damaged=True)
+    return open_study(study.folder)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -363,51 +491,6 @@ def _holds(chain: LogChain, head: str) -> bool:
     return any(entry.hash.startswith(digits) for entry in chain.entries)
 
 
-def unblind(study: Study, *, by: str) -> Study:
-    """Enter the unblinding of a study with readings and return the updated study; a second call changes nothing.
-
-    The entry includes the faults at this time, so that earlier and later changes differ.
-
-    Raises `InputError` when ``by`` is no name; `RecordsError` when there is no reading, or the truth cannot be read.
-    """
-    require_short_name("by", by)
-    read_seal(study)
-    if not open_study(study.folder).readings:
-        raise RecordsError("a study must have a reading before it is unblinded; this one has none (tsis study run)")
-    verification = verify_study(study.folder)
-
-    def drafts(chain: LogChain) -> list[LogDraft]:
-        if any(entry.action == UNBLINDED for entry in chain.entries):
-            return []
-        faults = [fault.key for fault in verification.faults]
-        return [LogDraft(actor=by, action=UNBLINDED, content={"faults": faults, "tsis": __version__})]
-
-    append_log(study.folder, drafts, damaged=True)
-    return open_study(study.folder)
-
-
-def enter_analysis(study: Study, *, by: str, folder: str, files: Mapping[str, str]) -> Study:
-    """Enter an analysis of an unblinded study with the hashes of its files.
-
-    ``folder`` is its name below the study's folder, empty elsewhere; ``files`` has the SHA-256 by name.
-
-    `RecordsError` when the study is blind.
-    """
-    if study.unblinded is None:
-        raise RecordsError("a study must be unblinded before it is analysed; this one is blind")
-    entries = {"folder": folder, "files": dict(files), "tsis": __version__}
-    draft = LogDraft(actor=require_short_name("by", by), action=ANALYSED, content=entries)
-    append_log(study.folder, lambda _chain: [draft], damaged=True)
-    return open_study(study.folder)
-
-
-MOST_TARGETS = 100_000  # of one kind
-PRINTED = 8  # inclusions of the catalog for studies of detection
-DIAMETER_MM, DEPTH_MM, YOUNG_KPA = (2.0, 15.0), (4.0, 12.0), (40.0, 120.0)
-LARGEST_POISSON = 0.4949
-CLEARANCE = 0.97  # of the slab: deepest end of an inclusion
-
-
 def printed_targets(present: int = PRINTED, blank: int = PRINTED) -> tuple[TargetTruth, ...]:
     """Phantoms ``detection-1`` to ``detection-8`` of the catalog in turn, and ``detection-blank``; at least one target.
 
@@ -463,93 +546,3 @@ def _check_numbers(present: int, blank: int) -> None:
 def _unnamed(phantom: Phantom) -> Phantom:
     """The phantom without its name and note, which would identify it."""
     return replace(phantom, name="", assumed=())
-
-
-THRESHOLD = 0.5
-
-
-def new_study(
-    folder: str | os.PathLike[str],
-    targets: Sequence[TargetTruth] | Callable[[int], Sequence[TargetTruth]],
-    *,
-    name: str = "",
-    seed: int | None = None,
-    probe: str = "tsis-domed",
-    forces_n: Sequence[float] | None = None,
-    with_reference: bool = True,
-    repeats: int = 1,
-    threshold: float = THRESHOLD,
-    actor: str = "",
-    progress: Callable[[int, int], None] = lambda _done, _all: None,
-) -> Study:
-    """Create a study atomically.
-
-    Raises `InputError` when a value lies outside its range, or there is no target; `RecordsError` when the folder
-    exists or cannot be created.
-
-    Parameters
-    ----------
-    folder
-        A new one.
-    targets
-        The targets in any order, or a function that draws them for a seed.
-    name
-        Of the study; that of the folder by default.
-    seed
-        Determines codes and order. Anyone with the seed can recreate the study and read its truth; None draws one
-        and stores it in the seal.
-    probe, forces_n, with_reference
-        Protocol of the virtual probe: by default 0.5 and 1 N with a dome, else 1 N.
-    repeats
-        Readings of every target by an operator.
-    threshold
-        Least score of a target that is called one with an inclusion, in [0, 1]: the virtual probe's score is a
-        probability. Other devices bring their own threshold (`import_readings`).
-    actor
-        Who creates it; the user of this machine by default.
-    progress
-        Called with (targets sealed, all): 100,000 take seconds.
-    """
-    root = as_path(folder)
-    published_seed = seed
-    seed = secrets.randbelow(LARGEST_SEED) if seed is None else require_integer("seed", seed, 0, LARGEST_SEED)
-    listed = tuple(targets(seed) if callable(targets) else targets)
-    if not listed:
-        raise InputError("targets must be at least one; got none")
-    for item in listed:
-        require_type("targets", item, TargetTruth)
-    truths = coded(listed, seed)
-    sealed = SealedTruth(salt=secrets.token_hex(32), seed=seed, truths=truths).content(progress)
-    if forces_n is None:
-        forces_n = protocol_forces(load_probe(probe), tissue_young_kpa=InclusionPrior().tissue_young_kpa)
-    plan = StudyPlan(
-        name=name or root.absolute().name,  # to resolve fails at loops of links
-        seed=published_seed,
-        probe=probe,
-        forces_n=tuple(forces_n),
-        with_reference=with_reference,
-        repeats=repeats,
-        threshold=require_number("threshold", threshold, 0.0, 1.0, hint="probability of an inclusion"),
-        codes=tuple(truths),
-        commitment=commitment(sealed),
-        made=datetime.now(UTC),
-        tsis=__version__,
-    )
-    planned = plan.content()
-    begun = {"study_sha256": commitment(planned), "truth_sha256": plan.commitment, "tsis": __version__}
-    draft_entry = LogDraft(actor=require_short_name("actor", actor or user()), action=CREATED, content=begun)
-    first = link_entries(EMPTY_CHAIN, [draft_entry], plan.made)
-    try:
-        with atomic_folder(root) as draft:
-            (draft / PLAN).write_bytes(planned)
-            handle = os.open(draft / SEAL, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-            with os.fdopen(handle, "wb") as file:
-                file.write(sealed)
-            (draft / LOG_FILE).write_bytes(f"{first[0].line()}\n".encode())
-    except FileExistsError as error:
-        raise file_error(
-            root, "must be a new name; there is such a file or folder (choose another)", RecordsError
-        ) from error
-    except (OSError, ValueError) as error:
-        raise file_error(root, f"must be a folder that can be written; got: {one_line(error)}", RecordsError) from error
-    return open_study(root)
