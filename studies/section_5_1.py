@@ -33,8 +33,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import tsis
-from tsis.imaging.corrections import find_lost_light
-from tsis.imaging.rendering import CONTACT_MODELS, render
+from tsis.imaging.rendering import CONTACT_MODELS, find_lost_light, render
 from tsis.imaging.sensor import LedDrift, Sensor, expose
 from tsis.mechanics.closed_forms import effective_modulus_kpa, hertz_under_force
 from tsis.mechanics.small_strain.rigid_ball import indent
@@ -48,7 +47,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.imaging.corrections import LostLight
+    from tsis.imaging.rendering import LostLight
     from tsis.model.calibration import LightMap
     from tsis.optics.face_light import Irradiance
 

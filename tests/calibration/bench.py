@@ -34,24 +34,32 @@ def bench_scale(x: float = 0.0336, y: float = 0.0392) -> PixelScale:
     )
 
 
-def bench_reference() -> CameraReference:
+def bench_reference(**changes: Any) -> CameraReference:
     rng = np.random.default_rng(3)
     usable = np.ones((30, 40), dtype=bool)
     usable[2, 3] = False
-    return CameraReference(
-        dark_grey=rng.normal(8.0, 0.1, (30, 40)),
-        untouched_grey=rng.normal(2.0, 0.1, (30, 40)),
-        relative_light=np.ones((30, 40)),
-        usable=usable,
-        full_scale=255.0,
-        mm_per_pixel=(0.0336, 0.0392),
-        dark_frames=16,
-        untouched_frames=16,
-        flat_frames=0,
-        read_noise_grey=measured(0.5, "grey"),
-        shot_noise_grey=measured(0.017, "grey"),
-        stray_grey=measured(2.0, "grey"),
-    )
+    values: dict[str, Any] = {
+        "dark_grey": rng.normal(8.0, 0.1, (30, 40)),
+        "untouched_grey": rng.normal(2.0, 0.1, (30, 40)),
+        "relative_light": np.ones((30, 40)),
+        "usable": usable,
+        "full_scale": 255.0,
+        "mm_per_pixel": (0.0336, 0.0392),
+        "dark_frames": 16,
+        "untouched_frames": 16,
+        "flat_frames": 0,
+        "read_noise_grey": measured(0.5, "grey"),
+        "shot_noise_grey": measured(0.017, "grey"),
+        "stray_grey": measured(2.0, "grey"),
+    }
+    return CameraReference(**{**values, **changes})
+
+
+def even_reference(shape: tuple[int, int], *, dark: float, untouched: float, **changes: Any) -> CameraReference:
+    """The reference of an even light, without noise in its maps."""
+    one = np.ones(shape)
+    maps = {"dark_grey": dark * one, "untouched_grey": untouched * one, "relative_light": one, "usable": one > 0}
+    return bench_reference(**maps, **changes)
 
 
 def bench_line(**changes: Any) -> ForceLine:

@@ -12,9 +12,8 @@ from benchmarks.calibration_force import coverage, one_run
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import binom, linregress
-from tests.calibration.bench import bench_line, measured
+from tests.calibration.bench import bench_line, even_reference, measured
 
-from tsis.calibration.camera_reference import CameraReference
 from tsis.calibration.file import ProbeCalibration
 from tsis.calibration.force_line import (
     ForceLine,
@@ -33,31 +32,18 @@ from tsis.model.calibration import Calibration
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from tsis.calibration.camera_reference import CameraReference
+
 
 SLOPE, TIPS = 4e5, (2.0, 10.0, 14.0)
 FORCES = np.array(loading_forces())
 
 
 def reference(*, patched: bool = True) -> CameraReference:
-    flat = np.zeros((216, 256))
     some = MeasuredValue(value=0.5, sd=0.01)
-    return CameraReference(
-        dark_grey=flat + 8,
-        untouched_grey=flat + 3,
-        relative_light=flat + 1,
-        usable=flat == 0,
-        full_scale=255.0,
-        mm_per_pixel=(0.0336, 0.0392),
-        dark_frames=8,
-        untouched_frames=8,
-        flat_frames=18,
-        read_noise_grey=some,
-        shot_noise_grey=some,
-        stray_grey=some,
-        patch_px=(4, 4, 36, 36) if patched else None,
-        patch_grey=some if patched else None,
-        lamp_sd=4e-4 if patched else 0.0,
-    )
+    noise = dict.fromkeys(("read_noise_grey", "shot_noise_grey", "stray_grey"), some)
+    patch = {"patch_px": (4, 4, 36, 36), "patch_grey": some, "lamp_sd": 4e-4} if patched else {}
+    return even_reference((216, 256), dark=8.0, untouched=3.0, **noise, **patch)
 
 
 def loading(

@@ -1,13 +1,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from scipy.integrate import quad
 from scipy.special import erf
+from tests.calibration.bench import even_reference
 
-from tsis.calibration.camera_reference import CameraReference
 from tsis.calibration.force_line import MIDDLE, Loading, read_loading_frame
 from tsis.calibration.measured import MeasuredValue
 from tsis.calibration.response import (
@@ -27,31 +28,20 @@ from tsis.model.calibration import Calibration
 from tsis.model.image import TactileImage
 from tsis.model.press import PressField
 
+if TYPE_CHECKING:
+    from tsis.calibration.camera_reference import CameraReference
+
 SENSOR = Sensor(columns=256, rows=216)
 GAIN, FORCES, MODULUS = 0.5, (0.2, 0.4, 0.8, 1.2, 1.6, 2.0), 660.0
 C = np.sqrt(np.pi) / 2
 
 
 def reference(*, lamp_sd: float | None = None) -> CameraReference:
-    flat = np.zeros((SENSOR.rows, SENSOR.columns))
     some = MeasuredValue(value=0.5, sd=0.01)
-    return CameraReference(
-        dark_grey=flat,
-        untouched_grey=flat,
-        relative_light=flat + 1,
-        usable=flat == 0,
-        full_scale=255.0,
-        mm_per_pixel=SENSOR.mm_per_pixel,
-        dark_frames=8,
-        untouched_frames=8,
-        flat_frames=18,
-        read_noise_grey=some,
-        shot_noise_grey=MeasuredValue(value=0.02, sd=0.001),
-        stray_grey=some,
-        patch_px=None if lamp_sd is None else (4, 4, 36, 36),
-        patch_grey=None if lamp_sd is None else some,
-        lamp_sd=lamp_sd or 0.0,
-    )
+    noise = {"read_noise_grey": some, "shot_noise_grey": MeasuredValue(value=0.02, sd=0.001), "stray_grey": some}
+    patch = {} if lamp_sd is None else {"patch_px": (4, 4, 36, 36), "patch_grey": some, "lamp_sd": lamp_sd}
+    shape = (SENSOR.rows, SENSOR.columns)
+    return even_reference(shape, dark=0.0, untouched=0.0, mm_per_pixel=SENSOR.mm_per_pixel, **noise, **patch)
 
 
 def loading(

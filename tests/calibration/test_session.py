@@ -252,25 +252,6 @@ def test_a_step_that_is_missing_is_named(copied: SessionFolder, name: str) -> No
         calibrate(copied)
 
 
-def test_a_frame_without_a_force_is_refused_with_its_step(copied: SessionFolder) -> None:
-    change_rows(copied, "tip-2mm-1", lambda rows: rows[7].__setitem__(2, ""))
-    with pytest.raises(CalibrationError, match="step 'tip-2mm-1': every frame must have a force"):
-        calibrate(copied)
-
-
-def test_a_loading_of_too_few_presses_is_refused_with_its_step(copied: SessionFolder) -> None:
-    change_rows(copied, "tip-2mm-1", lambda rows: rows.__delitem__(slice(4, None)))
-    with pytest.raises(CalibrationError, match="step 'tip-2mm-1': a loading must hold at least 4 presses"):
-        calibrate(copied)
-
-
-@pytest.mark.slow
-def test_a_loading_that_begins_on_the_tissue_is_refused_with_its_step(copied: SessionFolder) -> None:
-    change_rows(copied, "tip-10mm-1", lambda rows: rows.__delitem__(slice(0, 5)))  # 0.5 N would pass for the zero
-    with pytest.raises(CalibrationError, match="step 'tip-10mm-1': the tip must not touch in the first frame"):
-        calibrate(copied)
-
-
 def repeat_frame(session: SessionFolder, step: str, number: int, *, noisy: bool) -> None:
     """What a camera that froze delivers; with ``noisy`` one that goes on with noise, as of a held scene."""
     (own,) = (each for each in session.plan() if each.name == step)
@@ -283,18 +264,49 @@ def repeat_frame(session: SessionFolder, step: str, number: int, *, noisy: bool)
     session.save(own, shots)
 
 
-@pytest.mark.parametrize("number", [pytest.param(0, marks=pytest.mark.slow), 38])
-def test_a_camera_that_froze_in_a_loading_is_refused_with_its_step(copied: SessionFolder, number: int) -> None:
-    repeat_frame(copied, "tip-2mm-1", number, noisy=False)
+def froze(number: int) -> tuple[Callable[[SessionFolder], None], str]:
     said = f"step 'tip-2mm-1': every frame must be a new one; frames {number + 1} and {number + 2} are identical"
+    return lambda session: repeat_frame(session, "tip-2mm-1", number, noisy=False), said
+
+
+def held(number: int) -> tuple[Callable[[SessionFolder], None], str]:
+    said = "step 'tip-10mm-1': the sum of grey levels must rise with the force"
+    return lambda session: repeat_frame(session, "tip-10mm-1", number, noisy=True), said
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        pytest.param(
+            lambda session: change_rows(session, "tip-2mm-1", lambda rows: rows[7].__setitem__(2, "")),
+            "step 'tip-2mm-1': every frame must have a force",
+            id="no force",
+        ),
+        pytest.param(
+            lambda session: change_rows(session, "tip-2mm-1", lambda rows: rows.__delitem__(slice(4, None))),
+            "step 'tip-2mm-1': a loading must hold at least 4 presses",
+            id="too few presses",
+        ),
+        pytest.param(  # 0.5 N would pass for the zero
+            lambda session: change_rows(session, "tip-10mm-1", lambda rows: rows.__delitem__(slice(0, 5))),
+            "step 'tip-10mm-1': the tip must not touch in the first frame",
+            id="begun on the tissue",
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(*froze(0), id="frozen from the start", marks=pytest.mark.slow),
+        pytest.param(*froze(38), id="frozen at the end"),
+        pytest.param(*held(5), id="light held early"),
+        pytest.param(*held(30), id="light held late", marks=pytest.mark.slow),
+        pytest.param(
+            lambda session: replace_frames(session, "board", "board-untouched"), "step 'board': [^\\n]*$", id="no dots"
+        ),
+    ],
+)
+def test_frames_that_calibrate_nothing_are_refused_with_their_step(
+    copied: SessionFolder, change: Callable[[SessionFolder], None], said: str
+) -> None:
+    change(copied)
     with pytest.raises(CalibrationError, match=said):
-        calibrate(copied)
-
-
-@pytest.mark.parametrize("number", [5, pytest.param(30, marks=pytest.mark.slow)])
-def test_light_that_does_not_follow_the_force_is_refused_with_its_step(copied: SessionFolder, number: int) -> None:
-    repeat_frame(copied, "tip-10mm-1", number, noisy=True)
-    with pytest.raises(CalibrationError, match=r"step 'tip-10mm-1': the sum of grey levels must rise with the force"):
         calibrate(copied)
 
 
@@ -308,13 +320,6 @@ def test_loadings_that_leave_the_slope_untold_are_refused(copied: SessionFolder)
     change_rows(copied, "tip-10mm-1", halve)
     with pytest.raises(CalibrationError, match=r"slope of the force line must differ from zero; .* is -.* to "):
         calibrate(copied)
-
-
-def test_a_board_without_dots_is_refused_with_its_step(copied: SessionFolder) -> None:
-    replace_frames(copied, "board", "board-untouched")
-    with pytest.raises(CalibrationError, match="step 'board': ") as caught:
-        calibrate(copied)
-    assert "\n" not in str(caught.value)
 
 
 def test_dark_and_untouched_swapped_are_refused(copied: SessionFolder) -> None:
@@ -346,7 +351,7 @@ def test_days_out_of_range_are_refused(bench: Bench, days: float) -> None:
 def test_pads_measure_the_light_on_dents(bench: Bench, copied: SessionFolder, tmp_path: Path) -> None:
     """The bench's light does not change by a dent: the gain on tissue is the true one."""
     session = SessionFolder(tmp_path / "with-pads")
-    session.begin(replace(copied.terms(), pads_kpa=(5.0, 10.0), began=None))
+    session.begin(replace(copied.setup(), pads_kpa=(5.0, 10.0), began=None))
     for step in copied.plan():
         shutil.copytree(copied.path / step.name, session.path / step.name)
     assert [step.name for step in session.plan()][-2:] == ["pad-5kPa", "pad-10kPa"]
@@ -405,7 +410,7 @@ def test_terms_come_back_as_they_were(tmp_path: Path) -> None:
     folder.begin(terms)
     assert folder.begun
     assert not SessionFolder(tmp_path).begun
-    assert folder.terms() == terms
+    assert folder.setup() == terms
     assert [step.name for step in folder.plan()][-4:] == ["tip-3mm-1", "tip-7.5mm-1", "tip-3mm-2", "tip-7.5mm-2"]
     with pytest.raises(FileInputError, match="must hold no session yet"):
         folder.begin(terms)
@@ -599,7 +604,7 @@ def test_a_damaged_frame_is_named(session: SessionFolder) -> None:
 def test_terms_that_are_none_are_refused(session: SessionFolder, document: str) -> None:
     (session.path / "session.json").write_text(document)
     with pytest.raises(FileInputError, match=r"session|must be a readable JSON|must hold a JSON object"):
-        session.terms()
+        session.setup()
 
 
 def test_a_file_in_place_of_the_folder_is_refused(tmp_path: Path) -> None:

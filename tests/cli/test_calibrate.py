@@ -203,7 +203,7 @@ def test_make_repeats_the_calibration_and_its_page_is_safe(run_tsis: RunTsis, fr
     known = read_calibration(tmp_path / "made" / "calibration.json")
     assert known.made is not None
     assert known.expires == known.made + timedelta(days=30)
-    assert known.made == SessionFolder(frames).terms().began
+    assert known.made == SessionFolder(frames).setup().began
     shown = run_tsis("calibrate", "show", "made/calibration.json")
     assert shown.code == 0
     assert "[/red] <b>" in shown.out
@@ -374,7 +374,7 @@ def test_answers_guide_a_session_and_forces_may_be_typed(
     assert stopped.err.count("left out") == 4
     session = SessionFolder(tmp_path / "s")
     assert session.missing() == ("tip-2mm-1",)  # its answers had not ended
-    assert session.terms().settings == {"gain": 1.0}
+    assert session.setup().settings == {"gain": 1.0}
     assert len(session.shots(session.plan()[0])) == 16
     answered(monkeypatch, "s\ns\ns\ns\n\n0\n0,5\n1.25\n\n")
     finished = run_tsis(*arguments)

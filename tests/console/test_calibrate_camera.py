@@ -67,5 +67,5 @@ def test_forces_are_typed_and_a_lost_camera_costs_one_step(tmp_path: Path, brows
     assert done == {"dark": 16, "tip-2mm-1": 2}
     (loading,) = (step for step in session.plan() if step.name == "tip-2mm-1")
     assert [shot.force_n for shot in session.shots(loading)] == [0.0, 0.5]
-    assert session.terms().camera
-    assert session.terms().began is not None
+    assert session.setup().camera
+    assert session.setup().began is not None

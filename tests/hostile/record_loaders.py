@@ -139,7 +139,7 @@ def _sessions() -> tuple[Loader, ...]:
             name="session, terms",
             file="session.json",
             originals=(files["session.json"],),
-            load=lambda path: repr(SessionFolder(path.parent).terms()),
+            load=lambda path: repr(SessionFolder(path.parent).setup()),
             text=True,
             forge=_forged_json,
         ),

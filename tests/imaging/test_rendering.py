@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 
 from tsis.errors import InputError
-from tsis.imaging.corrections import find_lost_light
 from tsis.imaging.rendering import (
     CurvatureLoss,
     RoughContact,
@@ -20,6 +19,7 @@ from tsis.imaging.rendering import (
     as_contact_model,
     contact_edges,
     coverage,
+    find_lost_light,
     render,
     render_reference,
     rough_contact,

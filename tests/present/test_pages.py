@@ -14,7 +14,7 @@ from tests.present.rough_pictures import rough_pictures
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.files.canonical_json import json_bytes
-from tsis.imaging.finding import analyse_image
+from tsis.imaging.contact import analyse_image
 from tsis.inclusion import InclusionPrior
 from tsis.model.estimate import Estimate, probability_text
 from tsis.model.image import TactileImage

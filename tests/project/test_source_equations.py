@@ -1,9 +1,11 @@
-"""Every equation of the dissertation that is computed here is named in a docstring: searching "5.13" finds its code."""
+"""Every equation of the dissertation that is computed here is named where it is: searching "5.13" finds its code."""
 
 from __future__ import annotations
 
 import ast
+import io
 import re
+import tokenize
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -40,19 +42,25 @@ EQUATIONS = {  # what each group is about, and its equations
 }
 
 
-def docstrings(path: Path) -> Iterator[str]:
+def explanations(path: Path) -> Iterator[str]:
+    """Docstrings and comments."""
     source = path.read_text(encoding="utf-8")
-    for node in ast.walk(ast.parse(source if NUMBER.search(source) else "")):
+    if not NUMBER.search(source):
+        return
+    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+        if token.type == tokenize.COMMENT:
+            yield token.string
+    for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
             yield ast.get_docstring(node) or ""
 
 
 @cache
 def named() -> dict[str, set[str]]:
-    """By the equations that docstrings name, the files that name them."""
+    """By the equations that docstrings and comments name, the files that name them."""
     found: dict[str, set[str]] = {}
     for path in sorted(SOURCE.rglob("*.py")):
-        for text in docstrings(path):
+        for text in explanations(path):
             for match in NUMBER.finditer(text):
                 found.setdefault(match[0], set()).add(path.relative_to(SOURCE).as_posix())
     return found

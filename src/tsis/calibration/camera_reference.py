@@ -1,9 +1,5 @@
 """The camera reference: dark frame, untouched probe, flat field and noise, and the correction of later frames.
 
-Dark frame, flat field and untouched probe: the correction of every later frame of the camera.
-
-Compute a `CameraReference` from dark, untouched and flat frames: means, bad pixels, light pattern and noise.
-
 Noise follows from photon transfer: repeated frames at several levels of light. A pixel's variance is
 ``read**2 + 1/12 + shot * light``: read noise, rounding to whole grey levels, and photons. Under noise of some tenths of
 a level rounding is not white; its variance then depends on the position of the mean between two whole levels. The fit
@@ -37,8 +33,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.calibration.lamps import PixelBox
-
 
 LEAST_LIGHT = 0.2  # of the mean: darker pixels are not divided by
 SATURATED_FRACTION = 1e-4  # of the good pixels that may clip
@@ -48,6 +42,18 @@ SIGNATURE_BLOCKS = (12, 16)  # rows and columns in which the light of the untouc
 SIGNATURE = 0.1  # root mean square difference of that light, relative
 SIGNATURE_NOISE = 4e-3  # the same of the full scale, for probes that are nearly dark without contact
 UNSEEN_DRIFT = 0.01  # of the lamps, assumed without a reference patch
+BANDS = 12  # of the frame, of one level
+LEAST_PIXELS = 200  # in a band
+LEAST_LIGHT_GREY = 10.0  # with less, the whole frame is one band
+CLIPPED_FRACTION = 1e-3  # of the pixels; more of them would reduce the noise
+CHANCE = 0.99  # probability below which the points' scatter about the line counts as chance
+FAINTEST = 0.1  # of a phase after blurring by noise, below which it is not used
+LEAST_NOISE_GREY = 0.3  # below it, rounding hides the noise
+LEAST_FRAMES = 4
+BAD_FACTOR = 8.0  # robust standard deviations at which a pixel counts as hot or dead
+MOST_BAD = 0.02  # largest fraction of bad pixels
+SMOOTH_PX = 2.0  # finest variation of the light behind a lens
+READ_AND_ROUNDING = 0.5  # variance of a pixel without light; photons in a bright patch add many times as much
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -195,12 +201,8 @@ class CameraReference(ContentValue):
         The light that lamps, layers and lens send to the camera without contact is the probe's signature. Both frames
         are averaged over blocks, and the lamps' brightness, which drifts, is fitted.
 
-        Raises
-        ------
-        ImageMismatchError
-            When the remaining difference is above `SIGNATURE` of the light, or the frame has another size or scale.
-        InputError
-            When the lamps changed.
+        Raises `ImageMismatchError` when the remaining difference is above `SIGNATURE` of the light, or the frame has
+        another size or scale; `InputError` when the lamps changed.
         """
         self._check(image)
         blocks = np.minimum(SIGNATURE_BLOCKS, self.dark_grey.shape)
@@ -237,15 +239,6 @@ def _lamps(ratio: float) -> str:
     )
 
 
-BANDS = 12  # of the frame, of one level
-LEAST_PIXELS = 200  # in a band
-LEAST_LIGHT_GREY = 10.0  # with less, the whole frame is one band
-CLIPPED_FRACTION = 1e-3  # of the pixels; more of them would reduce the noise
-CHANCE = 0.99  # probability below which the points' scatter about the line counts as chance
-FAINTEST = 0.1  # of a phase after blurring by noise, below which it is not used
-LEAST_NOISE_GREY = 0.3  # below it, rounding hides the noise
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PhotonTransfer:
     """Noise of a pixel.
@@ -269,12 +262,8 @@ class _Point:
     error: float
 
 
-def stack(name: str, images: Sequence[TactileImage], *, least: int) -> NDArray[np.float64]:
-    """Grey levels of frames of one size, shape (frames, rows, columns).
-
-    Raises `CalibrationError` when there are fewer than ``least``; `ImageMismatchError` when sizes or full scales
-    differ.
-    """
+def _stack(name: str, images: Sequence[TactileImage], *, least: int) -> NDArray[np.float64]:
+    """Grey levels of at least so many frames of one size and full scale, shape (frames, rows, columns)."""
     if len(images) < least:
         raise CalibrationError(f"{name} must hold at least {least} frames; got {len(images)} (take more)")
     for image in images:
@@ -357,11 +346,9 @@ def _unrounded(observed: float, phase: complex, frames: int) -> float:
 
 
 def _phase_attenuation(variance: float, phase: complex, frames: int) -> complex:
-    """Attenuation of exp(2 pi i mean) for the mean of n noisy, rounded frames.
-
-    It is the n-th power of the rounded normal's characteristic function at 2 pi / n; rounding folds the part at
-    2 pi / n - 2 pi onto it.
-    """
+    """Attenuation of exp(2 pi i mean) for the mean of n noisy, rounded frames."""
+    # The n-th power of the rounded normal's characteristic function at 2 pi / n, onto which rounding folds the part at
+    # 2 pi / n - 2 pi.
     t = 2 * np.pi / frames
     near = float(np.sin(t / 2) / (t / 2) * np.exp(-variance * t**2 / 2))
     folded = float(np.sin(t / 2) / (np.pi - t / 2) * np.exp(-variance * (2 * np.pi - t) ** 2 / 2))
@@ -395,13 +382,6 @@ def _line(points: list[_Point]) -> PhotonTransfer:
     )
 
 
-LEAST_FRAMES = 4
-BAD_FACTOR = 8.0  # robust standard deviations at which a pixel counts as hot or dead
-MOST_BAD = 0.02  # largest fraction of bad pixels
-SMOOTH_PX = 2.0  # finest variation of the light behind a lens
-READ_AND_ROUNDING = 0.5  # variance of a pixel without light; photons in a bright patch add many times as much
-
-
 def make_reference(
     dark: Sequence[TactileImage],
     untouched: Sequence[TactileImage],
@@ -411,6 +391,10 @@ def make_reference(
     scenes: Sequence[Sequence[TactileImage]] = (),
 ) -> CameraReference:
     """Average frames into a reference, and measure the camera's noise.
+
+    Raises `CalibrationError` when frames are too few, clip, or appear swapped (dark brighter than untouched), or when
+    too many pixels are bad; `InputError` when the reference patch leaves the frame, has too few pixels, or is too dark;
+    `ImageMismatchError` when the frames have different sizes or full scales.
 
     Parameters
     ----------
@@ -425,21 +409,11 @@ def make_reference(
         Reference patch that shows the lamps past the probe: (left, top, right, bottom) in pixels, ends excluded.
     scenes
         4 or more frames of each still scene in any light, for the camera's noise alone.
-
-    Raises
-    ------
-    CalibrationError
-        When frames are too few, clip, or appear swapped (dark brighter than untouched), or when too many pixels are
-        bad.
-    InputError
-        When the reference patch leaves the frame, has too few pixels, or is too dark.
-    ImageMismatchError
-        When the frames have different sizes or full scales.
     """
-    groups = [stack("dark", dark, least=LEAST_FRAMES), stack("untouched", untouched, least=LEAST_FRAMES)]
-    groups += [stack("flats", level, least=LEAST_FRAMES) for level in flats]
+    groups = [_stack("dark", dark, least=LEAST_FRAMES), _stack("untouched", untouched, least=LEAST_FRAMES)]
+    groups += [_stack("flats", level, least=LEAST_FRAMES) for level in flats]
     every = [image for level in (dark, untouched, *flats) for image in level]
-    stack("dark, untouched and flat frames", [dark[0], untouched[0], *(level[0] for level in flats)], least=2)
+    _stack("dark, untouched and flat frames", [dark[0], untouched[0], *(level[0] for level in flats)], least=2)
     full_scale, base = dark[0].full_scale, groups[0].mean(axis=0)
     patch = None if patch_px is None else ReferencePatch.from_px(patch_px)
     good = ~_bad(groups[0], groups[2:])
@@ -457,7 +431,7 @@ def make_reference(
         require_lit(float(patch.cut(base_single + light_single).mean()) - float(base_single.mean()), full_scale)
         patch.cut(field)[:] = False
     relative = _relative(groups[2:], base, light, field, patch)
-    lit = [*groups[1:], *(stack("scenes", scene, least=LEAST_FRAMES) for scene in scenes)]
+    lit = [*groups[1:], *(_stack("scenes", scene, least=LEAST_FRAMES) for scene in scenes)]
     noise = photon_transfer(groups[0], lit, usable=field, full_scale=full_scale)
     patch_grey, lamp_sd = _patch_light(groups[1], base, patch, noise.shot_noise_grey.value)
     stray = light[field]

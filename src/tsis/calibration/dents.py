@@ -146,6 +146,8 @@ def fit_dent_light(
 ) -> DentLight:
     """Fit growth, bend and flux of the light, the light that contact takes, contact law and gain to all presses.
 
+    Raises `CalibrationError` when the pads have fewer than three readable presses.
+
     Parameters
     ----------
     pads
@@ -162,11 +164,6 @@ def fit_dent_light(
         Relative standard deviation of the pads' moduli, in [0.001, 0.5].
     strain
         Mechanics of the presses on pads, as in `tsis.mechanics.press`.
-
-    Raises
-    ------
-    CalibrationError
-        When the pads have fewer than three readable presses.
     """
     require_number("pad_sd", pad_sd, 0.001, 0.5, hint="a fraction of 1")
     presses = [

@@ -1,21 +1,16 @@
-"""Pixel scale from a dot board, with the uncertainty that the residuals do not show: bend, skew, bias of a spot.
-
-The residuals show how well the dots fit the map. Where they fit to a hundredth of a pixel, the errors outside the map
-are larger. The bend counts in full: both the mean over a pitch and the size at the position itself are the scale.
-
-Round spots in a frame, dark or bright, with sub-pixel centres.
+"""Pixel scale from a dot board: spots, their lattice, the map from board to image, and its uncertainty.
 
 A spot is a maximum of the difference of two Gaussian blurs, which suppresses level and slope of the light; the blur of
 the strongest response gives the spots' size (Lindeberg, Int. J. Computer Vision 30, 79, 1998).
-
-The map from a dot board to the image with lens distortion, and the size of a pixel with its uncertainty.
 
 The image coordinates of the dots are polynomials of the board's: linear terms are scale and rotation, quadratic terms
 the perspective of a tilted camera, cubic and higher terms the lens. The least-squares fit gives each image axis its own
 residual variance: noise is in pixels, the scatter of the dots in millimetres, and their ratio differs between the axes
 where pixels are not square.
 
-Lattice coordinates of spots, and the two lattice directions that are the board's rows and columns.
+The residuals show how well the dots fit the map. Where they fit to a hundredth of a pixel, errors outside the map are
+larger: bend, skew, bias of a spot. The bend counts in full: both the mean over a pitch and the size at the position
+itself are the scale.
 """
 
 from __future__ import annotations
@@ -52,8 +47,8 @@ WEAKEST = 0.3  # strength over that of a typical spot
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Spots:
-    """Spots of a frame, strongest first."""
+class _Spots:
+    """_Spots of a frame, strongest first."""
 
     positions_px: NDArray[np.float64]  # centres (x, y), shape (n, 2)
     strength: NDArray[np.float64]  # height above the surroundings, shape (n,), grey levels
@@ -64,20 +59,8 @@ class Spots:
         freeze_arrays(self, "positions_px", "strength", dtype=float)
 
 
-def find_spots(grey: NDArray[np.float64], *, least: int) -> Spots:
-    """Find spots of one size and one sign, above noise and above a fraction of the typical strength.
-
-    The strongest ``least`` of them set size, sign and typical strength.
-
-    Examples
-    --------
-    >>> y, x = np.mgrid[:100, :120]
-    >>> grey = sum(50 * np.exp(-((x - 20.3 - 40 * i) ** 2 + (y - 50.6) ** 2) / 32) for i in range(3))
-    >>> spots = find_spots(grey, least=3)
-    >>> spots.bright, np.sort(spots.positions_px[:, 0]).round(1).tolist()
-    (True, [20.3, 60.3, 100.3])
-    """
-    least = require_integer("least", least, 1, 10**6)
+def find_spots(grey: NDArray[np.float64], *, least: int) -> _Spots:
+    """Find spots of one size and sign, set by the strongest ``least``, above noise and a fraction of their strength."""
     noise = max(pixel_noise(grey), QUANTISATION)
     blurs = FINEST_PX * STEP ** np.arange(64)
     blurs = blurs[blurs <= max(COARSEST * min(grey.shape), FINEST_PX)]
@@ -97,12 +80,12 @@ def find_spots(grey: NDArray[np.float64], *, least: int) -> Spots:
                 best = side, k, response, rows, columns
         fine = coarse
     if best is None:
-        return Spots(positions_px=np.empty((0, 2)), strength=np.empty(0), width_px=0.0, bright=True)
+        return _Spots(positions_px=np.empty((0, 2)), strength=np.empty(0), width_px=0.0, bright=True)
     side, k, response, rows, columns = best
     strength = response[rows, columns]
     selected = np.flatnonzero(strength > WEAKEST * typical[side, k])
     selected = selected[np.argsort(-strength[selected], kind="stable")]
-    return Spots(
+    return _Spots(
         positions_px=_sub_pixel(response, rows[selected], columns[selected], max(1, round(blurs[k] / 2))),
         strength=strength[selected],
         # A Gaussian responds most to the blur of its own width over the root of the step.
@@ -119,15 +102,13 @@ def _top(values: NDArray[np.float64], index: int) -> float:
     return float(np.clip((values[index - 1] - values[index + 1]) / (2 * bend), -0.5, 0.5)) if bend < 0 else 0.0
 
 
-def in_even_light(
+def _in_even_light(
     positions_px: NDArray[np.float64], strength: NDArray[np.float64], width_px: float
 ) -> NDArray[np.float64]:
-    """Centres of spots in even light, shape (n, 2), pixels.
-
-    Light that grows across a spot shifts its centre by the spot's variance times the relative growth per pixel. Towards
-    the rim of a lit field the shift is proportional to the distance from its middle, which is an error of scale. The
-    light is an exponential of a quadratic function of position, fitted to the spots' own strengths.
-    """
+    """Centres of spots in even light, shape (n, 2), pixels."""
+    # Light that grows across a spot shifts its centre by the spot's variance times the relative growth per pixel.
+    # Towards the rim of a lit field the shift is proportional to the distance from its middle, which is an error of
+    # scale. The light is an exponential of a quadratic function of position, fitted to the spots' own strengths.
     middle, extent = positions_px.mean(axis=0), np.ptp(positions_px, axis=0).max() / 2
     u, v = ((positions_px - middle) / extent).T
     zero, ones = np.zeros_like(u), np.ones_like(u)
@@ -183,7 +164,7 @@ MOST_STRAYS = 0.1  # fraction of the dots
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class BoardMap:
+class _BoardMap:
     """A fitted map from lattice to image."""
 
     cells: NDArray[np.float64]  # lattice coordinates of the dots, shape (n, 2)
@@ -216,17 +197,11 @@ class BoardMap:
         return np.asarray(cell)
 
     def face_step(self, cell: NDArray[np.float64], *, extent: float = 1.0) -> NDArray[np.float64]:
-        """Step on the face, in pitches, of one pixel along each image axis: columns x and y of a (2, 2) array.
-
-        The step is the mean over ``extent`` pitches to either side; a board resolves no less than one.
-        """
+        """Step on the face of one pixel along x and y, in pitches, mean over ``extent`` pitches; columns of (2, 2)."""
         return np.asarray(np.linalg.inv(self._step_px(cell, extent=extent)))
 
     def pixel_size(self, cell: NDArray[np.float64], *, pitch: MeasuredValue) -> tuple[MeasuredValue, MeasuredValue]:
-        """Size (x, y) of a pixel on the face at a lattice position, by propagation of the residuals' variance.
-
-        The degrees of freedom follow Welch and Satterthwaite for the two image axes and the pitch.
-        """
+        """Size (x, y) of a pixel on the face at a lattice position, by propagation of the residuals' variance."""
         back = self.face_step(cell)
         slopes = self._slopes(cell, extent=1.0)
         x, y = (self._size_along(back, slopes, axis, pitch) for axis in (0, 1))
@@ -236,6 +211,7 @@ class BoardMap:
         self, back: NDArray[np.float64], slopes: NDArray[np.float64], axis: int, pitch: MeasuredValue
     ) -> MeasuredValue:
         size = float(np.linalg.norm(back[:, axis]))
+        # Degrees of freedom of the two image axes and the pitch after Welch and Satterthwaite.
         variances = self._variances(back, slopes, axis)
         by_dots, by_pitch = float(variances.sum()) * pitch.value**2, (size * pitch.sd) ** 2
         squares = float((variances**2).sum()) * pitch.value**4 / self.degrees_of_freedom
@@ -247,11 +223,7 @@ class BoardMap:
     def bend(
         self, cell: NDArray[np.float64], *, point: float = 1e-3
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Relative bend of the pixel size over one pitch to either side, and its noise.
-
-        The bend (x, y) is the excess of the mean over one pitch above the size at the position itself; its standard
-        deviation follows by propagation of the residuals' variance.
-        """
+        """Excess (x, y) of the pixel size over one pitch above that at the position itself, relative; and its noise."""
         back, here = (self.face_step(cell, extent=extent) for extent in (1.0, point))
         sizes = np.linalg.norm(back, axis=0)
         slopes = self._slopes(cell, extent=1.0) - self._slopes(cell, extent=point)
@@ -274,48 +246,43 @@ class BoardMap:
         return np.asarray((self._slopes(cell, extent=extent).T @ self.factors).T)
 
     def _terms(self, cells: NDArray[np.float64]) -> NDArray[np.float64]:
-        return terms(cells, self.cells, self.order)
+        return _terms(cells, self.cells, self.order)
 
 
-def terms(cells: NDArray[np.float64], about: NDArray[np.float64], order: int) -> NDArray[np.float64]:
-    """Products of powers of lattice coordinates up to an order, scaled by middle and half width of ``about``.
-
-    Three rows cannot separate a cubic from a linear term: powers stay below the number of rows and of columns.
-    """
+def _terms(cells: NDArray[np.float64], about: NDArray[np.float64], order: int) -> NDArray[np.float64]:
+    """Products of powers of lattice coordinates up to an order, scaled by middle and half width of ``about``."""
     middle, half = (about.max(axis=0) + about.min(axis=0)) / 2, np.ptp(about, axis=0) / 2
     u, v = ((cells - middle) / half).T
+    # Three rows cannot separate a cubic from a linear term: powers stay below the number of rows and of columns.
     columns, rows = (len(np.unique(about[:, axis])) for axis in (0, 1))
     powers = [(a, b) for a, b in itertools.product(range(columns), range(rows)) if a + b <= order]
     return np.stack([u**a * v**b for a, b in powers], axis=1)
 
 
-def fit_map(cells: NDArray[np.float64], positions_px: NDArray[np.float64]) -> BoardMap:
-    """The map of the highest order that the dots support.
-
-    The lens's cubic terms are always fitted: without them an interval is valid only for a lens without distortion.
-    Wide-angle terms are added when chance hardly explains their improvement.
-    """
-    if not carries(cells, LENS_ORDER):
+def _fit_map(cells: NDArray[np.float64], positions_px: NDArray[np.float64]) -> _BoardMap:
+    """The map of the highest order that the dots support; wide-angle terms only where chance hardly explains them."""
+    # Cubic terms are always fitted: without them an interval is valid only for a lens without distortion.
+    if not _carries(cells, LENS_ORDER):
         raise CalibrationError(
             f"the dots must fill rows and columns, so that the lens's distortion can be separated from the scale; got "
             f"{len(cells)} dots that do not (press the whole board on the face)"
         )
-    order = fit_order(cells, positions_px, LENS_ORDER)
-    if carries(cells, WIDE_ORDER):
-        wide = fit_order(cells, positions_px, WIDE_ORDER)
-        if chance_of(order, wide) < WORTH_FITTING:
+    order = _fit_order(cells, positions_px, LENS_ORDER)
+    if _carries(cells, WIDE_ORDER):
+        wide = _fit_order(cells, positions_px, WIDE_ORDER)
+        if _chance_of(order, wide) < WORTH_FITTING:
             return wide
     return order
 
 
-def carries(cells: NDArray[np.float64], order: int) -> bool:
+def _carries(cells: NDArray[np.float64], order: int) -> bool:
     """Whether number, rows and columns of the dots suffice for a polynomial of an order."""
-    design = terms(cells, cells, order)
+    design = _terms(cells, cells, order)
     count = design.shape[1]
     return count <= (1 - SPARE) * len(cells) and bool(np.linalg.matrix_rank(design) == count)
 
 
-def chance_of(small: BoardMap, large: BoardMap) -> float:
+def _chance_of(small: _BoardMap, large: _BoardMap) -> float:
     """Probability of such an improvement by the higher order where the lower order is true (Fisher's F)."""
     added, freedom = 2 * (len(large.factors) - len(small.factors)), 2 * large.degrees_of_freedom
     # Each image axis with its own variance, as in the fit.
@@ -324,12 +291,12 @@ def chance_of(small: BoardMap, large: BoardMap) -> float:
     return float(scipy.stats.f.sf(max(gained, 0.0) / added, added, freedom))
 
 
-def without_strays(cells: NDArray[np.float64], positions_px: NDArray[np.float64]) -> NDArray[np.bool]:
+def _without_strays(cells: NDArray[np.float64], positions_px: NDArray[np.float64]) -> NDArray[np.bool]:
     """True for the dots whose position agrees with a map fitted without them."""
     good = np.ones(len(cells), dtype=bool)
     for _ in range(int(MOST_STRAYS * len(cells))):
-        fitted = fit_map(cells[good], positions_px[good])
-        design = terms(fitted.cells, fitted.cells, fitted.order)
+        fitted = _fit_map(cells[good], positions_px[good])
+        design = _terms(fitted.cells, fitted.cells, fitted.order)
         lever = 1 - np.einsum("ij,jk,ik->i", design, fitted.spread, design)
         freedom = fitted.degrees_of_freedom
         squares = fitted.residuals_px() ** 2 / np.maximum(lever, 1e-9)[:, None] / np.maximum(fitted.sd_px, 1e-9) ** 2
@@ -341,12 +308,12 @@ def without_strays(cells: NDArray[np.float64], positions_px: NDArray[np.float64]
     return good
 
 
-def fit_order(cells: NDArray[np.float64], positions_px: NDArray[np.float64], order: int) -> BoardMap:
+def _fit_order(cells: NDArray[np.float64], positions_px: NDArray[np.float64], order: int) -> _BoardMap:
     """Fit the map of a given order by least squares."""
-    design = terms(cells, cells, order)
+    design = _terms(cells, cells, order)
     factors = np.linalg.lstsq(design, positions_px, rcond=None)[0]
     squares = ((positions_px - design @ factors) ** 2).sum(axis=0)
-    return BoardMap(
+    return _BoardMap(
         cells=cells,
         positions_px=positions_px,
         order=order,
@@ -370,13 +337,11 @@ AXES = [
 ]
 
 
-def with_square_axes(fitted: BoardMap, cell: NDArray[np.float64]) -> BoardMap:
-    """The same dots along the two lattice axes that make the image's axes perpendicular on the face.
-
-    Where pixels are far from square, the diagonal of a rotated board may be shorter in the image than its side. A
-    square lattice at 32 degrees along a diagonal is again square, with pixels 2.6 times as long as wide, which no
-    camera has.
-    """
+def _with_square_axes(fitted: _BoardMap, cell: NDArray[np.float64]) -> _BoardMap:
+    """The same dots along the two lattice axes that make the image's axes perpendicular on the face."""
+    # Where pixels are far from square, the diagonal of a rotated board may be shorter in the image than its side. A
+    # square lattice at 32 degrees along a diagonal is again square, with pixels 2.6 times as long as wide, which no
+    # camera has.
     step = fitted.face_step(cell)
     skews = np.array([abs(skew_deg(axes @ step)) for axes in AXES])
     width, height = np.array([np.linalg.norm(axes @ step, axis=0) for axes in AXES]).T
@@ -395,7 +360,7 @@ def with_square_axes(fitted: BoardMap, cell: NDArray[np.float64]) -> BoardMap:
         axes = axes[::-1]
     # Count along the image's axes as nearly as possible: the rotation then has a sign.
     axes = axes * np.sign(np.diag(axes @ step))[:, None]
-    return fit_map(fitted.cells @ axes.T, fitted.positions_px)
+    return _fit_map(fitted.cells @ axes.T, fitted.positions_px)
 
 
 def _no_square(skews: NDArray[np.float64], ratios: NDArray[np.float64], usual: NDArray[np.bool]) -> CalibrationError:
@@ -436,19 +401,11 @@ MORE = 1.2  # required factor of links over the best lattice so far
 DENSE = 1.2  # links each to neighbours: 2 on an endless board without gaps
 
 
-def index_lattice(positions_px: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Row number and lattice position (spot, i, j) of each spot of the lattice; (0, 3) when no two steps repeat.
-
-    From a first dot the lattice grows to the neighbour nearest to its prediction, with steps that follow the image's
-    distortion; a missing dot is skipped. Growth begins at the dots with the most common steps; the lattice with
-    clearly the most pairs of neighbours wins. The order of the lattice's axes is arbitrary.
-
-    Examples
-    --------
-    >>> j, i = np.mgrid[:3, :4]
-    >>> index_lattice(np.stack([50.0 * i.ravel(), 50.0 * j.ravel()], axis=1)).shape
-    (12, 3)
-    """
+def _index_lattice(positions_px: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Spot number and lattice position (spot, i, j) of each spot of the lattice; (0, 3) when no two steps repeat."""
+    # From a first dot the lattice grows to the neighbour nearest to its prediction, with steps that follow the image's
+    # distortion; a missing dot is skipped. Growth begins at the dots with the most common steps; the lattice with
+    # clearly the most pairs of neighbours wins. The order of the lattice's axes is arbitrary.
     best = np.empty((0, 3), dtype=np.int64)
     if len(positions_px) < 4:
         return best
@@ -533,7 +490,7 @@ def _links(
     start: int,
     steps: tuple[NDArray[np.float64], NDArray[np.float64]],
 ) -> Iterator[tuple[float, int, int, int, int]]:
-    """Spots near the predictions from a dot: (relative miss, start, axis, steps, spot)."""
+    """_Spots near the predictions from a dot: (relative miss, start, axis, steps, spot)."""
     for axis, extent in itertools.product((0, 1), (1, -1, 2, -2)):
         distance, spot = tree.query(positions[start] + extent * steps[axis])
         miss = float(distance / np.linalg.norm(steps[axis]))
@@ -571,8 +528,8 @@ EVEN = 3**0.5  # bound of an even distribution over its standard deviation
 BY_CHANCE = 2.0  # standard deviations that noise explains
 
 
-def with_model_uncertainty(
-    sizes: tuple[MeasuredValue, MeasuredValue], fitted: BoardMap, cell: NDArray[np.float64]
+def _with_model_uncertainty(
+    sizes: tuple[MeasuredValue, MeasuredValue], fitted: _BoardMap, cell: NDArray[np.float64]
 ) -> tuple[MeasuredValue, ...]:
     """Pixel sizes (x, y) at a lattice position with the uncertainty of the map added to that of its residuals."""
     bend = _beyond_noise(*fitted.bend(cell))
@@ -587,13 +544,11 @@ def _beyond_noise(values: NDArray[np.float64], noise: NDArray[np.float64]) -> ND
     return np.asarray(np.sqrt(np.maximum(values**2 - (BY_CHANCE * noise) ** 2, 0.0)))
 
 
-def _skew_beyond_noise(fitted: BoardMap, cell: NDArray[np.float64]) -> float:
-    """Sine of the skew that noise does not explain.
-
-    Cameras have square axes, so the skew comes from the board or the tilt. Pitches with a relative difference e,
-    rotated by 45 degrees, show a skew of e and an error of e / 2 in both pixel sizes; a board sheared by an angle s
-    causes a smaller error in one of them, 1 - cos(s).
-    """
+def _skew_beyond_noise(fitted: _BoardMap, cell: NDArray[np.float64]) -> float:
+    """Sine of the skew that noise does not explain."""
+    # Cameras have square axes, so the skew comes from the board or the tilt. Pitches with a relative difference e,
+    # rotated by 45 degrees, show a skew of e and an error of e / 2 in both pixel sizes; a board sheared by an angle s
+    # causes a smaller error in one of them, 1 - cos(s).
     sine = np.sin(np.radians(skew_deg(fitted.face_step(cell))))
     x, y = fitted.pixel_size(cell, pitch=MeasuredValue(value=1.0, sd=0.0))
     return float(_beyond_noise(np.array(sine), np.hypot(x.sd / x.value, y.sd / y.value)))
@@ -626,7 +581,7 @@ class DotDiagnostics:
     residuals_px
         Centre minus fitted position, shape (n, 2), pixels.
     strays_px
-        Spots outside the lattice, shape (m, 2), pixels.
+        _Spots outside the lattice, shape (m, 2), pixels.
     bright
         True when the dots are brighter than their surroundings.
     width_px
@@ -676,6 +631,11 @@ def scale_from_dots(
     the pixels' sides would differ by more than a quarter. Rotated by 45 degrees it shows its pitches as skew. Where
     every second dot is missing as on a chessboard the lattice is again square; this is not detected.
 
+    Raises `CalibrationError` when there are no dots, or too few, when they form no square lattice or several, when a
+    pixel would be outside 0.8 to 1.25 times as high as wide or the lattice more than 3 degrees askew, or when the scale
+    is impossible for a tactile probe; `ImageMismatchError` when the reference differs from the image in size, scale or
+    full scale; `InputError` when an argument is outside its range.
+
     Parameters
     ----------
     image
@@ -696,17 +656,6 @@ def scale_from_dots(
     diagnostics : DotDiagnostics
         The dots, the lattice, the residuals, and the distortion.
 
-    Raises
-    ------
-    CalibrationError
-        When there are no dots, or too few, when they form no square lattice or several, when a pixel would be
-        outside 0.8 to 1.25 times as high as wide or the lattice more than 3 degrees askew, or when the scale is
-        impossible for a tactile probe.
-    ImageMismatchError
-        When the reference differs from the image in size, scale or full scale.
-    InputError
-        When an argument is outside its range.
-
     Examples
     --------
     >>> from tsis.imaging.sensor import Sensor
@@ -726,12 +675,12 @@ def scale_from_dots(
     change = image if reference is None else subtract_background(image, reference)
     spots = find_spots(change.grey, least=min_dots)
     cells, centres, strays = _dots(spots, min_dots)
-    fitted = fit_map(cells, centres)
+    fitted = _fit_map(cells, centres)
     cell = _cell_of_axis(fitted, image.axis())
-    fitted = with_square_axes(fitted, cell)
+    fitted = _with_square_axes(fitted, cell)
     cell = fitted.cell_at(image.axis())
     _check_rough(fitted)
-    x, y = with_model_uncertainty(fitted.pixel_size(cell, pitch=pitch), fitted, cell)
+    x, y = _with_model_uncertainty(fitted.pixel_size(cell, pitch=pitch), fitted, cell)
     check_field((x.value, y.value), image.grey.shape, "pitch_mm", pitch_mm)
     residuals = fitted.residuals_px()
     step = fitted.face_step(cell)
@@ -746,7 +695,7 @@ def scale_from_dots(
         rotation_deg=rotation_deg(step),
         skew_deg=skew_deg(step),
     )
-    chance = chance_of(fit_order(fitted.cells, fitted.positions_px, FIRST_ORDER), fitted)
+    chance = _chance_of(_fit_order(fitted.cells, fitted.positions_px, FIRST_ORDER), fitted)
     sizes = np.array([np.linalg.norm(fitted.face_step(dot), axis=0) for dot in fitted.cells])
     diagnostics = DotDiagnostics(
         centres_px=centres,
@@ -763,7 +712,7 @@ def scale_from_dots(
     return scale, diagnostics
 
 
-def _dots(spots: Spots, least: int) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def _dots(spots: _Spots, least: int) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Lattice coordinates and centres of the dots, and the centres of the other spots."""
     positions = spots.positions_px
     if len(positions) < least:
@@ -771,26 +720,26 @@ def _dots(spots: Spots, least: int) -> tuple[NDArray[np.float64], NDArray[np.flo
             f"image must show at least {least} dots; {len(positions)} spots stand out (press the dot board flat on the "
             "face, light it evenly, and give the untouched probe as reference)"
         )
-    rows = index_lattice(positions)
+    rows = _index_lattice(positions)
     if len(rows) < max(least, (1 - MOST_STRANGERS) * len(positions)):
         raise CalibrationError(
             f"image must show at least {least} dots of a square lattice; of {len(positions)} spots {len(rows)} lie on "
             "one (press the dot board flat on the face, and clean the face)"
         )
     cells = rows[:, 1:].astype(float)
-    centres = in_even_light(positions[rows[:, 0]], spots.strength[rows[:, 0]], spots.width_px)
+    centres = _in_even_light(positions[rows[:, 0]], spots.strength[rows[:, 0]], spots.width_px)
     if min(len(np.unique(cells[:, axis])) for axis in (0, 1)) < LEAST_SIDE:
         raise CalibrationError(
             f"the dots must form at least {LEAST_SIDE} rows and {LEAST_SIDE} columns; {len(rows)} dots lie in fewer "
             "(press the whole board on the face)"
         )
-    good = without_strays(cells, centres)
+    good = _without_strays(cells, centres)
     dots = set(rows[good, 0].tolist())
     strays = np.array([position for spot, position in enumerate(positions) if spot not in dots]).reshape(-1, 2)
     return cells[good], centres[good], strays
 
 
-def _cell_of_axis(fitted: BoardMap, axis_px: tuple[float, float]) -> NDArray[np.float64]:
+def _cell_of_axis(fitted: _BoardMap, axis_px: tuple[float, float]) -> NDArray[np.float64]:
     cell = fitted.cell_at(axis_px)
     low, high = fitted.cells.min(axis=0) - 1, fitted.cells.max(axis=0) + 1
     if not (np.isfinite(cell).all() and (low <= cell).all() and (cell <= high).all()):
@@ -801,7 +750,7 @@ def _cell_of_axis(fitted: BoardMap, axis_px: tuple[float, float]) -> NDArray[np.
     return cell
 
 
-def _check_rough(fitted: BoardMap) -> None:
+def _check_rough(fitted: _BoardMap) -> None:
     nearest = np.asarray(scipy.spatial.cKDTree(fitted.positions_px).query(fitted.positions_px, k=2)[0])
     rough = _root_mean_square(fitted.residuals_px()) / float(np.median(nearest[:, 1]))
     if rough > ROUGHEST:

@@ -1,8 +1,6 @@
 """The calibration of a probe as one value and one file: versioned, hashed and checked before use.
 
-The calibration of one probe, and the checks of its parts.
-
-The calibration file: JSON with a version and the hash of its content, from a session or written by hand.
+The file is JSON with a version and the hash of its content, from a session or written by hand.
 """
 
 from __future__ import annotations
@@ -52,15 +50,7 @@ NEVER_NEGATIVE = ("read_noise_grey", "shot_noise_grey", "patch_grey", "residual_
 
 
 def require_name(what: str, text: object, *, longest: int = LONGEST_NAME) -> None:
-    r"""Refuse a value that is not printable text on one line.
-
-    Examples
-    --------
-    >>> require_name("name", "bench\n2")
-    Traceback (most recent call last):
-    ...
-    tsis.errors.InputError: name must be printable, on one line; got 'bench\n2'
-    """
+    """Refuse a value that is not printable text on one line."""
     if not isinstance(text, str):
         raise InputError(name=what, requirement="must be a str", value=f"{text!r:.80}")
     if len(text) > longest:
@@ -79,7 +69,7 @@ def require_time(what: str, moment: object) -> None:
         raise InputError(f"{what} must lie in the years {YEARS[0]} to {YEARS[1]}; got {moment.isoformat()}")
 
 
-def require_measured(part: str, value: Any) -> None:
+def _require_measured(part: str, value: Any) -> None:
     """Refuse a part with a measured number in another unit, or negative where only 0 or more is possible."""
     for name, unit in MEASURED_IN.get(part, ()):
         number: MeasuredValue | None = getattr(value, name)
@@ -90,7 +80,7 @@ def require_measured(part: str, value: Any) -> None:
             raise InputError(f"{part}.{name} must not be negative; got {number.value:g}")
 
 
-def require_sheet(sheet: Specification) -> None:
+def _require_sheet(sheet: Specification) -> None:
     """Refuse a sheet with unprintable rows, or with numbers in another unit than their row."""
     for number, row in enumerate(sheet.rows):
         where = f"specification.rows[{number}]"
@@ -112,6 +102,9 @@ SETTING_TOLERANCE = 1e-3  # relative rounding of settings by the camera
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ProbeCalibration(ContentValue):
     """The calibration of a probe and its camera; a part that was not measured is None.
+
+    Raises `InputError` when a part has the wrong type, probe or unit; when a time has no zone or the times are not in
+    order; when a name is not printable on one line.
 
     Parameters
     ----------
@@ -136,12 +129,6 @@ class ProbeCalibration(ContentValue):
         tissue use it.
     specification
         The specification sheet.
-
-    Raises
-    ------
-    InputError
-        When a part has the wrong type, probe or unit; when a time has no zone or the times are not in order; when a
-        name is not printable on one line.
 
     Examples
     --------
@@ -173,10 +160,10 @@ new one: tsis calibrate)
         for name, kind in PARTS.items():
             if getattr(self, name) is not None:
                 require_type(name, getattr(self, name), kind)
-                require_measured(name, getattr(self, name))
+                _require_measured(name, getattr(self, name))
         self._require_one_probe()
         if self.specification is not None:
-            require_sheet(self.specification)
+            _require_sheet(self.specification)
         for name in self.settings:
             require_name("the name of a setting", name)
         values = {name: require_number(f"settings.{name}", value, -1e12, 1e12) for name, value in self.settings.items()}
@@ -209,17 +196,14 @@ new one: tsis calibrate)
     ) -> None:
         """Refuse a calibration that is expired, dated in the future, or of another probe, camera or setting.
 
+        Raises `CalibrationError` naming what differs and the cure.
+
         Parameters
         ----------
         now
             The present time, with its zone.
         probe, camera, settings
             What it will be used with; None is not compared.
-
-        Raises
-        ------
-        CalibrationError
-            Naming what differs and the cure.
         """
         if self.expires is not None and now > self.expires:
             raise CalibrationError(

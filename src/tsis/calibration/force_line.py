@@ -1,19 +1,10 @@
-"""The force line: sum of grey levels against force, and its measurement by loadings.
+"""The force line: the straight line of the sum of grey levels against force, by the loading procedure of section 5.1.
 
-Sum of grey levels and shape of the bright patch in one frame of a press.
-
-The straight line of the sum of grey levels against force, and its diagnostics.
-
-One loading of the probe with a tip: camera and force gauge readings in order of time.
-
-Lines of single loadings, and the figures that compare loadings at common forces.
-
-The force line by the loading procedure of section 5.1: sum of grey levels against force.
-
-Errors of one run are correlated: the lamps drift, the light at the tip's position differs, the probe has memory. The
-standard deviation of least squares assumes independent errors and would be several times too small. The unit of the
-statistics is therefore the tip (its repeats averaged), with a line for each tip. The result is the mean of the lines;
-its uncertainty follows from their scatter by Student's t.
+A loading is one run of a tip with readings of camera and gauge in order of time. Errors of one run are correlated: the
+lamps drift, the light at the tip's position differs, the probe has memory. The standard deviation of least squares
+assumes independent errors and would be several times too small. The unit of the statistics is therefore the tip (its
+repeats averaged), with a line for each tip. The result is the mean of the lines; its uncertainty follows from their
+scatter by Student's t.
 """
 
 from __future__ import annotations
@@ -45,6 +36,22 @@ MARGIN = 0.06  # of the patch's radius; the mask grows by it to include the ligh
 LEAST_MARGIN_PX = 3
 MIDDLE = 0.3  # of the contact's radius
 HERTZ_SPREAD = 2.5  # square of the radius over the mean square distance of a Hertzian contact's light
+UPPER = 0.975  # quantile at the upper end of a 95 % interval
+LARGEST_LOG = 14.0  # of degrees of freedom: a million is as good as infinity
+LARGEST_GAUGE_N = 50.0  # range of the source's gauge; larger numbers are in another unit
+TIPS_MM = (2.0, 10.0, 14.0)
+LARGEST_N, STEP_N = 2.0, 0.1
+UNTOUCHED_N = 0.005  # largest zero of a gauge without load
+NUMBERS = ("force_n", "total_grey", "field_grey", "peak_grey", "mean_square_mm2", "clipped")  # of every press
+CLIPPED_FRACTION = 1e-4  # of a patch's pixels; a press with more is saturated
+GRID = 20  # forces at which loadings are compared
+FEWEST = 4
+COMPARED_N = 0.8  # the source compares its tips at this force
+FALSE_ALARMS, MISSES = 0.05, 0.05
+HYSTERESIS_POINT = 0.6  # of the largest force
+FEWEST_UNTOUCHED = 3
+GAUGE_ERROR = 0.001  # of the reading: a gauge of class 0.1 %
+PRINTED_TIP_ERROR = 0.0245  # the source's difference between two tips, assumed where one tip was used
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,12 +121,13 @@ def read_loading_frame(
 def total_grey(image: TactileImage, reference: CameraReference, *, method: str = "threshold") -> float:
     """Sum of grey levels above no contact over the bright patch, 0 when nothing stands out of the noise.
 
-    It is the argument of `ForceLine.force_n`: y of the source's (5.4). Where grey level follows pressure as in (5.2),
-    it follows the force, the integral of the pressure (5.3). Raises `ImageMismatchError` or `InputError` when the frame
+    It is the argument of `ForceLine.force_n`. Raises `ImageMismatchError` or `InputError` when the frame
     does not belong to the reference, is saturated, or the lamps changed.
     """
     corrected = reference.corrected(image)
     mask = patch_mask(corrected, method=method)
+    # y of the source's (5.4): where grey level follows pressure as in (5.2), the sum follows the force, the integral of
+    # the pressure (5.3).
     return float(corrected.grey[mask].sum())
 
 
@@ -169,14 +177,9 @@ def _shape(grey: NDArray[np.float64], mask: NDArray[np.bool], scale: tuple[float
     return float(light[middle].mean()) if middle.any() else float(light.max()), max(spread, 0.0)
 
 
-UPPER = 0.975  # quantile at the upper end of a 95 % interval
-LARGEST_LOG = 14.0  # of degrees of freedom: a million is as good as infinity
-LARGEST_GAUGE_N = 50.0  # range of the source's gauge; larger numbers are in another unit
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ForceLine:
-    """``sum = intercept + slope * F`` with F in newtons, the source's (5.4), with the variances of a new force.
+    """``sum = intercept + slope * F`` with F in newtons, with the variances of a new force.
 
     Raises `InputError` when a value lies outside its range, or the line exceeds the largest possible sum within its
     range of force: then forces were not in newtons.
@@ -291,7 +294,7 @@ class ForceLine:
             Force with its prediction uncertainty: line, new object, single press, lamps and gauge.
         """
         total = require_number("total_grey", total_grey, -1e15, 1e15)
-        force = (total - self.intercept_grey.value) / self.slope_grey_per_n.value
+        force = (total - self.intercept_grey.value) / self.slope_grey_per_n.value  # (5.4)
         if not self.least_n <= force <= self.most_n:
             raise InputError(
                 f"total_grey must belong to a force within [{self.least_n:.3g}, {self.most_n:.3g}] N, for which the "
@@ -354,20 +357,13 @@ class ForceLine:
 
 
 def combine_variances(parts: tuple[tuple[float, float], ...]) -> tuple[float, float]:
-    """Sum of independent variances with their degrees of freedom, and the degrees of freedom of the sum.
-
-    Half of the 95 % interval of the sum is the root of the sum of squares of the parts' half intervals. The rule of
-    Welch and Satterthwaite gives too many degrees of freedom when a part with two or three values happens to be small:
-    with three tips its intervals covered the slope in 93 % of trials instead of 95 %.
-
-    Examples
-    --------
-    >>> combine_variances(((4.0, 2.0), (0.0, np.inf)))
-    (4.0, 2.0)
-    """
+    """Sum of independent variances with their degrees of freedom, and the degrees of freedom of the sum."""
     total = sum(variance for variance, _ in parts)
     if total <= 0:
         return 0.0, np.inf
+    # Half of the 95 % interval of the sum is the root of the sum of squares of the parts' half intervals. The rule of
+    # Welch and Satterthwaite gives too many degrees of freedom when a part with two or three values happens to be
+    # small: with three tips its intervals covered the slope in 93 % of trials instead of 95 %.
     half = sum(variance * float(scipy.stats.t.ppf(UPPER, freedom)) ** 2 for variance, freedom in parts)
     quantile = float(np.sqrt(half / total))
 
@@ -415,12 +411,6 @@ class ForceLineDiagnostics:
     tip_difference: MeasuredValue | None
     detectable_n: MeasuredValue | None
     saturated: bool
-
-
-TIPS_MM = (2.0, 10.0, 14.0)
-LARGEST_N, STEP_N = 2.0, 0.1
-UNTOUCHED_N = 0.005  # largest zero of a gauge without load
-NUMBERS = ("force_n", "total_grey", "field_grey", "peak_grey", "mean_square_mm2", "clipped")  # of every press
 
 
 def loading_forces(largest_n: float = LARGEST_N, step_n: float = STEP_N) -> tuple[float, ...]:
@@ -508,7 +498,7 @@ class Loading:
     @classmethod
     def from_frames(cls, tip_radius_mm: float, readings: Sequence[LoadingFrame], *, run: int = 1) -> Self:
         """The loading of single frames."""
-        columns = {name: np.array([getattr(item, name) for item in readings]) for name in (*NUMBERS, "touched")}
+        columns = {name: np.array([getattr(reading, name) for reading in readings]) for name in (*NUMBERS, "touched")}
         return cls(tip_radius_mm=tip_radius_mm, run=run, **columns)
 
     @property
@@ -525,11 +515,6 @@ class Loading:
     def rising(self) -> NDArray[np.bool]:
         """True up to the largest force, shape (n,)."""
         return np.arange(len(self.force_n)) <= int(np.argmax(self.force_n))
-
-
-CLIPPED_FRACTION = 1e-4  # of a patch's pixels; a press with more is saturated
-GRID = 20  # forces at which loadings are compared
-FEWEST = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -611,41 +596,31 @@ def mean_value(values: NDArray[np.float64], *, unit: str = "") -> MeasuredValue:
     return MeasuredValue(value=float(np.mean(values)), sd=sd, degrees_of_freedom=count - 1.0, unit=unit)
 
 
-def spread_value(variance: float, freedom: float, *, unit: str = "") -> MeasuredValue:
+def _spread_value(variance: float, freedom: float, *, unit: str = "") -> MeasuredValue:
     """A standard deviation with its own uncertainty from its degrees of freedom."""
     freedom = max(freedom, 1.0)
     sd = float(np.sqrt(variance))
     return MeasuredValue(value=sd, sd=sd / float(np.sqrt(2 * freedom)), degrees_of_freedom=freedom, unit=unit)
 
 
-COMPARED_N = 0.8  # the source compares its tips at this force
-FALSE_ALARMS, MISSES = 0.05, 0.05
-HYSTERESIS_POINT = 0.6  # of the largest force
-FEWEST_UNTOUCHED = 3
-
-
-def loading_linearity(runs: Sequence[LoadingRun]) -> MeasuredValue:
-    """Largest departure of the mean curve from a straight line over the largest sum, signed.
-
-    The selection of the largest departure biases it upwards; the interval is that of the selected force.
-    """
+def _loading_linearity(runs: Sequence[LoadingRun]) -> MeasuredValue:
+    """Largest departure of the mean curve from a straight line over the largest sum, signed."""
     force = common_forces(runs)
     curves = []
     for run in runs:
         branches = [run.sums_at(force, rising=way) for way in ((True, False) if run.has_both_branches else (True,))]
         line = run.intercept + run.slope * force
         curves.append((np.mean(branches, axis=0) - line) / line[-1])
+    # The selection of the largest departure biases it upwards; the interval is that of the selected force.
     departures = np.array(curves)
     return mean_value(departures[:, int(np.abs(departures.mean(axis=0)).argmax())])
 
 
-def loading_hysteresis(runs: Sequence[LoadingRun]) -> MeasuredValue | None:
-    """Loading minus unloading over the range, at 0.6 of the largest force; None with fewer than two loops.
-
-    Each run's loop is smoothed to ``f (1 - f) (c0 + c1 f)``, f the force over the largest one. The shape is closed at
-    both ends. A steady drift of the lamps has the same shape, so the scatter between runs includes the drift. Both
-    terms have more than 95 % of their largest width at 0.6. A force selected from the data would follow the noise.
-    """
+def _loading_hysteresis(runs: Sequence[LoadingRun]) -> MeasuredValue | None:
+    """Loading minus unloading over the range, at 0.6 of the largest force; None with fewer than two loops."""
+    # Each run's loop is smoothed to f (1 - f) (c0 + c1 f), f the force over the largest one. The shape is closed at
+    # both ends. A steady drift of the lamps has the same shape, so the scatter between runs includes the drift. Both
+    # terms have more than 95 % of their largest width at 0.6. A force selected from the data would follow the noise.
     loops = [run for run in runs if run.has_both_branches]
     if len(loops) < 2:
         return None
@@ -665,7 +640,7 @@ def _loop(run: LoadingRun) -> NDArray[np.float64]:
     return np.asarray(coefficients)
 
 
-def loading_repeatability(runs: Sequence[LoadingRun]) -> MeasuredValue | None:
+def _loading_repeatability(runs: Sequence[LoadingRun]) -> MeasuredValue | None:
     """Standard deviation of repeated sums at one tip and force over the range; None without repeats."""
     squares, freedom = 0.0, 0
     for tip in {run.tip_mm for run in runs}:
@@ -678,10 +653,10 @@ def loading_repeatability(runs: Sequence[LoadingRun]) -> MeasuredValue | None:
             squares += float(np.mean(np.var(sums, axis=0, ddof=1))) / float(sums.max() ** 2) * (len(repeats) - 1)
         freedom += len(repeats) - 1
     # Presses of one run have its drift in common, so a run counts once.
-    return spread_value(squares / (2 * freedom), freedom) if freedom else None
+    return _spread_value(squares / (2 * freedom), freedom) if freedom else None
 
 
-def tip_difference(runs: Sequence[LoadingRun]) -> MeasuredValue | None:
+def _tip_difference(runs: Sequence[LoadingRun]) -> MeasuredValue | None:
     """Line of the widest tip over that of the second widest at 0.8 N, minus 1; None with one tip."""
     tips = sorted({run.tip_mm for run in runs})
     if len(tips) < 2:
@@ -701,22 +676,16 @@ def _branch_difference(run: LoadingRun) -> float:
     return (up - down) / (up + down)
 
 
-def detectable_n(loadings: Sequence[Loading], slope_grey_per_n: float) -> MeasuredValue | None:
-    """Smallest force that the sum over the whole frame detects, newtons; None without untouched frames.
-
-    Currie's limit ``(z_a + z_b) s sqrt(1 + 1 / n)`` of n untouched sums with the standard deviation s.
-    """
+def _detectable_n(loadings: Sequence[Loading], slope_grey_per_n: float) -> MeasuredValue | None:
+    """Smallest force that the sum over the whole frame detects, newtons; None without untouched frames."""
     untouched = np.concatenate([loading.field_grey[~loading.touched] for loading in loadings])
     count = len(untouched)
     if count < FEWEST_UNTOUCHED:
         return None
+    # Currie's limit (z_a + z_b) s sqrt(1 + 1 / n) of n untouched sums with the standard deviation s.
     quantiles = float(scipy.stats.norm.isf(FALSE_ALARMS) + scipy.stats.norm.isf(MISSES))
     levels = float(quantiles * np.sqrt(1 + 1 / count) / slope_grey_per_n)
-    return spread_value(float(np.var(untouched, ddof=1)) * levels**2, count - 1.0, unit="N")
-
-
-GAUGE_ERROR = 0.001  # of the reading: a gauge of class 0.1 %
-PRINTED_TIP_ERROR = 0.0245  # the source's difference between two tips, assumed where one tip was used
+    return _spread_value(float(np.var(untouched, ddof=1)) * levels**2, count - 1.0, unit="N")
 
 
 def fit_force_line(
@@ -728,6 +697,9 @@ def fit_force_line(
     method: str = "threshold",
 ) -> tuple[ForceLine, ForceLineDiagnostics]:
     """Fit ``sum = a + b F`` to loadings and unloadings of one or more tips.
+
+    Raises `CalibrationError` when there are fewer than two loadings, when presses are too few or clip, or the sum does
+    not rise; `InputError` when forces are in another unit.
 
     Parameters
     ----------
@@ -741,18 +713,11 @@ def fit_force_line(
         Relative standard deviation of the lamps after correction, between the reference and a later frame; that of
         ``reference`` when None.
     method
-        Segmentation method of `tsis.calibration.force_line.read_loading_frame`.
+        Segmentation method of `read_loading_frame`.
 
     Returns
     -------
     The line, and its diagnostics.
-
-    Raises
-    ------
-    CalibrationError
-        When there are fewer than two loadings, when presses are too few or clip, or the sum does not rise.
-    InputError
-        When forces are in another unit.
     """
     for loading in loadings:
         require_type("loadings", loading, Loading)
@@ -767,7 +732,7 @@ def fit_force_line(
     units = _units(runs)
     intercept, slope, covariance = _mean_line(units, gauge)
     residual_grey, residual_fraction = _residuals(runs, slope.value)
-    detectable = detectable_n(loadings, slope.value)
+    detectable = _detectable_n(loadings, slope.value)
     least, most, saturated = _range(loadings, detectable)
     line = ForceLine(
         intercept_grey=intercept,
@@ -829,7 +794,7 @@ def _residuals(runs: Sequence[LoadingRun], slope: float) -> tuple[MeasuredValue,
         parts = scipy.optimize.nnls(design / expected[:, None] / scale, squares / expected)[0] / scale
         expected = np.maximum(design @ parts, 1e-6 * float(squares.mean()) + 1e-12)
     freedom = len(light) - 2.0 * len(runs)
-    return spread_value(float(parts[0]), freedom, unit="grey"), spread_value(float(parts[1]), freedom)
+    return _spread_value(float(parts[0]), freedom, unit="grey"), _spread_value(float(parts[1]), freedom)
 
 
 def _range(loadings: Sequence[Loading], detectable: MeasuredValue | None) -> tuple[float, float, bool]:
@@ -861,11 +826,11 @@ def _diagnostics(
     return ForceLineDiagnostics(
         residual_sd_grey=float(np.sqrt(np.sum(own**2) / max(1, len(own) - 2 * len(runs)))),
         r_squared=float(1 - residuals.var() / total.var()),
-        linearity=loading_linearity(runs),
+        linearity=_loading_linearity(runs),
         exponent=float(np.polyfit(np.log(np.maximum(force, 1e-6)), np.log(total), 1)[0]),
-        hysteresis=loading_hysteresis(runs),
-        repeatability=loading_repeatability(runs),
-        tip_difference=tip_difference(runs),
+        hysteresis=_loading_hysteresis(runs),
+        repeatability=_loading_repeatability(runs),
+        tip_difference=_tip_difference(runs),
         detectable_n=detectable,
         saturated=saturated,
     )

@@ -1,7 +1,4 @@
-"""Saved frames of a target, read from a folder with their sidecars.
-
-A calibration applied to raw camera frames before an estimate.
-"""
+"""Frames of a target from a folder with their sidecars, and a calibration applied to raw frames."""
 
 from __future__ import annotations
 
@@ -38,15 +35,30 @@ if TYPE_CHECKING:
     from tsis.model.calibration import Calibration
     from tsis.model.image import TactileImage
 
-
-if TYPE_CHECKING:
     CorrectedFrames = tuple[list[TactileImage], Calibration]
+
+
+RESULT_FILE, UNTOUCHED_FILE = "result.json", "untouched.png"
+TARGET, REFERENCE, UNTOUCHED = "target", "plain", "untouched"  # roles of frames in sidecars
+MOST_FRAMES = 1000  # of one folder
+PRESSES_FILE, FRAMES_FOLDER = "presses.csv", "frames"
+PRESS_COLUMNS = (  # the first two are needed
+    *("frame file", "force (N)", "role", "pixel size x (mm)", "pixel size y (mm)", "probe", "full scale (grey level)"),
+    *("frame (SHA-256)", "press", "taken", "axis x (px)", "axis y (px)", "rows (px)", "columns (px)", "flags", "name"),
+    *("note", "calibration (SHA-256)", "settings (JSON)", "id", "version"),
+)
+PICTURES = (".png", ".bmp", ".jpg", ".jpeg", ".tif", ".tiff")
 
 
 def apply_calibration(
     calibration: ProbeCalibration, frames: Sequence[TactileImage], *, identity: str, on_tissue: bool = False
 ) -> CorrectedFrames:
     """Correct frames by the reference and give the response with the uncertainty of forces by the force line.
+
+    Raises `CalibrationError` when the response is missing, a force must be read and the force line or the reference is
+    missing, or a frame's settings name another probe, camera or setting; `ImageMismatchError` when a frame differs in
+    size, scale or full scale from those of the calibration; `InputError` when a frame lies outside the line's range, or
+    is not of the reference.
 
     Parameters
     ----------
@@ -58,16 +70,6 @@ def apply_calibration(
         SHA-256 by which results cite the calibration.
     on_tissue
         Whether the frames show tissue and not a tip or ball: its dents change the light otherwise.
-
-    Raises
-    ------
-    CalibrationError
-        When the response is missing, a force must be read and the force line or the reference is missing, or a frame's
-        settings name another probe, camera or setting.
-    ImageMismatchError
-        When a frame differs in size, scale or full scale from those of the calibration.
-    InputError
-        When a frame lies outside the line's range, or is not of the reference.
     """
     frames = [_of_same_instrument(calibration, frame) for frame in frames]
     forces = [_force(calibration, frame, on_tissue=on_tissue) for frame in frames if frame.force_n is None]
@@ -153,31 +155,23 @@ class UsableCalibration(ContentValue):
         }
 
 
-def read_usable_calibration(path: Path) -> UsableCalibration:
-    """Read a calibration file that may be used today; else `CalibrationError` or `FileInputError`."""
+def load_calibration(path: str | os.PathLike[str]) -> UsableCalibration:
+    """Read a calibration file that may be used today.
+
+    Raises `CalibrationError` when it is expired, dated in the future or altered; `FileInputError` when it is no such
+    file.
+    """
     return _usable(read_calibration(path))
 
 
 def parse_usable_calibration(content: bytes, name: str) -> UsableCalibration:
-    """Parse an uploaded calibration file; errors as `read_usable_calibration`."""
+    """Parse an uploaded calibration file; errors as `load_calibration`."""
     return _usable(parse_calibration(content, name))
 
 
 def _usable(calibration: ProbeCalibration) -> UsableCalibration:
     calibration.require_usable(datetime.now(UTC))
     return UsableCalibration(calibration=calibration, identity=calibration_sha256(calibration))
-
-
-RESULT_FILE, UNTOUCHED_FILE = "result.json", "untouched.png"
-TARGET, REFERENCE, UNTOUCHED = "target", "plain", "untouched"  # roles of frames in sidecars
-MOST_FRAMES = 1000  # of one folder
-PRESSES_FILE, FRAMES_FOLDER = "presses.csv", "frames"
-PRESS_COLUMNS = (  # the first two are needed
-    *("frame file", "force (N)", "role", "pixel size x (mm)", "pixel size y (mm)", "probe", "full scale (grey level)"),
-    *("frame (SHA-256)", "press", "taken", "axis x (px)", "axis y (px)", "rows (px)", "columns (px)", "flags", "name"),
-    *("note", "calibration (SHA-256)", "settings (JSON)", "id", "version"),
-)
-PICTURES = (".png", ".bmp", ".jpg", ".jpeg", ".tif", ".tiff")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -217,15 +211,6 @@ class _SavedFrame:
     camera: str = ""
 
 
-def load_calibration(path: str | os.PathLike[str]) -> UsableCalibration:
-    """Read a calibration file that may be used today.
-
-    Raises `CalibrationError` when it is expired, dated in the future or altered; `FileInputError` when it is no such
-    file.
-    """
-    return read_usable_calibration(as_path(path))
-
-
 def load_frames(
     folder: str | os.PathLike[str],
     *,
@@ -239,6 +224,10 @@ def load_frames(
 
     Force, scale, role and probe come from the result file, the table ``presses.csv`` or the sidecars. Each frame is
     compared with its hash.
+
+    Raises `FileInputError` when the folder has no frames, a frame has no sidecar or differs from its hash, or a name
+    leads elsewhere; `ImageMismatchError` when frames are of several targets, probes or cameras; `CalibrationError` when
+    the calibration is expired, or of another probe or camera; `InputError` when the probe is unknown.
 
     Parameters
     ----------
@@ -255,17 +244,6 @@ def load_frames(
         ``"untouched"``.
     mm_per_pixel
         Size (x, y) of a pixel on the face in mm, where neither files nor calibration contain it.
-
-    Raises
-    ------
-    FileInputError
-        When the folder has no frames, a frame has no sidecar or differs from its hash, or a name leads elsewhere.
-    ImageMismatchError
-        When frames are of several targets, probes or cameras.
-    CalibrationError
-        When the calibration is expired, or of another probe or camera.
-    InputError
-        When the probe is unknown.
     """
     frames, pressing = _checked_frames(folder, calibration, probe, target, role, mm_per_pixel)
     return _ready(frames, pressing, calibration, mm_per_pixel)
@@ -477,12 +455,8 @@ def read_press_image(
 
     They are in the image's ``settings``, with which estimates and calibrations refuse the frames of another probe.
 
-    Raises
-    ------
-    FileInputError
-        When the file is no image, is the coloured picture in place of the raw frame, or differs from its hash.
-    InputError
-        When the pixel size or the force lies outside its range.
+    Raises `FileInputError` when the file is no image, is the coloured picture in place of the raw frame, or differs
+    from its hash; `InputError` when the pixel size or the force lies outside its range.
     """
     file = as_path(path)
     image = read_image(file, mm_per_pixel=mm_per_pixel, force_n=force_n)

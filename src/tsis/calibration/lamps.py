@@ -27,8 +27,16 @@ if TYPE_CHECKING:
 LEAST_LIT = 0.02  # of full scale: a darker patch shows the black level, not the lamps
 LEAST_PIXELS = 16
 ROUNDING = 12.0**-0.5  # standard deviation of rounding to whole grey levels
+FEWEST = 12  # values: four parameters and enough degrees of freedom
+MOST = 150  # longer series are averaged down to this length
+TAUS = 100  # time constants, from a step of the series to `LONGEST_TIME_CONSTANT` times its length
+LONGEST_TIME_CONSTANT = 3.0  # beyond it an exponential is a line
+WALKS = (0.0, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)  # final variance of the walk over the noise's
+NEGLIGIBLE = 1e-6  # probability of a time constant on the first, coarse grid
+EDGE = 0.5  # probability of time constants longer than the series from which the level counts as unknown
+SIGNIFICANT = 0.95
 
-PixelBox = tuple[int, int, int, int]
+PixelBox = tuple[int, int, int, int]  # left, top, right, bottom
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,6 +128,9 @@ def patch_ratio(
 ) -> MeasuredValue:
     """Brightness of the lamps relative to the reference.
 
+    Raises `InputError` when the patch leaves the frame, is clipped, or is too dark to show the lamps;
+    `ImageMismatchError` when the frames differ in size, scale or full scale.
+
     Parameters
     ----------
     image, reference
@@ -133,13 +144,6 @@ def patch_ratio(
     -------
     MeasuredValue
         Ratio of the patch's means above ``dark_grey``, with the uncertainty from noise and rounding of the pixels.
-
-    Raises
-    ------
-    InputError
-        When the patch leaves the frame, is clipped, or is too dark to show the lamps.
-    ImageMismatchError
-        When the frames differ in size, scale or full scale.
 
     Examples
     --------
@@ -199,16 +203,6 @@ def drift_corrected(image: TactileImage, ratio: MeasuredValue | float, *, dark_g
     return replace(image, grey=dark_grey + (image.grey - dark_grey) / value)
 
 
-FEWEST = 12  # values: four parameters and enough degrees of freedom
-MOST = 150  # longer series are averaged down to this length
-TAUS = 100  # time constants, from a step of the series to `LONGEST_TIME_CONSTANT` times its length
-LONGEST_TIME_CONSTANT = 3.0  # beyond it an exponential is a line
-WALKS = (0.0, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)  # final variance of the walk over the noise's
-NEGLIGIBLE = 1e-6  # probability of a time constant on the first, coarse grid
-EDGE = 0.5  # probability of time constants longer than the series from which the level counts as unknown
-SIGNIFICANT = 0.95
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WarmUp:
     """Fit of the lamps' warm-up.
@@ -251,6 +245,9 @@ class WarmUp:
 def fit_warm_up(time_s: ArrayLike, ratio: ArrayLike) -> WarmUp:
     """Fit the warm-up of lamps.
 
+    Raises `InputError` when the series is too short, holds NaN, does not ascend or is not positive; `CalibrationError`
+    when the lamps still change at the end, so that their final level is unknown.
+
     Parameters
     ----------
     time_s
@@ -262,13 +259,6 @@ def fit_warm_up(time_s: ArrayLike, ratio: ArrayLike) -> WarmUp:
     -------
     WarmUp
         The three parameters with their uncertainties.
-
-    Raises
-    ------
-    InputError
-        When the series is too short, holds NaN, does not ascend or is not positive.
-    CalibrationError
-        When the lamps still change at the end, so that their final level is unknown.
 
     Examples
     --------

@@ -34,6 +34,11 @@ if TYPE_CHECKING:
 
 NORMAL_95 = 1.96  # half width of a normal interval of 95 % in standard deviations
 LEAST_SATURATION_KPA, LARGEST_SATURATION_KPA = 1e-3, 1e6
+LOWEST, HIGHEST = -0.5, 4.0  # of x**2: beyond twice the saturation only its level remains
+TABLE = 226
+POINTS = 48
+LEAST_FRACTION = 0.1  # of the largest force: below it the contact has too few pixels for a shape
+FEWEST = 6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,11 +133,6 @@ class PressureResponse:
         )
 
 
-LOWEST, HIGHEST = -0.5, 4.0  # of x**2: beyond twice the saturation only its level remains
-TABLE = 226
-POINTS = 48
-
-
 def light_fraction(square: NDArray[np.float64]) -> NDArray[np.float64]:
     """Sum of the light over its value without saturation, for x² of any shape."""
     table = _table()
@@ -174,10 +174,6 @@ def _shown(square: NDArray[np.float64], s: NDArray[np.float64]) -> NDArray[np.fl
     return np.asarray(bent / root * np.sqrt(np.pi) / 2)
 
 
-LEAST_FRACTION = 0.1  # of the largest force: below it the contact has too few pixels for a shape
-FEWEST = 6
-
-
 def fit_response(
     loadings: Sequence[Loading],
     *,
@@ -186,6 +182,8 @@ def fit_response(
     area_fraction: float = 0.0,
 ) -> PressureResponse:
     """Fit gain and saturation to the loading branches; unloading may show memory and is left out.
+
+    Raises `CalibrationError` when there are too few loadings or presses; `InputError` when the scale is not known.
 
     Parameters
     ----------
@@ -197,13 +195,6 @@ def fit_response(
         Relative standard deviation of the force gauge's calibration.
     area_fraction
         Relative standard deviation of a pixel's area on the face, from the calibration of the scale.
-
-    Raises
-    ------
-    CalibrationError
-        When there are too few loadings or presses.
-    InputError
-        When the scale is not known.
     """
     if reference.mm_per_pixel is None:
         raise InputError("the reference's mm_per_pixel must be known for the gain; calibrate the scale first")

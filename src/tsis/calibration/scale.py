@@ -1,10 +1,7 @@
-"""Pixel scale: millimetres on the face per pixel, along each axis of the image.
+"""Pixel scale: millimetres on the face per pixel along each axis of the image, and its measurement by a ball.
 
-The size of a pixel on the face, along each axis of the image.
-
-The pixels of a frame inside a ball's contact, and their roundness.
-
-Pixel scale from presses of a ball at known travels.
+Presses of one ball at known travels show how fast its cap widens. The map from depth to grey level is a free
+polynomial, and sectors about the ball, left out in turn, give the uncertainty.
 """
 
 from __future__ import annotations
@@ -41,6 +38,13 @@ if TYPE_CHECKING:
 METHODS = ("dots", "ball")
 FIELD_MM = (5.0, 150.0)  # of the longer side of the picture: from fingertip to palm
 UNIT = "mm/px"
+RESPONSE_ORDER = 4  # of the polynomial of grey level against depth
+INNER = 0.75  # fraction of the radius of steepest fall: beyond the contact's edge the face is the gel's
+SECTORS = 12  # of the face about the ball, left out in turn for the uncertainty
+MOST_PIXELS = 3000  # of a press; more are averaged in blocks
+LEAST_LIGHT = 0.1  # of the reference's median; lower light is not divided by
+LEAST_PIXELS = 200
+LEAST_TRAVEL = 0.02  # difference of the travels over the ball's radius
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,10 +120,7 @@ class PixelScale:
     def on(self, image: TactileImage) -> TactileImage:
         """The frame with this scale.
 
-        Raises
-        ------
-        ImageMismatchError
-            When the frame differs in size from those of the measurement, or has another scale.
+        Raises `ImageMismatchError` when the frame differs in size from those of the measurement, or has another scale.
         """
         require_type("image", image, TactileImage)
         if image.grey.shape != self.shape:
@@ -147,16 +148,8 @@ def check_field(mm_per_pixel: Sequence[float], shape: tuple[int, ...], length: s
         )
 
 
-RESPONSE_ORDER = 4  # of the polynomial of grey level against depth
-INNER = 0.75  # fraction of the radius of steepest fall: beyond the contact's edge the face is the gel's
-SECTORS = 12  # of the face about the ball, left out in turn for the uncertainty
-MOST_PIXELS = 3000  # of a press; more are averaged in blocks
-LEAST_LIGHT = 0.1  # of the reference's median; lower light is not divided by
-LEAST_PIXELS = 200
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class BallPress:
+class _BallPress:
     """Pixels of a press inside the ball's contact: positions relative to a first centre, grey change, sector."""
 
     x: NDArray[np.float64]
@@ -168,7 +161,7 @@ class BallPress:
     darker: bool
 
 
-def read_ball_press(image: TactileImage, reference: TactileImage | None) -> BallPress:
+def _read_ball_press(image: TactileImage, reference: TactileImage | None) -> _BallPress:
     """The pixels inside the ball's contact, which may be darker or brighter."""
     require_image("image", image)
     change = replace(signal(image, reference), mm_per_pixel=None)
@@ -200,7 +193,7 @@ def read_ball_press(image: TactileImage, reference: TactileImage | None) -> Ball
         )
     x, y, grey = x[inside], y[inside], grey[inside]
     sector = np.floor((np.arctan2(y, x) + np.pi) / (2 * np.pi) * SECTORS).astype(int) % SECTORS
-    return BallPress(
+    return _BallPress(
         x=x,
         y=y,
         grey=grey,
@@ -220,46 +213,44 @@ def _in_even_light(darkened: TactileImage, reference: TactileImage | None) -> Ta
     return replace(darkened, grey=darkened.grey * middle / np.maximum(light, LEAST_LIGHT * middle))
 
 
-def without_sector(press: BallPress, sector: int | None) -> BallPress:
+def _without_sector(press: _BallPress, sector: int | None) -> _BallPress:
     """The press without one sector about the ball; None removes no sector."""
     mask = slice(None) if sector is None else press.sector != sector
     return replace(press, x=press.x[mask], y=press.y[mask], grey=press.grey[mask], sector=press.sector[mask])
 
 
-def pixel_aspect_ratio(press: BallPress) -> float:
+def _pixel_aspect_ratio(press: _BallPress) -> float:
     """Height over width of a pixel at which the signal is constant along circles about its centre."""
     size = press.radius_px
 
     def residuals(shape: NDArray[np.float64]) -> NDArray[np.float64]:
         squares = ((press.x - shape[1]) ** 2 + (np.exp(shape[0]) * (press.y - shape[2])) ** 2) / size**2
-        return polynomial_residuals(squares, press.grey)
+        return _polynomial_residuals(squares, press.grey)
 
     fit = scipy.optimize.least_squares(residuals, np.zeros(3), x_scale=(0.01, 1.0, 1.0))
     return float(np.exp(fit.x[0]))
 
 
-def polynomial_residuals(depth: NDArray[np.float64], grey: NDArray[np.float64]) -> NDArray[np.float64]:
+def _polynomial_residuals(depth: NDArray[np.float64], grey: NDArray[np.float64]) -> NDArray[np.float64]:
     """Grey levels minus the best polynomial of a depth."""
     middle, half = (depth.max() + depth.min()) / 2, np.ptp(depth) / 2
     basis = np.polynomial.chebyshev.chebvander((depth - middle) / half, RESPONSE_ORDER)
     return np.asarray(grey - basis @ np.linalg.lstsq(basis, grey, rcond=None)[0])
 
 
-def jackknife(values: NDArray[np.float64], whole: float, *, unit: str) -> MeasuredValue:
-    """The value of all data with the jackknife spread of ``values``, each without one part of the data."""
+def _jackknife(values: NDArray[np.float64], whole: float, *, unit: str) -> MeasuredValue:
+    """The value of all data with the _jackknife spread of ``values``, each without one part of the data."""
     count = len(values)
     variance = (count - 1) / count * float(((values - values.mean()) ** 2).sum())
     return MeasuredValue(value=float(whole), sd=variance**0.5, degrees_of_freedom=count - 1, unit=unit)
 
 
-def first_shape(
-    presses: list[BallPress], travel: NDArray[np.float64], radius: float, ratio: float
+def _first_shape(
+    presses: list[_BallPress], travel: NDArray[np.float64], radius: float, ratio: float
 ) -> NDArray[np.float64]:
-    """Starting values: log sizes x and y, and the shift (x, y) of each centre.
-
-    At the level of the shallowest press's middle the deepest press has the radius ``r`` at which the ball is higher
-    by the travel.
-    """
+    """Starting values: log sizes x and y, and the shift (x, y) of each centre."""
+    # At the level of the shallowest press's middle the deepest press has the radius at which the ball is higher by the
+    # travel.
     shallow, deep = presses[int(np.argmin(travel))], presses[int(np.argmax(travel))]
     squares = shallow.x**2 + (ratio * shallow.y) ** 2
     level = float(np.median(shallow.grey[squares <= np.quantile(squares, 0.02)]))
@@ -270,14 +261,14 @@ def first_shape(
     return np.concatenate([np.log([size, size * ratio]), np.zeros(2 * len(presses))])
 
 
-def fit_shape(
-    presses: list[BallPress], travel: NDArray[np.float64], radius: float, *, first: NDArray[np.float64]
+def _fit_shape(
+    presses: list[_BallPress], travel: NDArray[np.float64], radius: float, *, first: NDArray[np.float64]
 ) -> Any:
-    """Fit log sizes and shifts by least squares: SciPy's result, its ``x`` laid out as in `first_shape`."""
+    """Fit log sizes and shifts by least squares: SciPy's result, its ``x`` laid out as in `_first_shape`."""
     grey = np.concatenate([press.grey for press in presses])
 
     def residuals(shape: NDArray[np.float64]) -> NDArray[np.float64]:
-        return polynomial_residuals(_depths(presses, travel, radius, shape), grey)
+        return _polynomial_residuals(_depths(presses, travel, radius, shape), grey)
 
     return scipy.optimize.least_squares(
         residuals, first, x_scale=np.concatenate([[0.01, 0.01], np.ones(len(first) - 2)])
@@ -285,7 +276,7 @@ def fit_shape(
 
 
 def _depths(
-    presses: list[BallPress], travel: NDArray[np.float64], radius: float, shape: NDArray[np.float64]
+    presses: list[_BallPress], travel: NDArray[np.float64], radius: float, shape: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Depth of each pixel of all presses, up to a constant."""
     size_x, size_y = np.exp(shape[:2])
@@ -300,8 +291,8 @@ def _depths(
     return np.concatenate(parts)
 
 
-def shape_slopes(
-    presses: list[BallPress], travel: NDArray[np.float64], radius: float, shape: NDArray[np.float64]
+def _shape_slopes(
+    presses: list[_BallPress], travel: NDArray[np.float64], radius: float, shape: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Change of the log sizes per 1 mm of each reading and of the radius, shape (presses + 1, 2)."""
     step = 0.01 * float(np.ptp(travel))
@@ -309,12 +300,9 @@ def shape_slopes(
     for k in range(len(travel)):
         shifted = travel.copy()
         shifted[k] += step
-        rows.append((fit_shape(presses, shifted, radius, first=shape).x[:2] - shape[:2]) / step)
-    rows.append((fit_shape(presses, travel, radius + step, first=shape).x[:2] - shape[:2]) / step)
+        rows.append((_fit_shape(presses, shifted, radius, first=shape).x[:2] - shape[:2]) / step)
+    rows.append((_fit_shape(presses, travel, radius + step, first=shape).x[:2] - shape[:2]) / step)
     return np.array(rows)
-
-
-LEAST_TRAVEL = 0.02  # difference of the travels over the ball's radius
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -360,7 +348,7 @@ def axis_ratio_from_ball(image: TactileImage, reference: TactileImage | None = N
     Returns
     -------
     MeasuredValue
-        ``mm_per_pixel_y / mm_per_pixel_x``, with the jackknife uncertainty over sectors.
+        ``mm_per_pixel_y / mm_per_pixel_x``, with the _jackknife uncertainty over sectors.
 
     Examples
     --------
@@ -371,9 +359,9 @@ def axis_ratio_from_ball(image: TactileImage, reference: TactileImage | None = N
     >>> abs(ratio.value - 0.0392 / 0.0336) < 0.01
     True
     """
-    press = read_ball_press(image, reference)
-    ratios = [pixel_aspect_ratio(without_sector(press, sector)) for sector in (None, *range(SECTORS))]
-    return jackknife(np.array(ratios[1:]), ratios[0], unit="")
+    press = _read_ball_press(image, reference)
+    ratios = [_pixel_aspect_ratio(_without_sector(press, sector)) for sector in (None, *range(SECTORS))]
+    return _jackknife(np.array(ratios[1:]), ratios[0], unit="")
 
 
 def scale_from_ball(
@@ -389,6 +377,10 @@ def scale_from_ball(
 
     The probe's grey level must follow the depth of its face (a translucent gel on a stiff back). Where it follows
     pressure, as on a waveguide, use `scale_from_dots`.
+
+    Raises `CalibrationError` when an image shows no ball, when presses are too few or their depths too similar, or when
+    the scale is impossible for a tactile probe; `ImageMismatchError` when images or the reference differ in size or
+    full scale; `InputError` when an argument is outside its range.
 
     Parameters
     ----------
@@ -412,16 +404,6 @@ def scale_from_ball(
     diagnostics : BallDiagnostics
         Positions of the presses, and the ratio of the axes.
 
-    Raises
-    ------
-    CalibrationError
-        When an image shows no ball, when presses are too few or their depths too similar, or when the scale is
-        impossible for a tactile probe.
-    ImageMismatchError
-        When images or the reference differ in size or full scale.
-    InputError
-        When an argument is outside its range.
-
     Examples
     --------
     >>> from tsis.imaging.sensor import Sensor
@@ -438,20 +420,22 @@ def scale_from_ball(
     require_number("ball_radius_sd_mm", ball_radius_sd_mm, 0.0, 5.0, hint="millimetres")
     require_number("travel_sd_mm", travel_sd_mm, 0.0, 1.0, hint="millimetres")
     travel = _checked_travel(images, travel_mm, radius)
-    presses = [read_ball_press(image, reference) for image in images]
+    presses = [_read_ball_press(image, reference) for image in images]
     if len({image.grey.shape for image in images}) > 1:
         raise ImageMismatchError("images must have one shape; record all presses in one mode of the camera")
     if len({press.darker for press in presses}) > 1:
         raise CalibrationError(
             "the ball must change the light in one direction; it makes some presses darker, some brighter"
         )
-    start = np.array([pixel_aspect_ratio(press) for press in presses])
-    fit = fit_shape(presses, travel, radius, first=first_shape(presses, travel, radius, float(np.median(start))))
+    start = np.array([_pixel_aspect_ratio(press) for press in presses])
+    fit = _fit_shape(presses, travel, radius, first=_first_shape(presses, travel, radius, float(np.median(start))))
     parts = [
-        fit_shape([without_sector(press, sector) for press in presses], travel, radius, first=fit.x).x
+        _fit_shape([_without_sector(press, sector) for press in presses], travel, radius, first=fit.x).x
         for sector in range(SECTORS)
     ]
-    x, y = _sizes(fit.x, np.array(parts), shape_slopes(presses, travel, radius, fit.x), ball_radius_sd_mm, travel_sd_mm)
+    x, y = _sizes(
+        fit.x, np.array(parts), _shape_slopes(presses, travel, radius, fit.x), ball_radius_sd_mm, travel_sd_mm
+    )
     check_field((x.value, y.value), images[0].grey.shape, "ball_radius_mm and travel_mm", radius)
     centres = np.array([press.centre_px for press in presses]) + fit.x[2:].reshape(-1, 2)
     ratios = np.exp(np.array(parts)[:, 1] - np.array(parts)[:, 0])
@@ -466,7 +450,7 @@ def scale_from_ball(
     diagnostics = BallDiagnostics(
         centres_px=centres,
         radii_px=np.array([press.radius_px for press in presses]),
-        axis_ratio=jackknife(ratios, float(np.exp(fit.x[1] - fit.x[0])), unit=""),
+        axis_ratio=_jackknife(ratios, float(np.exp(fit.x[1] - fit.x[0])), unit=""),
         residual_grey=float(np.sqrt(np.mean(fit.fun**2))),
         darker=presses[0].darker,
     )
@@ -500,7 +484,7 @@ def _sizes(
     sizes = []
     for axis in (0, 1):
         size = float(np.exp(shape[axis]))
-        frames = jackknife(np.exp(parts[:, axis]), size, unit=UNIT)
+        frames = _jackknife(np.exp(parts[:, axis]), size, unit=UNIT)
         inputs = size**2 * (np.sum((slopes[:-1, axis] * travel_sd_mm) ** 2) + (slopes[-1, axis] * radius_sd_mm) ** 2)
         total = frames.sd**2 + float(inputs)
         freedom = frames.degrees_of_freedom * (total / frames.sd**2) ** 2 if frames.sd > 0 else np.inf

@@ -1,13 +1,4 @@
-"""A calibration session: its steps, their frames on disk, and the calibration computed from them.
-
-The setup of a calibration session, and its steps in order with instructions.
-
-Frames of a calibration session with their forces, and the folder that stores them.
-
-Calibration frames from running hardware: camera frames with the gauge's force.
-
-The calibration of a session, and the checks that light and force of its loadings agree.
-"""
+"""A calibration session: its setup and steps, their frames on disk or from running hardware, and the calibration."""
 
 from __future__ import annotations
 
@@ -19,10 +10,7 @@ import shutil
 from collections.abc import Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from datetime import (
-    datetime,
-    timedelta,
-)
+from datetime import datetime, timedelta
 from itertools import pairwise
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -91,6 +79,20 @@ DARK, UNTOUCHED, FLAT, BOARD_UNTOUCHED, BOARD, EDGE = "dark", "untouched", "flat
 STILL_FRAMES, FLAT_FRAMES, BOARD_FRAMES, EDGE_FRAMES = 16, 8, 4, 4
 FLAT_LEVELS = 3
 PAD, PAD_FORCES_N = "pad", (0.0, 0.4, 0.6, 0.8, 1.0, 1.2)  # of a virtual loading; a person loads about so
+STATED = (  # by a person
+    "name", "pitch_mm", "pitch_sd_mm", "gauge_share", "patch_px", "tips_mm", "repeats", "pads_kpa", "pad_sd",
+)  # fmt: skip
+FORMAT, VERSION = "tsis-calibration-session", 1
+SETUP_FILE, INDEX = "session.json", "shots.csv"
+LARGEST_SETUP_BYTES, LARGEST_INDEX_BYTES, MOST_LINES = 2**20, 8 * 2**20, 100_000
+COLUMNS = ("file", "time_s", "force_n", "full_scale")  # the last because a file of 16 bits may contain fewer
+SHORT = 12  # characters of an identity in file names
+TIMEOUT_S = 5.0
+FORCE_S = 1.0  # longest wait for the reading after a frame
+TOUCHED_N = 0.03  # above the zero: smaller forces are within the drift of an unloaded gauge
+AT_REST = 0.02  # fraction of the largest sum of grey levels that a frame without contact may show
+FEWEST_SEEN = 3  # presses on pads that compare the force line with the gauge
+LEAST_CORRELATION = 0.97  # of sums and forces; loops of 10 % and curves as F**(2/3) have 0.99
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -161,7 +163,7 @@ def plan_steps(
     ]
     loadings = [
         CalibrationStep(
-            name=f"{tip_name(tip)}-{run}",
+            name=f"{_tip_name(tip)}-{run}",
             instruction=(
                 f"Mount the tip of {tip:g} mm radius, not yet touching; then load from 0 to {LARGEST_N:g} N in steps "
                 f"of {STEP_N:g} N and back to 0"
@@ -206,22 +208,9 @@ def plan_steps(
     )
 
 
-def tip_name(radius_mm: float) -> str:
+def _tip_name(radius_mm: float) -> str:
     """Name of a tip in folders, e.g. ``tip-2mm``."""
     return f"tip-{radius_mm:g}mm"
-
-
-STATED = (
-    "name",
-    "pitch_mm",
-    "pitch_sd_mm",
-    "gauge_share",
-    "patch_px",
-    "tips_mm",
-    "repeats",
-    "pads_kpa",
-    "pad_sd",
-)  # by a person
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -293,25 +282,11 @@ class SessionSetup(ContentValue):
         object.__setattr__(self, "settings", MappingProxyType(dict(self.settings)))
 
     def differing(self, other: SessionSetup) -> tuple[str, ...]:
-        """Names of the terms entered by a person that differ; probe and camera are not compared.
-
-        Examples
-        --------
-        >>> terms = SessionSetup(name="bench", probe="tsis-direct", camera="cam")
-        >>> terms.differing(SessionSetup(name="bench", probe="tsis-direct", camera="cam", pitch_mm=2.0, repeats=3))
-        ('pitch_mm', 'repeats')
-        """
+        """Names of the values entered by a person that differ; probe and camera are not compared."""
         return tuple(name for name in STATED if getattr(self, name) != getattr(other, name))
 
     def changed_setting(self, settings: Mapping[str, float]) -> tuple[str, float, float] | None:
-        """Name, old and new value of a setting that changed since the session began; None without a change.
-
-        Examples
-        --------
-        >>> terms = SessionSetup(name="bench", probe="tsis-direct", camera="cam", settings={"gain": 2.0})
-        >>> terms.changed_setting({"gain": 3.0, "exposure_ms": 5.0}), terms.changed_setting({"gain": 2.0})
-        (('gain', 2.0, 3.0), None)
-        """
+        """Name, old and new value of a setting that changed since the session began; None without a change."""
         for setting, value in self.settings.items():
             now = settings.get(setting, value)
             if not math.isclose(now, value, rel_tol=SETTING_TOLERANCE, abs_tol=1e-9):
@@ -345,12 +320,6 @@ class CalibrationFrame:
             require_number("time_s", self.time_s, -1e15, 1e15, hint="seconds")
 
 
-FORMAT, VERSION = "tsis-calibration-session", 1
-TERMS, INDEX = "session.json", "shots.csv"
-LARGEST_TERMS_BYTES, LARGEST_INDEX_BYTES, MOST_LINES = 2**20, 8 * 2**20, 100_000
-COLUMNS = ("file", "time_s", "force_n", "full_scale")  # the last because a file of 16 bits may contain fewer
-
-
 class SessionFolder:
     """A session's folder.
 
@@ -366,10 +335,10 @@ class SessionFolder:
     @property
     def begun(self) -> bool:
         """Whether it contains a session."""
-        return (self.path / TERMS).exists()
+        return (self.path / SETUP_FILE).exists()
 
-    def begin(self, terms: SessionSetup) -> None:
-        """Create the folder and write the terms.
+    def begin(self, setup: SessionSetup) -> None:
+        """Create the folder and write the setup.
 
         Raises `FileInputError` when it contains a session already or cannot be written.
         """
@@ -377,17 +346,17 @@ class SessionFolder:
             raise FileInputError(
                 f"{printable_path(self.path)} must hold no session yet; it does (go on with it, or choose another)"
             )
-        document = {"format": FORMAT, "version": VERSION, "notice": RESEARCH_USE_ONLY, "terms": to_json_value(terms)}
+        document = {"format": FORMAT, "version": VERSION, "notice": RESEARCH_USE_ONLY, "terms": to_json_value(setup)}
         try:
             self.path.mkdir(parents=True, exist_ok=True)
-            write_durably(self.path / TERMS, json_bytes(document))
+            write_durably(self.path / SETUP_FILE, json_bytes(document))
         except OSError as error:
             raise _refused(self.path, error, kind="folder") from error
 
-    def terms(self) -> SessionSetup:
-        """The terms of the session; `FileInputError` when they are missing or invalid."""
-        file = self.path / TERMS
-        document = read_object(file, most=LARGEST_TERMS_BYTES)
+    def setup(self) -> SessionSetup:
+        """The setup of the session; `FileInputError` when it is missing or invalid."""
+        file = self.path / SETUP_FILE
+        document = read_object(file, most=LARGEST_SETUP_BYTES)
         if (document.get("format"), document.get("version")) != (FORMAT, VERSION):
             raise FileInputError(f"{printable_path(file)} must be a {FORMAT} of version {VERSION}; got another format")
         try:
@@ -397,8 +366,8 @@ class SessionFolder:
 
     def plan(self) -> tuple[CalibrationStep, ...]:
         """The session's steps."""
-        terms = self.terms()
-        return plan_steps(terms.tips_mm, repeats=terms.repeats, pads_kpa=terms.pads_kpa)
+        setup = self.setup()
+        return plan_steps(setup.tips_mm, repeats=setup.repeats, pads_kpa=setup.pads_kpa)
 
     def done(self, step: CalibrationStep) -> bool:
         """Whether all frames of the step are stored."""
@@ -531,9 +500,6 @@ def _number(text: str) -> float | None:
     return float(text) if text else None
 
 
-SHORT = 12  # characters of an identity in file names
-
-
 def saved_calibration(session: SessionFolder) -> Path | None:
     """The calibration file of the present frames; None before `save_calibration`."""
     file = session.path / CALIBRATION_FILE
@@ -563,7 +529,7 @@ def archive_calibration(session: SessionFolder) -> Path | None:
     file = saved_calibration(session)
     if file is None:
         return None
-    aside = file.with_name(f"calibration-{_cited(file)}.json")
+    aside = file.with_name(f"calibration-{_short_identity(file)}.json")
     try:
         file.replace(aside)
     except OSError as error:
@@ -571,7 +537,7 @@ def archive_calibration(session: SessionFolder) -> Path | None:
     return aside
 
 
-def _cited(file: Path) -> str:
+def _short_identity(file: Path) -> str:
     try:
         return calibration_sha256(read_calibration(file))[:SHORT]
     except TsisError:  # a damaged file must not block the session or replace another
@@ -581,10 +547,6 @@ def _cited(file: Path) -> str:
 def _refused(path: Path, error: OSError, *, kind: str = "file") -> FileInputError:
     reason = error.strerror or error
     return FileInputError(f"{printable_path(path)} must be a {kind} that can be written; got: {reason}")
-
-
-TIMEOUT_S = 5.0
-FORCE_S = 1.0  # longest wait for the reading after a frame
 
 
 class LiveCalibration:
@@ -638,27 +600,14 @@ class LiveCalibration:
             yield from arrivals
 
 
-TOUCHED_N = 0.03  # above the zero: smaller forces are within the drift of an unloaded gauge
-AT_REST = 0.02  # fraction of the largest sum of grey levels that a frame without contact may show
-FEWEST_SEEN = 3  # presses on pads that compare the force line with the gauge
-LEAST_CORRELATION = 0.97  # of sums and forces; loops of 10 % and curves as F**(2/3) have 0.99
-
-
-def read_loading(shots: Sequence[CalibrationFrame], step: CalibrationStep, reference: CameraReference) -> Loading:
-    """Read a loading without presses that are too light for the gauge to detect.
-
-    Raises `CalibrationError` when a frame has no force or repeats the frame before, when the first frame shows contact,
-    or when the sums do not follow the force.
-    """
+def _read_loading(shots: Sequence[CalibrationFrame], step: CalibrationStep, reference: CameraReference) -> Loading:
+    """Read a loading without presses that are too light for the gauge to detect."""
     assert step.tip_mm is not None
-    forces = [shot.force_n for shot in shots]
-    if any(force is None for force in forces):
-        raise CalibrationError("every frame must have a force; one has none (is the gauge silent?)")
-    _require_new_frames(shots)
-    zero = float(forces[0] or 0.0)
+    forces = _forces(shots)
+    zero = forces[0]
     readings = []
-    for shot in shots:
-        load = float(shot.force_n or 0.0) - zero
+    for shot, force in zip(shots, forces, strict=True):
+        load = force - zero
         if abs(load) <= UNTOUCHED_N or load >= TOUCHED_N:
             reading = read_loading_frame(shot.image, reference, force_n=zero + load, touched=load >= TOUCHED_N)
             readings.append(reading)
@@ -673,7 +622,7 @@ def read_loading(shots: Sequence[CalibrationFrame], step: CalibrationStep, refer
     return loading
 
 
-def require_measured_slope(line: ForceLine) -> None:
+def _require_measured_slope(line: ForceLine) -> None:
     """Refuse a force line whose slope is consistent with zero."""
     low, high = line.slope_grey_per_n.interval()
     if low <= 0:
@@ -683,14 +632,18 @@ def require_measured_slope(line: ForceLine) -> None:
         )
 
 
-def _require_new_frames(shots: Sequence[CalibrationFrame]) -> None:
-    """Refuse repeated pictures: the noise of a live camera never repeats."""
+def _forces(shots: Sequence[CalibrationFrame]) -> list[float]:
+    """Forces of a loading; frames without a force and repeated pictures are refused, as live noise never repeats."""
+    forces = [float(shot.force_n) for shot in shots if shot.force_n is not None]
+    if len(forces) < len(shots):
+        raise CalibrationError("every frame must have a force; one has none (is the gauge silent?)")
     for number, (before, after) in enumerate(pairwise(shots), start=1):
         if np.array_equal(before.image.grey, after.image.grey):
             raise CalibrationError(
                 f"every frame must be a new one; frames {number} and {number + 1} are identical (is the camera frozen? "
                 "open it again, and repeat the step)"
             )
+    return forces
 
 
 def _require_rising(loading: Loading) -> None:
@@ -740,6 +693,9 @@ def calibrate(
 ) -> tuple[ProbeCalibration, SessionResult]:
     """Compute the calibration from the frames of a session; optional steps are used where they were done.
 
+    Raises `CalibrationError` when a step is missing, or its frames fail a check; the message names the step;
+    `FileInputError` when a file of the session is missing or damaged.
+
     Parameters
     ----------
     session
@@ -749,13 +705,6 @@ def calibrate(
         simulated calibration does not expire.
     progress
         Called with (steps done, steps in all).
-
-    Raises
-    ------
-    CalibrationError
-        When a step is missing, or its frames fail a check; the message names the step.
-    FileInputError
-        When a file of the session is missing or damaged.
     """
     require_number("days", days, 1, 3650)
     with one_blas_thread():  # sums of several threads depend on their number, and files are compared by their hash
@@ -765,7 +714,7 @@ def calibrate(
 def _calibrated(
     session: SessionFolder, days: float, progress: Callable[[int, int], None]
 ) -> tuple[ProbeCalibration, SessionResult]:
-    terms, steps = session.terms(), {step.name: step for step in session.plan()}
+    setup, steps = session.setup(), {step.name: step for step in session.plan()}
     if missing := session.missing():
         raise CalibrationError(
             f"steps must be done first: {', '.join(missing)}; {printable_path(session.path)} lacks them"
@@ -779,39 +728,39 @@ def _calibrated(
         progress(number + 1, len(steps) + 1)
     board, untouched = _mean(shots[BOARD]), _mean(shots[BOARD_UNTOUCHED])
     with _named(BOARD):
-        scale, dots = scale_from_dots(board, untouched, pitch_mm=terms.pitch_mm, pitch_sd_mm=terms.pitch_sd_mm)
-    reference = _reference(shots, scale, terms.patch_px)
+        scale, dots = scale_from_dots(board, untouched, pitch_mm=setup.pitch_mm, pitch_sd_mm=setup.pitch_sd_mm)
+    reference = _reference(shots, scale, setup.patch_px)
     loadings = []
     for step in steps.values():
         if step.tip_mm is not None:  # in turn, because the frames of a large camera fill the memory
             pressed = session.shots(step)
             _require_same_format(pressed, step, shots[DARK][0].image)
             with _named(step.name):
-                loadings.append(read_loading(pressed, step, reference))
+                loadings.append(_read_loading(pressed, step, reference))
             progress(len(still) + len(loadings), len(steps) + 1)
-    line, diagnostics = fit_force_line(loadings, reference=reference, gauge_fraction=terms.gauge_share)
-    require_measured_slope(line)
+    line, diagnostics = fit_force_line(loadings, reference=reference, gauge_fraction=setup.gauge_share)
+    _require_measured_slope(line)
     # The pitch has one error along both axes, so the relative errors of a pixel's sides add to that of its area.
     area = sum(size.sd / size.value for size in (scale.mm_per_pixel_x, scale.mm_per_pixel_y))
-    response = fit_response(loadings, reference=reference, gauge_fraction=terms.gauge_share, area_fraction=area)
-    by_tips = response.calibration(reference, name=terms.name, probe=terms.probe)
-    dents, ratio = _dents(session, terms, by_tips, reference, loadings, line)
+    response = fit_response(loadings, reference=reference, gauge_fraction=setup.gauge_share, area_fraction=area)
+    by_tips = response.calibration(reference, name=setup.name, probe=setup.probe)
+    dents, ratio = _dents(session, setup, by_tips, reference, loadings, line)
     line = replace(line, soft_ratio=ratio)
     times = [shot.time_s for shot in shots[UNTOUCHED] if shot.time_s is not None]
     calibration = ProbeCalibration(
-        name=terms.name,
-        probe=terms.probe,
-        camera=terms.camera,
-        settings=terms.settings,
-        made=terms.began,
-        expires=None if terms.began is None else terms.began + timedelta(days=days),
+        name=setup.name,
+        probe=setup.probe,
+        camera=setup.camera,
+        settings=setup.settings,
+        made=setup.began,
+        expires=None if setup.began is None else setup.began + timedelta(days=days),
         scale=scale,
         reference=reference,
         force_line=line,
         response=by_tips,
         tissue=None if dents is None else dents.response,
         specification=specification_sheet(
-            probe=terms.probe,
+            probe=setup.probe,
             line=line,
             diagnostics=diagnostics,
             edge_mm=_edge(shots, reference),
@@ -826,7 +775,7 @@ def _calibrated(
 
 def _dents(
     session: SessionFolder,
-    terms: SessionSetup,
+    setup: SessionSetup,
     response: Calibration,
     reference: CameraReference,
     loadings: Sequence[Loading],
@@ -836,14 +785,14 @@ def _dents(
     pads = [step for step in session.plan() if step.pad_kpa is not None and session.done(step)]
     if not pads or reference.mm_per_pixel is None:
         return None, None
-    probe, presses, ratios = load_probe(terms.probe), [], []
+    probe, presses, ratios = load_probe(setup.probe), [], []
     for step in pads:
         with _named(step.name):
             shots = session.shots(step)
-            presses.append(read_pad(shots, step, reference, ring_edges_mm(probe)))
+            presses.append(_read_pad(shots, step, reference, ring_edges_mm(probe)))
             ratios += _line_over_gauge(shots, line, reference)
     pixel = reference.mm_per_pixel[0] * reference.mm_per_pixel[1]
-    simulated = terms.began is None
+    simulated = setup.began is None
     with _named(pads[0].name):
         dent_light = fit_dent_light(
             presses,
@@ -851,7 +800,7 @@ def _dents(
             probe=probe,
             response=response,
             pixel_mm2=pixel,
-            pad_sd=terms.pad_sd,
+            pad_sd=setup.pad_sd,
             strain="small" if simulated else "finite",  # the virtual bench presses its pads at small strain
         )
     if len(ratios) < FEWEST_SEEN:
@@ -862,29 +811,22 @@ def _dents(
 
 def _line_over_gauge(shots: Sequence[CalibrationFrame], line: ForceLine, reference: CameraReference) -> list[float]:
     """Force by the line of the tips over that of the gauge, for each press on a pad."""
-    zero, result = float(shots[0].force_n or 0.0), []
+    zero, ratios = float(shots[0].force_n or 0.0), []
     for shot in shots:
         if (force := float(shot.force_n or 0.0) - zero) >= LEAST_PAD_N:
             frame = replace(shot.image, mm_per_pixel=reference.mm_per_pixel)
             total = total_grey(frame, reference, method=line.method)
             if total > 0:  # at the exposure of the tips, pads may be too dark
-                result.append((total - line.intercept_grey.value) / line.slope_grey_per_n.value / force)
-    return result
+                ratios.append((total - line.intercept_grey.value) / line.slope_grey_per_n.value / force)
+    return ratios
 
 
-def read_pad(
+def _read_pad(
     shots: Sequence[CalibrationFrame], step: CalibrationStep, reference: CameraReference, edges_mm: NDArray[np.float64]
 ) -> PadPresses:
-    """Read the rings of presses on a pad up to the largest force.
-
-    Raises `CalibrationError` when a frame has no force or repeats the frame before.
-    """
+    """Read the rings of presses on a pad up to the largest force."""
     assert step.pad_kpa is not None
-    forces = [shot.force_n for shot in shots]
-    if any(force is None for force in forces):
-        raise CalibrationError("every frame must have a force; one has none (is the gauge silent?)")
-    _require_new_frames(shots)
-    load = np.array([float(force or 0.0) for force in forces])
+    load = np.array(_forces(shots))
     load -= load[0]
     rising = slice(0, int(load.argmax()) + 1)  # pads creep, and unloading shows it
     grey, variance = [], []

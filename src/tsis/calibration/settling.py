@@ -1,7 +1,7 @@
 """Settling of a press: tissue relaxes under the probe, and force and light follow.
 
 A standard linear solid fades with one time constant, a Prony series with several. The tail of the series is fitted by
-such a sum with time constants up to the longest assumed one (`tsis.calibration.settling`). A press is settled
+such a sum with time constants up to the longest assumed one. A press is settled
 when its remaining change is below the tolerance with the stated certainty; a plateau that is too short for the longest
 time constant, or too noisy, is neither settled nor settling but unknown.
 
@@ -26,6 +26,15 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 
+LONGEST_HOLD_S = 100.0  # assumed of soft tissue: the slow term of its relaxation lasts tens of seconds
+CERTAINTY = 0.95  # one-sided, of each end of the remaining change
+BINS = 128  # longer series are averaged to at most this many values, at equal steps
+FEWEST = 16  # values that separate two exponentials from the noise
+LEAST_NOISE = 2e-4  # of the value: the accuracy of the grid of time constants
+TERMS = 5  # of a fit: level, two amplitudes and two time constants
+MISFIT_SD = 3.0  # standard deviations by which a fit may miss its noise
+SAME = 1e-9  # of the value: smaller differences are rounding of the arithmetic
+CAPPED = 1.0  # largest reported relative change
 PER_DECADE = 24  # time constants: two neighbours reproduce any value between them to 1e-4 of the amplitude
 EVERY = 3  # every third spans all the others, with amplitudes of either sign
 STIFF = 1e3  # over the noise of the mean: weight of the constraint on the fading part in the profile
@@ -126,17 +135,6 @@ class DecayFit:
         return sign * amplitude, norm**2 + self._rest
 
 
-LONGEST_HOLD_S = 100.0  # assumed of soft tissue: the slow term of its relaxation lasts tens of seconds
-CERTAINTY = 0.95  # one-sided, of each end of the remaining change
-BINS = 128  # longer series are averaged to at most this many values, at equal steps
-FEWEST = 16  # values that separate two exponentials from the noise
-LEAST_NOISE = 2e-4  # of the value: the accuracy of the grid of time constants
-TERMS = 5  # of a fit: level, two amplitudes and two time constants
-MISFIT_SD = 3.0  # standard deviations by which a fit may miss its noise
-SAME = 1e-9  # of the value: smaller differences are rounding of the arithmetic
-CAPPED = 1.0  # largest reported relative change
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settling:
     """Whether a press has settled, and the time still to wait.
@@ -223,7 +221,7 @@ def assess_settling(
         at = int(np.argmax(np.diff(time) <= 0))
         raise InputError(f"time_s must ascend; got {time[at]:g} s and then {time[at + 1]:g} s")
     if step is None:
-        step = display_step(values)
+        step = _display_step(values)
     else:
         require_number("step", step, 0.0, 1e12, hint="in the unit of the values")
     if step is None:
@@ -231,7 +229,7 @@ def assess_settling(
     return assess_history(*_averaged(time, values), tolerance=tolerance, longest_s=longest_s, step=step)
 
 
-def display_step(value: NDArray[np.float64]) -> float | None:
+def _display_step(value: NDArray[np.float64]) -> float | None:
     """Smallest difference between values if some repeat; 0 if none does, None if all are equal."""
     difference = np.diff(np.sort(value))
     equal = difference <= SAME * np.abs(value).max()
@@ -250,7 +248,7 @@ def assess_history(
 ) -> Settling:
     """`assess_settling` of a series already checked and averaged to at most `BINS` values."""
     if step is None:
-        step = display_step(value)
+        step = _display_step(value)
     while step is not None and len(time) >= FEWEST:
         if value[-1] * value.mean() <= 0:
             break
@@ -265,10 +263,8 @@ def assess_history(
 
 
 def _averaged(time: NDArray[np.float64], value: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Means over neighbours that shorten the series to at most `BINS` values; the oldest remainder is dropped.
-
-    An exponential averaged over equal steps remains the same exponential up to a factor.
-    """
+    """Means over neighbours that shorten the series to at most `BINS` values; the oldest remainder is dropped."""
+    # An exponential averaged over equal steps remains the same exponential up to a factor.
     by = -(-len(time) // BINS)
     first = len(time) % by
     return time[first:].reshape(-1, by).mean(axis=1), value[first:].reshape(-1, by).mean(axis=1)

@@ -1,4 +1,4 @@
-"""The specification sheet, and the measured frame rate."""
+"""The specification sheet of a probe: width of an edge, frame rate, and the figures of the force line, as measured."""
 
 from __future__ import annotations
 
@@ -31,6 +31,7 @@ LINE_STARTS, CIRCLE_STARTS = 48, 18  # points whose pairs and triples give lines
 LEAST_PIXELS = 60  # in a part
 LEAST_CONTRAST = 8.0  # of the step, in standard deviations of a pixel's noise
 TEN_TO_NINETY = 2.563103  # in standard deviations of a normal blur
+FEWEST = 3  # times of frames
 
 
 def edge_width(image: TactileImage, *, shape: str = "straight", extent_mm: float = EDGE_RANGE_MM) -> MeasuredValue:
@@ -165,10 +166,8 @@ def _spread(edge: NDArray[np.float64], count: int) -> NDArray[np.float64]:
 
 
 def _most_shared(edge: NDArray[np.float64], off: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Points near the candidate that passes most of them; ``off`` has the shape (candidates, points).
-
-    A fit to all points would be drawn aside by another border, as that of pixels that the correction leaves out.
-    """
+    """Points near the candidate that passes most of them; ``off`` has the shape (candidates, points)."""
+    # A fit to all points would be drawn aside by another border, as that of pixels that the correction leaves out.
     near = np.abs(off) <= NEAR_MM
     return np.asarray(edge[near[int(near.sum(axis=1).argmax())]])
 
@@ -197,9 +196,6 @@ def _width(distance: NDArray[np.float64], grey: NDArray[np.float64], step: float
     if not fit.success:
         raise CalibrationError("the edge must rise like a blurred step; it does not (clean the edge)")
     return TEN_TO_NINETY * abs(float(fit.x[3]))
-
-
-FEWEST = 3
 
 
 def frame_rate(time_s: ArrayLike) -> MeasuredValue:

@@ -653,7 +653,7 @@ def acquire(
     tsis.model.require.require_one_of("role", role, ROLES)
     tsis.model.require.require_one_of("picture format", picture, tsis.instrument.snapshot.FORMATS)
     tsis.model.require.require_one_of("colour map", map_name, tsis.imaging.colour.COLOUR_MAPS)
-    given = None if calibration is None else tsis.calibration.frames.read_usable_calibration(calibration)
+    given = None if calibration is None else tsis.calibration.frames.load_calibration(calibration)
     destination = chosen_destination(save, store, kind)
     calibrated = "" if given is None else given.calibration.probe
     pressed_by = calibrated or (probe if camera == VIRTUAL else "")

@@ -47,7 +47,7 @@ def make_outcome(session: SessionFolder, *, days: float) -> CommandOutcome:
         stored, findings = tsis.calibration.session.calibrate(session, days=days, progress=advance)
     provenance = {
         "session": str(session.path),
-        "terms": tsis.files.json_values.to_json_value(session.terms()),
+        "terms": tsis.files.json_values.to_json_value(session.setup()),
         "sha256": tsis.calibration.file.calibration_sha256(stored),
     }
     return CommandOutcome(
@@ -235,7 +235,7 @@ def begin(folder: SessionFolder, terms: SessionSetup, console: Console) -> None:
     if not folder.begun:
         folder.begin(terms)
         return
-    stored = folder.terms()
+    stored = folder.setup()
     if (stored.probe, stored.camera) != (terms.probe, terms.camera):
         raise CalibrationError(
             f"the session in {tsis.files.reading.printable_path(folder.path)} "

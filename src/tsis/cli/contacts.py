@@ -136,7 +136,7 @@ def _probe_contacts(
     if match_lamps and untouched is None:
         raise InputError("--match-light needs --reference, the frame that it scales")
     findings = [
-        tsis.imaging.finding.analyse_image(
+        tsis.imaging.contact.analyse_image(
             frame,
             tsis.imaging.corrections.match_light(untouched, frame)
             if match_lamps and untouched is not None

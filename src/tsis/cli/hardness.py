@@ -228,7 +228,7 @@ def hardness(
         return
     if not paths:
         raise InputError("give the images of two presses, or --demo for a run without hardware")
-    known = None if calibration is None else tsis.calibration.frames.read_usable_calibration(calibration)
+    known = None if calibration is None else tsis.calibration.frames.load_calibration(calibration)
     scale = chosen_scale(known, scale_mm)
     if known is None or scale is None or not (force_n or known.calibration.force_line):
         raise InputError(

@@ -125,7 +125,7 @@ def apply(
     """Estimate diameter, depth and modulus of inclusions from frames by trained networks."""
     trained, usable = (
         tsis.inclusion.network.read_networks(file),
-        tsis.calibration.frames.read_usable_calibration(calibration),
+        tsis.calibration.frames.load_calibration(calibration),
     )
     scale = chosen_scale(usable, scale_mm)
     if scale is None or (force_n is None and usable.calibration.force_line is None):

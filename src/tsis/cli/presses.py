@@ -56,7 +56,7 @@ def read_calibration_of(paths: Sequence[Path], calibration: Path | None) -> Usab
     folder = folder_of(paths)
     if calibration is None and folder is not None and (folder / CALIBRATION_FILE).is_file():
         calibration = folder / CALIBRATION_FILE
-    return None if calibration is None else tsis.calibration.frames.read_usable_calibration(calibration)
+    return None if calibration is None else tsis.calibration.frames.load_calibration(calibration)
 
 
 def read_presses(

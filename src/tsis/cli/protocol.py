@@ -90,7 +90,7 @@ def _light_press(
 ) -> tuple[Probe, TissueModulus]:
     if calibration is None:
         raise InputError("a light press needs --calibration, that of the probe")
-    usable = tsis.calibration.frames.read_usable_calibration(calibration)
+    usable = tsis.calibration.frames.load_calibration(calibration)
     scale = chosen_scale(usable, scale_mm)
     by_line = force_n is None and usable.calibration.force_line is not None
     if scale is None or not (force_n or by_line):

@@ -628,7 +628,7 @@ def card(
     from tsis.study.card import performance_card, rehearse_reference_run
     from tsis.study.folder import open_study
 
-    known = None if calibration is None else tsis.calibration.frames.read_usable_calibration(calibration)
+    known = None if calibration is None else tsis.calibration.frames.load_calibration(calibration)
     if folder.exists():
         study = open_study(folder)
     else:

@@ -64,7 +64,7 @@ def track(
             "a sequence is compared with one kind of reference: give the untouched probe as --reference, or presses on "
             "tissue without inclusion as --reference-press"
         )
-    usable = None if calibration is None else tsis.calibration.frames.read_usable_calibration(calibration)
+    usable = None if calibration is None else tsis.calibration.frames.load_calibration(calibration)
     scale = chosen_scale(usable, scale_mm)
     if scale is None:
         raise InputError("a movement needs --scale-mm, or a --calibration that contains the scale")

@@ -9,7 +9,6 @@ if TYPE_CHECKING:
     from tsis.imaging import contact as contact
     from tsis.imaging import corrections as corrections
     from tsis.imaging import depth as depth
-    from tsis.imaging import finding as finding
     from tsis.imaging import gel_change as gel_change
     from tsis.imaging import gel_contact as gel_contact
     from tsis.imaging import patch as patch
@@ -30,7 +29,6 @@ if not TYPE_CHECKING:  # modules and names load when they are first used
             "contact",
             "corrections",
             "depth",
-            "finding",
             "gel_change",
             "gel_contact",
             "patch",

@@ -29,6 +29,8 @@ def change_magnitude(
     A coloured lamp on each side codes the slope of a soft face as colour (GelSight): a grey level may not change where
     the colour does.
 
+    Raises `InputError` when an array is no colour frame or is not finite; `ImageMismatchError` when the shapes differ.
+
     Parameters
     ----------
     frame_rgb, reference_rgb
@@ -41,13 +43,6 @@ def change_magnitude(
     -------
     numpy.ndarray
         Shape (rows, columns), grey levels, >= 0.
-
-    Raises
-    ------
-    InputError
-        When an array is no colour frame or is not finite.
-    ImageMismatchError
-        When the shapes differ.
 
     Examples
     --------
@@ -79,6 +74,8 @@ def colour_map(
 ) -> NDArray[np.uint8]:
     """Colours of grey levels, as red, green, blue.
 
+    Raises `UnknownNameError` when no map has that name; `InputError` when ``high`` does not exceed ``low``.
+
     Parameters
     ----------
     image
@@ -92,13 +89,6 @@ def colour_map(
     -------
     numpy.ndarray
         Shape (rows, columns, 3), uint8.
-
-    Raises
-    ------
-    UnknownNameError
-        When no map has that name.
-    InputError
-        When ``high`` does not exceed ``low``.
     """
     require_image("image", image)
     require_one_of("colour map", name, COLOUR_MAPS)

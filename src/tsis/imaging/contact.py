@@ -10,8 +10,8 @@ import scipy
 
 from tsis.errors import InputError
 from tsis.imaging.colour import change_magnitude
-from tsis.imaging.corrections import require_image
-from tsis.imaging.patch import Patch, segment
+from tsis.imaging.corrections import require_image, signal
+from tsis.imaging.patch import Features, Patch, features, segment
 from tsis.imaging.pixels import gaussian_blur
 from tsis.model.image import TactileImage
 from tsis.model.require import require_one_of
@@ -26,6 +26,17 @@ CONTACT_METHODS = ("symmetry", "edge")
 BLUR = 0.1  # of the patch's radius, for the centre: it removes noise and preserves symmetry
 EDGE_BLUR_PX = 1.5  # for the radius: a wider blur shifts the foot of a rounded hill inwards by 1.5 times its width
 LEAST_RADIUS_PX = 2.0  # smaller patches have too few pixels for a radius
+DIRECTIONS = 96  # on the circle; a multiple of 4 treats both axes equally
+CENTRE_RANGE = 0.4  # largest offset of the centre from the patch's, in patch radii
+RADIUS_RANGE = (0.5, 1.5)  # least and greatest radius, in patch radii
+COARSE_STEPS = 9  # a side of the first grid of centres
+RADII = 36  # of the first grid
+FINE_RADII = 401  # about a given centre
+LEAST_VISIBLE = 0.5  # fraction of the circle inside the image
+TOLERANCE = 1e-3  # of the patch's radius: some hundredths of a pixel
+WINDOW = 1.2  # radius of the comparison for symmetry, in patch radii: the hill with its foot
+SAMPLES = 24  # across the window's radius; the blur removes finer detail
+LEAST_COMPARED = 0.5  # fraction of the window inside the image together with its rotated copy
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,6 +62,9 @@ class Contact:
 def find_contact(image: TactileImage, *, patch: Patch | None = None, method: str = "symmetry") -> Contact | None:
     """Find the centre and the radius of a round contact.
 
+    Raises `InputError` when ``image`` is no TactileImage or the patch has another shape; `UnknownNameError` when no
+    method has that name.
+
     Parameters
     ----------
     image
@@ -65,13 +79,6 @@ def find_contact(image: TactileImage, *, patch: Patch | None = None, method: str
     -------
     Contact or None
         None when there is no contact, or it is too small or too cropped to find its centre.
-
-    Raises
-    ------
-    InputError
-        When ``image`` is no TactileImage or the patch has another shape.
-    UnknownNameError
-        When no method has that name.
 
     Examples
     --------
@@ -92,10 +99,10 @@ def find_contact(image: TactileImage, *, patch: Patch | None = None, method: str
         return None
     start = float(columns.mean()), float(rows.mean())
     if method == "edge":
-        centre = steepest_circle(SlopeField(image, BLUR * extent), start, extent)
+        centre = _steepest_circle(_SlopeField(image, BLUR * extent), start, extent)
     else:
-        centre = symmetry_centre(image, start, extent, BLUR * extent)
-    radius = None if centre is None else steepest_radius(SlopeField(image, EDGE_BLUR_PX), centre, extent)
+        centre = _symmetry_centre(image, start, extent, BLUR * extent)
+    radius = None if centre is None else _steepest_radius(_SlopeField(image, EDGE_BLUR_PX), centre, extent)
     if centre is None or radius is None:
         return None
     side_mm = None if image.mm_per_pixel is None else float(np.sqrt(np.prod(image.mm_per_pixel)))
@@ -130,29 +137,30 @@ def find_colour_contact(
     return find_contact(TactileImage(grey=equal, mm_per_pixel=mm_per_pixel), patch=patch, method="edge")
 
 
-DIRECTIONS = 96  # on the circle; a multiple of 4 treats both axes equally
-CENTRE_RANGE = 0.4  # largest offset of the centre from the patch's, in patch radii
-RADIUS_RANGE = (0.5, 1.5)  # least and greatest radius, in patch radii
-COARSE_STEPS = 9  # a side of the first grid of centres
-RADII = 36  # of the first grid
-FINE_RADII = 401  # about a given centre
-LEAST_VISIBLE = 0.5  # fraction of the circle inside the image
-TOLERANCE = 1e-3  # of the patch's radius: some hundredths of a pixel
-WINDOW = 1.2  # radius of the comparison for symmetry, in patch radii: the hill with its foot
-SAMPLES = 24  # across the window's radius; the blur removes finer detail
-LEAST_COMPARED = 0.5  # fraction of the window inside the image together with its rotated copy
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ImageFinding:
+    """Analysis of an image: its change of grey level, its features, and the round contact or None."""
+
+    image: TactileImage
+    change: TactileImage
+    features: Features
+    contact: Contact | None
 
 
-class SlopeField:
-    """Gradient of the blurred signal, sampled on circles of the face.
+def analyse_image(image: TactileImage, reference: TactileImage | None, *, invert: bool) -> ImageFinding:
+    """What an image shows without a calibration."""
+    found = features(image, reference, invert=invert)
+    change = signal(image, reference, invert=invert)
+    contact = find_contact(change, patch=found.patch) if found.contact else None
+    return ImageFinding(image=image, change=change, features=found, contact=contact)
 
-    Lengths are in the side of the square pixel of the same area, so that a circle on the face is an ellipse in an image
-    whose pixels are not square.
-    """
+
+class _SlopeField:
+    """Gradient of the blurred signal on circles of the face; lengths in the side of the square pixel of equal area."""
 
     def __init__(self, image: TactileImage, blur: float) -> None:
-        self.pixel = pixel_shape(image)
-        smooth = blurred(image.grey, blur, self.pixel)
+        self.pixel = _pixel_shape(image)
+        smooth = _blurred(image.grey, blur, self.pixel)
         self.slope_x: NDArray[np.float32] = _slope(smooth, 1, self.pixel[0])
         self.slope_y: NDArray[np.float32] = _slope(smooth, 0, self.pixel[1])
         angle = np.arange(DIRECTIONS) * (2.0 * np.pi / DIRECTIONS)
@@ -160,6 +168,7 @@ class SlopeField:
 
     def fall(self, x: float, y: float, radii: NDArray[np.float64]) -> NDArray[np.float64]:
         """Mean fall of the signal across circles about (x, y); 0 where less than half of a circle is visible."""
+        # A circle on the face is an ellipse in an image whose pixels are not square.
         columns = (x + np.outer(radii, self.cos) / self.pixel[0]).astype(np.float32)
         rows = (y + np.outer(radii, self.sin) / self.pixel[1]).astype(np.float32)
         slope = (
@@ -173,14 +182,14 @@ class SlopeField:
         return np.where(visible >= LEAST_VISIBLE * DIRECTIONS, mean, 0.0)
 
 
-def pixel_shape(image: TactileImage) -> tuple[float, float]:
+def _pixel_shape(image: TactileImage) -> tuple[float, float]:
     """Width and height of a pixel in the side of the square of the same area."""
     width, height = (1.0, 1.0) if image.mm_per_pixel is None else image.mm_per_pixel
     side = float(np.sqrt(width * height))
     return width / side, height / side
 
 
-def blurred(grey: NDArray[np.float64], blur: float, pixel: tuple[float, float]) -> NDArray[np.float64]:
+def _blurred(grey: NDArray[np.float64], blur: float, pixel: tuple[float, float]) -> NDArray[np.float64]:
     """The signal after a Gaussian blur that is round on the face."""
     return gaussian_blur(grey, (blur / pixel[1], blur / pixel[0]), mode="nearest")
 
@@ -192,7 +201,7 @@ def _slope(smooth: NDArray[np.float64], axis: int, step: float) -> NDArray[np.fl
     return np.asarray(np.gradient(smooth, step, axis=axis), dtype=np.float32)
 
 
-def steepest_circle(field: SlopeField, centre: tuple[float, float], extent: float) -> tuple[float, float] | None:
+def _steepest_circle(field: _SlopeField, centre: tuple[float, float], extent: float) -> tuple[float, float] | None:
     """Centre (x, y) of the steepest circle near a patch; None when the signal falls across no circle."""
     start = _coarse(field, centre, extent)
     if start is None:
@@ -215,16 +224,16 @@ def _lowest(
 ) -> tuple[float, float]:
     """Position (x, y) of a minimum, from a simplex of that step at the start."""
     simplex = start + step * np.vstack([np.zeros(len(start)), np.eye(len(start))])
-    result = scipy.optimize.minimize(
+    found = scipy.optimize.minimize(
         function,
         start,
         method="Nelder-Mead",
         options={"initial_simplex": simplex, "xatol": TOLERANCE * extent, "fatol": tolerance, "maxiter": 400},
     )
-    return float(result.x[0]), float(result.x[1])
+    return float(found.x[0]), float(found.x[1])
 
 
-def steepest_radius(field: SlopeField, centre: tuple[float, float], extent: float) -> float | None:
+def _steepest_radius(field: _SlopeField, centre: tuple[float, float], extent: float) -> float | None:
     """Radius of the steepest circle about a given centre; None when the signal falls across none."""
     radii = np.linspace(RADIUS_RANGE[0] * extent, RADIUS_RANGE[1] * extent, FINE_RADII)
     falls = field.fall(*centre, radii)
@@ -232,7 +241,7 @@ def steepest_radius(field: SlopeField, centre: tuple[float, float], extent: floa
     return float(radii[best]) if falls[best] > 0.0 else None
 
 
-def _coarse(field: SlopeField, centre: tuple[float, float], extent: float) -> tuple[float, float, float] | None:
+def _coarse(field: _SlopeField, centre: tuple[float, float], extent: float) -> tuple[float, float, float] | None:
     """Best (x, y, radius) of a grid."""
     radii = np.linspace(RADIUS_RANGE[0] * extent, RADIUS_RANGE[1] * extent, RADII)
     shifts = np.linspace(-CENTRE_RANGE * extent, CENTRE_RANGE * extent, COARSE_STEPS)
@@ -246,7 +255,7 @@ def _coarse(field: SlopeField, centre: tuple[float, float], extent: float) -> tu
     return where
 
 
-def symmetry_centre(
+def _symmetry_centre(
     image: TactileImage, centre: tuple[float, float], extent: float, blur: float
 ) -> tuple[float, float] | None:
     """Centre of symmetry (x, y) near a patch, in pixels; None when too little of it lies inside the image.
@@ -254,8 +263,8 @@ def symmetry_centre(
     It minimises ``sum (s - s')² / sum (s + s')²`` over a disc on the face, where s is the positive part of the signal
     and s' is s rotated by half a turn: halos darker than the untouched probe belong to no contact.
     """
-    pixel = pixel_shape(image)
-    hill = blurred(np.maximum(image.grey, 0.0), blur, pixel).astype(np.float32)
+    pixel = _pixel_shape(image)
+    hill = _blurred(np.maximum(image.grey, 0.0), blur, pixel).astype(np.float32)
     offsets = _disc(WINDOW * extent, pixel)
     height, width = hill.shape
 

@@ -1,6 +1,7 @@
-"""Depth of gel sensors, calibrated by presses of a known ball: the slope of a colour, or the depth of a grey level.
+"""Depth of gel sensors in mm with an uncertainty, calibrated by presses of a known ball.
 
-Depth maps: slopes of colours, integrated with free borders, or depth of grey levels, in mm with an uncertainty.
+Under coloured lamps a colour gives the slope of the face, and the slopes are integrated with free borders; under white
+light a grey level gives the depth.
 """
 
 from __future__ import annotations
@@ -27,16 +28,33 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.imaging.gel_contact import GelContact
     from tsis.model.gel_sensor import GelSensor
 
 
-DEPTH_METHODS = ("ratio", "polynomial", "table", "grey", "relative")
+SLOPE_METHODS, GREY_METHODS = ("ratio", "polynomial", "table"), ("grey", "relative")  # coloured lamps; white light
 GRADIENT_DEGREE = 3  # of the polynomial in the colours
 COLOUR_SCALE = 64.0  # levels
 PIXELS_AT_ONCE = 4096
 RIDGE = 1e-3  # of the mean square of the features
 BINS, BIN_LEVELS = 32, 6.0  # of the table, a channel
+PATTERN_STEP = 4  # pixels between those that are compared with the reference's pattern
+LEVEL_PX, LEVEL_TOUCHED = 80, 0.12  # pixels along the longer side; fraction of the depth that counts as touched
+CLIPPED_SD = 3.0  # times the uncertainty where a pixel is clipped
+BORDER = 0.06  # of the frame: the strip whose median is the untouched face
+DEEPEST_GREY_MM = 10.0
+MARKER_FILL = 0.2  # of the markers' pitch: blur of the surroundings that fill a marker
+GREY_BLUR = 0.004  # of the columns: under white light a pixel's noise is a depth, as nothing integrates it away
+SLOPE_BLUR = 0.004  # of the columns: noise in the colours makes slopes too small where they enter as products
+DARKEST = 10.0  # levels of the untouched face, by which a change is divided at most
+USED, FLAT = 0.9, 2.2  # of the contact's radius: the ball's slope inside, an almost flat face outside
+UNTOUCHED = 3.0  # contact radii from the centre, beyond which a depth is an error
+DEEPEST = 0.97  # of the ball's radius
+FEWEST_SLOPE, FEWEST_GREY = 3, 1  # presses
+GREY_TERMS = 3  # of the polynomial of depth, without a constant
+FORMAT, VERSION = "tsis-depth-calibration", 1
+LEAST_SD_MM = 1e-3
+LIVE_DRAWS = 20  # of the force's interval, which a live view computes for each frame
+OUTLINE_POINTS = 64
 
 
 def polynomial_features(
@@ -86,7 +104,7 @@ def polynomial_slopes(
     return slope
 
 
-def fit_polynomial(
+def _fit_polynomial(
     change: NDArray[np.float64], place: NDArray[np.float64], slope: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Weights of the features for both slopes, shape (features, 2)."""
@@ -96,9 +114,9 @@ def fit_polynomial(
     return np.asarray(np.linalg.solve(normal, features.T @ slope))
 
 
-def fit_table(change: NDArray[np.float64], slope: NDArray[np.float64]) -> NDArray[np.float64]:
+def _fit_table(change: NDArray[np.float64], slope: NDArray[np.float64]) -> NDArray[np.float64]:
     """Mean slope in bins of the change of colour, shape (bins, bins, bins, 2); an empty bin has its nearest's."""
-    index = table_index(change)
+    index = _table_index(change)
     cells = np.ravel_multi_index(index, (BINS,) * 3)
     count = np.bincount(cells, minlength=BINS**3).astype(float)
     table = np.stack(
@@ -110,7 +128,7 @@ def fit_table(change: NDArray[np.float64], slope: NDArray[np.float64]) -> NDArra
     return np.asarray(table[tuple(nearest)])
 
 
-def table_index(change: NDArray[Any]) -> tuple[NDArray[np.intp], ...]:
+def _table_index(change: NDArray[Any]) -> tuple[NDArray[np.intp], ...]:
     """Bins of colours in the table, one array a channel."""
     bins = np.clip(np.floor(np.asarray(change) / BIN_LEVELS) + BINS // 2, 0, BINS - 1).astype(np.intp)
     return tuple(bins[..., channel] for channel in range(3))
@@ -154,7 +172,7 @@ class DepthCalibration(ContentValue):
     other_sd_mm: float | None = None
 
     def __post_init__(self) -> None:
-        require_one_of("method of a depth calibration", self.method, DEPTH_METHODS)
+        require_one_of("method of a depth calibration", self.method, (*SLOPE_METHODS, *GREY_METHODS))
         require_number("ball_mm", self.ball_mm, 0.2, 200.0)
         freeze_arrays(self, "weights", dtype=float)
         object.__setattr__(self, "errors_mm", tuple(float(error) for error in self.errors_mm))
@@ -166,17 +184,6 @@ class DepthCalibration(ContentValue):
         levels = sign * depths * np.polynomial.polynomial.polyval(depths, self.weights)
         turn = int(np.argmax(np.diff(levels) <= 0.0)) or depths.size  # beyond the extreme the extreme's depth
         return np.asarray(np.interp(sign * np.asarray(change, dtype=float), levels[: turn + 1], depths[: turn + 1]))
-
-
-PATTERN_STEP = 4  # pixels between those that are compared with the reference's pattern
-LEVEL_PX, LEVEL_TOUCHED = 80, 0.12  # pixels along the longer side; fraction of the depth that counts as touched
-CLIPPED_SD = 3.0  # times the uncertainty where a pixel is clipped
-BORDER = 0.06  # of the frame: the strip whose median is the untouched face
-DEEPEST_GREY_MM = 10.0
-MARKER_FILL = 0.2  # of the markers' pitch: blur of the surroundings that fill a marker
-GREY_BLUR = 0.004  # of the columns: under white light a pixel's noise is a depth, as nothing integrates it away
-SLOPE_BLUR = 0.004  # of the columns: noise in the colours makes slopes too small where they enter as products
-DARKEST = 10.0  # levels of the untouched face, by which a change is divided at most
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -205,10 +212,7 @@ class DepthMap(ContentValue):
 
     def points(self) -> NDArray[np.float64]:
         """Points (x, y, z) in mm, one a pixel, z = -depth; x and y from the middle of the frame."""
-        rows, columns = self.depth_mm.shape
-        y, x = np.mgrid[:rows, :columns].astype(float)
-        x, y = (x - (columns - 1) / 2) * self.mm_per_pixel[0], (y - (rows - 1) / 2) * self.mm_per_pixel[1]
-        return np.stack([x, y, -self.depth_mm], axis=-1).reshape(-1, 3)
+        return np.stack([*np.meshgrid(*self._axes_mm()), -self.depth_mm], axis=-1).reshape(-1, 3)
 
     def ply_bytes(self) -> bytes:
         """The points as a binary PLY file."""
@@ -220,29 +224,27 @@ class DepthMap(ContentValue):
     def to_xarray(self) -> Any:
         """An ``xarray.Dataset`` with ``depth_mm`` and ``sd_mm`` over ``y`` and ``x`` in mm; needs ``analysis``."""
         xarray = import_extra("xarray", feature="a depth map for xarray", extra="analysis")
-        rows, columns = self.depth_mm.shape
-        x = (np.arange(columns) - (columns - 1) / 2) * self.mm_per_pixel[0]
-        y = (np.arange(rows) - (rows - 1) / 2) * self.mm_per_pixel[1]
+        x, y = self._axes_mm()
         layers = {"depth_mm": (("y", "x"), self.depth_mm), "sd_mm": (("y", "x"), self.sd_mm)}
         return xarray.Dataset(layers, coords={"x": x, "y": y}, attrs={"frame": self.name})
+
+    def _axes_mm(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Coordinates (x, y) of the columns and the rows from the middle of the frame."""
+        (rows, columns), (width, height) = self.depth_mm.shape, self.mm_per_pixel
+        return (np.arange(columns) - (columns - 1) / 2) * width, (np.arange(rows) - (rows - 1) / 2) * height
 
 
 class DepthMapper:
     """Depth maps of one calibrated sensor and one reference, frame after frame.
 
+    Raises `InputError` when the calibration is of another kind of light, or the scale is not known.
+
     Parameters
     ----------
     calibration
         Of `calibrate_depth`.
-    sensor
-        The sensor; its scale must be known.
-    reference
-        A frame of the untouched sensor.
-
-    Raises
-    ------
-    InputError
-        When the calibration is of another kind of light, or the scale is not known.
+    sensor, reference
+        The sensor, whose scale must be known, and a frame of it untouched.
     """
 
     def __init__(self, calibration: DepthCalibration, sensor: GelSensor, reference: Any) -> None:
@@ -257,9 +259,9 @@ class DepthMapper:
         if scale is None:
             raise InputError(f"mm_per_pixel of {sensor.name} is not known; put it into the sensor's file")
         self.mm_per_pixel = scale
-        self.brightness = relative_brightness(self.reference)
-        self.place = frame_places(rows, columns)
-        self.strip = border_strip(rows, columns)
+        self.brightness = _relative_brightness(self.reference)
+        self.place = _frame_places(rows, columns)
+        self.strip = _border_strip(rows, columns)
 
     def map(self, frame: Any, *, name: str = "") -> DepthMap:
         """The depth map of a frame; errors as `contacts`."""
@@ -273,9 +275,9 @@ class DepthMapper:
             raise InputError(f"reference must have the size of {name or 'frame'}, {sizes[0]} pixels; got {sizes[1]}")
         coarse = np.s_[::PATTERN_STEP, ::PATTERN_STEP]
         require_pattern(levels[coarse], self.reference[coarse], name or "the frame", blur_px=0.5)
-        change = colour_change(levels, self.reference, self.calibration.method)
+        change = _colour_change(levels, self.reference, self.calibration.method)
         if self.sensor.marker_pitch_mm is not None:
-            change = filled_markers(change, levels, self.reference, self.sensor)
+            change = _filled_markers(change, levels, self.reference, self.sensor)
         # The lamps' drift is the change of the strip along the border, where nothing presses most of the time.
         change -= np.median(change[self.strip], axis=0)
         if self.sensor.light == "white":
@@ -313,27 +315,25 @@ class DepthMapper:
     def _slopes(self, change: NDArray[np.float32]) -> NDArray[np.float32]:
         flat = change.reshape(-1, change.shape[2])
         if self.calibration.method == "table":
-            slope = self.calibration.weights.astype(np.float32)[table_index(flat)]
+            slope = self.calibration.weights.astype(np.float32)[_table_index(flat)]
         else:
             slope = polynomial_slopes(flat, self.place, self.calibration.weights.astype(np.float32))
         return np.asarray(slope.reshape(*change.shape[:2], 2))
 
 
-def colour_change(levels: NDArray[Any], reference: NDArray[Any], method: str) -> NDArray[Any]:
-    """Change of the levels against the untouched face, shape (rows, columns, channels).
-
-    For ``"ratio"`` it is divided by the untouched light at each pixel, on the scale of its mean: lamps that are nearer,
-    a vignette and a pattern of the face scale both, and a drift of the lamps is the same everywhere. It is smoothed.
-    """
+def _colour_change(levels: NDArray[Any], reference: NDArray[Any], method: str) -> NDArray[Any]:
+    """Change of the levels against the untouched face, shape (rows, columns, channels)."""
     change = levels - reference
     if method == "ratio":
+        # Over the untouched light: lamps that are nearer, a vignette and a pattern of the face scale both, and a drift
+        # of the lamps is the same everywhere.
         change = change / np.maximum(reference, DARKEST) * reference.mean(axis=(0, 1))
         blur = SLOPE_BLUR * levels.shape[1]
         change = scipy.ndimage.gaussian_filter(change, (blur, blur, 0.0))
     return np.asarray(change)
 
 
-def filled_markers(
+def _filled_markers(
     change: NDArray[Any], levels: NDArray[Any], reference: NDArray[Any], sensor: GelSensor
 ) -> NDArray[np.float32]:
     """The change with that of their surroundings where a marker lies or lay."""
@@ -346,7 +346,7 @@ def filled_markers(
     return np.asarray(np.where(marker[..., None], around, change), dtype=np.float32)
 
 
-def border_strip(rows: int, columns: int) -> NDArray[np.bool_]:
+def _border_strip(rows: int, columns: int) -> NDArray[np.bool_]:
     """Pixels along the border, where nothing presses most of the time, shape (rows, columns)."""
     strip = np.ones((rows, columns), dtype=bool)
     margin = max(round(BORDER * min(rows, columns)), 1)
@@ -354,13 +354,13 @@ def border_strip(rows: int, columns: int) -> NDArray[np.bool_]:
     return strip
 
 
-def relative_brightness(reference: NDArray[Any]) -> NDArray[Any]:
+def _relative_brightness(reference: NDArray[Any]) -> NDArray[Any]:
     """Grey level of the untouched face over its mean, shape (rows, columns)."""
     grey = np.maximum(reference[..., 0], BLACK)
     return np.asarray(grey / grey.mean())
 
 
-def frame_places(rows: int, columns: int) -> NDArray[np.float32]:
+def _frame_places(rows: int, columns: int) -> NDArray[np.float32]:
     """X and y from -1 to 1 over the frame, shape (rows * columns, 2)."""
     y, x = np.mgrid[-1 : 1 : rows * 1j, -1 : 1 : columns * 1j]
     return np.stack([x.ravel(), y.ravel()], axis=1).astype(np.float32)
@@ -380,16 +380,6 @@ def cap_error_mm(depth: DepthMap, contact: GelContact, ball_radius_mm: float, *,
     inside = distance < within * radius
     cap = np.sqrt(ball_radius_mm**2 - distance[inside] ** 2)
     return float(np.std(depth.depth_mm[inside] - cap))
-
-
-SLOPE_METHODS = ("ratio", "polynomial", "table")
-USED, FLAT = 0.9, 2.2  # of the contact's radius: the ball's slope inside, an almost flat face outside
-UNTOUCHED = 3.0  # contact radii from the centre, beyond which a depth is an error
-DEEPEST = 0.97  # of the ball's radius
-FEWEST_SLOPE, FEWEST_GREY = 3, 1  # presses
-GREY_TERMS = 3  # of the polynomial of depth, without a constant
-FORMAT, VERSION = "tsis-depth-calibration", 1
-LEAST_SD_MM = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -416,6 +406,9 @@ def calibrate_depth(
 
     Only good contacts count. Each press is left out in turn to measure the error; the method that errs less is taken.
 
+    Raises `CalibrationError` when too few contacts are good; `InputError` as `contacts`, or when the scale is not
+    known.
+
     Parameters
     ----------
     frames
@@ -426,13 +419,6 @@ def calibrate_depth(
         Diameter of the ball, mm.
     progress
         Called with the number of finished presses and of all.
-
-    Raises
-    ------
-    CalibrationError
-        When too few contacts are good.
-    InputError
-        As `contacts`, or when the scale is not known.
     """
     require_number("ball_mm", ball_mm, 0.2, 200.0, hint="the ball's diameter in millimetres")
     radius = ball_mm / 2.0
@@ -456,7 +442,7 @@ def calibrate_depth(
             f"a depth calibration needs {fewest} good presses of the ball; got {len(presses)} of {len(frames)}"
             + (f" ({', '.join(sorted(set(reasons)))}): run tsis contacts to see why" if reasons else "")
         )
-    methods = SLOPE_METHODS if sensor.light == "rgb" else ("grey", "relative")
+    methods = SLOPE_METHODS if sensor.light == "rgb" else GREY_METHODS
     tried = {method: _left_out(presses, method, sensor, reference, ball_mm) for method in methods}
     rms = {method: float(np.sqrt(np.mean(np.square(errors[:, 0])))) for method, errors in tried.items()}
     best = min(rms, key=lambda method: rms[method])
@@ -492,16 +478,16 @@ def _press(
     rng = np.random.default_rng(0)  # as many flat pixels as touched ones
     flat &= rng.random(flat.shape) < inside.sum() / max(flat.sum(), 1)
     used = inside | flat
-    strip = border_strip(rows, columns)
+    strip = _border_strip(rows, columns)
     pixels = used if sensor.light == "rgb" else inside
     changes = {}
     for method in SLOPE_METHODS if sensor.light == "rgb" else ("grey",):
-        change = colour_change(levels, untouched, method)
+        change = _colour_change(levels, untouched, method)
         # As in a map: the median of the whole frame is not 0 where a deep press pulls the face down far around it.
         changes[method] = (change - np.median(change[strip], axis=0))[pixels]
     height = np.sqrt(np.maximum(ball**2 - distance**2, (0.1 * ball) ** 2))
     slope = np.where(inside[..., None], -np.stack([x_mm, y_mm], axis=-1) / height[..., None], 0.0)
-    place = frame_places(rows, columns).reshape(rows, columns, 2)
+    place = _frame_places(rows, columns).reshape(rows, columns, 2)
     return _Press(
         frame=frame,
         contact=contact,
@@ -510,7 +496,7 @@ def _press(
         place=place[used].astype(float),
         slope=slope[used],
         shape_mm=(ball - height)[inside],
-        brightness=relative_brightness(untouched)[inside],
+        brightness=_relative_brightness(untouched)[inside],
     )
 
 
@@ -525,7 +511,7 @@ def _fitted(presses: Sequence[_Press], method: str, sensor: GelSensor, ball_mm: 
             np.concatenate([getattr(press, name)[part] for press, part in zip(presses, used, strict=True)])
             for name in ("place", "slope")
         )
-        weights = fit_table(change, slope) if method == "table" else fit_polynomial(change, place, slope)
+        weights = _fit_table(change, slope) if method == "table" else _fit_polynomial(change, place, slope)
     return DepthCalibration(
         sensor=sensor.name, light=sensor.light, method=method, weights=weights, ball_mm=ball_mm,
         presses=len(presses), sd_mm=LEAST_SD_MM, sd_relative=0.0,
@@ -555,11 +541,8 @@ def _fit_grey(presses: Sequence[_Press], sensor: GelSensor, *, relative: bool) -
 def _left_out(
     presses: Sequence[_Press], method: str, sensor: GelSensor, reference: Any, ball_mm: float
 ) -> NDArray[np.float64]:
-    """Errors of each press, calibrated without it where there are others enough, at most 8 in turn; shape (presses, 2).
-
-    The distance from the ball's cap, and the depth of the untouched face, which should be 0.
-    """
-    parts = min(len(presses), 8)
+    """Distance from the cap and depth of the untouched face of each press, calibrated without it where it can be."""
+    parts = min(len(presses), 8)  # so many presses or groups are left out in turn
     errors = np.zeros((len(presses), 2))
     for part in range(parts):
         rest = [press for number, press in enumerate(presses) if number % parts != part] or list(presses)
@@ -581,8 +564,8 @@ def _zero_error_mm(depth: DepthMap, contact: GelContact) -> float:
 def depth_calibration_json(calibration: DepthCalibration) -> bytes:
     """The calibration as a JSON file."""
     values = {name: getattr(calibration, name) for name in calibration.__slots__}
-    document = values | {"weights": calibration.weights.round(6).tolist(), "errors_mm": list(calibration.errors_mm)}
-    return json.dumps({"format": FORMAT, "version": VERSION, **document}).encode()
+    values |= {"weights": calibration.weights.round(6).tolist(), "errors_mm": list(calibration.errors_mm)}
+    return json.dumps({"format": FORMAT, "version": VERSION, **values}).encode()
 
 
 def parse_depth_calibration(document: Any) -> DepthCalibration:
@@ -594,10 +577,6 @@ def parse_depth_calibration(document: Any) -> DepthCalibration:
         return DepthCalibration(**values | {"weights": np.asarray(values.get("weights"), dtype=float)})
     except TypeError as error:
         raise InputError(f"a depth calibration must hold its values and no others; got: {error}") from error
-
-
-LIVE_DRAWS = 20  # of the force's interval, which a live view computes for each frame
-OUTLINE_POINTS = 64
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

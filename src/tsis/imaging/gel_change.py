@@ -32,12 +32,8 @@ def gel_levels(frame: Any, sensor: GelSensor, *, what: str = "frame") -> NDArray
 
     Takes 8 and 16 bits (by the array's type), numbers up to 255, colour with or without alpha, or a `TactileImage`.
 
-    Raises
-    ------
-    InputError
-        When the frame is no picture, is black, or has no colour under coloured lamps.
-    ImageMismatchError
-        When the sensor has no frames of this size.
+    Raises `InputError` when the frame is no picture, is black, or has no colour under coloured lamps;
+    `ImageMismatchError` when the sensor has no frames of this size.
     """
     full, levels = 255.0, np.asarray(frame.grey if isinstance(frame, TactileImage) else frame)
     if isinstance(frame, TactileImage):
@@ -49,22 +45,22 @@ def gel_levels(frame: Any, sensor: GelSensor, *, what: str = "frame") -> NDArray
     if levels.ndim != 3 or levels.shape[2] not in (1, 3, 4) or levels.dtype.kind not in "uif" or levels.size == 0:
         raise InputError(f"{what} must have the shape (rows, columns) or (rows, columns, 3); got {levels.shape}")
     sensor.require_frame(levels.shape[1], levels.shape[0])
-    result = levels[..., :3].astype(np.float64) * (255.0 / full)
-    low, high = float(result.min()), float(result.max())
+    scaled = levels[..., :3].astype(np.float64) * (255.0 / full)
+    low, high = float(scaled.min()), float(scaled.max())
     if not (low >= 0.0 and high <= 255.5):  # nor NaN
         raise InputError(f"{what} must have levels from 0 to 255, or 16 bits; got {low:g} to {high:g}")
     if high <= BLACK:
         raise InputError(f"{what} must be lit; got a black frame: switch the sensor's lamps on")
-    darkest = -largest_channel(-result)
+    darkest = -largest_channel(-scaled)
     if (clipped := float((darkest >= GLARE).mean())) > MOST_CLIPPED:
         raise InputError(f"{what} must not be saturated; got {clipped:.0%} white pixels: lower the exposure")
     if sensor.light == "white":
-        return np.asarray(result.mean(axis=2, keepdims=True))
-    if result.shape[2] == 1 or (largest_channel(result) - darkest).max() < 1.0:
+        return np.asarray(scaled.mean(axis=2, keepdims=True))
+    if scaled.shape[2] == 1 or (largest_channel(scaled) - darkest).max() < 1.0:
         raise InputError(
             f"{what} must be in colour, because {sensor.name} has coloured lamps; got grey: save the camera's colours"
         )
-    return result
+    return scaled
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -110,10 +106,7 @@ def gel_change(
 ) -> GelChange:
     """The change of the `gel_levels` of a frame against those of the untouched sensor.
 
-    Raises
-    ------
-    ImageMismatchError
-        When sizes differ, or the reference is of another sensor or another light.
+    Raises `ImageMismatchError` when sizes differ, or the reference is of another sensor or another light.
     """
     if levels.shape != reference.shape:
         raise ImageMismatchError(

@@ -1,6 +1,4 @@
-"""Contacts in frames of a gel sensor: place, size, standard deviations, and a quality with reasons.
-
-The ellipse of a contact, by least squares on the change of a gel sensor's frame.
+"""Contacts in frames of a gel sensor: an ellipse by least squares, its standard deviations, a quality with reasons.
 
 Inside the contact the gel has the object's shape: for a ball the slope, as a part of the unit normal, is linear in the
 distance from the centre. Coloured lamps code the slope, which falls outside as under Hertz's pressure, faster on a thin
@@ -45,10 +43,32 @@ SHARPEST = 1.0  # limit of the logarithm of the blur under white light
 FIXED = 1e-6  # limit of a parameter that is known
 FEWEST_PIXELS = 60
 RIDGE = 1e-9
+SEARCH_COLUMNS = 160  # a search does not need more
+FITTED_RADIUS_PX = 15.0  # larger contacts are fitted on block means
+STARTS, AGAIN = (0.65, 0.85, 1.1), (0.6, 0.8, 1.0, 1.25)  # radii of a first and a second fit, relative
+PEAK_NOISE = 8.0  # times the noise of the smoothed change
+LEAST_CHANGE = 3.0  # levels
+CENTRE_MODEL_SD = 0.03  # of the radius: what the fit's model misses
+RADIUS_MODEL_SD = {"rgb": 0.006, "white": 0.01}  # of the radius, by rendered frames (seed 501)
+LEAST_QUALITY, REFUSED_QUALITY = 0.5, 0.45  # of a good contact; of one with a reason against it, at most
+MOVED = 0.1  # of the radius, between frames of a sequence
+LARGEST_SHIFT = 0.45  # of the markers' pitch, from the movement of the neighbours: beyond it another may be meant
+NEIGHBOURS = 1.6  # pitches
+FEWEST_MARKER_PX, MOST_MARKER = 4, 0.5  # pixels of a marker, and its size over the pitch
 _GRID = np.linspace(0.0, 6.0, 301)
 _RATIOS = np.geomspace(0.05, 3.0, 18)  # contact radius over thickness
 _POISSON = np.array([0.40, 0.45, 0.475, 0.49, 0.499])
 _WAVES, _LAST_WAVE = 400, 60.0  # wave numbers times the contact's radius
+REASONS = {
+    "no contact": "nothing changed against the reference: press harder, or check the reference",
+    "poor fit": "no ellipse explains the change: press with a smoother part of the object",
+    "glare": "clipped pixels cover the contact: lower the exposure, or press elsewhere",
+    "cut by the border": "a part of the contact is outside the frame: press nearer to the middle",
+    "several contacts": "another contact is as strong: press with one",
+    "moving": "the contact moved since the frame before: hold still, or take a later frame",
+    "marker pattern": "markers cover much of the contact: press deeper, or use a gel without markers",
+    "uncertain": "the radius is not known within 15 %: press deeper, or reduce noise",
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,7 +85,7 @@ class GelLayer:
 
 
 @cache
-def layer_hills() -> NDArray[np.float64]:
+def _layer_hills() -> NDArray[np.float64]:
     """Depth of a bonded layer under a paraboloid over `_GRID`, 1 at the middle; shape (ratios, Poisson's, places).
 
     The pressure is a sum of ``(1 - rho²)^(m - 1/2)``, m = 1, 2, 3, collocated inside the contact (Johnson, Contact
@@ -82,7 +102,7 @@ def layer_hills() -> NDArray[np.float64]:
     )
     bessel, touched = scipy.special.j0(np.outer(_GRID, wave)), np.linspace(0.0, 0.97, 16)
     within, inside = scipy.special.j0(np.outer(touched, wave)), _GRID <= 1.0
-    result = np.empty((_RATIOS.size, _POISSON.size, _GRID.size))
+    hills = np.empty((_RATIOS.size, _POISSON.size, _GRID.size))
     for row, ratio in enumerate(_RATIOS):
         for column, poisson in enumerate(_POISSON):
             layer = layer_compliance(wave, young_kpa=1.0, poisson=float(poisson), thickness_mm=float(1.0 / ratio))
@@ -91,16 +111,16 @@ def layer_hills() -> NDArray[np.float64]:
             *pressure, depth = np.linalg.lstsq(system, -(touched**2) / 2.0, rcond=1e-10)[0]
             hill = bessel @ spectrum @ np.asarray(pressure)
             hill[inside] = depth - _GRID[inside] ** 2 / 2.0
-            result[row, column] = hill / depth
-    return result
+            hills[row, column] = hill / depth
+    return hills
 
 
 def layer_hill(ratio: float, poisson: float) -> NDArray[np.float64]:
-    """`layer_hills` between its nodes."""
+    """`_layer_hills` between its nodes."""
     row = float(np.interp(np.log(ratio), np.log(_RATIOS), np.arange(_RATIOS.size)))
     column = float(np.interp(poisson, _POISSON, np.arange(_POISSON.size)))
     i, j = min(int(row), _RATIOS.size - 2), min(int(column), _POISSON.size - 2)
-    part = layer_hills()[i : i + 2, j : j + 2]
+    part = _layer_hills()[i : i + 2, j : j + 2]
     return np.asarray(np.einsum("i,j,ijk->k", (i + 1 - row, row - i), (j + 1 - column, column - j), part))
 
 
@@ -137,11 +157,9 @@ class ContactFit:
         return float(np.sqrt(self.semi_axes[0] * self.semi_axes[1]))
 
 
-def outer_slope(rho: NDArray[np.float64], length: float, steepness: float = 0.0) -> NDArray[np.float64]:
-    """Sine of the face's slope over the distance in contact radii, 1 at the edge.
-
-    Outside, the tangent is Hertz's with a faster decay; ``steepness`` is the sine at the edge, 0 for a shallow press.
-    """
+def _outer_slope(rho: NDArray[np.float64], length: float, steepness: float = 0.0) -> NDArray[np.float64]:
+    """Sine of the face's slope over the distance in contact radii, 1 at the edge; ``steepness`` is the sine there."""
+    # Outside, the tangent is Hertz's with a faster decay.
     outside = np.maximum(rho, 1.0)
     inverse = 1.0 / outside
     hertz = (2.0 / np.pi) * outside * (np.arcsin(inverse) - inverse * np.sqrt(np.maximum(1.0 - inverse**2, 0.0)))
@@ -181,7 +199,7 @@ class _Window:
         u, v, rho = self.reduced(parameters)
         blur = float(BLUR * self.radius * np.exp(parameters[6]))
         if self.gel is None:
-            along = outer_slope(rho, float(np.exp(parameters[5])), float(parameters[7])) / np.maximum(rho, 1e-9)
+            along = _outer_slope(rho, float(np.exp(parameters[5])), float(parameters[7])) / np.maximum(rho, 1e-9)
             first, second = (gaussian_blur(along * part, (blur, blur), mode="nearest") for part in (u, v))
             one = np.ones_like(rho)  # products are faster than powers
             across, down = ([one, *accumulate([part] * DEGREE, np.multiply)] for part in (first, second))
@@ -284,9 +302,9 @@ def _solved(window: _Window, factor: float, *, ellipse: bool) -> OptimizeResult:
     free = limits > FIXED
 
     def whole(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        result = start.copy()
-        result[free] = values
-        return result
+        parameters = start.copy()
+        parameters[free] = values
+        return parameters
 
     def left(values: NDArray[np.float64]) -> NDArray[np.float64]:
         return window.residual(whole(values))
@@ -356,43 +374,22 @@ def _correlated_pixels(residual: NDArray[np.float64]) -> float:
     return float(np.prod([(1.0 + lag) / (1.0 - lag) for lag in lags]))
 
 
-def rescaled_point(point: tuple[float, float], step: int, new: int) -> tuple[float, float]:
+def _rescaled_point(point: tuple[float, float], step: int, new: int) -> tuple[float, float]:
     """A point in pixels of another step."""
     x, y = ((part + 0.5) * step / new - 0.5 for part in point)
     return x, y
 
 
-def rescaled_fit(fit: ContactFit, step: int, new: int) -> ContactFit:
+def _rescaled_fit(fit: ContactFit, step: int, new: int) -> ContactFit:
     """The fit in pixels of another step."""
     times = step / new
     return replace(
         fit,
-        centre=rescaled_point(fit.centre, step, new),
+        centre=_rescaled_point(fit.centre, step, new),
         semi_axes=(fit.semi_axes[0] * times, fit.semi_axes[1] * times),
         centre_sd=(fit.centre_sd[0] * times, fit.centre_sd[1] * times),
         radius_sd=fit.radius_sd * times,
     )
-
-
-SEARCH_COLUMNS = 160  # a search does not need more
-FITTED_RADIUS_PX = 15.0  # larger contacts are fitted on block means
-STARTS, AGAIN = (0.65, 0.85, 1.1), (0.6, 0.8, 1.0, 1.25)  # radii of a first and a second fit, relative
-PEAK_NOISE = 8.0  # times the noise of the smoothed change
-LEAST_CHANGE = 3.0  # levels
-CENTRE_MODEL_SD = 0.03  # of the radius: what the fit's model misses
-RADIUS_MODEL_SD = {"rgb": 0.006, "white": 0.01}  # of the radius, by rendered frames (seed 501)
-LEAST_QUALITY, REFUSED_QUALITY = 0.5, 0.45  # of a good contact; of one with a reason against it, at most
-MOVED = 0.1  # of the radius, between frames of a sequence
-REASONS = {
-    "no contact": "nothing changed against the reference: press harder, or check the reference",
-    "poor fit": "no ellipse explains the change: press with a smoother part of the object",
-    "glare": "clipped pixels cover the contact: lower the exposure, or press elsewhere",
-    "cut by the border": "a part of the contact is outside the frame: press nearer to the middle",
-    "several contacts": "another contact is as strong: press with one",
-    "moving": "the contact moved since the frame before: hold still, or take a later frame",
-    "marker pattern": "markers cover much of the contact: press deeper, or use a gel without markers",
-    "uncertain": "the radius is not known within 15 %: press deeper, or reduce noise",
-}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -458,6 +455,9 @@ def contacts(
 ) -> tuple[GelContact, ...]:
     """Find the contact in each frame of a gel sensor.
 
+    Raises `InputError` when a frame is no picture, is black, has no colour under coloured lamps, or a reference is
+    missing; `ImageMismatchError` when a frame or the reference does not belong to the sensor.
+
     Parameters
     ----------
     frames
@@ -472,30 +472,23 @@ def contacts(
         Whether the frames are of one press in the order of time: then a contact that moves is no good one.
     progress
         Called with the number of finished frames and of all.
-
-    Raises
-    ------
-    InputError
-        When a frame is no picture, is black, has no colour under coloured lamps, or a reference is missing.
-    ImageMismatchError
-        When a frame or the reference does not belong to the sensor.
     """
     frames = list(frames)
     if not frames:
         raise InputError("frames must hold at least one frame; got none")
     labels = [f"frame {number}" for number in range(1, len(frames) + 1)] if names is None else list(names)
     untouched = gel_reference(frames, sensor, reference)
-    result: list[GelContact] = []
+    found: list[GelContact] = []
     for number, (frame, name) in enumerate(zip(frames, labels, strict=True)):
         change = gel_change(gel_levels(frame, sensor, what=name), untouched, sensor, what=name)
         contact = find_gel_contact(change, sensor, name=name)
-        if sequence and result and _moved(result[-1], contact):
+        if sequence and found and _moved(found[-1], contact):
             quality = min(contact.quality, REFUSED_QUALITY)
             contact = replace(contact, good=False, quality=quality, reasons=(*contact.reasons, "moving"))
-        result.append(contact)
+        found.append(contact)
         if progress is not None:
             progress(number + 1, len(frames))
-    return tuple(result)
+    return tuple(found)
 
 
 def _moved(before: GelContact, now: GelContact) -> bool:
@@ -526,14 +519,14 @@ def _find(change: GelChange, sensor: GelSensor, name: str) -> GelContact:
     fine = max(1, int(fit.radius * step / FITTED_RADIUS_PX))
     if fine != step:
         coarse, usable = _reduced(change, fine)
-        fit, layer = rescaled_fit(fit, step, fine), None if gel is None else gel.scaled(1.0 / fine)
+        fit, layer = _rescaled_fit(fit, step, fine), None if gel is None else gel.scaled(1.0 / fine)
     starts = (1.0,) if gel is None else AGAIN
     fit = fit_contact(coarse, usable.astype(float), fit.centre, fit.radius, gel=layer, starts=starts) or fit
     oval = fit_contact(coarse, usable.astype(float), fit.centre, fit.radius, gel=layer, ellipse=True)
     if oval is not None and _is_oval(fit, oval):
         fit = oval
-    fit = rescaled_fit(fit, fine, 1)
-    reasons = _reasons(change, fit, others=[rescaled_point(other, step, 1) for other in others])
+    fit = _rescaled_fit(fit, fine, 1)
+    reasons = _reasons(change, fit, others=[_rescaled_point(other, step, 1) for other in others])
     return _contact(name, fit, reasons, sensor, columns, rows, change)
 
 
@@ -675,11 +668,6 @@ def _none(name: str) -> GelContact:
     )  # fmt: skip
 
 
-LARGEST_SHIFT = 0.45  # of the markers' pitch, from the movement of the neighbours: beyond it another may be meant
-NEIGHBOURS = 1.6  # pitches
-FEWEST_MARKER_PX, MOST_MARKER = 4, 0.5  # pixels of a marker, and its size over the pitch
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MarkerShift:
     """Markers of a gel: their places on the untouched face and how far they moved along it, shape (n, 2), mm."""
@@ -693,10 +681,7 @@ def marker_shift(frame: Any, reference: Any, sensor: GelSensor) -> MarkerShift:
 
     Dark dots of both frames are paired from where nothing moved inwards, each near the movement of its neighbours.
 
-    Raises
-    ------
-    InputError
-        When the sensor's file has no marker_pitch_mm or no scale, or no marker is found.
+    Raises `InputError` when the sensor's file has no marker_pitch_mm or no scale, or no marker is found.
     """
     if sensor.marker_pitch_mm is None:
         raise InputError(f"{sensor.name} has no markers; put marker_pitch_mm into its file if the gel has them")

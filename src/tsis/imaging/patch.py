@@ -26,6 +26,8 @@ NOISE_FACTOR = 6.0  # the blurred noise of a million pixels peaks near 5 standar
 GAUSSIAN_MAD = 1.4826  # standard deviation over median absolute deviation of Gaussian noise
 CLEAR_CHANGE = 0.1  # fraction of full scale; larger than any drift of the lamps
 QUANTISATION = 12.0**-0.5  # standard deviation of rounding to whole grey levels
+PROFILE_RINGS = 24
+OUTLINE_BLUR = 0.05  # of the patch's radius
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -130,13 +132,10 @@ def smoothed(grey: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def outline(smooth: NDArray[np.float64], mask: NDArray[np.bool], cut: float) -> NDArray[np.float64]:
-    """The longest closed boundary of a patch, (n, 2) points (x, y) in pixels.
-
-    It is the level line of the blurred signal at the cut; the mask's pixel edges are some per cent longer. The signal
-    is dark outside the image, so that the boundary of a cropped patch closes along the border.
-    """
+    """The longest closed boundary of a patch, (n, 2) points (x, y) in pixels, along the border where it is cropped."""
     if not mask.any():
         return np.empty((0, 2))
+    # The level line of the blurred signal at the cut: the mask's pixel edges are some per cent longer.
     peak = float(smooth[mask].max())
     field = np.minimum(smooth, cut - 1e-9 * (peak - cut))
     field[mask] = np.where(smooth[mask] > cut, smooth[mask], peak)
@@ -146,13 +145,10 @@ def outline(smooth: NDArray[np.float64], mask: NDArray[np.bool], cut: float) -> 
 
 
 def pixel_noise(grey: NDArray[np.float64]) -> float:
-    """Standard deviation of one pixel's noise, grey levels.
-
-    It comes from second differences along both axes, with weights (1 -2 1) x (1 -2 1) of norm 6. Slopes and smooth
-    patches do not contribute, so it needs no untouched area.
-    """
+    """Standard deviation of one pixel's noise, grey levels; needs no untouched area."""
     if min(grey.shape) < 3:
         return 0.0
+    # Second differences along both axes, of norm 6, to which slopes and smooth patches do not contribute.
     rows = grey[:-2] - 2.0 * grey[1:-1] + grey[2:]
     mixed = rows[:, :-2] - 2.0 * rows[:, 1:-1] + rows[:, 2:]
     return GAUSSIAN_MAD * float(np.median(np.abs(mixed))) / 6.0
@@ -193,10 +189,6 @@ def _strongest_part(smooth: NDArray[np.float64], cut: float) -> NDArray[np.bool]
     return filled
 
 
-PROFILE_RINGS = 24
-OUTLINE_BLUR = 0.05  # of the patch's radius
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Features:
     """Features of the contact in one image; zeros and None without contact.
@@ -210,7 +202,7 @@ class Features:
     contact
         False when no signal exceeds the noise.
     centroid_px, centroid_mm
-        Mean position (x, y) weighted by grey level, (6.7) and (6.8).
+        Mean position (x, y) weighted by grey level.
     peak
         Greatest grey level of the signal in the patch after a blur of one pixel.
     total
@@ -267,6 +259,9 @@ def features(
 ) -> Features:
     """Compute position, strength, size and shape of the contact in an image.
 
+    Raises `InputError` when ``image`` is no TactileImage, or ``invert`` lacks a reference; `ImageMismatchError` when
+    the reference's size, scale or full scale differ from the image's.
+
     Parameters
     ----------
     image
@@ -282,13 +277,6 @@ def features(
     -------
     Features
         Zeros and None, and ``contact`` False, when no signal exceeds the noise.
-
-    Raises
-    ------
-    InputError
-        When ``image`` is no TactileImage, or ``invert`` lacks a reference.
-    ImageMismatchError
-        When the reference's size, scale or full scale differ from the image's.
 
     Examples
     --------
@@ -308,6 +296,7 @@ def features(
     rows, columns = np.nonzero(patch.mask)
     grey = change.grey[rows, columns]
     weight = np.maximum(grey, 0.0)
+    # (6.7), (6.8)
     centroid = float(np.average(columns, weights=weight)), float(np.average(rows, weights=weight))
     beside = centroid[0] - image.axis()[0], centroid[1] - image.axis()[1]
     area_px = float(rows.size)

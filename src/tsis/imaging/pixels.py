@@ -1,6 +1,6 @@
 """Compiled loops over the pixels of a frame: one pass over memory where NumPy needs a dozen.
 
-Frames reduced to means over blocks, and blurred.
+Means over blocks and blurs of frames are products with sparse matrices.
 """
 
 from __future__ import annotations

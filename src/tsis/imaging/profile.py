@@ -67,6 +67,9 @@ def radial_profile(
     Pass the frame and the reference as the camera delivered them: a corrected frame does not show clipped pixels, which
     are left out and counted.
 
+    Raises `InputError` when the scale is unknown or the edges do not ascend; `ImageMismatchError` when the reference's
+    size, scale or full scale differ from the image's.
+
     Parameters
     ----------
     image
@@ -77,13 +80,6 @@ def radial_profile(
         Centre (x, y) of the rings in pixels; the image's ``axis_px`` when None.
     reference
         The untouched probe, subtracted pixel by pixel.
-
-    Raises
-    ------
-    InputError
-        When the scale is unknown or the edges do not ascend.
-    ImageMismatchError
-        When the reference's size, scale or full scale differ from the image's.
 
     Examples
     --------

@@ -1,14 +1,12 @@
-"""Expected light of a press on the sensor.
+"""Expected light of a press on the sensor, and what of it the frame does not show.
 
-Fraction of the light that leaves a pressed face: three models, so that the choice can be tested.
-
-Measurements support ``RoughContact``: light leaves where asperities touch, so it follows the pressure.
-``SmoothContact`` and ``CurvatureLoss`` are the alternatives.
+Three models of the light that leaves a pressed face stand side by side, so that the choice can be tested. Measurements
+support ``RoughContact``: light leaves where asperities touch, so it follows the pressure.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +14,7 @@ import scipy
 
 from tsis.errors import InputError
 from tsis.imaging.pixels import gaussian_blur, paint
+from tsis.imaging.sensor import Sensor
 from tsis.model.calibration import LightMap
 from tsis.model.press import PressMap, interpolation_matrix
 from tsis.model.require import require_number, require_one_of, require_type
@@ -24,16 +23,17 @@ from tsis.optics.angles import ERF_SLOPE, real_contact
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.imaging.sensor import Sensor
     from tsis.model.calibration import Calibration
     from tsis.model.press import PressField
+
+
+WIDEST_BLUR_MM = 10.0
+SURVEY = 1024  # pixels across a survey of the whole face
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RoughContact:
     """Light leaves through the real contact of asperities, which grows with the pressure: ``erf(0.886 p / p_sat)``.
-
-    This software uses it for the dissertation's unspecified function in (5.2).
 
     Examples
     --------
@@ -47,6 +47,7 @@ class RoughContact:
     ) -> NDArray[np.float64]:
         """Fraction of the light that leaves, in [0, 1], in the shape of the pressure; ``slope`` has no effect."""
         del slope
+        # For the unspecified function in the dissertation's (5.2).
         return real_contact(pressure_kpa, saturation_kpa)
 
 
@@ -138,9 +139,6 @@ def rough_contact_slope(pressure_kpa: NDArray[np.float64], calibration: Calibrat
     return np.asarray(calibration.gain_grey_per_kpa * np.exp(exponent) * (pressure_kpa >= 0), dtype=float)
 
 
-WIDEST_BLUR_MM = 10.0
-
-
 def contact_edges(field: PressField) -> list[tuple[float, int]]:
     """Radius in mm of every edge of the contact, each with 1 where the contact lies inside it and -1 outside."""
     radius, pressure = field.radius_mm, field.pressure_kpa
@@ -215,7 +213,6 @@ def render(
 
     Examples
     --------
-    >>> from tsis.imaging.sensor import Sensor
     >>> from tsis.model.calibration import Calibration
     >>> from tsis.model.press import PressField
     >>> radius = np.linspace(0.0, 12.0, 25)
@@ -297,7 +294,7 @@ def render_reference(
     contact_model: ContactModel | str = "rough",
     light: LightMap | None = None,
 ) -> NDArray[np.float64]:
-    """Readable reference of `tsis.imaging.rendering.render` for a round press; arguments are not checked."""
+    """Readable reference of `render` for a round press; arguments are not checked."""
     x, y = sensor.axes_mm()
     radius = sensor.radius_mm()
     outwards = np.gradient(field.face_displacement_mm, field.radius_mm)
@@ -328,3 +325,91 @@ def render_reference(
         else picture
     )
     return np.asarray(blurred * sensor.vignetting())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LostLight:
+    """Fractions, each in [0, 1], of a press that its frame does not show.
+
+    Attributes
+    ----------
+    force_outside
+        Fraction of the force beyond the field of view.
+    light_outside
+        Fraction of the light that leaves the face beyond the field of view; 0 without light.
+    pixels_clipped
+        Fraction of the frame's pixels that are expected above full scale.
+    light_clipped
+        Fraction of the light on the frame that is above full scale.
+    """
+
+    force_outside: float
+    light_outside: float
+    pixels_clipped: float
+    light_clipped: float
+
+
+def find_lost_light(
+    field: PressField | PressMap,
+    sensor: Sensor,
+    calibration: Calibration,
+    *,
+    blur_mm: float = 0.05,
+    contact_model: ContactModel | str = "rough",
+    light: LightMap | None = None,
+) -> LostLight:
+    """Compute the parts of a press that the field of view crops and full scale clips.
+
+    The arguments and errors are those of `render`.
+
+    Examples
+    --------
+    >>> from tsis.model.calibration import Calibration
+    >>> from tsis.model.press import PressField
+    >>> radius = np.linspace(0.0, 12.0, 25)
+    >>> flat, even = np.zeros(25), np.full(25, 2.0)
+    >>> press = PressField(
+    ...     radius_mm=radius, face_displacement_mm=flat, pressure_kpa=even, approach_mm=1.0, force_n=0.9
+    ... )
+    >>> calibration = Calibration(gain_grey_per_kpa=50.0, saturation_kpa=20.0)
+    >>> lost = find_lost_light(press, Sensor(rows=246), calibration)  # the middle 9.6 mm of a face of 24 mm
+    >>> round(lost.light_outside, 2), lost.pixels_clipped
+    (0.5, 0.0)
+    """
+    require_type("sensor", sensor, Sensor)
+    picture = render(field, sensor, calibration, blur_mm=blur_mm, contact_model=contact_model, light=light)
+    over = np.maximum(picture + sensor.background_grey - sensor.full_scale, 0.0)
+    survey = _survey(field, sensor)
+    inside = _overlap(survey, sensor)
+    everywhere = render(field, survey, calibration, blur_mm=0.0, contact_model=contact_model, light=light)
+    even = replace(calibration, gain_grey_per_kpa=1.0, saturation_kpa=1e6)  # light equal to the pressure
+    return LostLight(
+        force_outside=_outside(render(field, survey, even, blur_mm=0.0), inside),
+        light_outside=_outside(everywhere, inside),
+        pixels_clipped=float((over > 0).mean()),
+        light_clipped=float(over.sum() / max(picture.sum(), np.finfo(float).tiny)),
+    )
+
+
+def _survey(field: PressField | PressMap, sensor: Sensor) -> Sensor:
+    """A sensor without lens that covers the whole face and the whole field of view."""
+    frame = (sensor.columns * sensor.mm_per_pixel[0], sensor.rows * sensor.mm_per_pixel[1])
+    extent = np.abs([field.x_mm, field.y_mm]).max() if isinstance(field, PressMap) else field.radius_mm[-1]
+    x, y = (float(max(size, 2.02 * extent)) / SURVEY for size in frame)
+    return Sensor(columns=SURVEY, rows=SURVEY, mm_per_pixel=(x, y))
+
+
+def _overlap(survey: Sensor, sensor: Sensor) -> NDArray[np.float64]:
+    """Fraction of each of the survey's pixels in the field of view."""
+    sizes = zip((sensor.columns, sensor.rows), sensor.mm_per_pixel, survey.mm_per_pixel, strict=True)
+    half = [(count * size / 2, pixel) for count, size, pixel in sizes]
+    x, y = (
+        np.clip((edge - np.abs(centres)) / pixel + 0.5, 0.0, 1.0)
+        for centres, (edge, pixel) in zip(survey.axes_mm(), half, strict=True)
+    )
+    return np.asarray(y[:, None] * x[None, :])
+
+
+def _outside(light: NDArray[np.float64], inside: NDArray[np.float64]) -> float:
+    total = light.sum()
+    return float((light * (1 - inside)).sum() / total) if total > 0 else 0.0

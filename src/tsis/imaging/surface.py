@@ -42,12 +42,10 @@ class HeightSurface:
 def height_surface(image: TactileImage, *, max_points: int = 128, height_per_grey: float = 1.0) -> HeightSurface:
     """Convert a signal to a surface of at most ``max_points`` along either side.
 
-    Raises `InputError` when the scale is unknown or ``max_points`` lies outside its range.
+    Raises `InputError` when the image has no scale or ``max_points`` lies outside its range.
 
     Parameters
     ----------
-    image
-        A signal with ``mm_per_pixel``.
     max_points
         Greatest number of rows and of columns, in [2, 4096].
     height_per_grey

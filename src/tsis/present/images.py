@@ -9,7 +9,7 @@ import numpy as np
 
 from tsis.errors import TsisError
 from tsis.imaging import corrections, features
-from tsis.imaging.finding import ImageFinding, analyse_image
+from tsis.imaging.contact import ImageFinding, analyse_image
 from tsis.imaging.profile import radial_profile
 from tsis.imaging.surface import height_surface
 from tsis.present.document import features_document

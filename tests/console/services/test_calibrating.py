@@ -14,7 +14,7 @@ from tests.console.services.instruments import gauge as gauge_at
 from tests.waiting import HANGS_S, until
 
 from tsis.calibration.file import ProbeCalibration, calibration_sha256
-from tsis.calibration.frames import UsableCalibration, read_usable_calibration
+from tsis.calibration.frames import UsableCalibration, load_calibration
 from tsis.calibration.session import CalibrationFrame, SessionFolder, SessionSetup
 from tsis.catalog.probes import load_probe
 from tsis.console.services import calibrating as session_module
@@ -213,7 +213,7 @@ def test_a_session_ends_in_an_active_calibration_under_which_estimates_are_right
         job = session.make(days=30)
         assert job.wait(HANGS_S)
         assert job.state().status == "done", job.state().sentence
-        used = read_usable_calibration(job.result.file)
+        used = load_calibration(job.result.file)
         assert len(drawings(calibration_page(job.result.measured, job.result.findings, provenance={}))) == 3
         instrument.use_calibration(used, by=ANN)
         assert instrument.state().calibration_identity == used.identity

@@ -9,7 +9,7 @@ from tests.records.importing.snapshot_folder import save
 from tests.records.sample import sample_calibration
 
 from tsis.calibration.file import calibration_sha256, write_calibration
-from tsis.calibration.frames import read_usable_calibration
+from tsis.calibration.frames import load_calibration
 from tsis.errors import FileInputError
 from tsis.records.importing import import_batches, save_snapshot_to_store
 from tsis.records.sources import ImportOptions, find_import_batches
@@ -36,7 +36,7 @@ def test_it_is_kept_as_an_import_brings_it(tmp_path: Path) -> None:
 def test_the_calibration_tells_the_probe_and_is_kept_with_it(tmp_path: Path) -> None:
     known = sample_calibration()
     write_calibration(known, tmp_path / "calibration.json")
-    with_it = read_usable_calibration(tmp_path / "calibration.json")
+    with_it = load_calibration(tmp_path / "calibration.json")
     saved = save(tmp_path / "camera", 1, calibration=with_it.citation())
     with open_store(tmp_path / "records") as store:
         said = save_snapshot_to_store(store, saved.sidecar, role="target", probe="tsis-domed", calibration=with_it)

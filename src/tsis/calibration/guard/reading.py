@@ -1,6 +1,4 @@
-"""Values of one frame that the guard compares with its limits.
-
-Guard references, and frames in blocks: means over squares of pixels, and their positions on the face.
+"""What the guard reads of one frame against its reference, in blocks: means over squares of pixels.
 
 Contact, tilt and stray light vary slowly, so blocks show them as well as pixels, with less noise and in a tenth of the
 time. Clipping and the reference patch are read pixel by pixel.
@@ -31,6 +29,13 @@ if TYPE_CHECKING:
 BLOCKS = 192  # blocks along the longer side: a contact of a tenth of the frame is still twenty blocks wide
 RIM = 1.03  # of the face's radius: the lens shows no light of the contact beyond it
 FEWEST = 20  # blocks of a quadrant that give its level
+COARSE = 4  # blocks along the side of a cell in the search for the darkest part
+LOWEST = 0.05  # fraction of the frame whose median starts the search
+LEAST_FRACTION = 0.1  # of the frame: a smaller dark part may be the foot of a contact that fills the frame
+FOOT = 0.05  # of the peak: lower limit of the contact's light
+BORDER_STEPS = 6  # of a bisection: to a sixtieth of the peak
+MOST = 0.5  # of the frame's pixels: when more of them clip, the frame is saturated
+LEAST_AREA = 9  # blocks: a smaller contact has no moments
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,6 +101,9 @@ class FrameShape:
 class GuardReference:
     """Frames and values that a press is compared with. Each part is optional and enables more flags.
 
+    Raises `InputError` when a part lacks its companion or has the wrong type; `ImageMismatchError` when the frames
+    differ in size, scale or full scale.
+
     Parameters
     ----------
     untouched
@@ -112,13 +120,6 @@ class GuardReference:
         Camera level without light, grey levels; None when it was not measured.
     invert
         True for probes whose light falls where they are pressed; needs ``untouched``.
-
-    Raises
-    ------
-    InputError
-        When a part lacks its companion or has the wrong type.
-    ImageMismatchError
-        When the frames differ in size, scale or full scale.
     """
 
     untouched: TactileImage | None = None
@@ -179,11 +180,6 @@ class Prepared:
             )
 
 
-COARSE = 4  # blocks along the side of a cell in the search for the darkest part
-LOWEST = 0.05  # fraction of the frame whose median starts the search
-LEAST_FRACTION = 0.1  # of the frame: a smaller dark part may be the foot of a contact that fills the frame
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OutsideLevel:
     """Levels outside the contact; None without an untouched frame or part.
@@ -197,7 +193,7 @@ class OutsideLevel:
     mean_grey: float | None = None  # of the frame itself there
 
 
-def level_outside(grey: NDArray[np.float64], change: NDArray[np.float64], prepared: Prepared) -> OutsideLevel:
+def _level_outside(grey: NDArray[np.float64], change: NDArray[np.float64], prepared: Prepared) -> OutsideLevel:
     """Level beyond the face's rim where that is known, else in the darkest part of the change."""
     if prepared.beyond_rim:
         parts, level = prepared.beyond_rim, None
@@ -229,12 +225,6 @@ def darkest(change: NDArray[np.float64]) -> tuple[float, NDArray[np.bool] | None
     return lowest, level[np.ix_(*nearest)]
 
 
-FOOT = 0.05  # of the peak: lower limit of the contact's light
-BORDER_STEPS = 6  # of a bisection: to a sixtieth of the peak
-MOST = 0.5  # of the frame's pixels: when more of them clip, the frame is saturated
-LEAST_AREA = 9  # blocks: a smaller contact has no moments
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GuardReading:
     """Values of one frame; None when an input is missing."""
@@ -259,7 +249,7 @@ def read_guard_frame(pixels: NDArray[Any], prepared: Prepared, *, force_n: float
     grey = shape.means(pixels)
     untouched = prepared.untouched
     change = grey if untouched is None else prepared.sign * (grey - untouched)
-    outside = level_outside(grey, change, prepared)
+    outside = _level_outside(grey, change, prepared)
     background = outside.level
     smooth = smoothed(change) - background
     row, column = np.unravel_index(int(np.argmax(smooth)), smooth.shape)
@@ -326,10 +316,8 @@ def _around(position: tuple[int, int], above: NDArray[np.bool]) -> NDArray[np.bo
 
 
 def _brightest_at_border(smooth: NDArray[np.float64], position: tuple[int, int]) -> float:
-    """Highest level at which the part around the peak touches the frame's border.
-
-    The brightest light on the border would be wrong: the rim of a face wider than the frame shines there.
-    """
+    """Highest level at which the part around the peak touches the frame's border."""
+    # The brightest light on the border would be wrong: the rim of a face wider than the frame shines there.
     low, high = 0.0, float(smooth[position])
     for _ in range(BORDER_STEPS):
         middle = (low + high) / 2
@@ -342,10 +330,8 @@ def _brightest_at_border(smooth: NDArray[np.float64], position: tuple[int, int])
 def _moments(
     smooth: NDArray[np.float64], mask: NDArray[np.bool], prepared: Prepared
 ) -> tuple[tuple[float, float], float]:
-    """Gradient of the brightness against that of a level press, and distance from the axis over the radius.
-
-    Light ``b(r) (1 + g x / R)`` around the mask's centre has ``<x> = g <x²> / R``, whatever its profile b.
-    """
+    """Gradient of the brightness against that of a level press, and distance from the axis over the radius."""
+    # Light b(r) (1 + g x / R) around the mask's centre has <x> = g <x²> / R, whatever its profile b.
     x, y = prepared.positions
     area, light = mask.astype(np.float64), np.where(mask, smooth, 0.0)
     pixels, total = area.sum(), light.sum()

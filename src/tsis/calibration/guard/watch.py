@@ -1,7 +1,4 @@
-"""The press guard of a live stream: flags with hysteresis, the histories that they need, and flicker of room lamps.
-
-Guard flags of one frame; `tsis.calibration.guard.watch.PressWatch` checks a live stream.
-"""
+"""The press guard: flags of one frame, and of a live stream with hysteresis, histories and flicker of room lamps."""
 
 from __future__ import annotations
 
@@ -37,6 +34,7 @@ FEWEST = 16
 LEAST_PERIODS = 1.5  # of the alias in the series: a slower oscillation looks like a trend
 CONFUSED = 2.0  # variance of the amplitude over that of even sampling; beyond, stalled frames alias trends
 SIGNIFICANT = 5.0  # standard deviations of the amplitude; the series is tested at every frame
+LEAST_NOISY = 0.01  # of the pixels: stuck ones of a black picture are fewer
 
 
 def flicker_amplitude(time_s: Sequence[float], level: Sequence[float]) -> float | None:
@@ -56,8 +54,8 @@ def flicker_amplitude(time_s: Sequence[float], level: Sequence[float]) -> float 
         return None
     time = np.asarray(time_s) - time_s[0]
     values = np.asarray(level, dtype=float)
-    amplitudes = [item for item in (_amplitude(time, values, hertz) for hertz in LAMPS_HZ) if item is not None]
-    return max(amplitudes) if amplitudes else None
+    amplitudes = [_amplitude(time, values, hertz) for hertz in LAMPS_HZ]
+    return max((amplitude for amplitude in amplitudes if amplitude is not None), default=None)
 
 
 def _amplitude(time: NDArray[np.float64], values: NDArray[np.float64], hertz: float) -> float | None:
@@ -81,37 +79,20 @@ def _amplitude(time: NDArray[np.float64], values: NDArray[np.float64], hertz: fl
     return amplitude if amplitude > SIGNIFICANT * np.sqrt(variance) else 0.0
 
 
-LEAST_NOISY = 0.01  # of the pixels: stuck ones of a black picture are fewer
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RepeatedFrames:
-    """Number of identical pictures in a row.
-
-    Sensor noise never repeats; pictures that clip almost everywhere are identical without a fault: each counts as the
-    first.
-    """
+class _RepeatedFrames:
+    """Number of identical pictures in a row; sensor noise never repeats."""
 
     checksum: int | None = None  # of the newest picture's pixels; None before the first
     count: int = 0  # of identical frames up to the newest
 
-    def with_picture(self, pixels: NDArray[Any]) -> RepeatedFrames:
-        """The count after one more picture.
-
-        Examples
-        --------
-        >>> still = RepeatedFrames()
-        >>> grey, black = np.arange(9.0).reshape(3, 3), np.zeros((3, 3))
-        >>> for picture in (grey, grey, grey):
-        ...     still = still.with_picture(picture)
-        >>> still.count, still.with_picture(black).with_picture(black).count
-        (3, 1)
-        """
+    def with_picture(self, pixels: NDArray[Any]) -> _RepeatedFrames:
+        """The count after one more picture."""
         checksum = zlib.crc32(np.ascontiguousarray(pixels).data)
         again = checksum == self.checksum
         if again:  # and enough pixels lie between the picture's extremes to show noise
             again = bool(((pixels > pixels.min()) & (pixels < pixels.max())).mean() > LEAST_NOISY)
-        return RepeatedFrames(checksum=checksum, count=self.count + 1 if again else 1)
+        return _RepeatedFrames(checksum=checksum, count=self.count + 1 if again else 1)
 
 
 STEP = 0.05  # a larger relative change between neighbouring bins is another press, not settling
@@ -202,7 +183,7 @@ class WatchState:
     raised: frozenset[str] = frozenset()
     history: PressHistory = field(default_factory=PressHistory)
     outside: tuple[tuple[float, float], ...] = ()
-    stillness: RepeatedFrames = field(default_factory=RepeatedFrames)
+    stillness: _RepeatedFrames = field(default_factory=_RepeatedFrames)
     reading: GuardReading | None = None
     settling: Settling | None = None
 
@@ -212,6 +193,9 @@ class PressWatch:
 
     A flag is raised when its value passes the limit, and cleared when the value is back below ``release`` times the
     limit. The hysteresis prevents flags from flickering at a limit.
+
+    Raises `InputError` when an argument has the wrong type; `ImageMismatchError` when the reference is of another size
+    or depth than the frames.
 
     Parameters
     ----------
@@ -223,13 +207,6 @@ class PressWatch:
         The thresholds.
     longest_s
         Longest assumed time constant of the tissue, s: see `tsis.calibration.settling.assess_settling`.
-
-    Raises
-    ------
-    InputError
-        When an argument has the wrong type.
-    ImageMismatchError
-        When the reference is of another size or depth than the frames.
 
     Examples
     --------
@@ -263,6 +240,9 @@ class PressWatch:
     ) -> tuple[tuple[GuardFlag, ...], WatchState]:
         """Check the next frame.
 
+        Raises `ImageMismatchError` when the frame is of another size or depth; `InputError` when the force lies outside
+        [0, 1000] N.
+
         Parameters
         ----------
         state
@@ -279,13 +259,6 @@ class PressWatch:
             Raised flags.
         WatchState
             For the next step.
-
-        Raises
-        ------
-        ImageMismatchError
-            When the frame is of another size or depth.
-        InputError
-            When the force lies outside [0, 1000] N.
         """
         self._prepared.check_fits(frame.pixels, frame.full_scale)
         if force_n is not None:
@@ -341,6 +314,9 @@ def check_press(
 ) -> tuple[GuardFlag, ...]:
     """Flags of a press that should not be used as it is.
 
+    Raises `InputError` when an argument has the wrong type or is out of range; `ImageMismatchError` when the reference
+    is of another size, scale or full scale.
+
     Parameters
     ----------
     image
@@ -360,13 +336,6 @@ def check_press(
     -------
     tuple of GuardFlag
         Raised flags, in the order in which they are best corrected; empty for a usable press.
-
-    Raises
-    ------
-    InputError
-        When an argument has the wrong type or is out of range.
-    ImageMismatchError
-        When the reference is of another size, scale or full scale.
 
     Examples
     --------

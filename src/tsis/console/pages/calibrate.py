@@ -12,7 +12,7 @@ from nicegui import run, ui
 from tsis.__about__ import LARGEST_SEED, VALID_DAYS
 from tsis.calibration.file import read_calibration
 from tsis.calibration.force_line import TIPS_MM
-from tsis.calibration.frames import read_usable_calibration
+from tsis.calibration.frames import load_calibration
 from tsis.calibration.session import SessionSetup
 from tsis.catalog.probes import list_probes
 from tsis.console import widgets
@@ -222,7 +222,7 @@ class CalibrationResultPanel:
         if result is not None:
             await self._show_result(result)
         elif file is not None:
-            given = await self._viewer.attempt(read_usable_calibration, file)
+            given = await self._viewer.attempt(load_calibration, file)
             if given is not None:
                 self.identity = given.identity
                 with self._panel.element:
@@ -318,7 +318,7 @@ class MakePanel:
 
     async def _activate(self) -> None:
         def activated() -> str:
-            usable = read_usable_calibration(self._file())
+            usable = load_calibration(self._file())
             self._instrument.use_calibration(usable, by=self._viewer.identity)
             return usable.calibration.name
 

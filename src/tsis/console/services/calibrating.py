@@ -163,7 +163,7 @@ class CalibrationSession:
 
     def __init__(self, folder: SessionFolder, *, rig: CalibrationRig, control: ControlLock, jobs: Jobs) -> None:
         self.folder, self.rig = folder, rig
-        self.terms: SessionSetup = folder.terms()
+        self.terms: SessionSetup = folder.setup()
         self._control, self._jobs = control, jobs
         self._plan = folder.plan()
         self._lock = threading.RLock()
@@ -472,7 +472,7 @@ class CalibrationSessions:
             del self._sessions[name]
 
     def _rig(self, folder: SessionFolder) -> CalibrationRig:
-        terms = folder.terms()
+        terms = folder.setup()
         seed = bench_seed(terms.camera)
         if seed is None:
             return CameraRig(terms, self._camera, self._gauge)
@@ -505,7 +505,7 @@ def folder_name(title: str) -> str:
 
 def _summary(folder: SessionFolder) -> SessionSummary:
     try:
-        terms, plan = folder.terms(), folder.plan()
+        terms, plan = folder.setup(), folder.plan()
     except TsisError as error:
         return SessionSummary(name=folder.path.name, trouble=str(error))
     return SessionSummary(

@@ -23,7 +23,7 @@ from tsis.files.json_values import from_json_value, to_json_value
 from tsis.files.reading import file_error, printable_name, printable_path
 from tsis.files.result_folder import free_folder
 from tsis.imaging.colour import colour_map
-from tsis.imaging.finding import analyse_image
+from tsis.imaging.contact import analyse_image
 from tsis.instrument.discovery import connect
 from tsis.instrument.drivers.files import IMAGE_ENDINGS, VIDEO_ENDINGS
 from tsis.instrument.recording import FrameFolder, FurtherColumns, record
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from tsis.console.services.choice import VirtualSubject
     from tsis.console.services.jobs import Job, Jobs, JobState
     from tsis.console.services.state import CameraState
-    from tsis.imaging.finding import ImageFinding
+    from tsis.imaging.contact import ImageFinding
     from tsis.instrument.acquisition import Acquisition, ReceivedFrame
     from tsis.instrument.force_log import ForceLog
     from tsis.instrument.snapshot import Snapshot

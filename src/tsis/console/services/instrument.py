@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.__about__ import LARGEST_TARGET
-from tsis.calibration.frames import read_usable_calibration
+from tsis.calibration.frames import load_calibration
 from tsis.catalog.phantoms import load_phantom
 from tsis.catalog.probes import load_probe
 from tsis.console.services.calibrating import CalibrationSessions
@@ -212,7 +212,7 @@ class Instrument:
 
     def __init__(self, terms: InstrumentSettings, *, connect_to: Callable[[str], Camera] = connect) -> None:
         # What can fail comes first, so that nothing is left running then.
-        given = None if terms.calibration is None else read_usable_calibration(terms.calibration)
+        given = None if terms.calibration is None else load_calibration(terms.calibration)
         self.store: Store = open_store(terms.store, kind=terms.kind, database=terms.database)
         if not self.store.database.read_only:
             self.store.erase_expired()

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from tsis.calibration.file import calibration_bytes
-from tsis.calibration.frames import UsableCalibration, apply_calibration, read_usable_calibration
+from tsis.calibration.frames import UsableCalibration, apply_calibration, load_calibration
 from tsis.catalog.probes import load_probe
 from tsis.errors import InputError, TsisError
 from tsis.files.atomic import write_durably
@@ -103,7 +103,7 @@ class CalibrationMemory:
         if not file.exists():
             return None, ""
         try:
-            given = read_usable_calibration(file)
+            given = load_calibration(file)
         except TsisError as error:
             return None, f"The calibration of the last session was not activated: {error}."
         return given, f"Calibration {given.calibration.name!r} of the last session is active again."
