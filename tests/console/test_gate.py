@@ -42,7 +42,11 @@ Route = tuple[str, str]
 def routes(tmp_path_factory: pytest.TempPathFactory) -> list[Route]:
     """Address and method of each route, as the application itself lists them."""
     reported = subprocess.run(
-        [sys.executable, "-P", str(WALK)], capture_output=True, text=True, cwd=tmp_path_factory.mktemp("walk"), check=True
+        [sys.executable, "-P", str(WALK)],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path_factory.mktemp("walk"),
+        check=True,
     )
     result = [(path, method) for path, method in json.loads(reported.stdout)]
     paths = {path for path, _ in result}

@@ -53,9 +53,9 @@ def target_of(store: Store, text: str) -> Target:
 
 def press_of(store: Store, target: str, press: str) -> StoredPress:
     """The press whose identity stands in an address; `AbsentError` when there is none."""
-    result = target_of(store, target)
+    owner = target_of(store, target)
     with absent_if_unknown():
-        return store.press(result, press)
+        return store.press(owner, press)
 
 
 def form_of(name: str, text: str, forms: Collection[str]) -> str:
@@ -86,9 +86,9 @@ def thumbnail_png(levels: NDArray[Any], *, full_scale: float, size: int, name: s
     require_integer("size", size, SMALLEST_PX, LARGEST_PX, hint="pixels of the longer side")
     require_one_of("colour map", name, MAPS)
     grey = levels.astype(np.float64)
-    fraction = size / max(grey.shape)
-    if fraction < 1.0:
-        rows, columns = (max(1, round(side * fraction)) for side in grey.shape)
+    shrinking = size / max(grey.shape)
+    if shrinking < 1.0:
+        rows, columns = (max(1, round(side * shrinking)) for side in grey.shape)
         grey = block_means(grey, (rows, columns))
     if name == GREY:
         return encode_picture(np.rint(np.clip(grey / full_scale, 0.0, 1.0) * 255.0).astype(np.uint8))
@@ -164,15 +164,15 @@ def files_router(
     @router.get("/report/{target}.{form}")
     @_errors_as_text
     def report(target: str, form: str) -> Response:
-        given = form_of("form of report", form, PAGE_FORMS)
-        return _Sent(write_export(store, target_of(store, target), given, reports=reports), shown=given == "html")
+        kind = form_of("form of report", form, PAGE_FORMS)
+        return _Sent(write_export(store, target_of(store, target), kind, reports=reports), shown=kind == "html")
 
     @router.get("/export/{target}/{form}")
     @_errors_as_text
     def export(target: str, form: str, identified: bool = False) -> Response:
-        given = form_of("form of export", form, ENDINGS)
-        result = target_of(store, target)
-        return _Sent(write_export(store, result, given, identified=identified, reports=reports), shown=False)
+        kind = form_of("form of export", form, ENDINGS)
+        owner = target_of(store, target)
+        return _Sent(write_export(store, owner, kind, identified=identified, reports=reports), shown=False)
 
     @router.get("/sequence/{target}/{name}.zip")
     @_errors_as_text
@@ -199,11 +199,11 @@ def files_router(
     @router.get("/study/{name}/report.{form}")
     @_errors_as_text
     def study_report(name: str, form: str) -> Response:
-        given = form_of("form of report", form, FORMS)
-        content = report_bytes(studies.study(name), given)
-        kind = "inline" if given == "html" else "attachment"
-        headers = {"cache-control": NO_CACHE, "content-disposition": f'{kind}; filename="study-{name}.{given}"'}
-        return Response(content, media_type=MEDIA_TYPES[f".{given}"], headers=headers)
+        form_name = form_of("form of report", form, FORMS)
+        content = report_bytes(studies.study(name), form_name)
+        kind = "inline" if form_name == "html" else "attachment"
+        headers = {"cache-control": NO_CACHE, "content-disposition": f'{kind}; filename="study-{name}.{form_name}"'}
+        return Response(content, media_type=MEDIA_TYPES[f".{form_name}"], headers=headers)
 
     return router
 

@@ -59,14 +59,14 @@ def status_of(error: errors.TsisError) -> HTTPStatus:
 
 
 def _chain(error: BaseException) -> Iterator[BaseException]:
-    result: list[BaseException] = [error]
-    while result:
-        item = result.pop()
-        yield item
-        if (cause := item.__cause__ or item.__context__) is not None:
-            result.append(cause)
-        if isinstance(original := getattr(item, "orig", None), BaseException):  # of SQLAlchemy
-            result.append(original)
+    waiting: list[BaseException] = [error]
+    while waiting:
+        one = waiting.pop()
+        yield one
+        if (cause := one.__cause__ or one.__context__) is not None:
+            waiting.append(cause)
+        if isinstance(original := getattr(one, "orig", None), BaseException):  # of SQLAlchemy
+            waiting.append(original)
 
 
 def _is_full(error: BaseException) -> bool:

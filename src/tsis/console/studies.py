@@ -46,9 +46,9 @@ def report_bytes(study: Study, form: str) -> bytes:
     newest = _newest(study)
     if newest is None:
         raise AbsentError(f"study {study.plan.name} must be analysed before it has a report; it is not")
-    folder, reported = newest
+    folder, hashes = newest
     content = read_bytes(study.folder / folder / FORMS[form], most=LARGEST_BYTES)
-    if reported.get(FORMS[form]) != hashlib.sha256(content).hexdigest():
+    if hashes.get(FORMS[form]) != hashlib.sha256(content).hexdigest():
         raise RecordsError(
             f"{FORMS[form]} must be as it was written; it was changed (verify the study, and analyse it again)"
         )
@@ -90,12 +90,12 @@ class StudyRepository:
     def names(self) -> tuple[str, ...]:
         """Of the studies that are there, in the order of the alphabet."""
         try:
-            result = sorted(path.name for path in self._folder.iterdir() if (path / PLAN).is_file())
+            folders = sorted(path.name for path in self._folder.iterdir() if (path / PLAN).is_file())
         except FileNotFoundError:
             return ()
         except OSError as error:
             raise RecordsError(f"the folder of studies must be readable; got: {error.strerror or error}") from error
-        return tuple(name for name in result if NAME.fullmatch(name))
+        return tuple(name for name in folders if NAME.fullmatch(name))
 
     def path(self, name: str) -> Path:
         """Folder of the study of that name; `AbsentError` when there is none."""
@@ -133,10 +133,10 @@ class StudyRepository:
     def stamp(self, name: str) -> tuple[int, int]:
         """Another pair of numbers whenever the log of a study has changed; zeros where there is none."""
         try:
-            result = (self._folder / name / LOG_FILE).stat()
+            status = (self._folder / name / LOG_FILE).stat()
         except OSError:
             return 0, 0
-        return result.st_mtime_ns, result.st_size
+        return status.st_mtime_ns, status.st_size
 
     def stamps(self) -> tuple[tuple[str, tuple[int, int]], ...]:
         """The same of all studies, by their names."""

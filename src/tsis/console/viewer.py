@@ -112,11 +112,11 @@ class Tabs:
 
     def saved(self, identity: str, kind: type[Value]) -> Value:
         """The saved value of a tab of this kind; a new one at first."""
-        result = self._values.pop((identity, kind), None) or kind()
-        self._values[identity, kind] = result
+        value = self._values.pop((identity, kind), None) or kind()
+        self._values[identity, kind] = value
         if len(self._values) > MOST_VALUES:
             self._values.popitem(last=False)
-        return cast("Value", result)
+        return cast("Value", value)
 
 
 STATE_EVERY_S = 0.3  # between two readings
@@ -182,11 +182,11 @@ class Viewer:
         self, act: Callable[Arguments, Result], *given: Arguments.args, **named: Arguments.kwargs
     ) -> Result | None:
         """Run a slow call outside the event loop; show an error, and return None then."""
-        result: list[Result] = []
-        refusal = await self.refusal(lambda: result.append(act(*given, **named)))
+        results: list[Result] = []
+        refusal = await self.refusal(lambda: results.append(act(*given, **named)))
         if refusal is not None:
             self.complain(plain_message(refusal))
-        return result[0] if result else None
+        return results[0] if results else None
 
     async def refusal(self, act: Callable[[], object]) -> TsisError | None:
         """Run a slow call outside the event loop, and return its error, which a field shows itself; None without."""

@@ -156,8 +156,8 @@ async def submit(
 
     The field's label replaces the name of a parameter. The error goes when something else is typed.
     """
-    result: list[Result] = []
-    refusal = await viewer.refusal(lambda: result.append(act(*given)))
+    results: list[Result] = []
+    refusal = await viewer.refusal(lambda: results.append(act(*given)))
     about = refusal.name.removeprefix("each ") if isinstance(refusal, InputError) else ""
     name = next((name for name in fields if re.match(rf"{re.escape(name)}\b", about)), "")  # truth['depth_mm']
     if isinstance(refusal, InputError) and name:
@@ -166,7 +166,7 @@ async def submit(
         field.run_method("focus")
     elif refusal is not None:
         viewer.complain(plain_message(refusal))
-    return result[0] if result else None
+    return results[0] if results else None
 
 
 def label_of(field: Element) -> str:
@@ -566,9 +566,9 @@ async def is_confirmed(question: str, *, yes: str, why: str) -> bool:
             ui.element("div").classes("spring")
             button("Cancel", lambda: dialog.submit(False), look="flat")
             button(yes, lambda: dialog.submit(True), look="unelevated")
-    response = bool(await dialog)
+    confirmed = bool(await dialog)
     dialog.delete()
-    return response
+    return confirmed
 
 
 class Redrawn:

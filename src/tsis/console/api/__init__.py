@@ -40,8 +40,8 @@ class Calls:
             if self._application is None:
                 build = import_module(f"{__name__}.application").api_app
                 self._application = build(self._instrument, self._reports)
-            result: FastAPI = self._application
-        return result
+            built: FastAPI = self._application
+        return built
 
     @contextmanager
     def built_soon(self) -> Iterator[None]:

@@ -171,10 +171,10 @@ cameras_router = APIRouter(prefix="/cameras", tags=["camera"])
 @cameras_router.get("", operation_id="list_cameras")
 def list_cameras(instrument: TheInstrument) -> models.CamerasResponse:
     """List the cameras that the last search found; the virtual probe is always there."""
-    result = instrument.search.findings
-    if result is None:
+    findings = instrument.search.findings
+    if findings is None:
         return models.CamerasResponse(searched=False, found=(), missing={})
-    return models.CamerasResponse(searched=True, found=result.cameras, missing=dict(result.missing))
+    return models.CamerasResponse(searched=True, found=findings.cameras, missing=dict(findings.missing))
 
 
 @cameras_router.post("/search", operation_id="search_cameras", responses=OF_JOBS, status_code=202)
@@ -292,10 +292,10 @@ targets_router = APIRouter(prefix="/targets", tags=["records"])
 @targets_router.get("", operation_id="list_targets")
 def list_targets(instrument: TheInstrument, page: PageOfList) -> models.TargetsResponse:
     """List the targets of the store by number."""
-    result = instrument.store.targets()
-    part = result[page.offset : page.offset + page.limit]
+    summaries = instrument.store.targets()
+    part = summaries[page.offset : page.offset + page.limit]
     return models.TargetsResponse(
-        total=len(result),
+        total=len(summaries),
         offset=page.offset,
         targets=[models.TargetSummaryItem.model_validate(item) for item in part],
     )
@@ -434,10 +434,10 @@ def get_calibration(instrument: TheInstrument) -> CalibrationResponse:
 )
 def get_calibration_file(instrument: TheInstrument) -> Response:
     """Send the active calibration as its file, which `PUT /v1/calibration` accepts."""
-    given = instrument.calibration
-    if given is None:
+    usable = instrument.calibration
+    if usable is None:
         raise AbsentError("a calibration must be active to be sent; there is none")
-    return Response(calibration_bytes(given.calibration), media_type="application/json")
+    return Response(calibration_bytes(usable.calibration), media_type="application/json")
 
 
 @calibration_router.put(
@@ -486,9 +486,13 @@ def _active(instrument: Instrument) -> CalibrationResponse:
     active = instrument.calibration
     if active is None:
         return CalibrationResponse(calibration=None)
-    given = active.calibration
+    calibration = active.calibration
     item = CalibrationItem(
-        name=given.name, probe=given.probe, sha256=active.identity, made=given.made, expires=given.expires
+        name=calibration.name,
+        probe=calibration.probe,
+        sha256=active.identity,
+        made=calibration.made,
+        expires=calibration.expires,
     )
     return CalibrationResponse(calibration=item)
 

@@ -119,10 +119,10 @@ def analysis_text(state: InstrumentState) -> str:
     """The newest frame as text, for screen readers."""
     if not state.camera.running or state.frame_analysis is None:
         return "no frames"
-    observed = state.frame_analysis.contact
-    if observed is None:
+    contact = state.frame_analysis.contact
+    if contact is None:
         return "nothing is pressed"
-    return "contact around column {:.0f}, row {:.0f}".format(*observed.centroid_px)
+    return "contact around column {:.0f}, row {:.0f}".format(*contact.centroid_px)
 
 
 def histogram_text(state: InstrumentState) -> str:

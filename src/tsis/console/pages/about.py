@@ -41,12 +41,12 @@ SHORT = 16  # digits of a SHA-256 that tell one calibration from another on a pa
 
 def version_facts() -> Facts:
     """Of this program, of what it runs on, and of the libraries that it rests on."""
-    result = environment()
-    libraries = {**result["libraries"], **{name: metadata.version(name) for name in ALSO}}
+    versions = environment()
+    libraries = {**versions["libraries"], **{name: metadata.version(name) for name in ALSO}}
     return (
-        ("tsis", result["tsis"]),
-        ("Code", f"SHA-256 {result['code_sha256'][:SHORT]}…"),
-        ("Python", f"{result['python']} on {result['machine']}"),
+        ("tsis", versions["tsis"]),
+        ("Code", f"SHA-256 {versions['code_sha256'][:SHORT]}…"),
+        ("Python", f"{versions['python']} on {versions['machine']}"),
         *libraries.items(),
     )
 
@@ -57,16 +57,19 @@ def calibration_facts(state: InstrumentState, cited: UsableCalibration | None) -
         return (("Active", "the virtual probe's own, once it runs"),)
     if cited is None:
         return (("Active", "none; lengths are in pixels, and nothing can be estimated"),)
-    given = cited.calibration
+    calibration = cited.calibration
     dates: Facts = (("Made", "with the virtual probe; it does not expire"),)
-    if given.made is not None and given.expires is not None:
-        dates = (("Made", widgets.time_label(given.made)), ("Good until", widgets.time_label(given.expires)))
+    if calibration.made is not None and calibration.expires is not None:
+        dates = (
+            ("Made", widgets.time_label(calibration.made)),
+            ("Good until", widgets.time_label(calibration.expires)),
+        )
     return (
-        ("Active", given.name),
+        ("Active", calibration.name),
         ("Identity", f"SHA-256 {cited.identity[:SHORT]}…"),
         *dates,
-        ("Probe", given.probe or "not stated"),
-        ("Camera", given.camera or "any; not stated"),
+        ("Probe", calibration.probe or "not stated"),
+        ("Camera", calibration.camera or "any; not stated"),
     )
 
 

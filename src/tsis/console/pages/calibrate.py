@@ -454,17 +454,17 @@ def status_text(state: StepState) -> str:
 
 async def session_page(instrument: Instrument, viewer: Viewer, name: str) -> None:
     """Build the page of the session of that name."""
-    position = ui.element("div").classes("stack")
+    place = ui.element("div").classes("stack")
     try:
         session: CalibrationSession | None = await run.io_bound(instrument.calibrating.open, name)
     except TsisError as error:
-        with position, ui.element("section").classes("panel"):
+        with place, ui.element("section").classes("panel"):
             ui.label(str(error)).classes("doubtful")
             ui.link("All sessions", "/calibrate")
         return
     if session is None:  # the console is shutting down
         return
-    with position:
+    with place:
         _Guide(instrument, viewer, session)
 
 
@@ -662,9 +662,9 @@ def typed_patch(text: str) -> tuple[int, int, int, int] | None:
     """
     if not text.strip():
         return None
-    result = widgets.typed_numbers("lamps seen past the probe", text)
-    if len(result) != SIDES:
+    sides = widgets.typed_numbers("lamps seen past the probe", text)
+    if len(sides) != SIDES:
         requirement = "must be left, top, right, bottom in pixels"
         raise InputError(name="lamps seen past the probe", requirement=requirement, value=f"{text!r:.60}")
-    left, top, right, bottom = (require_integer("lamps seen past the probe", side, 0, 100_000) for side in result)
+    left, top, right, bottom = (require_integer("lamps seen past the probe", side, 0, 100_000) for side in sides)
     return left, top, right, bottom

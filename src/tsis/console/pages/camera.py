@@ -62,8 +62,8 @@ class CalibrationPanel:
         """Show which it is."""
         own = state.camera.choice.is_virtual
         self._name.text = state.calibration or ("the virtual probe's own, once it runs" if own else "none")
-        given = state.active
-        self._identity.text = "" if given is None and own else calibration_text(given)
+        active = state.active
+        self._identity.text = "" if active is None and own else calibration_text(active)
         self._none.text = "Use the virtual probe's own" if own else "Deactivate"
 
     async def _uploaded(self, event: UploadEventArguments) -> None:

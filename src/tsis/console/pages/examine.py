@@ -491,8 +491,8 @@ def job_text(job: JobState | None) -> str:
     if job is None:
         return ""
     if job.running:
-        fraction = f", {job.done} of {job.total} steps" if job.total else ""
-        return f"Estimating{fraction}; the mechanics of a probe are solved once and cached."
+        progress = f", {job.done} of {job.total} steps" if job.total else ""
+        return f"Estimating{progress}; the mechanics of a probe are solved once and cached."
     return job.sentence if job.status == FAILED else ""
 
 
@@ -527,10 +527,10 @@ class FlagList:
 
     def show(self, state: InstrumentState) -> None:
         """Show the flags of the newest analysis; an unchanged list stays, so that screen readers do not repeat it."""
-        result = flags(present(state))
-        if self._list.changes_to(result):
+        named = flags(present(state))
+        if self._list.changes_to(named):
             with self._list.element:
-                for name, advice in result:
+                for name, advice in named:
                     with ui.element("li"):
                         ui.label(name).classes("flag" if advice else "good")
                         widgets.muted(advice)
@@ -831,6 +831,6 @@ def sequence_text(sequence: JobState | None) -> str:
     if sequence is None:
         return ""
     if sequence.running:
-        fraction = f": {sequence.fraction:.0%}" if sequence.total else ""
-        return f"Recording {sequence.title}" + fraction
+        progress = f": {sequence.fraction:.0%}" if sequence.total else ""
+        return f"Recording {sequence.title}" + progress
     return f"{sequence.title.capitalize()}: {sequence.sentence}"

@@ -166,7 +166,7 @@ def job_time(state: JobState) -> str:
     Examples
     --------
     >>> from datetime import UTC, datetime
-    >>> from tsis.console.services import JobState
+    >>> from tsis.console.services.jobs import JobState
     >>> began, over = datetime(2026, 3, 1, 9, 5, tzinfo=UTC), datetime(2026, 3, 1, 9, 6, 30, tzinfo=UTC)
     >>> job_time(JobState(identity="a", title="estimate", status="done", began=began, over=over))
     'began 09:05 UTC, took 90 s'
@@ -197,8 +197,8 @@ def job_address(title: str) -> str:
 def _summary(running: list[JobState]) -> str:
     if not running:
         return "Jobs"
-    fraction = _progress(running[-1]) if len(running) == 1 else ""
-    return f"Jobs: {fraction or len(running)}"
+    progress = _progress(running[-1]) if len(running) == 1 else ""
+    return f"Jobs: {progress or len(running)}"
 
 
 def _progress(state: JobState) -> str:

@@ -306,13 +306,13 @@ class Sheet:
 
 def sheet_of(targets: Sequence[TargetSummary], order: Order) -> Sheet:
     """The targets to show; a page beyond the last becomes the last."""
-    requested = order.search.strip().casefold()
-    results = [target for target in targets if _is_requested(target, requested, order.kind)]
-    results.sort(key=lambda item: item.target.number)
-    results.sort(key=KEYS[order.column], reverse=order.descending)  # stable: equal ones stay by number
-    sheet = min(order.sheet, max(1, -(-len(results) // order.rows)))
+    search = order.search.strip().casefold()
+    found = [target for target in targets if _is_requested(target, search, order.kind)]
+    found.sort(key=lambda item: item.target.number)
+    found.sort(key=KEYS[order.column], reverse=order.descending)  # stable: equal ones stay by number
+    sheet = min(order.sheet, max(1, -(-len(found) // order.rows)))
     begin = (sheet - 1) * order.rows
-    return Sheet(targets=tuple(results[begin : begin + order.rows]), sheet=sheet, total=len(results))
+    return Sheet(targets=tuple(found[begin : begin + order.rows]), sheet=sheet, total=len(found))
 
 
 def _is_requested(summary: TargetSummary, search: str, kind: str) -> bool:

@@ -182,9 +182,9 @@ class Outcome:
     def _head(self, view: StudyView) -> None:
         with widgets.title_row("Results of the study"):
             if view.reported:
-                position = f"/files/study/{self._page.name}/report"
-                ui.link("Report", f"{position}.html", new_tab=True).classes("link button")
-                ui.link("PDF", f"{position}.pdf").classes("link button").props("download")
+                url = f"/files/study/{self._page.name}/report"
+                ui.link("Report", f"{url}.html", new_tab=True).classes("link button")
+                ui.link("PDF", f"{url}.pdf").classes("link button").props("download")
             else:
                 widgets.muted("No report yet: Analyse again creates it.")
 

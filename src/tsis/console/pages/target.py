@@ -596,16 +596,16 @@ NONE_YET = "Nothing was estimated yet. Estimate needs presses that were taken un
 def estimates(view: TargetView) -> None:
     """Show the estimates in force, and what of the target is damaged."""
     widgets.panel_title("Current estimates", level=3)
-    result = newest_first(view.record)
-    if result:
+    current = newest_first(view.record)
+    if current:
         widgets.cards(target_cards(view.record))
     else:
         widgets.muted(NONE_YET)
     with widgets.message_list():
-        for stored in result:
+        for stored in current:
             for message in (*estimate_messages_of(stored), origin(stored)):
                 of_kind = f"Of the {stored.kind}: {message}"
-                widgets.list_message(of_kind if len(result) > 1 else message)
+                widgets.list_message(of_kind if len(current) > 1 else message)
             if stored.estimate.flags:
                 widgets.list_message(f"Flags: {', '.join(stored.estimate.flags)}", "doubtful")
         for message in view.record.damaged:
@@ -616,10 +616,10 @@ def estimates(view: TargetView) -> None:
 
 def history(view: TargetView) -> None:
     """Show all estimates."""
-    result = history_tables(view.record)
-    for item in result:
-        widgets.table(item)
-    if not result:
+    tables = history_tables(view.record)
+    for table in tables:
+        widgets.table(table)
+    if not tables:
         widgets.panel_title("History", level=3)
         widgets.muted("No estimate yet.")
 

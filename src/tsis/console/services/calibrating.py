@@ -280,10 +280,10 @@ class CalibrationSession:
 
         def work(job: Job) -> CalibrationResult:
             measured, findings = calibrate(self.folder, days=days, progress=job.advance)
-            given = self.rig.finished(measured)
-            file = save_calibration(self.folder, given)
+            usable = self.rig.finished(measured)
+            file = save_calibration(self.folder, usable)
             self.result = CalibrationResult(
-                measured=measured, findings=findings, identity=calibration_sha256(given), file=file
+                measured=measured, findings=findings, identity=calibration_sha256(usable), file=file
             )
             job.say(f"The calibration is in {file}")
             return self.result
@@ -309,16 +309,16 @@ class CalibrationSession:
 
     def _take(self, job: Job, steps: Sequence[CalibrationStep]) -> int:
         total = sum(self.rig.frames(step) for step in steps)
-        saved = 0
+        kept = 0
         for step in steps:
             self._taking = step.name
             try:
-                saved += self._save(step, self._reporting(job, step, saved, total))
+                kept += self._save(step, self._reporting(job, step, kept, total))
             except TsisError as error:
                 raise CalibrationError(f"step {step.name!r} is not saved, those before it are: {error}") from error
             self._left_out.discard(step.name)
-        job.say(f"{saved} frames saved")
-        return saved
+        job.say(f"{kept} frames saved")
+        return kept
 
     def _reporting(self, job: Job, step: CalibrationStep, before: int, total: int) -> Iterator[CalibrationFrame]:
         """The step's frames, with progress; a cancelled job saves nothing of the step."""
@@ -333,9 +333,9 @@ class CalibrationSession:
             yield shot
 
     def _save(self, step: CalibrationStep, shots: Iterable[CalibrationFrame]) -> int:
-        saved = self.folder.save(step, self._then_archive(shots))
+        kept = self.folder.save(step, self._then_archive(shots))
         self._typed.forget(step.name)
-        return saved
+        return kept
 
     def _then_archive(self, shots: Iterable[CalibrationFrame]) -> Iterator[CalibrationFrame]:
         """A step's frames; before the step counts as done, the calibration made from fewer frames is set aside."""
@@ -499,8 +499,8 @@ def folder_name(title: str) -> str:
     >>> folder_name("May, bench 2/left"), folder_name("../..")
     ('May-bench-2-left', 'session')
     """
-    saved = "".join(letter if letter.isascii() and (letter.isalnum() or letter in "._") else " " for letter in title)
-    return "-".join(saved.split()).strip("._-")[:LONGEST_FOLDER] or "session"
+    letters = "".join(letter if letter.isascii() and (letter.isalnum() or letter in "._") else " " for letter in title)
+    return "-".join(letters.split()).strip("._-")[:LONGEST_FOLDER] or "session"
 
 
 def _summary(folder: SessionFolder) -> SessionSummary:

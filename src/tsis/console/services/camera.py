@@ -100,33 +100,34 @@ class ActiveCalibrationCheck:
     def _reference(
         self, calibration: UsableCalibration | None, virtual_subject: VirtualSubject | None
     ) -> GuardReference:
-        saved = self._checked
-        if saved is None or saved[0] is not calibration or saved[1] is not virtual_subject:
+        checked = self._checked
+        if checked is None or checked[0] is not calibration or checked[1] is not virtual_subject:
             own = virtual_subject is not None and calibration is virtual_subject.calibration
             created = (
                 virtual_subject.guard_reference()
                 if virtual_subject is not None and own
                 else guard_reference(calibration)
             )
-            self._checked = saved = calibration, virtual_subject, created
-        return saved[2]
+            self._checked = checked = calibration, virtual_subject, created
+        return checked[2]
 
 
 def _require_fit(cited: UsableCalibration, camera_controller: CameraController) -> None:
     """Refuse, with `CalibrationError`, what is expired, or of another probe, camera, setting or size of frames."""
-    given, choice, acquisition = cited.calibration, camera_controller.choice, camera_controller.acquisition
-    seed = bench_seed(given.camera)
-    if seed is not None and not given.settings:
+    calibration, choice, acquisition = cited.calibration, camera_controller.choice, camera_controller.acquisition
+    seed = bench_seed(calibration.camera)
+    if seed is not None and not calibration.settings:
         raise CalibrationError(
-            f"calibration {given.name!r} is of the {given.camera}, an exercise: no page looks through its camera "
+            f"calibration {calibration.name!r} is of the {calibration.camera}, an exercise: no page looks "
+            "through its camera "
             "(begin a new calibration, which is one of the virtual probe)"
         )
     if seed is not None and (not choice.is_virtual or choice.is_sphere or choice.seed != seed):
         raise CalibrationError(
-            f"calibration {given.name!r} is of the virtual probe of seed {seed} on tissue; the camera is {_of(choice)} "
-            f"(choose that probe on the page Camera, or begin a calibration of this one)"
+            f"calibration {calibration.name!r} is of the virtual probe of seed {seed} on tissue; the camera is "
+            f"{_of(choice)} (choose that probe on the page Camera, or begin a calibration of this one)"
         )
-    given.require_usable(
+    calibration.require_usable(
         datetime.now(UTC),
         probe=choice.probe if choice.is_virtual else None,
         camera=acquisition.name if acquisition is not None and not choice.is_virtual else None,
@@ -136,15 +137,15 @@ def _require_fit(cited: UsableCalibration, camera_controller: CameraController) 
     if latest is None:
         return
     shape, full_scale = latest.frame.pixels.shape, latest.frame.full_scale
-    scale, reference = given.scale, given.reference
+    scale, reference = calibration.scale, calibration.reference
     if scale is not None and scale.shape != shape:
-        raise _other_frames(given.name, scale.shape, shape)
+        raise _other_frames(calibration.name, scale.shape, shape)
     if reference is not None and reference.untouched_grey.shape != shape:
-        raise _other_frames(given.name, reference.untouched_grey.shape, shape)
+        raise _other_frames(calibration.name, reference.untouched_grey.shape, shape)
     if reference is not None and reference.full_scale != full_scale:
         raise CalibrationError(
-            f"calibration {given.name!r} is of frames with full scale {reference.full_scale:g}; the camera's have "
-            f"{full_scale:g} (start the camera in the mode in which it was calibrated)"
+            f"calibration {calibration.name!r} is of frames with full scale {reference.full_scale:g}; the camera's "
+            f"have {full_scale:g} (start the camera in the mode in which it was calibrated)"
         )
 
 

@@ -225,8 +225,8 @@ class VirtualSubject:
         with self._lock:
             lies, pressed_n = self._lying(role), _pressed_n(role, force_n)
             try:
-                given = self._rig, lies, pressed_n
-                light, self._rig = light_of(*given) if self._solver is None else self._solver.call(light_of, *given)
+                press = self._rig, lies, pressed_n
+                light, self._rig = light_of(*press) if self._solver is None else self._solver.call(light_of, *press)
             except MechanicsError as error:
                 if error.largest_n is None:
                     raise

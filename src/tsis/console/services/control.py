@@ -135,7 +135,7 @@ class Commands:
 
     Examples
     --------
-    >>> from tsis.console.services import ControlLock
+    >>> from tsis.console.services.control import ControlLock
     >>> control = ControlLock()
     >>> control.take("tab 1", "Ann")
     >>> commands = Commands(control)

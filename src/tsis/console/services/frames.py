@@ -361,5 +361,5 @@ class Watcher:
     def _guard(self, frame: ReceivedFrame) -> tuple[PressWatch, NDArray[np.float64] | None]:
         reference, scale = self._reference()
         shape = FrameShape.of(frame.frame.tactile_image(mm_per_pixel=scale))
-        given = reference.untouched
-        return PressWatch(shape, reference=reference), None if given is None else reduced(given.grey)
+        untouched = reference.untouched
+        return PressWatch(shape, reference=reference), None if untouched is None else reduced(untouched.grey)

@@ -15,23 +15,26 @@ from tsis.catalog.probes import load_probe
 from tsis.console.services.calibrating import CalibrationSessions
 from tsis.console.services.camera import ActiveCalibrationCheck, CameraController, CameraSearch
 from tsis.console.services.captures import (
-    InstrumentMemory,
     PressToSave,
     SequenceRequest,
-    StoreCheck,
     begin_sequence,
     force_at,
     gauge_force,
-    interruption_message,
     save_press,
-    trouble_messages,
 )
 from tsis.console.services.choice import PLAIN
 from tsis.console.services.control import Commands, ControlLock
 from tsis.console.services.frames import GelAnalysis, Watcher
 from tsis.console.services.jobs import Jobs, estimate_title, tissue_title
-from tsis.console.services.memory import LIGHT_N, CalibrationMemory, TissueReadings, read_tissue
-from tsis.console.services.state import InstrumentState, camera_state
+from tsis.console.services.memory import (
+    LIGHT_N,
+    CalibrationMemory,
+    InstrumentMemory,
+    TissueReadings,
+    interruption_message,
+    read_tissue,
+)
+from tsis.console.services.state import InstrumentState, StoreCheck, camera_state, trouble_messages
 from tsis.errors import ControlError, InputError, RecordsError
 from tsis.imaging.colour import COLOUR_MAPS
 from tsis.inclusion import InclusionPrior, estimate
@@ -107,7 +110,7 @@ def estimate_target(
         if tissue is not None:
             options = {"prior": asdict(prior_on_tissue(InclusionPrior(), tissue.young_kpa))} | dict(options)
         options = {"strain": stated_strain(press.settings for press in chosen)} | dict(options)
-    response = estimate_stored(
+    estimated = estimate_stored(
         record,
         EstimationRequest(kind=kind, probe=probe, presses=chosen, calibration=calibration, options=options),
         progress=progress,
@@ -115,12 +118,12 @@ def estimate_target(
     progress(1, 1)
     return store.add_estimate(
         record.target,
-        response.estimate,
+        estimated.estimate,
         kind=kind,
         presses=chosen,
         probe=probe,
         calibration=record.calibrations[calibration],
-        options=response.options,
+        options=estimated.options,
         environment=environment(),
     )
 
@@ -212,7 +215,7 @@ class Instrument:
 
     def __init__(self, terms: InstrumentSettings, *, connect_to: Callable[[str], Camera] = connect) -> None:
         # What can fail comes first, so that nothing is left running then.
-        given = None if terms.calibration is None else load_calibration(terms.calibration)
+        usable = None if terms.calibration is None else load_calibration(terms.calibration)
         self.store: Store = open_store(terms.store, kind=terms.kind, database=terms.database)
         if not self.store.database.read_only:
             self.store.erase_expired()
@@ -224,7 +227,7 @@ class Instrument:
         self._commands, self.search = Commands(self.control), CameraSearch(self.jobs)
         choice, number = restored or (terms.choice, 1)
         self._calibrations = CalibrationMemory(terms.workspace / "active-calibrations")
-        given, brought_back = (given, "") if given else self._calibrations.of(choice)
+        usable, brought_back = (usable, "") if usable else self._calibrations.of(choice)
         self._notices: tuple[str, ...] = (interruption_message(self.jobs.history.interrupted, restored), brought_back)
         self.terms, self._target = terms, number
         self._gauge: ForceLog | None = None
@@ -232,7 +235,7 @@ class Instrument:
         self.camera_controller = CameraController(
             choice, changed=lambda: self._watcher.begin_anew(), connect_to=connect_to
         )
-        self._active = ActiveCalibrationCheck(self.camera_controller, given)
+        self._active = ActiveCalibrationCheck(self.camera_controller, usable)
         self.calibrating = CalibrationSessions(
             terms.workspace / "calibrations",
             control=self.control,

@@ -1,4 +1,4 @@
-"""What an instrument remembers: the tissue of each target, and the calibration of each camera."""
+"""What an instrument remembers: the tissue of targets, calibrations of cameras, and a run that was killed."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from tsis.calibration.file import calibration_bytes
 from tsis.calibration.frames import UsableCalibration, apply_calibration, load_calibration
 from tsis.catalog.probes import load_probe
+from tsis.console.services.choice import CameraChoice
 from tsis.errors import InputError, TsisError
 from tsis.files.atomic import write_durably
 from tsis.files.canonical_json import content_sha256
@@ -20,7 +21,7 @@ from tsis.inclusion.tissue import protocol_forces, tissue_modulus
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tsis.console.services.choice import CameraChoice
+    from tsis.console.services.jobs import JobState
     from tsis.records.values import TargetRecord
 
 
@@ -103,10 +104,10 @@ class CalibrationMemory:
         if not file.exists():
             return None, ""
         try:
-            given = load_calibration(file)
+            usable = load_calibration(file)
         except TsisError as error:
             return None, f"The calibration of the last session was not activated: {error}."
-        return given, f"Calibration {given.calibration.name!r} of the last session is active again."
+        return usable, f"Calibration {usable.calibration.name!r} of the last session is active again."
 
     def keep(self, choice: CameraChoice, given: UsableCalibration | None) -> None:
         """Keep the one that was activated, or that none is; a disk that refuses it stops nothing."""
@@ -120,3 +121,44 @@ class CalibrationMemory:
     def _file(self, choice: CameraChoice) -> Path:
         own = [choice.probe, choice.seed, choice.is_sphere] if choice.is_virtual else []
         return self._folder / f"{content_sha256([choice.spec, *own])[:16]}.json"
+
+
+class InstrumentMemory:
+    """Keeps camera and target in a file while the program runs, so that a start after a kill finds them again."""
+
+    def __init__(self, file: Path) -> None:
+        self._file = file
+
+    def begin(self, choice: CameraChoice) -> tuple[CameraChoice, int] | None:
+        """Camera and target of a run of the same ``choice`` at the start that did not end in order; None without."""
+        try:
+            last = json.loads(self._file.read_text(encoding="utf-8"))
+            started, chosen = (from_json_value(CameraChoice, last[name], "camera") for name in ("start", "choice"))
+            target = int(last["target"])
+        except (OSError, ValueError, KeyError, TypeError, InputError):  # ended in order, or never begun
+            return None
+        return (chosen, target) if started == choice else None
+
+    def keep(self, start: CameraChoice, choice: CameraChoice, target: int) -> None:
+        """Keep the present ones; a disk that refuses them stops nothing."""
+        content = {"start": to_json_value(start), "choice": to_json_value(choice), "target": target}
+        with suppress(OSError):
+            self._file.parent.mkdir(parents=True, exist_ok=True)
+            self._file.write_text(json.dumps(content), encoding="utf-8")
+
+    def ended(self) -> None:
+        """Forget them: the program ends in order."""
+        with suppress(OSError):
+            self._file.unlink()
+
+
+def interruption_message(jobs: tuple[JobState, ...], restored: tuple[CameraChoice, int] | None) -> str:
+    """What a program that was killed left behind; empty without that."""
+    cut = ", ".join(state.title for state in jobs)
+    parts = [f"Interrupted (saved data are safe): {cut}." if cut else ""]
+    if restored is not None:
+        choice, target = restored
+        object_ = f" on {choice.phantom}" if choice.is_virtual else ""
+        parts.append(f"Restored: camera {choice.spec}{object_}, target {target}; start the camera to continue.")
+    text = " ".join(part for part in parts if part)
+    return f"The console was not shut down properly. {text}" if text else ""

@@ -1,16 +1,22 @@
-"""What the instrument says: the state of the camera and of everything."""
+"""What the instrument says: the state of the camera and of everything, and what is wrong."""
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from tsis.calibration.frames import UsableCalibration
 from tsis.console.services.choice import UNTOUCHED, CameraChoice
 from tsis.console.services.memory import TissueReading
+from tsis.files.reading import printable_path
 from tsis.instrument.camera import Setting
+from tsis.instrument.force_log import ForceLog
+from tsis.records.store import Store
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
     from tsis.console.services.camera import CameraController
     from tsis.console.services.control import Owner
     from tsis.console.services.frames import FrameAnalysis
@@ -149,3 +155,55 @@ def camera_state(camera_controller: CameraController, mm_per_pixel: tuple[float,
         mm_per_pixel=mm_per_pixel,
         settings=camera_controller.settings(),
     )
+
+
+STORE_CHECK_EVERY_S = 1.0  # the state is read more often
+
+
+class StoreCheck:
+    """Checks at intervals whether the store is still where it was opened; ``clock`` gives seconds."""
+
+    def __init__(self, store: Store, *, clock: Callable[[], float] = time.monotonic) -> None:
+        self._store, self._clock = store, clock
+        self._last = (clock(), False)
+
+    def trouble(self) -> str:
+        """Where it is gone from; empty while it is there."""
+        now, (last_seen_s, gone) = self._clock(), self._last
+        if now - last_seen_s >= STORE_CHECK_EVERY_S:
+            gone = self._store.database.replaced()
+            self._last = now, gone
+        return printable_path(self._store.folder) if gone else ""
+
+
+def trouble_messages(
+    camera: CameraState,
+    log: ForceLog | None,
+    unfit: str,
+    watching: str,
+    *,
+    store_gone: str = "",
+    notices: Sequence[str] = (),
+) -> tuple[str, ...]:
+    """Messages of problems, the most urgent first.
+
+    ``unfit`` says why the calibration is inactive, ``watching`` why frames cannot be analysed, and ``store_gone`` where
+    the store was; each is empty without that problem. ``log`` is the gauge in use, if any. ``notices`` come last.
+    """
+    messages = []
+    if store_gone:
+        messages.append(
+            f"The store in {store_gone} was moved or replaced since it was opened, and nothing can be kept: "
+            "put it back, or start anew."
+        )
+    if camera.lost:
+        why = f": {camera.failure}" if camera.failure else ""
+        messages.append(f"The camera is away{why}. Reconnecting; saved data are safe.")
+    gauge = None if log is None else log.state()
+    if gauge is not None and not gauge.running:
+        messages.append(f"The gauge is away: {gauge.error or 'its readings stopped'}.")
+    if unfit:
+        messages.append(f"The calibration is inactive, and presses are saved without one: {unfit}.")
+    if watching:
+        messages.append(f"The press cannot be judged: {watching}.")
+    return (*messages, *filter(None, notices))

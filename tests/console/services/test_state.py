@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 import pytest
 from tests.console.services.instruments import ANN
 
-from tsis.console.services import captures as reading
-from tsis.console.services.captures import STORE_CHECK_EVERY_S, StoreCheck
+from tsis.console.services.state import STORE_CHECK_EVERY_S, StoreCheck
 from tsis.errors import RecordsError
 
 if TYPE_CHECKING:
@@ -20,7 +19,7 @@ if TYPE_CHECKING:
 def test_a_store_that_was_moved_is_trouble_until_it_is_back(
     instrument: Instrument, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(reading, "STORE_CHECK_EVERY_S", 0.0)
+    monkeypatch.setattr("tsis.console.services.state.STORE_CHECK_EVERY_S", 0.0)
     instrument.start(by=ANN)
     assert instrument.state().trouble == ()
     away = (tmp_path / "store").rename(tmp_path / "away")
