@@ -23,7 +23,7 @@ from fastapi import FastAPI, Response
 from fastapi.responses import HTMLResponse, StreamingResponse
 from nicegui import ui
 
-from tsis.console.services.state import CameraChoice, VirtualSubject
+from tsis.console.services.choice import CameraChoice, VirtualSubject
 from tsis.instrument.acquisition import Acquisition
 
 if TYPE_CHECKING:

@@ -24,8 +24,6 @@ class PressFlag(Flag):
 
     Attributes
     ----------
-    finding
-        Sentence of a raised flag after its cure, with ``{value}`` and ``{limit}`` to be filled in.
     limit
         Field of `GuardLimits`.
     default, within
@@ -36,7 +34,6 @@ class PressFlag(Flag):
         Inputs besides the frame.
     """
 
-    finding: str
     limit: str
     default: float
     within: tuple[float, float]
@@ -51,7 +48,7 @@ GUARD_FLAGS = declared(
         name="frozen",
         means="the camera delivers one picture again and again",
         cure="stop and start the camera",
-        finding="{value} frames in a row are one and the same picture",
+        says="{value} frames in a row are one and the same picture",
         limit="frozen",
         default=2.0,
         within=(1.0, 1000.0),
@@ -63,7 +60,7 @@ GUARD_FLAGS = declared(
         name="no-contact",
         means="nothing stands out of the frame",
         cure="press the probe on the tissue, or check lamps and exposure",
-        finding="",
+        says="",
         limit="contact",
         default=0.01,
         within=(1e-4, 1.0),
@@ -74,7 +71,7 @@ GUARD_FLAGS = declared(
         name="force-too-small",
         means="pressed too lightly",
         cure="press more",
-        finding="{value:.2g} N is below {limit:g} N",
+        says="{value:.2g} N is below {limit:g} N",
         limit="least_force_n",
         default=0.1,
         within=(1e-4, 100.0),
@@ -86,7 +83,7 @@ GUARD_FLAGS = declared(
         name="force-too-large",
         means="pressed too hard",
         cure="press less",
-        finding="{value:.2g} N is above {limit:g} N",
+        says="{value:.2g} N is above {limit:g} N",
         limit="most_force_n",
         default=2.0,
         within=(1e-4, 100.0),
@@ -98,7 +95,7 @@ GUARD_FLAGS = declared(
         name="saturated",
         means="the camera clips inside the contact",
         cure="press less or expose shorter",
-        finding="{value:.2%} of the contact clips",
+        says="{value:.2%} of the contact clips",
         limit="saturated",
         default=0.001,
         within=(0.0, 0.999),
@@ -109,7 +106,7 @@ GUARD_FLAGS = declared(
         name="dark-frame",
         means="the contact is too dim to read",
         cure="press more or expose longer",
-        finding="the contact's peak is {value:.1%} of full scale",
+        says="the contact's peak is {value:.1%} of full scale",
         limit="dark",
         default=0.05,
         within=(1e-3, 1.0),
@@ -120,7 +117,7 @@ GUARD_FLAGS = declared(
         name="cropped",
         means="the contact runs out of the frame",
         cure="press less or centre the contact",
-        finding="it runs out of the frame at {value:.0%} of its peak",
+        says="it runs out of the frame at {value:.0%} of its peak",
         limit="cropped",
         default=0.5,
         within=(0.01, 1.0),
@@ -131,7 +128,7 @@ GUARD_FLAGS = declared(
         name="off-centre",
         means="the contact lies beside the probe's axis",
         cure="centre the probe",
-        finding="the contact lies {value:.0%} of its radius beside the axis",
+        says="the contact lies {value:.0%} of its radius beside the axis",
         limit="off_centre",
         default=0.1,
         within=(5e-3, 1.0),
@@ -142,7 +139,7 @@ GUARD_FLAGS = declared(
         name="tilted",
         means="one side is brighter than in a level press",
         cure="lower the {side} of the probe",
-        finding="the other is brighter by {value:.0%} from centre to edge",
+        says="the other is brighter by {value:.0%} from centre to edge",
         limit="tilt",
         default=0.1,
         within=(5e-3, 1.0),
@@ -154,7 +151,7 @@ GUARD_FLAGS = declared(
         name="ambient-light",
         means="light from outside reaches the camera",
         cure="keep light out",
-        finding="{value:.1%} of the light is not the lamps'",
+        says="{value:.1%} of the light is not the lamps'",
         limit="ambient",
         default=0.03,
         within=(1e-3, 1.0),
@@ -167,7 +164,7 @@ GUARD_FLAGS = declared(
         name="flicker",
         means="light from outside swings with the mains",
         cure="switch lamps in the room off",
-        finding="light swings by {value:.1%} with the mains",
+        says="light swings by {value:.1%} with the mains",
         limit="flicker",
         default=0.03,
         within=(1e-3, 1.0),
@@ -179,7 +176,7 @@ GUARD_FLAGS = declared(
         name="led-drift",
         means="the lamps are not as bright as in the reference",
         cure="let the lamps warm up or take a new reference",
-        finding="their light changed by {drift:+.1%}",
+        says="their light changed by {drift:+.1%}",
         limit="led_drift",
         default=0.02,
         within=(1e-4, 1.0),
@@ -191,7 +188,7 @@ GUARD_FLAGS = declared(
         name="moving",
         means="the press has not settled, or this is not known yet",
         cure="hold still{duration}",
-        finding="{reason}",
+        says="{reason}",
         limit="moving",
         default=0.01,
         within=(1e-4, 0.5),
@@ -335,7 +332,7 @@ def _below(name: str, value: float, limit: float) -> tuple[GuardFlag, float]:
 
 
 def _flag(name: str, value: float, limit: float, **words: float | str) -> GuardFlag:
-    texts = (text for text in (GUARD_FLAGS[name].cure, GUARD_FLAGS[name].finding) if text)
+    texts = (text for text in (GUARD_FLAGS[name].cure, GUARD_FLAGS[name].says) if text)
     return GuardFlag(
         name=name, value=value, limit=limit, advice=": ".join(texts).format(value=value, limit=limit, **words)
     )
