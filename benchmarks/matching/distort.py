@@ -88,16 +88,9 @@ class Trial:
 
 
 def public_distortion(family: Family, level: int) -> Distortion:
-    """Distortion of the public trials of Chui and Rangarajan.
+    """Distortion of the public trials of Chui and Rangarajan; it grows with the level, from 1.
 
-    Raises `InputError` when there is no such level.
-
-    Parameters
-    ----------
-    family
-        Kind of distortion, which grows with the level.
-    level
-        From 1; 5 levels of deformation and outliers, 6 of the others.
+    There are 5 levels of deformation and outliers, 6 of the others; another one raises `InputError`.
 
     Examples
     --------
@@ -110,20 +103,10 @@ def public_distortion(family: Family, level: int) -> Distortion:
 
 
 def distort(shape: ArrayLike, distortion: Distortion, *, rng: np.random.Generator, name: str = "") -> Trial:
-    """Distort a shape at random and shuffle the result.
+    """Distort a shape at random, with all errors from ``rng``, and shuffle the result.
 
-    Raises `InputError` when the shape is no such array.
-
-    Parameters
-    ----------
-    shape
-        Points that about fill the unit square or cube, shape (n, d), d being 2 or 3, n at least 5.
-    distortion
-        Their distortion. Strong affine parts sometimes mirror a shape, as in the public trials.
-    rng
-        Random generator of all errors.
-    name
-        Name in tables.
+    The points about fill the unit square or cube, shape (n, d), d being 2 or 3, n at least 5; others raise
+    `InputError`. Strong affine parts sometimes mirror a shape, as in the public trials.
 
     Examples
     --------

@@ -25,21 +25,11 @@ def curves_over_levels(
     level_label: str,
     unit: str = "",
 ) -> Axes:
-    """Draw the error of each method over the levels of a distortion (figures 5.14 to 5.18 and 5.20).
+    """Draw the error of each method over the levels of a distortion (figures 5.14, 5.15, 5.16, 5.17, 5.18 and 5.20).
 
-    Parameters
-    ----------
-    summaries
-        Of one group, the result of `benchmarks.matching.summary.summarise`.
-    quantity
-        ``"error"`` draws the median as a line and the mean as a separate mark, ``"failures"`` and ``"seconds"`` a
-        line.
-    positions
-        Where each level lies on the axis.
-    level_label
-        Name and unit of the axis.
-    unit
-        Of the error, where it has one.
+    The ``summaries`` are those of one group, ``positions`` where each level lies on the axis. ``"error"`` draws the
+    median as a line and the mean as a separate mark, ``"failures"`` and ``"seconds"`` a line; ``unit`` is that of the
+    error, where it has one.
     """
     styles = zip(itertools.cycle(CURVE_COLOURS), itertools.cycle(CURVE_MARKS), strict=False)
     methods = dict.fromkeys(summary.method for summary in summaries)

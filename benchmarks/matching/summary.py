@@ -65,20 +65,10 @@ class TrialSummary:
 def summarise(
     rows: Iterable[TrialRow], *, rivals: Collection[str], failure: float = FAILURE_RMS, seed: int = 0
 ) -> list[TrialSummary]:
-    """One summary a group, level and method, in the order of the rows.
+    """One summary a group, level and method, in the order of the rows of `benchmarks.matching.runs.run_trials`.
 
-    Raises `InputError` when ``failure`` is not positive.
-
-    Parameters
-    ----------
-    rows
-        As `benchmarks.matching.runs.run_trials` returns them.
-    rivals
-        Methods; all methods are compared with the best of these.
-    failure
-        Least error of a failed trial, in the unit of the points.
-    seed
-        Of the bootstrap.
+    All methods are compared with the best of ``rivals``; ``failure`` is the least error of a failed trial, in the unit
+    of the points, positive (else `InputError`), and ``seed`` that of the bootstrap.
     """
     require_number("failure", failure, 1e-300, 1e300)
     return [
@@ -91,16 +81,9 @@ def summarise(
 def summarise_pooled(
     rows: Iterable[TrialRow], *, rivals: Collection[str], failure: float = FAILURE_RMS, seed: int = 0
 ) -> list[TrialSummary]:
-    """One summary a kind of distortion and method, over all shapes and levels.
+    """One summary a kind of distortion and method, over all shapes and levels, as `summarise`.
 
-    The rival is the best at each level.
-
-    Raises `InputError` when ``failure`` is not positive.
-
-    Parameters
-    ----------
-    rows, rivals, failure, seed
-        As for `summarise`. The kind is the last part of the group's name.
+    The rival is the best at each level; the kind is the last part of the group's name.
     """
     require_number("failure", failure, 1e-300, 1e300)
     kinds: dict[str, list[dict[str, list[TrialRow]]]] = defaultdict(list)

@@ -48,21 +48,10 @@ GENERATED_POINTS = 100
 
 
 def matching_error(trial: Trial, transformed: ArrayLike) -> float:
-    """Root-mean-square distance of the transformed source points from their true, noise-free targets.
+    """Root-mean-square distance of the transformed source points, shape (n, d), from their true, noise-free targets.
 
-    Raises `InputError` when ``transformed`` has another shape than the source, or is not finite.
-
-    Parameters
-    ----------
-    trial
-        Source and target with the true matches; points without a partner do not count.
-    transformed
-        The source after the transform of a method, shape (n, d), in the unit of the trial.
-
-    Returns
-    -------
-    float
-        In the unit of the trial's points.
+    It is in the unit of the trial's points; points without a partner do not count. Raises `InputError` when
+    ``transformed`` has another shape than the source, or is not finite.
 
     Examples
     --------
@@ -84,20 +73,10 @@ def public_trials(
 ) -> Iterator[Trial]:
     """Trials of Chui and Rangarajan, with shuffled targets; the order in a trial does not depend on other trials.
 
-    Raises `InputError` when there is no such shape, family or level, or the file is missing or broken.
-
-    Parameters
-    ----------
-    folder
-        Holds ``chui_rangarajan_trials1-70.npz``.
-    shape
-        ``"fish"`` (98 points) or ``"chinese"`` (105 points).
-    family, level
-        Kind of distortion, and its level from 1.
-    count
-        Number of trials, the first of the 70; None for all.
-    seed
-        Of the shuffling.
+    ``folder`` holds ``chui_rangarajan_trials1-70.npz``. The shape is ``"fish"`` (98 points) or ``"chinese"`` (105
+    points), the ``level`` of the kind of distortion counts from 1, and ``count`` takes the first of the 70 trials, None
+    all. The ``seed`` is that of the shuffling. Raises `InputError` when there is no such shape, family or level, or the
+    file is missing or broken.
     """
     require_one_of("shape", shape, PUBLIC_SHAPES)
     public_distortion(family, level)
@@ -119,20 +98,10 @@ def hotel_trials(
 ) -> Iterator[Trial]:
     """Pairs of frames of the CMU hotel sequence, 30 landmarks each, in pixels, targets shuffled.
 
-    Raises `InputError` when a value is out of range, or the file is missing or not the published one.
-
-    Parameters
-    ----------
-    folder
-        Holds ``cmum.mat``.
-    separation
-        Frames between the two, in [1, 100].
-    hidden
-        Fraction of the landmarks of the first frame that the second lacks, at random, in [0, 0.9].
-    count
-        Largest number of pairs, evenly spread over the sequence; None for all.
-    seed
-        Of the missing landmarks and of the shuffling.
+    ``folder`` holds ``cmum.mat``. The two lie ``separation`` frames apart, 1 to 100; the second lacks the fraction
+    ``hidden`` of the landmarks of the first, at random, in [0, 0.9]. At most ``count`` pairs are spread evenly over the
+    sequence, None takes all. Raises `InputError` when a value is out of range, or the file is missing or not the
+    published one.
     """
     frames = _frames(folder / SEQUENCE_FILE, "hotel")
     require_integer("separation", separation, 1, len(frames) - 1)
@@ -204,22 +173,10 @@ def distorted_set(
 ) -> list[Trial]:
     """Trials of both shapes at every level of every kind of distortion.
 
-    Raises `InputError` when there is no such kind, shape or level, or the file is missing or broken.
-
-    Parameters
-    ----------
-    folder
-        Folder of the public trials; None generates trials of the same kinds.
-    families
-        Kinds of distortion.
-    shapes
-        Names of the shapes; None for both public ones, or two generated ones.
-    levels
-        From 1; None for all. A kind without such a level omits it.
-    count
-        Trials of each shape and level, at least 1; there are 70 public ones.
-    seed
-        Of the shuffling, and of generated shapes and distortions.
+    Without a ``folder`` of the public trials, trials of the same kinds are generated. The ``shapes`` are both public
+    ones by default, or two generated ones; ``levels`` count from 1, and a kind without such a level omits it. There are
+    ``count`` trials of each shape and level, of 70 public ones. Raises `InputError` when there is no such kind, shape
+    or level, or the file is missing or broken.
 
     Examples
     --------
@@ -258,23 +215,7 @@ def hotel_set(
     count: int | None = None,
     seed: int = 0,
 ) -> list[Trial]:
-    """Pairs of frames of the hotel sequence at every separation and fraction of hidden landmarks.
-
-    Raises `InputError` when a value is out of range, or the file is missing or broken.
-
-    Parameters
-    ----------
-    folder
-        Folder of the sequence.
-    separations
-        Frames between two of a pair.
-    hidden
-        Fractions of the landmarks that the second frame lacks.
-    count
-        Largest number of pairs at each separation and fraction; None for all.
-    seed
-        Of the shuffling and of the hidden landmarks.
-    """
+    """The `hotel_trials` at every separation and fraction of hidden landmarks, at most ``count`` each."""
     if count is not None and count < 1:
         raise InputError(f"count must be at least 1; got {count}")
     return [

@@ -16,7 +16,6 @@ from hypothesis import strategies as st
 from scipy.special import erfinv
 from scipy.stats import mannwhitneyu
 from sklearn.metrics import balanced_accuracy_score, confusion_matrix, roc_auc_score, roc_curve
-from tests.study.drawn_studies import Study, studies
 from tests.study.references import REFERENCES
 
 from tsis.errors import InputError
@@ -34,6 +33,17 @@ from tsis.study.roc import (
     newcombe_interval,
     youden_point,
 )
+
+Study = tuple[np.ndarray, np.ndarray]
+
+
+@st.composite
+def studies(draw: st.DrawFn) -> Study:
+    """Scores with many ties, and both kinds of target."""
+    m, n = draw(st.integers(1, 12)), draw(st.integers(1, 12))
+    scores = draw(st.lists(st.integers(-5, 5), min_size=m + n, max_size=m + n))
+    order = draw(st.permutations(range(m + n)))
+    return np.array(scores, dtype=float), np.array(order) < m
 
 
 @given(studies())
