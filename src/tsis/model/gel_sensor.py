@@ -272,14 +272,19 @@ class GelSensor(ContentValue):
             return None
         return self.mm_per_pixel[0] * self.image_px[0] / columns, self.mm_per_pixel[1] * self.image_px[1] / rows
 
+    def known_scale(self, columns: int, rows: int) -> tuple[float, float]:
+        """Millimetres per pixel (x, y) as `scale_of`; `InputError` where the scale is not known."""
+        scale = self.scale_of(columns, rows)
+        if scale is None:
+            raise InputError(f"mm_per_pixel of {self.name} is not known; put it into the sensor's file")
+        return scale
+
     def face_mm(self, points_px: Any, columns: int, rows: int) -> NDArray[np.float64]:
         """Positions on the face in mm from its middle, of positions (x, y) in pixels; shape (n, 2).
 
         The lens's distortion is taken away. Raises `InputError` where the scale is not known.
         """
-        scale = self.scale_of(columns, rows)
-        if scale is None:
-            raise InputError(f"mm_per_pixel of {self.name} is not known; put it into the sensor's file")
+        scale = self.known_scale(columns, rows)
         points = np.atleast_2d(np.asarray(points_px, dtype=float)) - ((columns - 1) / 2, (rows - 1) / 2)
         distorted = points / np.hypot(columns, rows) * 2.0
         straight, (k1, k2) = distorted.copy(), self.distortion

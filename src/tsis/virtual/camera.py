@@ -249,10 +249,7 @@ class VirtualCamera:
         """Name for users."""
         return _name_of(self._press)
 
-    @property
-    def lost(self) -> bool:
-        """Always False: a virtual camera cannot be unplugged."""
-        return False
+    lost = False  # a virtual camera cannot be unplugged
 
     def open(self) -> None:
         """Open the camera."""
@@ -430,10 +427,7 @@ class VirtualGelCamera:
         """Display name."""
         return f"virtual {self._sensor.name}"
 
-    @property
-    def lost(self) -> bool:
-        """Always False: a virtual camera cannot be unplugged."""
-        return False
+    lost = False  # a virtual camera cannot be unplugged
 
     def open(self) -> None:
         """Render the presses, once."""

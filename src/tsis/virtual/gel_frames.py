@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy
 
-from tsis.errors import InputError
 from tsis.mechanics.gel.contact import GelGrid
 from tsis.model.gel_sensor import GelSensor
 from tsis.model.probe import Layer
@@ -154,9 +153,7 @@ def gel_depth_mm(
 ) -> NDArray[np.float64]:
     """Depth of the face at each pixel, mm; zeros without a press."""
     require_type("sensor", sensor, GelSensor)
-    scale = sensor.scale_of(columns, rows)
-    if scale is None:
-        raise InputError(f"mm_per_pixel of {sensor.name} is not known; put it into the sensor's file")
+    scale = sensor.known_scale(columns, rows)
     if press is None:
         return np.zeros((rows, columns))
     y, x = np.mgrid[:rows, :columns]
@@ -272,9 +269,7 @@ def random_gel_press(
 ) -> RenderedPress:
     """A ball of 2 to 10 mm diameter pressed somewhere, on a gel and under lamps that are drawn too unless given."""
     columns, rows = sensor.image_px
-    scale = sensor.scale_of(columns, rows)
-    if scale is None:
-        raise InputError(f"mm_per_pixel of {sensor.name} is not known; put it into the sensor's file")
+    scale = sensor.known_scale(columns, rows)
     ball = float(rng.uniform(1.0, 5.0)) if ball_radius_mm is None else ball_radius_mm
     thickness = float(rng.uniform(*sensor.thickness_mm.limits)) if thickness_mm is None else thickness_mm
     widest = min(2.5, 0.28 * min(columns * scale[0], rows * scale[1]))

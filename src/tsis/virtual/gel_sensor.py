@@ -79,10 +79,8 @@ class VirtualGelSensor:
         if sensor.shape != "flat":
             raise InputError(f"a virtual gel sensor must be flat; {sensor.name} is {sensor.shape}: choose another")
         columns, rows = sensor.image_px
-        scale = sensor.scale_of(columns, rows)
-        if scale is None:
-            raise InputError(f"mm_per_pixel of {sensor.name} is not known; put it into the sensor's file")
-        self.sensor, self._scale, self._rng, self._resolution = sensor, scale, rng, resolution
+        self.sensor, self._scale = sensor, sensor.known_scale(columns, rows)
+        self._rng, self._resolution = rng, resolution
         self.gel = random_gel(sensor, rng) if gel is None else gel
         self._light = random_gel_light((rows, columns), rng, size_px=0.08 * columns)
         self.reference: NDArray[np.uint8] = render_gel(np.zeros((rows, columns)), sensor, self._light, rng, drift=False)

@@ -418,8 +418,7 @@ class VirtualLoadingMachine:
             dented = self._dented.at(x, y, displacement_mm=displacement, slope_x=slopes[0], slope_y=slopes[1])
             dented = dented / np.maximum(self._dented.at(x, y), DARKEST)
             light *= dented ** (1 + self._emphasis) * self._remaining(light)
-        knots = self.errors.pattern_sd * np.sqrt(1.5) * self._rng.standard_normal(int(2 * radius.max()) + 3)
-        return self._blurred(light * (1 + np.interp(2 * radius, np.arange(len(knots)), knots)))
+        return self._blurred(light * self._rings(radius, radius.max()))
 
     def loading(self, tip_radius_mm: float, forces_n: Sequence[float]) -> list[tuple[TactileImage, float]]:
         """Frames and gauge readings of forces in order of time."""
@@ -443,8 +442,8 @@ class VirtualLoadingMachine:
     def _press_factor(self, force: float) -> float:
         """Factor on the light of one press: scatter and hysteresis."""
         self._largest_n = max(self._largest_n, force)
-        fraction = force / self._largest_n
-        hysteresis = self.truth.hysteresis_fraction * 4 * fraction * (1 - fraction)
+        part = force / self._largest_n  # a parabola of the force, zero without load and at the largest one
+        hysteresis = self.truth.hysteresis_fraction * 4 * part * (1 - part)
         return (1 + hysteresis) * (1 + self.errors.repeatability_sd * self._rng.standard_normal())
 
     def _light(
@@ -465,11 +464,15 @@ class VirtualLoadingMachine:
         if self._dented is not None:
             light *= self._dent(tip, contact, x[columns], y[rows], position) * self._remaining(light)
         if patterned:
-            knots = self.errors.pattern_sd * np.sqrt(1.5) * self._rng.standard_normal(int(2 * extent) + 3)
-            light *= 1 + np.interp(2 * radius, np.arange(len(knots)), knots)
+            light *= self._rings(radius, extent)
         picture = np.zeros((self.sensor.rows, self.sensor.columns))
         picture[np.ix_(rows, columns)] = self._blurred(light)
         return picture
+
+    def _rings(self, radius: NDArray[np.float64], extent: float) -> NDArray[np.float64]:
+        """Pattern of one press in rings of half a millimetre, a factor near one."""
+        knots = self.errors.pattern_sd * np.sqrt(1.5) * self._rng.standard_normal(int(2 * extent) + 3)
+        return np.asarray(1 + np.interp(2 * radius, np.arange(len(knots)), knots))
 
     def _dent(
         self,

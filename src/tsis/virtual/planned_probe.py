@@ -161,8 +161,8 @@ def searched_design(
 
 
 def analyse_designs(
-    question: DesignQuestion, result: tuple[Design, ...], optimum: DesignOptimum | None = None
+    question: DesignQuestion, designs: tuple[Design, ...], optimum: DesignOptimum | None = None
 ) -> DesignAnalysis:
-    """Rank the designs."""
-    designs = [*result, *([] if optimum is None else [optimum.best])]
-    return DesignAnalysis(question=question, designs=rank_designs(designs, question.criterion), optimum=optimum)
+    """Rank the designs, the optimum of a search among them."""
+    ranked = rank_designs([*designs, *([] if optimum is None else [optimum.best])], question.criterion)
+    return DesignAnalysis(question=question, designs=ranked, optimum=optimum)

@@ -33,10 +33,8 @@ if TYPE_CHECKING:
 
 # Finer and of another order than the mesh of the estimator: an estimate is never compared with its own model.
 FINE_RESOLUTION = Resolution(order=6, edge=0.006, growth=1.9, largest=0.17, below_cells=4, ray_layers=6)
-RESOLUTIONS: dict[str, Resolution | FiniteResolution] = {
-    "small": FINE_RESOLUTION,
-    "finite": FiniteResolution(),
-}  # by strain
+# By strain.
+RESOLUTIONS: dict[str, Resolution | FiniteResolution] = {"small": FINE_RESOLUTION, "finite": FiniteResolution()}
 LARGEST_FORCE_N = 20.0  # commanded; far below the limit of `press`, so that the error of the force stays in range
 DARKEST = 0.02  # of the mean light
 SENSOR_VALUES = ("read_noise_grey", "shot_noise_grey", "background_grey")  # common with a calibration
@@ -189,16 +187,16 @@ class VirtualProbe:
                 f"got {phantom.inclusions!r:.200} (VirtualProbe(strain='small') accepts others)"
             )
         stiffness = self._stiffness
-        result = press_solid(
+        solid = press_solid(
             self.probe,
             _stiffened(phantom, 1 / stiffness),
             force_n=force_n / stiffness,
             reference_resolution=self._resolution,
         )
-        result = replace(result, pressure_kpa=stiffness * result.pressure_kpa, force_n=force_n)
+        solid = replace(solid, pressure_kpa=stiffness * solid.pressure_kpa, force_n=force_n)
         # The grid blurs the rim and the axisymmetric reference press does not, so the grid gives only the change.
         reference = self._round_press(phantom.without_inclusion(), force_n)
-        change = self._rendered(result) - self._rendered(reference.on_grid(result.x_mm, result.y_mm))
+        change = self._rendered(solid) - self._rendered(reference.on_grid(solid.x_mm, solid.y_mm))
         return np.maximum(self._rendered(reference) + change, 0.0)
 
     def _round_press(self, phantom: Phantom, force_n: float) -> PressField:
@@ -305,21 +303,15 @@ def nominal_calibration(
 ) -> Calibration:
     """The default response of grey level to pressure: 1 N on soft tissue fills half of the scale at its brightest.
 
-    ``exposure`` is that of the camera over the usual one, in [0.01, 1].
-
-    It includes the light, but traced light only to first order in the slope of the face. None is even light that no
-    dent changes.
+    ``exposure`` is that of the camera over the usual one, in [0.01, 1]. The response includes the light, but traced
+    light only to first order in the slope of the face. None is even light that no dent changes.
     """
     exposure = require_number("exposure", exposure, 0.01, 1.0)
     light_map = light.near_undented() if isinstance(light, Irradiance) else light or LightMap.uniform()
     brightest = float(light_map.relative.max())
     return Calibration(
         name="virtual probe, nominal",
-        gain_grey_per_kpa=require_number("exposure", exposure, 0.01, 1.0)
-        * 60.0
-        / brightest
-        * sensor.full_scale
-        / 255.0,
+        gain_grey_per_kpa=exposure * 60.0 / brightest * sensor.full_scale / 255.0,
         saturation_kpa=20.0,
         background_grey=sensor.background_grey,
         light=light_map,
