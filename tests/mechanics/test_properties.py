@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.mechanics.test_gel_shear import SENSOR
+from tests.mechanics.gel.test_shear import SENSOR
 
 from tsis.catalog.probes import load_probe
 from tsis.errors import InputError

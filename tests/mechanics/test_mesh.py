@@ -25,6 +25,7 @@ from tsis.mechanics.mesh import (
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+
 ORDERS = [1, 2, 3, 5, 6]
 CORNERS = np.array([[1.0, 0.0], [1.3, 2.0], [3.0, -0.2], [2.8, 1.7]])  # no edge along an axis
 

@@ -1,4 +1,4 @@
-"""Condensation layer by layer against one large sparse solve of the same mesh."""
+"""Condensation layer by layer against one large sparse solve; interpolation and mass of the face."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from tsis.model.probe import Layer, Probe
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
 
 COARSE = Resolution(order=3, edge=0.1, growth=2.5, largest=0.4, below_cells=2, ray_layers=3)
 
@@ -164,3 +165,44 @@ def test_adding_joins_shared_numbers_only() -> None:
     np.testing.assert_allclose(series.stiffness, 1.5 * np.array([[1.0, -1.0], [-1.0, 1.0]]), atol=1e-12)
     assert (EMPTY + left).stiffness.tolist() == left.stiffness.tolist()
     assert left.restrict(np.array([0, 1])) is left
+
+
+WIDE_FACE = face_of(12.0, Resolution())
+
+
+def test_nodes_run_from_the_axis_to_the_edge() -> None:
+    assert (WIDE_FACE.radius_mm[0], WIDE_FACE.radius_mm[-1]) == (0.0, 12.0)
+    assert (np.diff(WIDE_FACE.radius_mm) > 0).all()
+    smallest = np.diff(WIDE_FACE.lines)[-1]
+    assert smallest == np.diff(WIDE_FACE.lines).min() <= 0.01 * 12.0
+
+
+def test_interpolation_reproduces_polynomials_of_the_elements_order() -> None:
+    radius = np.linspace(0.0, 12.0, 101)
+    given = np.polynomial.Polynomial([1.0, -2.0, 0.3, 0.05, -0.004, 0.0003])
+    np.testing.assert_allclose(WIDE_FACE.interpolation(radius) @ given(WIDE_FACE.radius_mm), given(radius), rtol=1e-10)
+
+
+def test_interpolation_at_the_nodes_is_the_identity() -> None:
+    np.testing.assert_allclose(
+        WIDE_FACE.interpolation(WIDE_FACE.radius_mm), np.eye(len(WIDE_FACE.radius_mm)), atol=1e-12
+    )
+
+
+def test_mass_turns_pressure_into_force() -> None:
+    mass, radius = WIDE_FACE.mass(), WIDE_FACE.radius_mm
+    np.testing.assert_allclose(mass, mass.T, atol=1e-12)
+    assert mass.sum() == pytest.approx(np.pi * 144.0, rel=1e-12)
+    # p = r**3 on the face, weighed by r**2: 2 pi r**6 integrated.
+    assert radius**2 @ mass @ radius**3 == pytest.approx(2 * np.pi * 12.0**7 / 7, rel=1e-12)
+
+
+def test_averages_keep_the_integral_and_what_is_constant() -> None:
+    grid = np.linspace(0.0, 12.0, 241)
+    matrix = WIDE_FACE.averages(grid)
+    np.testing.assert_allclose(matrix.sum(axis=1), 1.0, rtol=1e-12)
+    singular = 1 / np.sqrt(12.3**2 - WIDE_FACE.radius_mm**2)
+    total = np.ones(len(WIDE_FACE.radius_mm)) @ WIDE_FACE.mass() @ singular
+    assert 2 * np.pi * np.trapezoid(grid * (matrix @ singular), grid) == pytest.approx(total, rel=2e-4)
+    # A hat of half-width h has the second moment h**2 / 6; the weight r makes it count three times for a parabola.
+    np.testing.assert_allclose((matrix @ WIDE_FACE.radius_mm**2 - grid**2)[40:-1], 3 * 0.05**2 / 6, rtol=0.01)
