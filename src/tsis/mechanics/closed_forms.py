@@ -46,6 +46,9 @@ def effective_modulus_kpa(layers: Sequence[Layer]) -> float:
     """
     if not layers or not all(isinstance(layer, Layer) for layer in layers):
         raise InputError(f"layers must contain at least one Layer; got {layers!r}")
+    # One pressure s passes through all layers, and a layer that may spread sideways shortens by s L / E. The stack
+    # shortens by the sum, s sum(L / E). A uniform bar of modulus E of the whole length shortens by s sum(L) / E.
+    # Both are equal where E = sum(L) / sum(L / E): (3.78).
     return sum(layer.thickness_mm for layer in layers) / sum(layer.thickness_mm / layer.young_kpa for layer in layers)
 
 
@@ -69,8 +72,8 @@ class HertzContact:
 
     def pressure_kpa(self, radius_mm: ArrayLike) -> Floats:
         """Pressure ``p0 sqrt(1 - r**2 / a**2)`` at ``radius_mm`` (any shape), zero outside the contact."""
-        fraction = np.asarray(radius_mm, dtype=float) / self.contact_radius_mm
-        return np.asarray(self.peak_pressure_kpa * np.sqrt(np.maximum(1 - fraction**2, 0.0)))
+        scaled = np.asarray(radius_mm, dtype=float) / self.contact_radius_mm
+        return np.asarray(self.peak_pressure_kpa * np.sqrt(np.maximum(1 - scaled**2, 0.0)))
 
 
 def hertz_under_force(*, radius_mm: float, force_mn: float, young_kpa: float, poisson: float) -> HertzContact:
@@ -103,5 +106,8 @@ def hertz_under_force(*, radius_mm: float, force_mn: float, young_kpa: float, po
     force = require_number("force_mn", force_mn, 1e-12, 1e12, hint="millinewtons")
     young = require_number("young_kpa", young_kpa, 1e-6, 1e12, hint="kilopascals")
     modulus = young / (1 - require_number("poisson", poisson, 0.0, LARGEST_POISSON) ** 2)
+    # The pressure p0 sqrt(1 - r**2 / a**2) dents a half-space by pi p0 (2 a**2 - r**2) / (4 a E*) inside the contact.
+    # The sphere, as a paraboloid, asks for d - r**2 / (2 R). The terms in r**2 agree where p0 = 2 a E* / (pi R).
+    # The pressure's sum over the contact is F = 2 pi a**2 p0 / 3. Both together: a**3 = 3 F R / (4 E*).
     contact = (3 * force * radius / (4 * modulus)) ** (1 / 3)
     return HertzContact(force_mn=force, contact_radius_mm=contact, peak_pressure_kpa=1.5 * force / (np.pi * contact**2))

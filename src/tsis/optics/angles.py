@@ -1,9 +1,8 @@
 """Rays at interfaces: refraction, Fresnel's coefficients, acceptance angles of a stack, and real contact.
 
 Angles of incidence are from the normal of an interface between layers; angles of acceptance are outside the stack,
-from the normal of its end face. Both are in degrees.
-
-Input checks of the optical calls: lengths in micrometres, real refractive indices.
+from the normal of its end face. Both are in degrees. The checks of optical arguments, lengths in micrometres and real
+refractive indices, stand here too.
 """
 
 from __future__ import annotations
@@ -37,17 +36,17 @@ OTHER_UNITS = {"metres": 1e6, "millimetres": 1e3, "nanometres": 1e-3}  # in micr
 
 def require_wavelength(value: object) -> float:
     """Check a vacuum wavelength in micrometres; the message names another unit that would fit."""
-    result = require_number("wavelength_um", value, -np.inf, np.inf)
-    if SHORTEST_UM <= result <= LONGEST_UM:
-        return result
+    wavelength = require_number("wavelength_um", value, -np.inf, np.inf)
+    if SHORTEST_UM <= wavelength <= LONGEST_UM:
+        return wavelength
     for unit, factor in OTHER_UNITS.items():
-        converted = result * factor
+        converted = wavelength * factor
         if SHORTEST_UM <= converted <= LONGEST_UM:
             cure = f" (that looks like {unit}; give {converted:g})"
             break
     else:
         cure = " (micrometres; green light is 0.55)"
-    raise InputError(f"wavelength_um must lie in [{SHORTEST_UM:g}, {LONGEST_UM:g}]; got {result:g}{cure}")
+    raise InputError(f"wavelength_um must lie in [{SHORTEST_UM:g}, {LONGEST_UM:g}]; got {wavelength:g}{cure}")
 
 
 def require_refractive_index(name: str, value: object) -> float:
@@ -121,6 +120,7 @@ def refraction_deg(angle_deg: ArrayLike, *, index_from: float, index_to: float) 
     >>> refraction_deg([30.0, 60.0], index_from=1.5, index_to=1.0).round(3).tolist()
     [48.59, nan]
     """
+    # (3.60), (3.61), (3.62), (3.63), (3.64): the sine behind the interface is n_1 / n_2 times the sine before it.
     sine = np.sin(_incidence(angle_deg)) * _ratio(index_from, index_to)
     return np.degrees(np.arcsin(np.where(sine <= 1, sine, np.nan)))
 
@@ -263,6 +263,9 @@ def acceptance(index: ArrayLike, *, index_outside: float = 1.0) -> Acceptance:
     for layer, value in enumerate(indices):
         require_refractive_index(f"index[{layer}]", float(value))
     outside = require_refractive_index("index_outside", index_outside)
+    # A ray enters through the side wall from air at the angle t to the wall's normal: sin(t) = n_i sin(a), with a its
+    # angle to the plane of the layers. It stays where the faces reflect it totally: n_i cos(a) >= n_out. At the limit
+    # sin(a) = sqrt(1 - (n_out / n_i)**2), so sin(t) = sqrt(n_i**2 - n_out**2): (3.67). Above 1, every ray stays.
     lowest = np.minimum.accumulate(indices)  # between a layer and the face
     aperture = _aperture(indices, np.full_like(indices, outside))
     stays, blind = (_grazing_deg(indices, least) for least in (np.full_like(indices, outside), lowest))
@@ -297,7 +300,7 @@ def real_contact(pressure_kpa: Floats, saturation_kpa: float) -> Floats:
 
 
 def _aperture(index: Floats, least: Floats) -> Floats:
-    """Sine of the angle in air, before the side wall, of a ray whose effective index is ``least``."""
+    """Sine of the angle in air, before the side wall, of a ray whose effective index is ``least``: (3.67)."""
     return np.sqrt(np.maximum((index - least) * (index + least), 0))
 
 

@@ -1,38 +1,24 @@
-"""Waves in a slab of layers: phase, field and a slow reference of its guided modes.
-
-Phase of a wave across a stack, which counts and finds the modes; compiled.
+"""Guided modes of a stack of layers: their number, effective indices and fields, and a slow reference of the indices.
 
 The field u of a guided mode (E_y of TE, H_y of TM) obeys, with X = k0 x and N the mode's effective index,
 
     u' = p v,   v' = -(q / p) u,   q = n**2 - N**2,   p = 1 (TE) or n**2 (TM),
 
-with u and v continuous: a Sturm-Liouville problem. Its solutions that decay below and above the stack are propagated
-from both sides into the layer of highest index, the core, as half-turns (zeros of u) and a direction (u, v) with
-u >= 0. Mode j is where the total phase of the core and both sides is (j + 1) pi. The phase decreases monotonically with
-N, so each multiple of pi occurs once: the search finds each mode exactly once.
+with u and v continuous: a Sturm-Liouville problem. For TE the two equations are the dissertation's wave equations
+(3.9), (3.10), (3.11), (3.12), (3.13) and (3.14), printed there without the second derivative.
 
-N**2 is ``anchor**2 + offset`` with the anchor an index of the stack. So q of that layer or of the surroundings has full
-precision at any distance from cut-off.
+Indices: solutions that decay below and above the stack are propagated from both sides into the layer of highest index,
+the core, as half-turns (zeros of u) and a direction (u, v) with u >= 0. Mode j is where the total phase of the core and
+both sides is (j + 1) pi. The phase decreases monotonically with N, so each multiple of pi occurs once: the search finds
+each mode exactly once. N**2 is ``anchor**2 + offset`` with the anchor an index of the stack. So q of that layer or of
+the surroundings has full precision at any distance from cut-off.
 
-For TE the two equations are the dissertation's wave equations (3.9), (3.10), (3.11), (3.12), (3.13) and (3.14), printed
-there without the second derivative. ``k0**2 q`` is its ``kappa**2`` of a layer, (3.22), (3.23), (3.24) and (3.25), and
-``-k0**2 q`` that of the half-spaces, (3.21) and (3.26). So kappa is (3.50), (3.51), (3.52) and (3.53) where q > 0.
-Where q < 0 in a layer, kappa is imaginary, and the wave decays as outside, (3.49) and (3.54). The printed (3.54) has
-``k5**2 n5**2`` for ``k0**2 n5**2``.
+Fields: the same two solutions are joined in a layer where the mode is large, without loss of precision through layers
+where it decays. Modes of wells so weakly coupled that rounding mixes them are joined in different wells and
+orthogonalised.
 
-Field of one guided mode, without loss of precision through layers where it decays.
-
-Solutions that decay below and above the stack are propagated to a layer where the mode is large, and joined there.
-Modes of wells so weakly coupled that rounding mixes them are joined in different wells and orthogonalised.
-
-The dissertation gives this field region by region as (3.15), (3.16), (3.17), (3.18), (3.19) and (3.20), with the
-amplitudes (3.55), (3.56), (3.57), (3.58) and (3.59). The printed (3.55) must read ``e_1 = e_0 / cos(phi_1)``.
-
-A slow, readable reference of the guided modes, close to the dissertation's notation.
-
-One angle theta, ``tan(theta) = u / v``, is propagated from below to above, and each mode is found by bisection.
-
-Guided modes of a stack of layers: their number, effective indices and fields.
+The reference, `effective_indices`, is close to the dissertation's notation: one angle theta, ``tan(theta) = u / v``, is
+propagated from below to above, and each mode is found by bisection.
 """
 
 from __future__ import annotations
@@ -64,16 +50,23 @@ EPSILON = 2.0**-52
 def propagate_layer(u: float, v: float, p: float, q: float, length: float) -> tuple[float, float, int, float]:
     """Propagate (u, v) through a layer: the new pair, its omitted half-turns, and the log of its omitted factor.
 
-    u and v are continuous at the faces of a layer, the dissertation's (3.35), (3.36), (3.37), (3.38) and (3.39). The
-    dissertation uses the phases (3.45), (3.46), (3.47) and (3.48) instead; (3.46) must read ``-kappa_2 a_1``, not
-    ``-kappa_2 a_2``.
+    This stands for the dissertation's phases (3.45), (3.46), (3.47) and (3.48), which hold where all layers oscillate.
     """
+    # The wave equation of one layer, where n is constant: u'' = -q u, with k0 x as length.
+    # At its faces u and v = u' / p go on unchanged, (3.35), (3.36), (3.37), (3.38), (3.39): so (u, v) is all
+    # that the next layer needs, and no amplitude or phase has to be matched.
     if q > 0.0:
+        # q k0**2 is kappa**2 of the layer, (3.22), (3.23), (3.24), (3.25), so kappa is (3.50), (3.51), (3.52), (3.53).
+        # u = a cos(kappa x + phi): the wave turns by kappa L, and u(L) = u cos(kappa L) + u' sin(kappa L) / kappa.
+        # The dissertation keeps phi of each layer and matches tan(phi) at the faces: (3.45), (3.46), (3.47), (3.48).
+        # There (3.46) must read ``-kappa_2 a_1``, not ``-kappa_2 a_2``. Here a layer turns by its own length, so that
+        # no place of a face enters. Whole half-turns change only the sign and are counted apart.
         kappa = math.sqrt(q)
         half_turns = int(kappa * length / math.pi)
         rest = kappa * length - math.pi * half_turns
         cosine, sine = math.cos(rest), math.sin(rest)
         return u * cosine + p * v * sine / kappa, v * cosine - u * kappa * sine / p, half_turns, 0.0
+    # Kappa is imaginary, and the wave decays as outside, (3.49), (3.54): cos and sin become cosh and sinh.
     gamma = math.sqrt(-q)
     depth = gamma * length
     if depth < 1.0:
@@ -81,6 +74,7 @@ def propagate_layer(u: float, v: float, p: float, q: float, length: float) -> tu
         sine = math.sinh(depth)
         over_gamma = length if depth == 0.0 else sine / gamma
         return u * cosine + p * v * over_gamma, v * cosine + u * gamma * sine / p, 0, 0.0
+    # In a deep layer cosh and sinh overflow: u = growing exp(g x) + decaying exp(-g x), and exp(depth) is left out.
     growing, decaying = (u + p * v / gamma) / 2, (u - p * v / gamma) / 2
     if growing == 0.0:  # a purely decaying wave through a deep layer
         return decaying, -decaying * gamma / p, 0, -depth
@@ -97,6 +91,8 @@ def layer_phase(
     ``side`` is 1 from below, -1 from above; v belongs to an x axis that points inwards.
     """
     outside = 0 if side > 0 else len(step) - 1
+    # Outside q < 0, (3.21), (3.26): u = exp(-gamma |x|) with gamma of (3.49), (3.54); towards the stack u' = gamma u.
+    # The printed (3.54) has ``k5**2 n5**2`` for ``k0**2 n5**2``.
     u, v = 1.0, math.sqrt(max(offset - step[outside], 0.0)) / weight[outside]
     half_turns = 0
     layer = outside + side
@@ -114,12 +110,12 @@ def layer_phase(
 
 @compiled
 def phase(step: Floats, weight: Floats, length: Floats, offset: float, core: int) -> tuple[int, float]:
-    """Phase beyond that of the lowest mode: pi times the first number, plus the second.
-
-    It is a multiple of pi where the dissertation's (3.40), (3.41), (3.42), (3.43) and (3.44) are all satisfied.
-    """
+    """Phase beyond that of the lowest mode: pi times the first number, plus the second."""
     below, u_below, v_below = layer_phase(step, weight, length, offset, core, 1)
     above, u_above, v_above = layer_phase(step, weight, length, offset, core, -1)
+    # In the core u = cos(kappa x - phi). From below, p v / (kappa u) = tan(phi) at its lower face; from above, the same
+    # at its upper face. Both solutions are one mode where kappa L - phi_below - phi_above is a multiple of pi: then
+    # (3.40), (3.41), (3.42), (3.43), (3.44) are all satisfied.
     kappa, p = math.sqrt(max(step[core] - offset, 0.0)), weight[core]
     # Complements of the angles: near cut-off of a thin guide the phase is tiny, and adding pi / 2 would round it off.
     rest = kappa * length[core] - math.atan2(p * v_below, kappa * u_below) - math.atan2(p * v_above, kappa * u_above)
@@ -135,16 +131,16 @@ def modes_above(step: Floats, weight: Floats, length: Floats, offset: float, cor
 
 @compiled
 def mode_roots(
-    step: Floats, weight: Floats, length: Floats, low: float, high: float, core: int, first: int, result: Floats
+    step: Floats, weight: Floats, length: Floats, low: float, high: float, core: int, first: int, roots: Floats
 ) -> None:
-    """Fill ``result`` with the descending offsets, between ``high`` and ``low``, from mode ``first`` on."""
+    """Fill ``roots`` with the descending offsets, between ``high`` and ``low``, from mode ``first`` on."""
     half_turns_low, rest_low = phase(step, weight, length, low, core)
     half_turns_high, rest_high = phase(step, weight, length, high, core)
     right, right_phase = high, rest_high + math.pi * (half_turns_high - first)
-    for k in range(len(result)):
+    for k in range(len(roots)):
         left_phase = rest_low + math.pi * (half_turns_low - first - k)
-        result[k] = _root(step, weight, length, core, first + k, low, left_phase, right, right_phase)
-        right, right_phase = result[k], -math.pi
+        roots[k] = _root(step, weight, length, core, first + k, low, left_phase, right, right_phase)
+        right, right_phase = roots[k], -math.pi
 
 
 @compiled
@@ -293,6 +289,9 @@ class Waves:
 
     Where the mode decays, g is real and each wave decays from its own end, so there is no cancellation of large terms.
     Where it oscillates, g is imaginary and the waves travel up and down.
+
+    The dissertation gives this field region by region as (3.15), (3.16), (3.17), (3.18), (3.19) and (3.20), with the
+    amplitudes (3.55), (3.56), (3.57), (3.58) and (3.59). The printed (3.55) must read ``e_1 = e_0 / cos(phi_1)``.
     """
 
     layers: SlabLayers  # the stack
@@ -307,6 +306,7 @@ class Waves:
         floor = np.divide(FLATTEST**2, length**2, out=np.zeros_like(length), where=length > 0)
         rate = np.sqrt(-np.where(q < 0, np.minimum(q, -floor), np.maximum(q, floor)) + 0j)
         through = _through(layers, rate)
+        # The amplitudes, for (3.55), (3.56), (3.57), (3.58), (3.59).
         # Oscillating: from u and u' at the lower end. Decaying: from u at both ends, because u' would cancel.
         slope = layers.weight * lower[:, 1] / rate
         travels = q > 0
@@ -327,6 +327,7 @@ class Waves:
     def slope(self, x_um: Floats) -> Floats:
         """V = du/dx over k0 p."""
         region, up, down = self._parts(x_um)
+        # (3.29), (3.30), (3.31), (3.32), (3.33), (3.34): each wave's derivative, with the sign of its direction.
         return (self.rate[region] / self.layers.weight[region] * (down - up)).real
 
     def _parts(self, x_um: Floats) -> tuple[Integers, Complexes, Complexes]:
@@ -400,11 +401,11 @@ def mode_field(layers: SlabLayers, n_eff: Floats, q: Floats, number: int) -> Sla
     """
     waves: list[Waves] = []
     parts = np.zeros((0, len(q)))  # amplitudes of the waves in each earlier mode, of unit norm
-    for item in q[: number + 1]:
-        nudged = (item + nudge * EPSILON * item.max() for nudge in NUDGES)
+    for own in q[: number + 1]:
+        nudged = (own + nudge * EPSILON * own.max() for nudge in NUDGES)
         # A nudge past cut-off gives no mode; the first q, without a nudge, decays on both sides.
         tries = chain.from_iterable(_joined(layers, near) for near in nudged if max(near[0], near[-1]) < 0)
-        best = _best(_orthogonalised(waves, parts, wave, jump, EPSILON * item.max()) for wave, jump in tries)
+        best = _best(_orthogonalised(waves, parts, wave, jump, EPSILON * own.max()) for wave, jump in tries)
         waves.append(best.wave)
         parts = np.vstack([parts, best.row])
     row = parts[-1, : len(waves)] / np.sqrt(n_eff[number])
@@ -441,7 +442,7 @@ def _best(tries: Iterator[_Try]) -> _Try:
     for candidate in tries:
         if best.error < GOOD:
             break
-        best = min(best, candidate, key=lambda item: item.error)
+        best = min(best, candidate, key=lambda one: one.error)
     return best
 
 
@@ -470,7 +471,7 @@ def _joined(layers: SlabLayers, q: Floats) -> Iterator[tuple[Waves, float]]:
         region: _log_size(layers, q, region, upper_below[region]) + _log_size(layers, q, region, upper_above[region])
         for region in np.flatnonzero(q > 0).tolist()
     }
-    for region in sorted(size, key=lambda item: -size[item]):
+    for region in sorted(size, key=lambda region: -size[region]):
         below, above = upper_below[region], upper_above[region]
         metric = np.array([1.0, _decay_length_um(layers, q, region) ** 2])
         ratio = (below[:2] * metric) @ above[:2] / ((above[:2] * metric) @ above[:2])
@@ -690,8 +691,7 @@ def guided_modes(
 
     The phase of a Sturm-Liouville problem counts the modes, then a bracketed search finds each to the last digits; see
     `tsis.optics.slab`. This replaces the dissertation's conditions (3.40), (3.41), (3.42), (3.43) and (3.44)
-    with the phases (3.45), (3.46), (3.47) and (3.48). Those are valid where all layers oscillate, and (3.46) must read
-    ``-kappa_2 a_1``.
+    with the phases (3.45), (3.46), (3.47) and (3.48), which are valid only where all layers oscillate.
 
     Parameters
     ----------
@@ -749,7 +749,7 @@ def _intervals_of_modes(layers: SlabLayers) -> Iterator[tuple[Floats, Floats]]:
         half = (upper - lower) * (upper + lower) / 2
         for anchor, low, high in ((upper, -half, 0.0), (lower, 0.0, half)):
             last = max(first, layers.modes_above(anchor, low))
-            result = np.empty(last - first)
-            mode_roots(*layers.at(anchor), low, high, layers.core, first, result)
-            yield np.full_like(result, anchor), result
+            offsets = np.empty(last - first)
+            mode_roots(*layers.at(anchor), low, high, layers.core, first, offsets)
+            yield np.full_like(offsets, anchor), offsets
             first = last
