@@ -1,13 +1,11 @@
-"""Layered meshes: a logical rectangle of quadrilaterals, bent to the body's shape.
+"""Layered meshes of axisymmetric elastic quadrilaterals: their shape, their stiffness, and the contact face.
 
-Direction ``a`` runs along a layer, direction ``b`` from layer to layer; `condensed` eliminates layer by layer.
+A mesh is a logical rectangle of quadrilaterals, bent to the body's shape. Direction ``a`` runs along a layer, direction
+``b`` from layer to layer; `tsis.mechanics.small_strain.slab` eliminates layer by layer.
 
-Axisymmetric elastic quadrilaterals of any order, all stiffness matrices of a mesh in one batch.
-
-Nodes are Gauss-Lobatto-Legendre points, so that high orders stay well conditioned; integration is Gauss-Legendre.
-Displacements are ordered (u_r, u_z) node by node. Forces act on the whole ring: they include the factor 2 pi r.
-
-The contact face: its nodes, pressures from nodal forces, and interpolation between nodes.
+Elements have any order, and all stiffness matrices of a mesh are one batch. Nodes are Gauss-Lobatto-Legendre points, so
+that high orders stay well conditioned; integration is Gauss-Legendre. Displacements are ordered (u_r, u_z) node by
+node. Forces act on the whole ring: they include the factor 2 pi r.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """Presses in three dimensions: inclusions off the axis, ellipsoids, several at once (extra ``fem3d``).
 
-Mesh of a press in three dimensions; mirror planes through the probe's axis halve or quarter it.
-
-A press in three dimensions, as the sum of the reference press and the change by the inclusions.
+A press is the sum of the axisymmetric reference press and the change by the inclusions, which finite elements find.
+Mirror planes through the probe's axis halve or quarter their mesh.
 """
 
 from __future__ import annotations

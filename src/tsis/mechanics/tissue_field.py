@@ -1,16 +1,13 @@
 """What uneven tissue does to a press: its linear response to a field of the tissue's modulus, harmonic by harmonic.
 
-Bodies of revolution under loads that vary as a harmonic around the axis: Fourier elements of any order.
-
-The displacements of harmonic m are ``u_r = U cos m a``, ``u_z = W cos m a`` and ``u_a = V sin m a`` at the angle a. For
+Bodies of revolution under loads that vary as a harmonic around the axis are Fourier elements of any order. The
+displacements of harmonic m are ``u_r = U cos m a``, ``u_z = W cos m a`` and ``u_a = V sin m a`` at the angle a. For
 m = 0 there is no u_a. Strains have the order rr, zz, aa, rz, ra, za; shear strains are engineering strains.
 
-Response of a press that covers the face to small changes of the tissue's modulus at each point.
-
-The field phi is the change of the logarithm of the modulus. Strains of unit forces on the face are the adjoint: a
-change of the stiffness at a point changes the face's displacement by ``-phi strain : stress`` of the press without it,
-and the contact answers with the compliance of both bodies, at fixed force. A round press and harmonic m of the field
-give harmonic m of the response.
+The field phi is the small change of the logarithm of the modulus at each point. The press covers the face. Strains of
+unit forces on the face are the adjoint: a change of the stiffness at a point changes the face's displacement by
+``-phi strain : stress`` of the press without it, and the contact answers with the compliance of both bodies, at fixed
+force. A round press and harmonic m of the field give harmonic m of the response.
 """
 
 from __future__ import annotations

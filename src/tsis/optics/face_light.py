@@ -1,10 +1,7 @@
 """The light on the face of the probe from inside, as a smooth function of position, displacement and slope.
 
-Smooth light from counted rays: the lamps' symmetries, polynomials in the slope, splines over the face.
-
-Light on the probe's face from inside, for any displacement and slope of the face.
-
-The traced light on a probe's face: untouched, evenly raised, and under a few dents; cached on disk.
+Rays are traced to the untouched face, the evenly raised face, and the face under a few dents, and are cached on disk.
+The counts become smooth by the lamps' symmetries, polynomials in the slope, and splines over the face.
 """
 
 from __future__ import annotations

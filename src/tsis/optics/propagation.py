@@ -1,18 +1,13 @@
 """Waves in a pressed thin guide: beam propagation for sweeps, a frequency-domain solution as reference.
 
-A thin layered guide and the round dent of a tip in it.
+The guide has thin layers and the round dent of a tip. Its grid of cells has nodes, absorbers, permittivities and
+matrices. Light enters and leaves as the modes of one section of the grid: guided modes, and the discrete radiation
+modes between the absorbers.
 
-The grid of cells for waves: its nodes, absorbers, permittivities and matrices.
-
-All modes of one section of the grid: guided modes, and the discrete radiation modes between the absorbers.
-
-Balance of the launched power, exact on the discrete grid.
-
-The power between two nodes with the real matrix element ``a`` is ``-a Im(u* v)``. Its sum over any border without
-sources inside is exactly zero. Light at the end of the grid continues in a flat guide as a sum of the section's modes,
-so the power that leaves up to infinity is a geometric series.
-
-Waves through a pressed guide: input checks, choice of the method, and result.
+The balance of the launched power is exact on the discrete grid. The power between two nodes with the real matrix
+element ``a`` is ``-a Im(u* v)``. Its sum over any border without sources inside is exactly zero. Light at the end of
+the grid continues in a flat guide as a sum of the section's modes, so the power that leaves up to infinity is a
+geometric series.
 """
 
 from __future__ import annotations

@@ -1,13 +1,12 @@
-"""Compressible neo-Hookean rubber in axisymmetry: energy, first Piola stress and tangent of the deformation gradient.
+"""Compressible neo-Hookean rubber in axisymmetry: stress and tangent at a point, energy and forces of a meshed body.
 
 ``W = mu/2 (I1 - 3 - 2 ln J) + lambda/2 ln^2 J`` per reference volume. An axisymmetric deformation gradient has five
 components: rR, rZ, zR, zZ and the hoop, along the FIRST axis of an array; all functions are batched over the other
 axes. Stresses have the unit of the moduli (kPa).
 
-Strain energy, forces and tangent of meshed neo-Hookean bodies, element interiors eliminated element by element.
-
-Total Lagrangian: the operators from displacements to the deformation gradient are computed once. The unknown
-displacements of the skeleton (nodes on the sides of elements) come first, then those inside the elements.
+A body is total Lagrangian: the operators from displacements to the deformation gradient are computed once. The unknown
+displacements of the skeleton (nodes on the sides of elements) come first, then those inside the elements, which are
+eliminated element by element.
 """
 
 from __future__ import annotations

@@ -1,10 +1,9 @@
 """A probe pressed on a slab with large deformations: neo-Hookean bodies, frictionless sliding, unilateral contact.
 
-Continuation in state: equilibria of neighbouring slabs, each started from the last one.
-
-All slabs are meshed on the same lines, so that their meshes have one topology and their nodes move smoothly with
-diameter, depth and thickness. Displacements and pressures of one equilibrium then start Newton's method in the next;
-where it does not converge, a state in between comes first.
+Equilibria of neighbouring slabs are continued, each started from the last one. All slabs are meshed on the same lines,
+so that their meshes have one topology and their nodes move smoothly with diameter, depth and thickness. Displacements
+and pressures of one equilibrium then start Newton's method in the next; where it does not converge, a state in between
+comes first.
 """
 
 from __future__ import annotations

@@ -1,14 +1,13 @@
-"""Frictionless unilateral contact between the surface of one body and the obstacle that it slides on.
+"""Frictionless unilateral contact between the surface of one body and the smooth obstacle that it slides on.
 
 The pressure is a stiff spring of the overlap per reference area of the sliding surface. On each element edge a
 polynomial interpolates the gap between a few points. The spring's energy is the exact integral over the part where
 that polynomial is negative, so the edge of the contact moves smoothly through an element.
 
-A twice differentiable curve through the nodes of a face, as an obstacle for other bodies.
-
-Faces of finite elements have kinks between elements, and a closest point jumps across a kink. The curve is the exact
-undeformed outline plus a cubic spline: the least-squares fit to the elements' displacement over the face's area. So
-the curve is linear in the nodes' positions, and the nodal forces of a smooth pressure are consistent.
+The obstacle is a twice differentiable curve through the nodes of a face, because faces of finite elements have kinks
+between elements, and a closest point jumps across a kink. The curve is the exact undeformed outline plus a cubic
+spline: the least-squares fit to the elements' displacement over the face's area. So the curve is linear in the nodes'
+positions, and the nodal forces of a smooth pressure are consistent.
 """
 
 from __future__ import annotations

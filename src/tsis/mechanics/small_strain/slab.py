@@ -1,11 +1,10 @@
-"""Probe and slab, condensed to their compliance on the contact face.
+"""Probe and slab, condensed layer by layer to their compliance on the contact face.
 
-Static condensation, layer by layer: a body becomes the stiffness of the few displacements common with others.
-
-A `Condensate` is a dense symmetric stiffness over numbered degrees of freedom. Each step adds one element layer and
-eliminates the displacements that neither a later layer nor a neighbour needs (Schur complement). The result equals
-one large sparse solve but costs only a few dense solves of about a hundred unknowns. The indices of a
-`CondensationStep` depend only on the numbering, not on the shape, and are computed once.
+By static condensation a body becomes the stiffness of the few displacements common with others. A `Condensate` is a
+dense symmetric stiffness over numbered degrees of freedom. Each step adds one element layer and eliminates the
+displacements that neither a later layer nor a neighbour needs (Schur complement). The result equals one large sparse
+solve but costs only a few dense solves of about a hundred unknowns. The indices of a `CondensationStep` depend only on
+the numbering, not on the shape, and are computed once.
 """
 
 from __future__ import annotations

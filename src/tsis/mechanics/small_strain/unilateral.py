@@ -1,14 +1,12 @@
-"""Unilateral contact: the closed nodes of a face and their forces.
+"""Unilateral contact of two bodies that are condensed onto the face: by nodes, and over a disc with any edge.
 
-The bodies are condensed onto the face, so contact is a small linear complementarity problem: at each node the gap is
-closed with a force >= 0, or open without force. With a positive definite compliance it has one solution.
+By nodes, contact is a small linear complementarity problem: at each node the gap is closed with a force >= 0, or open
+without force. With a positive definite compliance it has one solution.
 
-Contact over a disc whose edge need not lie on a node.
-
-Inside the disc of radius a the pressure is ``sqrt(1 - s**2)`` times a polynomial in ``s**2``, s = r / a, as it is under
-every smooth body (Hertz is the constant). The mean gap, weighted by each of these pressures and by
-``1 / sqrt(1 - s**2)``, is zero: the energy is stationary. The last condition is its stationarity by a: the pressure
-vanishes at the edge.
+A disc's edge need not lie on a node. Inside the disc of radius a the pressure is ``sqrt(1 - s**2)`` times a polynomial
+in ``s**2``, s = r / a, as it is under every smooth body (Hertz is the constant). The mean gap, weighted by each of
+these pressures and by ``1 / sqrt(1 - s**2)``, is zero: the energy is stationary. The last condition is its stationarity
+by a: the pressure vanishes at the edge.
 
 A half-space's response to these pressures has a closed form (Copson 1947), and no mesh resolves the kink at an edge
 inside an element. So the compliance has two parts: the exact half-space, and the smooth change of it by layers, walls,

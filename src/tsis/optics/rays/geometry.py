@@ -1,8 +1,6 @@
-"""The scene of the tracers from a probe and a press.
+"""The scene of the tracers from a probe and a press: the pressed face on their grid, and where rays meet it.
 
-The pressed face on the tracer's grid, and dents in closed form.
-
-Intersections of rays with the pressed face and the interfaces above it; heights are a quadratic spline.
+Heights of the face and of the interfaces above it are a quadratic spline. Some dents have a closed form.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
-"""Following a ray through the probe: intersections with wall, face and interfaces, reflection and refraction.
+"""Following a ray through the probe: its start at a lamp, intersections, reflection and refraction.
 
-Starts of rays: positions on a lamp's face from an even sequence, and the lamp's cosine law.
+Starts are positions on a lamp's face from an even sequence, with directions by the lamp's cosine law. A ray meets wall,
+face and interfaces.
 """
 
 from __future__ import annotations
