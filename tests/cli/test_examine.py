@@ -1,6 +1,10 @@
+"""``tsis examine``: folders and frames, forces by the light, the uncertainty budget, and what is refused."""
+
 from __future__ import annotations
 
+import io
 import json
+import math
 import shutil
 from dataclasses import fields, replace
 from datetime import UTC, datetime
@@ -9,18 +13,32 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 import pytest
+from rich.console import Console
+from tests.cli.kept_demo import FORCES, FRAMES, KNOWN, told
+from tests.present.pdf_readers import sheet_count, sheets
+from tests.records.sample import sample_estimate
 
-from tsis.calibration.file import ProbeCalibration, calibration_bytes, read_calibration
+import tsis
+from tsis.calibration.camera_reference import CameraReference
+from tsis.calibration.file import ProbeCalibration, calibration_bytes, read_calibration, write_calibration
+from tsis.calibration.force_line import ForceLine
+from tsis.calibration.measured import MeasuredValue
+from tsis.calibration.scale import PixelScale
 from tsis.cli.options import reference_forces
 from tsis.errors import InputError
 from tsis.model.calibration import Calibration, LightMap
+from tsis.model.estimate import Estimate
+from tsis.present.page import Table
+from tsis.present.terminal import rich_table
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tests.cli.conftest import Finished, RunTsis
+    from tests.cli.conftest import RunTsis
 
+    from tsis.model.image import TactileImage
     from tsis.model.probe import Probe
+
 
 LONG_AGO = datetime(2020, 1, 1, tzinfo=UTC)
 DISC_PX, CENTRE = 30.0, (140.0, 90.0)
@@ -213,14 +231,9 @@ def test_a_calibration_file_keeps_every_value(tmp_path: Path) -> None:
     assert replace(again, light=None) == replace(named, light=None)
 
 
-def told(finished: Finished) -> Any:
-    assert finished.code == 0, finished.err
-    return json.loads(finished.out)["estimate"]
-
-
 def test_a_folder_of_the_demo_gives_the_estimate_of_the_demo(run: RunTsis, kept: Path, tmp_path: Path) -> None:
     first = json.loads((kept / "demo" / "result.json").read_text())["estimate"]
-    again = told(run("examine", "demo", "--out", tmp_path / "made", "--json"))
+    again = told(run, "examine", "demo", "--out", tmp_path / "made")["estimate"]
     assert again["presence"] == first["presence"]
     for name, found in again["parameters"].items():
         assert found["mean"] == first["parameters"][name]["mean"]
@@ -229,9 +242,11 @@ def test_a_folder_of_the_demo_gives_the_estimate_of_the_demo(run: RunTsis, kept:
 
 
 def test_an_option_replaces_what_the_folder_tells(run: RunTsis, tmp_path: Path) -> None:
-    changed = told(run("examine", "demo", "--force-n", "0.52", "--force-n", "1", "--out", tmp_path / "made", "--json"))
+    changed = told(run, "examine", "demo", "--force-n", "0.52", "--force-n", "1", "--out", tmp_path / "made")[
+        "estimate"
+    ]
     assert [frame["force_n"] for frame in changed["provenance"]["images"]] == [0.52, 1.0]
-    wide = told(run("examine", "demo", "--prior", "wide", "--out", tmp_path / "made", "--json"))
+    wide = told(run, "examine", "demo", "--prior", "wide", "--out", tmp_path / "made")["estimate"]
     assert wide["prior"].startswith("wide")
 
 
@@ -246,10 +261,249 @@ def test_a_table_of_presses_tells_forces_kinds_and_scale(run: RunTsis, kept: Pat
     (folder / "presses.csv").write_text("\n".join(rows))
     shutil.copy(kept / "demo" / "calibration.json", folder)
     first = json.loads((kept / "demo" / "result.json").read_text())["estimate"]
-    again = told(run("examine", folder, "--strain", "small", "--out", tmp_path / "made", "--json"))
+    again = told(run, "examine", folder, "--strain", "small", "--out", tmp_path / "made")["estimate"]
     for name, found in again["parameters"].items():
         assert found["mean"] == first["parameters"][name]["mean"]
     (folder / "presses.csv").write_text(rows[0] + "\n../target.png,1,target,,,\n")
     refused = run("examine", folder)
     assert refused.code == 2
     assert "must name files of its own" in refused.err
+
+
+REFERENCES = ("--reference-press", "demo/reference-0.5N.png", "--reference-press", "demo/reference-1N.png")
+BUDGET = ("examine", *FRAMES, *KNOWN, *FORCES, *REFERENCES, "--budget")
+
+
+@pytest.mark.slow
+def test_the_budget_of_the_demo(run: RunTsis, kept: Path, tmp_path: Path) -> None:
+    document = told(run, *BUDGET, "--pdf", "--out", tmp_path / "made")
+    budget, estimate = document["budget"], document["estimate"]
+    assert budget["withheld"] == {"young_kpa": "not identified"}
+    assert set(budget["parameters"]) == {"diameter_mm", "depth_mm"}
+    for name, quantity in budget["parameters"].items():
+        assert quantity["value"] == estimate["parameters"][name]["mean"]
+        assert quantity["sampled_sd"] == estimate["parameters"][name]["sd"]
+        assert quantity["combined"] == pytest.approx(
+            math.hypot(*(part["contribution"] for part in quantity["components"]))
+        )
+        assert quantity["expanded"] == pytest.approx(1.96 * quantity["combined"], rel=1e-3)
+        assert quantity["departure"] == pytest.approx(quantity["sampled_sd"] / quantity["combined"] - 1)
+        assert abs(quantity["departure"]) < 0.5
+    documented = budget["parameters"]["diameter_mm"]  # in docs/explanation/intervals.md
+    assert documented["combined"] == pytest.approx(0.111, abs=0.005)
+    assert documented["departure"] == pytest.approx(0.15, abs=0.05)
+    largest = max(documented["components"], key=lambda part: part["contribution"])
+    assert (largest["source"], round(largest["fraction"], 1)) == ("prior of the modulus", 0.6)
+    assert [force["image"] for force in budget["forces"]] == [
+        *("target-0.5N.png", "target-1N.png", "reference-0.5N.png", "reference-1N.png")
+    ]
+    response = tsis.load_calibration(kept / "demo" / "calibration.json").response
+    assert [force["combined"] for force in budget["forces"]] == pytest.approx(
+        [response.force_sd * force["value"] for force in budget["forces"]]
+    )
+    page = (tmp_path / "made" / "index.html").read_text(encoding="utf-8")
+    for shown in ("Uncertainty budget: depth", "force of each frame", "sd of the samples", "target-0.5N.png"):
+        assert shown in page
+    assert sheet_count((tmp_path / "made" / "report.pdf").read_bytes()) > 2
+    plain = told(run, *(part for part in BUDGET if part != "--budget"), "--out", tmp_path / "without")
+    assert "budget" not in plain
+    assert plain["estimate"]["parameters"] == estimate["parameters"]
+
+
+@pytest.mark.parametrize("columns", [80, 120])
+def test_a_terminal_shows_whole_numbers(columns: int) -> None:
+    rows = (
+        ("heterogeneity of the tissue", "B, rectangular", "0.00179 mm2", "9.97e+03", "0.00019", "100.0%"),
+        ("sd of the samples", "", "", "", "10.9", "+13%"),
+    )
+    first = ("source", "type, distribution", "standard uncertainty")
+    headings = (*first, "sensitivity / kPa per unit", "contribution / kPa", "variance")
+    table = rich_table(Table(title="Budget", columns=headings, values=rows))
+    shown = Console(file=io.StringIO(), width=columns)
+    shown.print(table)
+    assert isinstance(shown.file, io.StringIO)
+    lines = shown.file.getvalue().splitlines()
+    assert max(map(len, lines)) <= columns
+    words = " ".join(lines).split()
+    for cell in (*headings, *(cell for row in rows for cell in row)):
+        assert set(cell.split()) <= set(words)
+
+
+def test_withheld_numbers_stay_withheld(run: RunTsis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from tsis.inclusion import budget
+    from tsis.inclusion.estimation import analyse
+
+    def untrusted(*args: Any, **options: Any) -> Any:
+        found = analyse(*args, **options)
+        estimate = Estimate(untrusted=found.estimate.untrusted, trusted=False, flags=("model_does_not_fit",))
+        return replace(found, estimate=estimate)
+
+    monkeypatch.setattr(budget, "analyse", untrusted)
+    finished = run(*BUDGET, "--out", str(tmp_path / "made"))
+    assert finished.code == 3
+    assert "The uncertainty budget of the depth is withheld: not to be trusted." in " ".join(finished.out.split())
+    assert "Uncertainty budget: depth" not in finished.out
+    assert "sd of the samples" not in (tmp_path / "made" / "index.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.system  # poppler
+def test_the_budget_is_in_the_pdf(run: RunTsis, tmp_path: Path) -> None:
+    told(run, *BUDGET, "--pdf", "--out", tmp_path / "made")
+    printed = " ".join(sheets((tmp_path / "made" / "report.pdf").read_bytes(), tmp_path))
+    for shown in ("Uncertainty budget: depth", "force of each frame", "sd of the samples", "target-0.5N.png"):
+        assert shown in printed
+
+
+ROWS, COLUMNS, DARK = 120, 160, 8
+GREY_PER_N, DISC_GREY = 2e5, 90
+
+
+def _sure(value: float, unit: str = "", *, sd: float = 0.0) -> MeasuredValue:
+    return MeasuredValue(value=value, sd=sd, unit=unit)
+
+
+def _with_force_line(**changes: Any) -> ProbeCalibration:
+    flat = np.ones((ROWS, COLUMNS))
+    parts: dict[str, Any] = {
+        "scale": PixelScale(
+            mm_per_pixel_x=_sure(0.1, "mm/px"),
+            mm_per_pixel_y=_sure(0.1, "mm/px"),
+            shape=(ROWS, COLUMNS),
+            at_px=(79.5, 59.5),
+            method="dots",
+            count=30,
+        ),
+        "reference": CameraReference(
+            dark_grey=DARK * flat,
+            untouched_grey=0 * flat,
+            relative_light=flat,
+            usable=flat > 0,
+            full_scale=255.0,
+            mm_per_pixel=(0.1, 0.1),
+            dark_frames=8,
+            untouched_frames=8,
+            flat_frames=0,
+            read_noise_grey=_sure(0.5, "grey"),
+            shot_noise_grey=_sure(0.02, "grey"),
+            stray_grey=_sure(0.0, "grey"),
+        ),
+        "force_line": ForceLine(
+            intercept_grey=_sure(0.0, "grey"),
+            slope_grey_per_n=_sure(GREY_PER_N, "grey/N", sd=0.015 * GREY_PER_N),
+            unit_covariance=(0.0, 0.0, 0.75 * (0.03 * GREY_PER_N) ** 2),  # a new tip beside the mean of three: 3 %
+            units=3,
+            residual_grey=_sure(10.0, "grey"),
+            residual_share=_sure(0.0),
+            least_n=0.05,
+            most_n=2.0,
+            pixels=ROWS * COLUMNS,
+            full_scale=255.0,
+            tips_mm=(2.0, 10.0, 14.0),
+        ),
+        "response": Calibration(gain_grey_per_kpa=60.0, saturation_kpa=20.0),
+    }
+    return ProbeCalibration(name="bench", **{**parts, **changes})
+
+
+def _frame(path: Path, radius_px: float) -> float:
+    """Write a bright disc, and return the force that its light means."""
+    y, x = np.mgrid[:ROWS, :COLUMNS]
+    disc = np.hypot(x - 80, y - 60) < radius_px
+    cv2.imwrite(str(path), np.where(disc, DARK + DISC_GREY, DARK).astype(np.uint8))
+    return float(disc.sum() * DISC_GREY / GREY_PER_N)
+
+
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch) -> list[tuple[list[TactileImage], Calibration]]:
+    """What the estimate is asked."""
+    seen: list[tuple[list[TactileImage], Calibration]] = []
+
+    def stop(frames: list[TactileImage], *, calibration: Calibration, **_others: object) -> None:
+        seen.append((frames, calibration))
+        raise InputError("stopped here")
+
+    monkeypatch.setattr("tsis.inclusion.estimate", stop)
+    return seen
+
+
+def test_forces_come_from_the_light_and_their_doubt_reaches_the_estimate(
+    run_tsis: RunTsis, tmp_path: Path, asked: list[tuple[list[TactileImage], Calibration]]
+) -> None:
+    forces = [_frame(tmp_path / "a.png", 20.0), _frame(tmp_path / "b.png", 30.0)]
+    write_calibration(_with_force_line(), tmp_path / "calibration.json")
+    finished = run_tsis("examine", "a.png", "b.png", "--calibration", "calibration.json")
+    assert finished.err == "Error: stopped here\n"
+    ((frames, calibration),) = asked
+    assert [frame.force_n for frame in frames] == pytest.approx(forces, rel=1e-6)
+    assert calibration.force_sd == pytest.approx(0.03, rel=0.1)
+    assert frames[0].mm_per_pixel == (0.1, 0.1)
+    assert frames[0].grey.min() == 0.0  # less the dark frame
+    assert calibration.name.startswith("bench (")
+
+
+def test_what_is_kept_is_given_to_the_estimate_again_bit_for_bit(
+    run_tsis: RunTsis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Reference, scale and force line take the same way from the store as from the files."""
+    asked: list[dict[str, Any]] = []
+
+    def estimate(frames: list[TactileImage], **given: Any) -> Estimate:
+        asked.append({"frames": frames, **given})
+        return sample_estimate()
+
+    monkeypatch.setattr("tsis.inclusion.estimate", estimate)
+    for name, radius_px in (("a.png", 20.0), ("b.png", 30.0), ("plain.png", 26.0)):
+        _frame(tmp_path / name, radius_px)
+    noise = np.random.default_rng(1)
+    reference = replace(
+        _with_force_line().need(CameraReference, "this"),
+        untouched_grey=noise.random((ROWS, COLUMNS)),
+        dark_grey=noise.random((ROWS, COLUMNS)),
+    )
+    write_calibration(_with_force_line(reference=reference), tmp_path / "calibration.json")
+    keep = ("--save", "--store", "records")
+    kept = run_tsis(
+        "examine", "a.png", "b.png", "--reference-press", "plain.png", "--calibration", "calibration.json", *keep
+    )
+    assert kept.code == 0, kept.err
+    finished = run_tsis("records", "recompute", "1", "--store", "records", "--json")
+    assert finished.code == 0, finished.err
+    first, again = asked
+    for kind in ("frames", "reference"):
+        for one, other in zip(first[kind], again[kind], strict=True):
+            np.testing.assert_array_equal(one.grey, other.grey)
+            assert (one.force_n, one.mm_per_pixel, one.axis_px) == (other.force_n, other.mm_per_pixel, other.axis_px)
+    for name in ("calibration", "probe", "prior"):
+        assert first[name] == again[name]
+    assert first["calibration"].force_sd > 0.01  # with the doubt of the line
+    assert json.loads(finished.out)["estimates"][0]["same"] is True
+
+
+CODES_WITHOUT_A_LINE = {"part 'reference'": 3}  # of messages that are no wrong input
+
+
+@pytest.mark.parametrize(
+    ("without", "said"),
+    [
+        ({"force_line": None}, "needs --scale-mm and --force-n"),
+        ({"reference": None}, "a force without --force-n needs the part 'reference'"),
+    ],
+)
+def test_what_is_missing_for_a_force_is_named(
+    run_tsis: RunTsis, tmp_path: Path, without: dict[str, None], said: str
+) -> None:
+    _frame(tmp_path / "a.png", 20.0)
+    write_calibration(_with_force_line(**without), tmp_path / "calibration.json")
+    finished = run_tsis("examine", "a.png", "--calibration", "calibration.json")
+    assert finished.code == next((code for text, code in CODES_WITHOUT_A_LINE.items() if text in said), 2)
+    assert said in finished.err
+
+
+def test_a_force_beyond_the_line_and_a_second_scale_are_refused(run_tsis: RunTsis, tmp_path: Path) -> None:
+    _frame(tmp_path / "a.png", 2.0)
+    write_calibration(_with_force_line(), tmp_path / "calibration.json")
+    too_light = run_tsis("examine", "a.png", "--calibration", "calibration.json")
+    assert too_light.code == 2
+    assert "0.05" in too_light.err
+    twice = run_tsis("examine", "a.png", "--calibration", "calibration.json", "--scale-mm", "0.1")
+    assert "--scale-mm is not used with this calibration" in twice.err
