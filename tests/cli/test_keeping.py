@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 from tests.cli.kept_demo import FORCES, FRAMES, KNOWN
-from tests.records.importing.snapshot_folder import save
+from tests.records.folders import save
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.errors import RecordsError

@@ -19,10 +19,10 @@ import pytest
 import zarr
 from tests.cli.kept_demo import FORCES, FRAMES, KNOWN, told
 from tests.hardness.stand_ins import by_table
-from tests.records.dicom.variants import hardness, with_estimate
-from tests.records.importing.snapshot_folder import save
+from tests.records.folders import save
 from tests.records.pressed_object import pressed, stored_object
 from tests.records.sample import WHEN, levels, sample_calibration, sample_record
+from tests.records.variants import hardness, with_estimate
 
 import tsis.hardness
 from tsis.__about__ import RESEARCH_USE_ONLY

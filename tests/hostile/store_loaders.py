@@ -16,8 +16,8 @@ from tests.hostile.bytes_changed import damaged
 from tests.hostile.json_changed import changed_document, text_of
 from tests.hostile.loader import Loader
 from tests.hostile.picture_loaders import token
-from tests.records.export.bundles import plain, sealed
 from tests.records.sample import sample_estimate, sample_record
+from tests.records.variants import plain, sealed
 
 from tsis.files.reading import read_bytes
 from tsis.instrument.camera import Frame

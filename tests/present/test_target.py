@@ -10,8 +10,8 @@ import pytest
 from matplotlib.figure import Figure
 from tests.present.pdf_readers import sheets
 from tests.present.test_pages import HOSTILE, Reader
-from tests.records.dicom.variants import SECRETS, named
 from tests.records.sample import WHEN, sample_estimate, sample_record
+from tests.records.variants import SECRETS, named
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.calibration.guard.limits import GUARD_FLAGS

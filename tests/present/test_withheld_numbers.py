@@ -24,8 +24,8 @@ from rich.console import Console
 from tests.present.pdf_readers import sheets
 from tests.present.rough_pictures import rough_pictures
 from tests.present.test_pages import a_press
-from tests.records.dicom.variants import with_estimate
 from tests.records.sample import sample_record
+from tests.records.variants import with_estimate
 
 import tsis
 from tsis.console.api.responses import estimate_item

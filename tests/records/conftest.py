@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from tests.records import postgres_server
-from tests.records.place import Place
+
+from tsis.records.store import open_store
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -38,3 +40,14 @@ def store(place: Place) -> Iterator[Store]:
     """A new store of phantoms in each database."""
     with place.open() as opened:
         yield opened
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A folder, and the URL of an empty database of PostgreSQL or None for SQLite."""
+
+    folder: Path
+    database: str | None = None
+
+    def open(self, **options: Any) -> Store:
+        return open_store(self.folder, database=self.database, **options)

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tests.records.power_loss_scenarios import image
+from tests.records.power_loss import image
 from tests.records.sample import WHEN
 
 from tsis.errors import RecordsError
@@ -260,7 +260,7 @@ def _missing(place: Path, disk: Disk) -> list[str]:
 PROGRAM = """
 import json, os, sys
 from pathlib import Path
-from tests.records.power_loss_scenarios import image
+from tests.records.power_loss import image
 from tests.records.sample import WHEN, sample_calibration, sample_estimate
 from tsis.records.store import open_store
 told = os.open(sys.argv[2], os.O_WRONLY | os.O_CREAT)

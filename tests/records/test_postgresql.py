@@ -13,7 +13,7 @@ import psycopg
 import pytest
 from sqlalchemy import make_url
 from tests.records import postgres_server
-from tests.records.place import Place
+from tests.records.conftest import Place
 from tests.records.sample import WHEN, levels
 
 from tsis.errors import MissingExtraError, RecordsError

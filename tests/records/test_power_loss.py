@@ -8,10 +8,20 @@ from typing import TYPE_CHECKING
 
 import pytest
 from tests.endurance import scaled
-from tests.records.power_loss import SYNCS, Trace
-from tests.records.power_loss_judgement import explored, label, points, reopened, without
-from tests.records.power_loss_playback import Playback, damaged
-from tests.records.power_loss_scenarios import PLACE, Run, runs
+from tests.records.power_loss import (
+    PLACE,
+    SYNCS,
+    Playback,
+    Run,
+    Trace,
+    damaged,
+    explored,
+    label,
+    points,
+    reopened,
+    runs,
+    without,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

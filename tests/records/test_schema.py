@@ -11,8 +11,8 @@ from contextlib import closing
 from typing import TYPE_CHECKING
 
 import pytest
-from tests.records.place import Place
-from tests.records.tampered import fill
+from tests.records.conftest import Place
+from tests.records.tampering import fill
 
 from tsis.errors import RecordsError
 from tsis.records import schema

@@ -1,10 +1,15 @@
-"""A store gives back what was put in, after it was closed and opened again too, in either database."""
+"""A store gives back what was put in, in either database: edited, archived, deleted, backed up, and private."""
 
 from __future__ import annotations
 
 import getpass
+import os
 import sqlite3
+import stat
+import subprocess
+import sys
 import threading
+import warnings
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta, timezone
 from typing import TYPE_CHECKING, Any
@@ -14,11 +19,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
-from sqlalchemy import insert, select
+from sqlalchemy import insert, select, text
 from tests.records.sample import WHEN, levels, sample_calibration, sample_estimate, sample_record
 
 from tsis.calibration.file import calibration_sha256
-from tsis.errors import InputError, RecordsError
+from tsis.errors import FileInputError, InputError, RecordsError, RecordsWarning, StaleRecordError
 from tsis.model.image import TactileImage
 from tsis.present.html import html_bytes
 from tsis.present.target import target_page
@@ -26,15 +31,16 @@ from tsis.records import database as engines
 from tsis.records import reader as _reader
 from tsis.records import schema as tables
 from tsis.records.provenance import environment
-from tsis.records.reader import DELETED, target_summaries
-from tsis.records.store import UNDO_DAYS, open_store, verify_store
+from tsis.records.reader import ARCHIVED, DELETED, target_summaries
+from tsis.records.store import UNDO_DAYS, Store, back_up_store, open_store, verify_store
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
     from numpy.typing import NDArray
     from sqlalchemy import Connection
-    from tests.records.place import Place
+    from tests.records.conftest import Place
 
     from tsis.records.reader import TargetSummary
     from tsis.records.store import Store
@@ -369,3 +375,334 @@ def test_a_list_counts_anew_only_what_another_program_changed(place: Place, monk
         assert store.targets() == other.targets()
         other.erase_expired(now=datetime.now(UTC) + timedelta(days=UNDO_DAYS, hours=1))
         assert [item.target for item in store.targets(hidden=True)] == [second]
+
+
+def edited_image() -> TactileImage:
+    return TactileImage(grey=levels(0)[:8, :10], full_scale=255.0, force_n=0.7, settings={"roi": (0, 8)})
+
+
+def test_an_edit_of_what_somebody_else_has_changed_is_refused(store: Store) -> None:
+    read_by_both = store.add_target(name="a")
+    press = store.add_press(read_by_both, edited_image(), taken=WHEN)
+    store.edit_target(read_by_both, name="b")
+    with pytest.raises(StaleRecordError, match="somebody else has changed it since version 1"):
+        store.edit_target(read_by_both, name="c")
+    assert store.target(1).name == "b"
+    edited = store.edit_press(press, force_n=1.0, flags=("moving",))
+    with pytest.raises(StaleRecordError):
+        store.edit_press(press, note="late")
+    assert store.presses(read_by_both) == (edited,)
+    assert verify_store(store).sound
+
+
+def test_what_may_not_be_changed_is_not(store: Store) -> None:
+    press = store.add_press(store.add_target(), edited_image(), taken=WHEN)
+    with pytest.raises(InputError, match="no field of a press that may be changed is called 'frame'"):
+        store.edit_press(press, frame="0" * 64)
+
+
+def test_only_what_was_named_is_changed(store: Store) -> None:
+    """Whatever else the record that is handed in says."""
+    target = store.add_target(name="a", note="n")
+    press = store.add_press(target, edited_image(), taken=WHEN)
+    forged = replace(press, taken=WHEN - HOUR, name="other", full_scale=4095.0, probe="p", force_n=3.0)
+    edited = store.edit_press(forged, note="x")
+    assert edited == replace(press, note="x", version=2) == store.presses(target)[0]
+    renamed = store.edit_target(replace(target, number=77, note="other"), name="b")
+    assert renamed == replace(target, name="b", version=2) == store.target(1)
+    for edit in (lambda: store.edit_target(renamed), lambda: store.edit_press(edited)):
+        with pytest.raises(InputError, match="must change something; got nothing"):
+            edit()
+    assert store.target(1).version == 2
+    assert verify_store(store).sound
+
+
+@pytest.mark.parametrize(
+    "truth",
+    [
+        {"diameter_mm": -1.0},
+        {"depth_mm": 0.0},
+        {"young_kpa": 2e6},
+        {"diameter_mm": 10.0, "depth_mm": float("inf")},
+    ],
+)
+def test_no_target_is_entered_with_what_no_inclusion_has(store: Store, truth: dict[str, float]) -> None:
+    with pytest.raises(InputError, match=r"truth\['\w+'\] must lie in"):
+        store.add_target(truth=truth)
+    target = store.add_target(truth={"diameter_mm": 0.1, "offset_x_mm": -3.0})
+    with pytest.raises(InputError, match=r"truth\['\w+'\] must lie in"):
+        store.edit_target(target, truth=truth)
+    assert store.target(target.number) == target
+
+
+def test_names_are_one_line_and_notes_may_be_more(store: Store) -> None:
+    with pytest.raises(InputError, match="name must be one line"):
+        store.add_target(name="two\nlines")
+    target = store.add_target(name="one line", note="two\nlines")
+    with pytest.raises(InputError, match="name must be one line"):
+        store.edit_target(target, name="two\nlines")
+    assert store.edit_target(target, note="three\nof\nthem").name == "one line"
+
+
+LATER = timedelta(days=UNDO_DAYS, hours=1)
+
+
+def removed_image(seed: int) -> TactileImage:
+    return TactileImage(grey=levels(seed)[:8, :10], full_scale=255.0, force_n=0.7)
+
+
+def numbers(store: Store) -> list[int]:
+    return [item.target.number for item in store.targets()]
+
+
+def made_long_ago(store: Store) -> None:
+    """Files that nobody is about to cite again."""
+    for name, ending in store.blobs.names():
+        os.utime(store.blobs.path(name, ending), (1e9, 1e9))
+
+
+def test_an_archived_target_is_hidden_and_can_be_restored(store: Store) -> None:
+    first, second = store.add_target(name="a"), store.add_target(name="b")
+    assert store.state(first) is None
+    state = store.set_state(first, ARCHIVED)
+    assert state is not None
+    assert (state.name, store.state(first)) == (ARCHIVED, state)
+    assert numbers(store) == [second.number]
+    assert [item.target.number for item in store.targets(hidden=True)] == [1, 2]
+    store.add_press(first, removed_image(1), taken=WHEN)  # an archive may grow
+    assert store.set_state(first, "") is None
+    assert numbers(store) == [1, 2]
+    assert verify_store(store).sound
+    with pytest.raises(InputError, match="state of a target"):
+        store.set_state(first, "burnt")
+
+
+def test_a_deleted_target_takes_no_press_until_it_is_restored(store: Store) -> None:
+    target = store.add_target()
+    store.set_state(target, DELETED)
+    assert numbers(store) == []
+    with pytest.raises(RecordsError, match=r"target 1 must not be deleted to be added to; it was deleted on .* \(rest"):
+        store.add_press(target, removed_image(1), taken=WHEN)
+    assert store.erase_expired() == 0  # within the time of undo
+    store.set_state(target, "")
+    store.add_press(target, removed_image(1), taken=WHEN)
+    assert numbers(store) == [1]
+    assert store.add_target().number == 2
+
+
+def test_what_was_deleted_long_ago_is_erased_and_what_others_cite_stays(store: Store) -> None:
+    erased = store.import_target(sample_record()).target
+    stays = store.add_target(name="stays")
+    shared = store.add_press(erased, removed_image(1), taken=WHEN)
+    press = store.add_press(stays, removed_image(1), taken=WHEN)  # of the same frame
+    assert shared.frame == press.frame
+    before = {name for name, _ in store.blobs.names()}
+    count = store.press_count(erased)
+    made_long_ago(store)
+    store.set_state(erased, DELETED)
+    assert store.erase_expired(now=datetime.now(UTC) + LATER) == 1
+    assert [item.target.number for item in store.targets(hidden=True)] == [stays.number]
+    assert store.presses(stays) == (press,)
+    assert store.levels(press.frame).shape == (8, 10)
+    verification = verify_store(store)
+    assert (verification.faults, verification.unnamed) == ((), 0)
+    assert len(before) - len({name for name, _ in store.blobs.names()}) == count - 1 + 1  # its frames, its samples
+    with store.database.reading() as connection:
+        tombstone = connection.execute(text("SELECT value FROM store WHERE name LIKE 'state of target %'")).scalar_one()
+        actions = set(connection.execute(text("SELECT action FROM audit WHERE kind = 'targets'")).scalars())
+    assert f'"number": {erased.number}, "presses": {count}' in tombstone
+    assert "erase" in actions
+    assert store.erase_expired(now=datetime.now(UTC) + LATER) == 0
+
+
+def test_an_erased_target_that_is_put_back_behind_the_programs_back_is_a_fault(store: Store) -> None:
+    target = store.add_target()
+    store.set_state(target, DELETED)
+    with store.database.reading() as connection:
+        row = connection.execute(text("SELECT * FROM targets")).one()._asdict()
+    store.erase_expired(now=datetime.now(UTC) + LATER)
+    with store.database.writing() as connection:
+        names = ", ".join(row)
+        connection.execute(text(f"INSERT INTO targets ({names}) VALUES ({', '.join(f':{name}' for name in row)})"), row)
+    assert verify_store(store).faults == (f"targets {target.id}: this row is not as it was stored",)
+
+
+def test_a_file_that_was_saved_again_this_moment_stays(store: Store) -> None:
+    target = store.add_target()
+    press = store.add_press(target, removed_image(1), taken=WHEN)
+    made_long_ago(store)
+    store.blobs.put(store.blobs.get(press.frame, "png"), "png")  # by another program, whose row comes next
+    store.set_state(target, DELETED)
+    store.erase_expired(now=datetime.now(UTC) + LATER)
+    assert [name for name, _ in store.blobs.names()] == [press.frame]
+
+
+def test_a_target_that_is_unknown_has_no_state(store: Store) -> None:
+    target = store.add_target()
+    with pytest.raises(RecordsError):
+        store.set_state(replace(target, id="0" * 32), DELETED)
+
+
+@pytest.fixture
+def filled(tmp_path: Path) -> Iterator[Store]:
+    with open_store(tmp_path / "store") as store:
+        store.import_target(sample_record())
+        yield store
+
+
+def contents(store: Store) -> list[object]:
+    return [(item, store.presses(item.target), store.estimates(item.target)) for item in store.targets()]
+
+
+def test_a_backup_holds_what_the_store_held(filled: Store, tmp_path: Path) -> None:
+    counts: list[tuple[int, int]] = []
+    before = str(contents(filled))
+    result = back_up_store(filled, tmp_path / "backup", progress=lambda done, total: counts.append((done, total)))
+    assert result.sound
+    assert counts[-1] == (2 * result.files, 2 * result.files)
+    filled.add_target(name="later")
+    with open_store(tmp_path / "backup", create=False) as copy:
+        assert str(contents(copy)) == before
+        assert copy.identity == filled.identity
+        assert verify_store(copy).sound
+        back_up_store(copy, tmp_path / "restored")  # to restore is the same the other way round
+    with open_store(tmp_path / "restored", create=False) as restored:
+        assert str(contents(restored)) == before
+        restored.add_target()
+        assert verify_store(restored).sound
+    for path in (tmp_path / "backup").rglob("*"):
+        assert stat.S_IMODE(path.stat().st_mode) & 0o077 == 0, path
+
+
+def test_what_is_added_meanwhile_does_not_spoil_it(filled: Store, tmp_path: Path) -> None:
+    image = TactileImage(grey=levels(7)[:8, :10], full_scale=255.0, force_n=0.7)
+
+    def add(done: int, _: int) -> None:
+        if done == 1:
+            filled.add_press(filled.targets()[0].target, image, taken=WHEN)
+
+    result = back_up_store(filled, tmp_path / "backup", progress=add)
+    assert (result.sound, result.unanchored, result.unnamed) == (True, 0, 0)
+    assert verify_store(filled).files == result.files + 1
+
+
+def test_a_damaged_store_gives_no_backup_that_looks_sound(filled: Store, tmp_path: Path) -> None:
+    name, ending = next(iter(filled.blobs.names()))
+    filled.blobs.path(name, ending).write_bytes(b"other")
+    with pytest.raises(RecordsError, match="must be as it was stored"):
+        back_up_store(filled, tmp_path / "backup")
+    assert [path.name for path in tmp_path.iterdir()] == ["store"]
+
+
+def test_a_row_that_was_changed_beside_the_audit_is_named(filled: Store, tmp_path: Path) -> None:
+    with filled.database.writing() as connection:
+        connection.exec_driver_sql("UPDATE targets SET name = 'other'")
+    with pytest.raises(RecordsError, match=r"must be as its audit says; .*: this row is not as it was stored"):
+        back_up_store(filled, tmp_path / "backup")
+    assert [path.name for path in tmp_path.iterdir()] == ["store"]
+
+
+def test_a_name_that_is_taken_is_refused(filled: Store, tmp_path: Path) -> None:
+    (tmp_path / "backup").mkdir()
+    with pytest.raises(FileInputError, match="must be a new folder"):
+        back_up_store(filled, tmp_path / "backup")
+
+
+on_posix = pytest.mark.skipif(os.name != "posix", reason="modes of files say something on POSIX systems only")
+
+
+@pytest.fixture
+def generous_umask() -> Iterator[None]:
+    """Let new files be readable by everyone, unless the program says otherwise."""
+    before = os.umask(0o022)
+    yield
+    os.umask(before)
+
+
+def modes(folder: Path) -> dict[str, int]:
+    return {
+        str(path.relative_to(folder.parent)): stat.S_IMODE(path.stat().st_mode)
+        for path in (folder, *sorted(folder.rglob("*")))
+    }
+
+
+def fill_folder(folder: Path) -> None:
+    """A store with a press, the write-ahead log of its database still there."""
+    with open_store(folder, kind="subject") as store:
+        target = store.add_target()
+        store.add_press(target, TactileImage(grey=np.full((4, 5), 7.0)), taken=datetime(2026, 1, 2, tzinfo=UTC))
+
+
+@on_posix
+@pytest.mark.usefixtures("generous_umask")
+def test_new_store_is_readable_by_its_owner_alone(tmp_path: Path) -> None:
+    folder = tmp_path / "made" / "store"
+    with open_store(folder, kind="subject") as store:
+        target = store.add_target()
+        store.add_press(target, TactileImage(grey=np.full((4, 5), 7.0)), taken=datetime(2026, 1, 2, tzinfo=UTC))
+        found = modes(tmp_path / "made")
+    assert {"made/store/records.sqlite3", "made/store/records.sqlite3-wal", "made/store/audit-anchor.json"} < set(found)
+    assert sum(name.endswith(".png") for name in found) == 1
+    folders = {name for name in found if (tmp_path / name).is_dir()}
+    assert {name: oct(mode) for name, mode in found.items() if mode != (0o700 if name in folders else 0o600)} == {}
+
+
+@on_posix
+@pytest.mark.usefixtures("generous_umask")
+def test_new_store_warns_of_nothing(tmp_path: Path) -> None:
+    fill_folder(tmp_path / "store")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        open_store(tmp_path / "store", kind="subject").close()
+
+
+@pytest.mark.system
+@on_posix
+@pytest.mark.usefixtures("generous_umask")
+def test_open_modes_of_an_old_store_are_warned_of_with_a_command_that_mends_them(tmp_path: Path) -> None:
+    folder = tmp_path / "of a laboratory"
+    fill_folder(folder)
+    for path in (folder, *folder.rglob("*")):
+        path.chmod(0o755 if path.is_dir() else 0o644)
+    with pytest.warns(RecordsWarning, match="other users of this machine can read the records") as caught:
+        open_store(folder, kind="subject").close()
+    command = str(caught[0].message).partition("this closes the folder: ")[2].rstrip(")")
+    subprocess.run(["sh", "-c", command], check=True)
+    assert all(mode & 0o077 == 0 for mode in modes(folder).values())
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        open_store(folder, kind="subject").close()
+
+
+@on_posix
+@pytest.mark.usefixtures("generous_umask")
+def test_open_modes_are_warned_of_once(tmp_path: Path) -> None:
+    fill_folder(tmp_path / "store")
+    for folder in (tmp_path / "store", tmp_path / "store" / "files"):
+        folder.chmod(0o755)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("default")
+        for _ in range(3):
+            open_store(tmp_path / "store", kind="subject").close()
+    assert len(caught) == 1
+
+
+@pytest.mark.system
+@on_posix
+@pytest.mark.usefixtures("generous_umask")
+def test_command_line_warns_in_one_line_and_goes_on(tmp_path: Path) -> None:
+    fill_folder(tmp_path / "store")
+    for folder in (tmp_path / "store", tmp_path / "store" / "files"):
+        folder.chmod(0o755)
+    command = [
+        sys.executable,
+        "-c",
+        "from tsis.cli import main; main()",
+        "records",
+        "list",
+        "--store",
+        str(tmp_path / "store"),
+    ]
+    found = subprocess.run([*command, "--kind", "subject"], capture_output=True, text=True, check=True)
+    assert found.stderr.startswith("Warning: other users of this machine can read the records")
+    assert found.stderr.count("\n") == 1

@@ -14,11 +14,19 @@ from typing import TYPE_CHECKING
 import psycopg
 import pytest
 from tests.endurance import scaled
-from tests.records.forger import Stores, forging, other_value
-from tests.records.honest import HONEST
-from tests.records.place import Place
-from tests.records.tampered import Judgement, fill, judged, make_stores, tampered
-from tests.records.tamperings import KINDS
+from tests.records.conftest import Place
+from tests.records.tampering import (
+    HONEST,
+    KINDS,
+    Judgement,
+    Stores,
+    fill,
+    forging,
+    judged,
+    make_stores,
+    other_value,
+    tampered,
+)
 
 from tsis.errors import RecordsError, TsisError
 from tsis.records.audit import has_entry

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
 import pytest
-from tests.records.dicom.variants import hardness, variants, with_estimate, with_presses
 from tests.records.sample import sample_record
+from tests.records.variants import hardness, variants, with_estimate, with_presses
 
 from tsis.records.dicom import write_dicom
 

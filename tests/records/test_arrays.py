@@ -1,3 +1,7 @@
+"""Trees of xarray, netCDF and Zarr hold what the record holds."""
+
+from __future__ import annotations
+
 import gzip
 import json
 from collections.abc import Callable

@@ -1,8 +1,10 @@
-"""What is read of a store is one state of it, whatever another program enters meanwhile."""
+"""What is read of a store is one state of it, and the estimate in force supersedes what it was made from."""
 
 from __future__ import annotations
 
+import itertools
 from contextlib import contextmanager
+from dataclasses import replace
 from datetime import datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
@@ -13,11 +15,12 @@ from tsis.errors import InputError
 from tsis.model.image import TactileImage
 from tsis.records import store as store_module
 from tsis.records.database import Database
+from tsis.records.reader import in_lineage
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from tests.records.place import Place
+    from tests.records.conftest import Place
 
     from tsis.records.store import Store
     from tsis.records.values import StoredEstimate, Target
@@ -112,3 +115,23 @@ def test_the_number_of_entries_tells_every_change(place: Place) -> None:
         store.targets()
         store.record(target)
         assert store.entries() == seen[-1]
+
+
+def made(name: str, minutes: int, supersedes: str | None = None) -> StoredEstimate:
+    (stored,) = sample_record().estimates
+    return replace(stored, id=name, made=WHEN + timedelta(minutes=minutes), supersedes=supersedes)
+
+
+@pytest.mark.parametrize(
+    ("given", "wanted"),
+    [
+        ([made("a", 3), made("b", 1), made("c", 2)], "bca"),
+        ([made("a", 0), made("b", -60, "a")], "ab"),
+        ([made("a", 0), made("b", -60, "a"), made("c", -120, "b"), made("d", 1)], "abcd"),
+        ([made("b", 0, "of another store"), made("a", 0)], "ab"),
+        ([made("a", 0, "b"), made("b", 1, "a")], "ab"),  # nobody but a forger makes it so
+    ],
+)
+def test_each_comes_after_what_it_supersedes(given: list[StoredEstimate], wanted: str) -> None:
+    for some in itertools.permutations(given):
+        assert "".join(stored.id for stored in in_lineage(some)) == wanted

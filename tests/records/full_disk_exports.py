@@ -1,4 +1,4 @@
-"""``python -m tests.records.export.full_disk FOLDER``: exports for which there is no room, told as JSON.
+"""``python -m tests.records.full_disk_exports FOLDER``: exports for which there is no room, told as JSON.
 
 Without a second argument the disk itself is too small; with ``limit`` no file may be larger than a part of what it
 needs, down to nothing.
@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tests.records.dicom.variants import framed, noise
+from tests.records.variants import framed, noise
 
 from tsis.errors import TsisError
 from tsis.records.arrays import write_netcdf, write_zarr

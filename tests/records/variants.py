@@ -1,8 +1,9 @@
-"""Dossiers of every kind that an export may meet, made from the sample."""
+"""Records of every kind that an export may meet, made from the sample, and bundles in memory."""
 
 from __future__ import annotations
 
 import hashlib
+import json
 from dataclasses import replace
 from datetime import timedelta
 from typing import TYPE_CHECKING, Any
@@ -11,14 +12,17 @@ import numpy as np
 from tests.records.sample import SECRET, WHEN, sample_estimate, sample_record
 
 from tsis.calibration.file import ProbeCalibration, calibration_sha256
+from tsis.files.json_values import to_json_value
 from tsis.model.calibration import Calibration
 from tsis.model.estimate import Estimate, PosteriorSamples
-from tsis.records.values import StoredEstimate, StoredPress, Target, TargetRecord
+from tsis.records.target import _write, sealed_bytes
+from tsis.records.values import StoredEstimate, StoredPress, Target, TargetRecord, estimate_to_json
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
+
 
 NAME, NOTE, FRAME = "Zwölf-Ünïcode 触覚 ^=\\ label", "seen by Nurse Quibble\non ward 7", "frame-Quagmire.png"
 SETTING = "bench-of-Quentin"
@@ -205,3 +209,43 @@ def variants() -> Iterator[tuple[str, TargetRecord]]:
         ),
     )
     yield "many frames", framed([noise(9, 11, seed=i) for i in range(40)], force_n=1.25, flags=("moving",))
+
+
+class Memory:
+    def __init__(self, files: dict[str, bytes]) -> None:
+        self.files = files
+
+    def sizes(self) -> dict[str, int]:
+        return {name: len(content) for name, content in self.files.items()}
+
+    def read(self, name: str, most: int) -> bytes:
+        return self.files[name][: most + 1]
+
+
+def files_of(dossier: TargetRecord) -> dict[str, bytes]:
+    found: dict[str, bytes] = {}
+    _write(dossier, found.__setitem__)
+    return found
+
+
+def sealed(files: dict[str, bytes]) -> dict[str, bytes]:
+    """The files with a manifest that fits them, as a forger would make it."""
+    manifest = json.loads(files["manifest.json"])
+    manifest.pop("sha256")
+    manifest["files"] = {
+        name: {"sha256": hashlib.sha256(content).hexdigest(), "bytes": len(content)}
+        for name, content in sorted(files.items())
+        if name != "manifest.json"
+    }
+    return files | {"manifest.json": sealed_bytes(manifest)}
+
+
+def plain(dossier: TargetRecord) -> Any:
+    """All of a dossier but its frames."""
+    return [
+        to_json_value(dossier.target),
+        [to_json_value(press) for press in dossier.presses],
+        [estimate_to_json(stored) for stored in dossier.estimates],
+        [{name: values.tolist() for name, values in each.estimate.samples.items()} for each in dossier.estimates],
+        sorted(dossier.calibrations),
+    ]

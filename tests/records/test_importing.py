@@ -1,4 +1,4 @@
-"""Which target frames go to: nothing that two of them share may bring together what was pressed apart."""
+"""Which target frames go to, what is saved here and now, and what a second import adds."""
 
 from __future__ import annotations
 
@@ -7,17 +7,27 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import cv2
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from tests.records.importing.result_folder import SIZE_8, levels, make_demo
-from tests.records.importing.snapshot_folder import save
-from tests.records.sample import sample_calibration, sample_estimate
+from tests.records.folders import SIZE_8, demo_levels, make_demo, save
+from tests.records.sample import levels, sample_calibration, sample_estimate
 
-from tsis.calibration.file import calibration_sha256
-from tsis.errors import RecordsError
+from tsis.calibration.file import calibration_sha256, write_calibration
+from tsis.calibration.frames import load_calibration
+from tsis.errors import FileInputError, InputError, RecordsError
 from tsis.files.atomic import Disk
-from tsis.records.importing import ImportProgress, import_batches
+from tsis.model.image import TactileImage
+from tsis.records.importing import (
+    ImportProgress,
+    SavableResult,
+    import_batches,
+    require_savable,
+    save_results,
+    save_snapshot_to_store,
+    saved_notes,
+)
 from tsis.records.recomputation import EstimationResult
 from tsis.records.sources import ImportOptions, find_import_batches, stored_calibration
 from tsis.records.store import open_store, verify_store
@@ -27,6 +37,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from tsis.records.store import Store
+
 
 HARD = {"diameter_mm": 10.0, "depth_mm": 5.0, "young_kpa": 100.0}
 
@@ -192,7 +203,7 @@ def test_images_join_a_target_only_where_it_holds_all_of_them_or_nothing_else(
         for numbers in rounds:
             paths = [folder / f"press-{number}.png" for number in sorted(numbers)]
             for number, path in zip(sorted(numbers), paths, strict=True):
-                cv2.imwrite(str(path), levels(number))
+                cv2.imwrite(str(path), demo_levels(number))
                 os.utime(path, (1e9, 1e9 + number))
             (entered,) = import_batches(store, find_import_batches(paths, ImportOptions()))
             fitting = [each for each in model if numbers <= each or each <= numbers]
@@ -220,3 +231,115 @@ def test_a_calibration_that_is_damaged_is_not_taken_for_one_that_is_not_there(tm
         path.write_bytes(path.read_bytes()[:-3])
     with pytest.raises(RecordsError, match="does not match its name"):
         stored_calibration(store, calibration_sha256(known))
+
+
+def test_it_is_kept_as_an_import_brings_it(tmp_path: Path) -> None:
+    saved = save(tmp_path / "camera", 1)
+    with open_store(tmp_path / "here") as here, open_store(tmp_path / "imported") as imported:
+        said = save_snapshot_to_store(here, saved.sidecar, role="plain", probe="tsis-domed", calibration=None)
+        (entered,) = import_batches(
+            imported, find_import_batches([tmp_path / "camera"], ImportOptions(role="plain", probe="tsis-domed"))
+        )
+        (press,), (other,) = here.presses(here.target(3)), imported.presses(entered.target)
+        assert (said["target"], said["press"]) == (3, press.id)
+        assert said["store"] == str((tmp_path / "here").resolve())
+        for name in ("role", "probe", "frame", "taken", "force_n", "flags", "calibration", "settings"):
+            assert getattr(press, name) == getattr(other, name), name
+
+
+def test_the_calibration_tells_the_probe_and_is_kept_with_it(tmp_path: Path) -> None:
+    known = sample_calibration()
+    write_calibration(known, tmp_path / "calibration.json")
+    with_it = load_calibration(tmp_path / "calibration.json")
+    saved = save(tmp_path / "camera", 1, calibration=with_it.citation())
+    with open_store(tmp_path / "records") as store:
+        said = save_snapshot_to_store(store, saved.sidecar, role="target", probe="tsis-domed", calibration=with_it)
+        (press,) = store.presses(store.target(3))
+        assert press.probe == known.probe == "tsis-2011"
+        assert calibration_sha256(store.calibration(press.calibration or "")) == with_it.identity
+        assert said["notes"] == []
+
+
+def test_a_sidecar_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    with open_store(tmp_path / "records") as store:
+        with pytest.raises(FileInputError, match=r"absent\.json"):
+            save_snapshot_to_store(store, tmp_path / "absent.json", role="target", probe="", calibration=None)
+        assert store.targets() == ()
+
+
+def frame(number: int, name: str = "") -> TactileImage:
+    return TactileImage(grey=levels(number), force_n=1.0, mm_per_pixel=(0.1, 0.1), name=name)
+
+
+def keepable() -> SavableResult:
+    return SavableResult(
+        kind="inclusion",
+        estimate=sample_estimate(),
+        probe="tsis-2011",
+        calibration=sample_calibration(),
+        frames={"target": [frame(0), frame(1)], "plain": [frame(2)], "untouched": [frame(3)]},
+        options={"prior": {"depth_mm": [4.0, 12.0]}},
+        name="knot",
+        truth={"diameter_mm": 10.0},
+    )
+
+
+def test_presses_calibration_and_estimate_come_back_as_they_were(tmp_path: Path) -> None:
+    kept = keepable()
+    with open_store(tmp_path / "records") as store:
+        said = save_results(store, kept)
+        target = store.target(said["target"])
+        presses = store.presses(target)
+        assert [press.role for press in presses] == ["target", "target", "plain", "untouched"]
+        assert sorted(presses, key=lambda press: press.taken) == list(presses)
+        for press, number in zip(presses, range(4), strict=True):
+            np.testing.assert_array_equal(store.levels(press.frame), levels(number))
+        (stored,) = store.estimates(target)
+        assert stored.id == said["estimate"]
+        assert set(stored.presses) == {press.id for press in presses[:3]}  # an estimate rests on no untouched frame
+        assert stored.options == kept.options
+        assert (target.name, dict(target.truth)) == ("knot", {"diameter_mm": 10.0})
+        assert said["store"] == str((tmp_path / "records").resolve())
+        assert verify_store(store).sound
+
+
+def test_a_subject_gets_no_truth(tmp_path: Path) -> None:
+    with open_store(tmp_path / "subjects", kind="subject") as store:
+        said = save_results(store, replace(keepable(), name=""))
+        assert dict(store.target(said["target"]).truth) == {}
+        assert said["notes"] == []
+
+
+def test_keeping_under_a_phantom_with_another_truth_says_so(tmp_path: Path) -> None:
+    with open_store(tmp_path / "records") as store:
+        store.add_target(number=7, truth={"diameter_mm": 3.0})
+        for number, notes in ((7, 1), (8, 0), (8, 0)):
+            kept = save_results(store, keepable(), number=number)
+            assert kept["target"] == number
+            assert len(kept["notes"]) == notes
+            first, *more = saved_notes(kept)
+            assert first == f"Saved as target {number} in {tmp_path / 'records'}."
+            assert more == kept["notes"]
+        assert [(dict(each.target.truth), each.estimates) for each in store.targets()] == [
+            ({"diameter_mm": 3.0}, 1),
+            ({"diameter_mm": 10.0}, 2),
+        ]
+
+
+def test_what_could_not_be_stored_as_a_whole_says_how_much_was(tmp_path: Path) -> None:
+    kept = keepable()
+    broken = replace(kept, frames={"target": [frame(0)], "palin": [frame(1)]})
+    with open_store(tmp_path / "records") as store:
+        with pytest.raises(RecordsError, match=r"; 1 of 2 presses are stored in target 5$"):
+            save_results(store, broken, number=5)
+        assert len(store.presses(store.target(5))) == 1
+        assert store.estimates(store.target(5)) == ()
+
+
+def test_frames_that_no_store_takes_are_refused_before_anything_is_computed() -> None:
+    require_savable([frame(0, "a" * 200)])
+    with pytest.raises(InputError, match=r"must have at most 200 characters, to be saved; 'a{40}'\.\.\. has 201"):
+        require_savable([frame(0), frame(0, "a" * 201)])
+    between = replace(frame(0, "coloured"), grey=levels(0) * 0.5 + 0.25)
+    with pytest.raises(InputError, match="'coloured' must hold the grey levels that the camera gave"):
+        require_savable([between])
