@@ -270,7 +270,6 @@ def _refusing(what: str) -> Iterator[None]:
 
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
-PIECE = 2**20  # bytes that are unpacked at once
 
 
 def read_picture(content: bytes, name: str, rows: int, columns: int) -> NDArray[Any]:
@@ -305,38 +304,22 @@ def _require_header(content: bytes, name: str, rows: int, columns: int) -> type:
 
 
 def _data_fault(content: bytes, size: int) -> str | None:
-    """The fault in the chunks of an image of ``size`` bytes, or None.
-
-    Compressed texts and profiles, which can unpack to any size, are refused.
-    """
-    unpacker, unpacked, position = zlib.decompressobj(), 0, len(SIGNATURE)
-    while position < len(content):
-        (length,) = struct.unpack_from(">I", content, position)
-        kind = content[position + 4 : position + 8]
-        if kind == b"IDAT":
-            data = content[position + 8 : position + 8 + length]
+    """The fault in the chunks of an image of ``size`` bytes, of which no more are unpacked, or None."""
+    unpacker, unpacked, position, kind = zlib.decompressobj(), 0, len(SIGNATURE), b""
+    while kind != b"IEND":
+        length, kind = struct.unpack_from(">I4s", content, position)
+        end = position + 12 + length
+        if kind == b"IDAT" and unpacked <= size:
             try:
-                unpacked += _unpacked_bytes(unpacker, data, size + 1 - unpacked)
+                unpacked += len(unpacker.decompress(content[position + 8 : end - 4], size + 1 - unpacked))
             except zlib.error as error:
                 return f"its data cannot be unpacked: {error}"
-        elif kind not in (b"IHDR", b"IEND"):
+        elif kind not in (b"IHDR", b"IDAT", b"IEND"):  # compressed texts and profiles can unpack to any size
             return f"it holds a chunk {kind.decode('latin-1')!r} that is no part of a picture"
-        position += 12 + length
-        if kind == b"IEND":
-            break
+        position = end
     if position != len(content) or unpacker.unused_data:
         return "it goes on after its end"
     return None if unpacked == size and unpacker.eof else f"its data do not unpack to {size} bytes"
-
-
-def _unpacked_bytes(unpacker: Any, data: bytes, most: int) -> int:
-    """Unpacked size of ``data``, counted in pieces; the count stops soon after ``most``."""
-    unpacked, piece = 0, PIECE
-    while unpacked < most and (data or piece == PIECE):  # after a full piece more may follow without more data
-        piece = len(unpacker.decompress(data, PIECE))
-        data = unpacker.unconsumed_tail
-        unpacked += piece
-    return unpacked
 
 
 def require_presses(target: Target, presses: Sequence[StoredPress]) -> None:
