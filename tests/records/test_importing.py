@@ -28,7 +28,6 @@ from tsis.records.importing import (
     save_snapshot_to_store,
     saved_notes,
 )
-from tsis.records.recomputation import EstimationResult
 from tsis.records.sources import ImportOptions, find_import_batches, stored_calibration
 from tsis.records.store import open_store, verify_store
 
@@ -46,10 +45,7 @@ HARD = {"diameter_mm": 10.0, "depth_mm": 5.0, "young_kpa": 100.0}
 def store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Store]:
     """Where an estimate costs nothing."""
 
-    def estimated(_: Any, wanted: Any) -> EstimationResult:
-        return EstimationResult(estimate=sample_estimate(), options=wanted.options)
-
-    monkeypatch.setattr("tsis.records.recomputation.estimate_stored", estimated)
+    monkeypatch.setattr("tsis.records.recomputation.estimate_stored", lambda *_: sample_estimate())
     with open_store(tmp_path / "phantoms") as opened:
         yield opened
 

@@ -15,9 +15,10 @@ import tsis.hardness
 from tsis.errors import InputError, RecordsError
 from tsis.hardness.posterior import DRIFT_SD, HardnessPrior
 from tsis.hardness.reading import BLUR_MM
+from tsis.inclusion import InclusionPrior
 from tsis.model.image import TactileImage
 from tsis.records.provenance import environment
-from tsis.records.recomputation import migrate_options, recompute
+from tsis.records.recomputation import recompute, require_options
 from tsis.records.store import open_store, verify_store
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
     from tsis.model.estimate import Estimate
     from tsis.records.store import Store
+
 
 NOW = datetime.now(UTC)
 
@@ -205,25 +207,23 @@ def test_a_calibration_that_expired_since_is_used_and_said(store: Store) -> None
     )
 
 
-def test_options_of_another_release_are_reported_and_not_fatal(store: Store) -> None:
-    target = stored_object(store, prior={"young_kpa": [10.0, 1000.0], "gone": 3}, magic=True)
-    (again,) = recompute(store, target)
-    assert set(again.notes) == {
-        "the option 'magic' is unknown to this release and was left out",
-        "'gone' of the prior is unknown to this release and was left out",
-        "'poisson' of the prior is new in this release; its default, (0.45, 0.495), was taken",
-    }
-    assert any("options changed: magic" in cause for cause in again.causes)
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"magic": True}, "options of an estimate of hardness must have no names but prior, radius_mm"),
+        ({"prior": {"gone": 3}}, "prior must have no names but young_kpa, .*; got 'gone'"),
+    ],
+)
+def test_options_that_no_estimate_takes_are_refused_by_name(store: Store, options: dict[str, Any], says: str) -> None:
+    target = stored_object(store, **options)
+    with pytest.raises(InputError, match=says):
+        recompute(store, target)
 
 
-def test_every_field_of_todays_prior_is_taken_over() -> None:
-    from dataclasses import asdict
-
-    from tsis.inclusion import InclusionPrior
-
-    options = {"prior": asdict(InclusionPrior(tissue_young_kpa=6.0))}
-    assert migrate_options("inclusion", options) == (options, ())
-    assert migrate_options("inclusion", options | {"strain": "finite"}) == (options | {"strain": "finite"}, ())
+def test_every_field_of_a_prior_is_taken() -> None:
+    prior = asdict(InclusionPrior(tissue_young_kpa=6.0))
+    require_options("inclusion", {"prior": prior})
+    require_options("inclusion", {"prior": prior, "strain": "finite"})
 
 
 def test_wrong_values_of_a_stored_prior_are_one_sentence(store: Store) -> None:

@@ -437,16 +437,15 @@ def _add_estimate(store: Store, target: Target, batch: ImportBatch, presses: Seq
         calibration=calibration_sha256(requested.calibration),
         options=requested.options,
     )
-    response = estimate_stored(record, request)
     enter_estimate(
         store,
         target,
-        response.estimate,
+        estimate_stored(record, request),
         kind=requested.kind,
         presses=presses,
         probe=requested.probe,
         calibration=requested.calibration,
-        options=response.options,
+        options=requested.options,
     )
     return 1
 

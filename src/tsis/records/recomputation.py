@@ -12,7 +12,7 @@ import tsis.hardness
 import tsis.inclusion
 from tsis.calibration.frames import apply_calibration
 from tsis.catalog.probes import load_probe
-from tsis.errors import CalibrationError, RecordsError
+from tsis.errors import CalibrationError, InputError, RecordsError
 from tsis.hardness.posterior import HardnessPrior
 from tsis.inclusion import InclusionPrior
 from tsis.model.content import ContentValue
@@ -22,7 +22,7 @@ from tsis.records.provenance import changes, comparison_message, environment
 from tsis.records.values import ESTIMATES, estimate_to_json
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from tsis.calibration.file import ProbeCalibration
     from tsis.model.estimate import Estimate
@@ -66,18 +66,9 @@ class EstimationRequest(ContentValue):
         freeze_mappings(self, "options")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class EstimationResult:
-    """An estimate, its options in the form of this release, and notes on options that changed."""
-
-    estimate: Estimate
-    options: Mapping[str, Any]
-    notes: tuple[str, ...] = ()
-
-
 def estimate_stored(
     record: TargetRecord, request: EstimationRequest, *, progress: Callable[[int, int], None] | None = None
-) -> EstimationResult:
+) -> Estimate:
     """Estimate from stored frames with a stored calibration.
 
     ``progress`` is called with (done, all) while the mechanics of a new probe are solved; the solution is cached.
@@ -96,51 +87,39 @@ def estimate_stored(
     others = [record.image(press) for press in request.presses if press.role == REFERENCE_ROLES[request.kind]]
     if not images:
         raise RecordsError("an estimate must rest on at least one press on the target; of these presses none is one")
-    given: dict[str, Any] = {"identity": request.calibration, "on_tissue": request.kind == ESTIMATES[0]}
-    ready, response = apply_calibration(calibration, images, **given)
-    reference, other = apply_calibration(calibration, others, **given)
-    probe, (options, notes) = load_probe(request.probe), migrate_options(request.kind, request.options)
-    call = dict(options) | ({"prior": _prior(request.kind, options["prior"])} if "prior" in options else {})
-    call |= {"probe": probe, "reference": reference, "progress": progress}
-    if request.kind == ESTIMATES[0]:
-        call.setdefault("strain", "small")  # records without the option are of releases before finite strain
+    probe, arguments = load_probe(request.probe), _arguments(request.kind, request.options)
+    of_inclusion = request.kind == ESTIMATES[0]
+    use: dict[str, Any] = {"identity": request.calibration, "on_tissue": of_inclusion}
+    ready, response = apply_calibration(calibration, images, **use)
+    reference, other = apply_calibration(calibration, others, **use)
+    arguments |= {"probe": probe, "reference": reference, "progress": progress}
+    if of_inclusion:
         response = max(response, other, key=lambda item: item.force_sd)
-        result = tsis.inclusion.estimate(ready, calibration=response, **call)
-    else:
-        result = tsis.hardness.estimate(ready, calibration=response, **call)
-    return EstimationResult(estimate=result, options=options, notes=notes)
-
-
-def migrate_options(kind: str, options: Mapping[str, Any]) -> tuple[dict[str, Any], tuple[str, ...]]:
-    """Options of a stored estimate in the form of this release, and a note for each that was removed or is new."""
-    notes = [f"the option {name!r} is unknown to this release and was left out" for name in options]
-    notes = [note for name, note in zip(options, notes, strict=True) if name not in ("prior", *OPTIONS[kind])]
-    ours = {name: options[name] for name in OPTIONS[kind] if options.get(name) is not None}
-    prior = options.get("prior")
-    if prior is None:
-        return ours, tuple(notes)
-    known = {field.name for field in fields(PRIORS[kind])}
-    notes += [
-        f"{name!r} of the prior is unknown to this release and was left out" for name in prior if name not in known
-    ]
-    new = PRIORS[kind]()
-    notes += [
-        f"{name!r} of the prior is new in this release; its default, {getattr(new, name)}, was taken"
-        for name in sorted(known - set(prior))
-    ]
-    return ours | {"prior": {name: value for name, value in prior.items() if name in known}}, tuple(notes)
+        return tsis.inclusion.estimate(ready, calibration=response, **arguments)
+    return tsis.hardness.estimate(ready, calibration=response, **arguments)
 
 
 def require_options(kind: str, options: Mapping[str, Any]) -> None:
     """Raise `InputError` for options that this kind of estimate refuses."""
-    migrated, _ = migrate_options(kind, options)
-    if "prior" in migrated:
-        _prior(kind, migrated["prior"])
+    _arguments(kind, options)
 
 
-def _prior(kind: str, values: Mapping[str, Any]) -> Any:
-    prior_class: Any = PRIORS[kind]  # `migrate_options` has removed unknown fields
-    return prior_class(**{name: tuple(value) if isinstance(value, list) else value for name, value in values.items()})
+def _arguments(kind: str, options: Mapping[str, Any]) -> dict[str, Any]:
+    """Stored options as arguments of the estimator."""
+    _require_known(f"options of an estimate of {kind}", options, ("prior", *OPTIONS[kind]))
+    arguments = {name: value for name, value in options.items() if value is not None}
+    if "prior" in arguments:
+        prior = arguments["prior"]
+        _require_known("prior", prior, [field.name for field in fields(PRIORS[kind])])
+        values = {name: tuple(value) if isinstance(value, list) else value for name, value in prior.items()}
+        arguments["prior"] = PRIORS[kind](**values)
+    return arguments
+
+
+def _require_known(what: str, names: Iterable[str], known: Sequence[str]) -> None:
+    for name in names:
+        if name not in known:
+            raise InputError(f"{what} must have no names but {', '.join(known)}; got {name!r:.60}")
 
 
 COMPARED = ("prior_sd", "cramer_rao_sd", "presence", "identifiability", "prior", "trusted", "flags", "notes")
@@ -182,7 +161,7 @@ class Recomputation:
     causes
         Other differences: code, libraries, frames, forces, options, calibration.
     notes
-        Notes on changed options and on the validity of the calibration.
+        Notes on the validity of the calibration.
     stored
         Whether the new estimate was stored.
     """
@@ -253,13 +232,12 @@ def _recomputed(
         calibration=before.calibration,
         options=before.options,
     )
-    new = estimate_stored(record, request, progress=progress)
+    estimate = estimate_stored(record, request, progress=progress)
     calibration = record.calibrations[before.calibration]
     after = replace(
         before,
-        estimate=new.estimate,
+        estimate=estimate,
         made=datetime.now(UTC),
-        options=new.options,
         environment=environment(),
         supersedes=before.id,
         id="",
@@ -269,12 +247,12 @@ def _recomputed(
     if save:
         after = store.add_estimate(
             record.target,
-            new.estimate,
+            estimate,
             kind=before.kind,
             presses=presses,
             probe=before.probe,
             calibration=calibration,
-            options=new.options,
+            options=before.options,
             environment=after.environment,
             supersedes=before,
         )
@@ -284,7 +262,7 @@ def _recomputed(
         same=same,
         shifts=_shifts(before.estimate, after.estimate),
         causes=changes(before, after),
-        notes=(*new.notes, *_calibration_notes(calibration, before.made)),
+        notes=_calibration_notes(calibration, before.made),
         stored=save,
     )
 
@@ -327,16 +305,16 @@ def _in_sd(change: float, sd: float) -> float:
     return change / sd if sd > 0 else float(np.copysign(np.inf, change)) if change else 0.0
 
 
-def _calibration_notes(calibration: ProbeCalibration, created: datetime) -> list[str]:
+def _calibration_notes(calibration: ProbeCalibration, created: datetime) -> tuple[str, ...]:
     try:
         calibration.require_usable(created)
     except CalibrationError as error:
-        return [f"when the estimate was made the calibration was not to be used: {error}"]
+        return (f"when the estimate was made the calibration was not to be used: {error}",)
     try:
         calibration.require_usable(datetime.now(UTC))
     except CalibrationError:
         until = "" if calibration.expires is None else f" (on {calibration.expires:%Y-%m-%d})"
-        return [
-            f"the calibration {calibration.name!r} has expired since{until}; it was good when the estimate was made"
-        ]
-    return []
+        return (
+            f"the calibration {calibration.name!r} has expired since{until}; it was good when the estimate was made",
+        )
+    return ()

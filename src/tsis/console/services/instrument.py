@@ -110,7 +110,7 @@ def estimate_target(
         if tissue is not None:
             options = {"prior": asdict(prior_on_tissue(InclusionPrior(), tissue.young_kpa))} | dict(options)
         options = {"strain": stated_strain(press.settings for press in chosen)} | dict(options)
-    estimated = estimate_stored(
+    estimate = estimate_stored(
         record,
         EstimationRequest(kind=kind, probe=probe, presses=chosen, calibration=calibration, options=options),
         progress=progress,
@@ -118,12 +118,12 @@ def estimate_target(
     progress(1, 1)
     return store.add_estimate(
         record.target,
-        estimated.estimate,
+        estimate,
         kind=kind,
         presses=chosen,
         probe=probe,
         calibration=record.calibrations[calibration],
-        options=estimated.options,
+        options=options,
         environment=environment(),
     )
 
