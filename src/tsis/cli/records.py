@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from tsis.records.importing import ImportedBatch
     from tsis.records.reader import TargetSummary
     from tsis.records.recomputation import Recomputation
-    from tsis.records.store import Store, StoreVerification
+    from tsis.records.store import Store
     from tsis.records.values import StoredEstimate, StoredPress, Target, TargetRecord
 
 
@@ -53,11 +53,11 @@ def list_targets(
 ) -> None:
     """List the targets of a store: numbers of presses and estimates, and the last press."""
     with opened(store, kind, database) as records:
-        result, position = records.targets(), str(records.folder.resolve())
+        summaries, place = records.targets(), str(records.folder.resolve())
     if as_json:
         print_json(
             tsis.present.document.envelope(
-                "records list", store=position, kind=kind, targets=[_summary_document(item) for item in result]
+                "records list", store=place, kind=kind, targets=[_summary_document(item) for item in summaries]
             )
         )
         return
@@ -70,11 +70,11 @@ def list_targets(
                 *(item.target.number, item.target.name, item.presses, item.estimates),
                 "never" if item.last is None else f"{item.last:%Y-%m-%d %H:%M}",
             )
-            for item in result
+            for item in summaries
         ),
     )
-    console.print(rich_table(table) if result else "The store is empty; tsis records import and --save fill it.")
-    console.print(f"Store: {position}", markup=False, soft_wrap=True)
+    console.print(rich_table(table) if summaries else "The store is empty; tsis records import and --save fill it.")
+    console.print(f"Store: {place}", markup=False, soft_wrap=True)
     print_notice(console)
 
 
@@ -120,15 +120,15 @@ def show(
         console.print(target.note, markup=False)
     console.print(rich_table(_presses(presses, total, offset)))
     for stored in sorted(record.active_estimates, key=lambda item: item.made, reverse=True):
-        result = stored.estimate
-        truth = target.truth if set(result.names) <= set(target.truth) else None
+        estimate = stored.estimate
+        truth = target.truth if set(estimate.names) <= set(target.truth) else None
         title = f"Current estimate: {stored.kind}, {stored.probe}"
-        console.print(rich_table(tsis.present.inclusion.estimate_table(result, title=title, truth=truth)))
-        for estimate_message in tsis.present.document.estimate_messages(result):
-            console.print(f"- {estimate_message}", markup=False)
-        console.print(f"Flags: {', '.join(result.flags) or 'none'}", markup=False)
-    for estimate_message in record.damaged:
-        console.print(f"- Left out: {estimate_message}", markup=False)
+        console.print(rich_table(tsis.present.inclusion.estimate_table(estimate, title=title, truth=truth)))
+        for message in tsis.present.document.estimate_messages(estimate):
+            console.print(f"- {message}", markup=False)
+        console.print(f"Flags: {', '.join(estimate.flags) or 'none'}", markup=False)
+    for message in record.damaged:
+        console.print(f"- Left out: {message}", markup=False)
     if not estimates:
         console.print("No estimate yet.")
     for identity, calibration in record.calibrations.items():
@@ -159,8 +159,8 @@ def _history(estimates: Sequence[StoredEstimate]) -> Table:
     for stored in estimates:
         code = str(stored.environment.get("code_sha256", ""))[:SHORT]
         trusted = "yes" if stored.estimate.trusted else "no"
-        created = f"{stored.made:%Y-%m-%d %H:%M:%S}"
-        rows.append((stored.id[:SHORT], stored.kind, created, code, trusted, (stored.supersedes or "")[:SHORT]))
+        made = f"{stored.made:%Y-%m-%d %H:%M:%S}"
+        rows.append((stored.id[:SHORT], stored.kind, made, code, trusted, (stored.supersedes or "")[:SHORT]))
     columns = ("estimate", "kind", "made (UTC)", "code", "trusted", "supersedes")
     return Table(title="Estimates", columns=columns, values=tuple(rows))
 
@@ -171,7 +171,7 @@ def _until(calibration: ProbeCalibration) -> str:
 
 def _target_document(record: TargetRecord, total: int) -> dict[str, Any]:
     truth = dict(record.target.truth)
-    created = [
+    documents = [
         _estimate(stored, truth if set(stored.estimate.names) <= set(truth) else None) for stored in record.estimates
     ]
     return tsis.present.document.envelope(
@@ -179,9 +179,9 @@ def _target_document(record: TargetRecord, total: int) -> dict[str, Any]:
         target=tsis.files.json_values.to_json_value(record.target),
         presses=[tsis.files.json_values.to_json_value(press) for press in record.presses],
         presses_in_all=total,
-        estimate=created[-1] if created else None,
+        estimate=documents[-1] if documents else None,
         in_force=[stored.id for stored in record.active_estimates],
-        history=created[:-1],
+        history=documents[:-1],
         calibrations=[
             {"sha256": identity, "name": calibration.name, "until": _until(calibration)}
             for identity, calibration in record.calibrations.items()
@@ -193,12 +193,12 @@ def _target_document(record: TargetRecord, total: int) -> dict[str, Any]:
 def _estimate(stored: StoredEstimate, truth: Mapping[str, float] | None) -> dict[str, Any]:
     from tsis.records.values import estimate_to_json
 
-    reference = estimate_to_json(stored)
-    created = reference.pop("estimate")
+    document = estimate_to_json(stored)
+    estimate = document.pop("estimate")
     return {
-        **reference,
+        **document,
         **tsis.present.document.estimate_document(stored.estimate, truth),
-        "provenance": created["provenance"],
+        "provenance": estimate["provenance"],
     }
 
 
@@ -220,29 +220,29 @@ def recompute(
     if (number is None) != every:
         raise InputError("give the number of a target, or --all for every one")
     with opened(store, kind, database) as records:
-        requested = _requested(records) if number is None else [records.target(number)]
-        result, failed = _recomputed(records, requested, dry_run=dry_run, single=not every)
+        targets = [records.target(number)] if number is not None else _estimated(records)
+        recomputations, failed = _recomputed(records, targets, dry_run=dry_run, single=not every)
     if as_json:
-        documents = [tsis.present.records.recomputation_document(target, item) for target, item in result]
+        documents = [tsis.present.records.recomputation_document(target, item) for target, item in recomputations]
         failures = [{"target": number, "reason": reason} for number, reason in failed]
         print_json(
             tsis.present.document.envelope("records recompute", dry_run=dry_run, estimates=documents, failed=failures)
         )
     else:
         console = people()
-        for target, item in result:
+        for target, item in recomputations:
             _show_recomputation(console, target, item)
         for number, reason in failed:
             console.print(f"Target {number} could not be estimated again: {reason}", markup=False, soft_wrap=True)
-        if not result and not failed:
+        if not recomputations and not failed:
             console.print("No target of this store has an estimate.")
         print_notice(console)
     if failed:
         raise typer.Exit(FAILED)
 
 
-def _requested(records: Store) -> list[Target]:
-    return [target.target for target in records.targets() if target.estimates]
+def _estimated(records: Store) -> list[Target]:
+    return [summary.target for summary in records.targets() if summary.estimates]
 
 
 def _recomputed(
@@ -251,7 +251,7 @@ def _recomputed(
     """Recomputations, and the targets that failed; a single target raises its error."""
     from tsis.records.recomputation import recompute as again
 
-    result: list[tuple[Target, Recomputation]] = []
+    recomputations: list[tuple[Target, Recomputation]] = []
     failed: list[tuple[int, str]] = []
     what = "solving the press for this probe (cached for next time)" if single else "estimating again"
     with progress_bar(what) as advance:
@@ -259,14 +259,14 @@ def _recomputed(
             if not single:
                 advance(done, len(targets))
             try:
-                created = again(records, target, dry_run=dry_run, progress=advance if single else None)
+                of_target = again(records, target, dry_run=dry_run, progress=advance if single else None)
             except TsisError as error:
                 if single:
                     raise
                 failed.append((target.number, str(error)))
             else:
-                result += [(target, item) for item in created]
-    return result, failed
+                recomputations += [(target, item) for item in of_target]
+    return recomputations, failed
 
 
 def _show_recomputation(console: Console, target: Target, recomputation: Recomputation) -> None:
@@ -292,20 +292,19 @@ def verify(
     from tsis.records.store import verify_store as verification
 
     with opened(store, kind, database) as records, progress_bar("reading every file") as advance:
-        result = verification(records, progress=advance)
+        verified = verification(records, progress=advance)
     if as_json:
-        print_json(
-            tsis.present.document.envelope("records verify", **tsis.present.records.store_verification_document(result))
-        )
+        document = tsis.present.records.store_verification_document(verified)
+        print_json(tsis.present.document.envelope("records verify", **document))
     else:
         console = people()
-        for fault in result.faults:
+        for fault in verified.faults:
             console.print(f"- {fault}", markup=False, soft_wrap=True)
-        console.print(tsis.present.records.verdict(result))
-        for note in tsis.present.records.verification_notes(result):
+        console.print(tsis.present.records.verdict(verified))
+        for note in tsis.present.records.verification_notes(verified):
             console.print(note, markup=False, soft_wrap=True)
         print_notice(console)
-    if not result.sound:
+    if not verified.sound:
         raise typer.Exit(FAILED)
 
 
@@ -318,12 +317,7 @@ def backup(
 ) -> None:
     """Copy a store into a new folder and verify the copy; others may save meanwhile."""
     with opened(store, kind, None) as records:
-        result, position = _copied(records, folder), str(folder.resolve())
-    if as_json:
-        document = tsis.present.records.store_verification_document(result)
-        print_json(tsis.present.document.envelope("records backup", store=position, **document))
-    else:
-        _show_copy(result, position)
+        _copy("records backup", records, folder, as_json=as_json)
 
 
 def restore(
@@ -337,26 +331,21 @@ def restore(
     from tsis.records.store import default_folder
 
     with opened(folder, kind, None) as records:
-        requested = default_folder(kind) if store is None else store
-        result, position = _copied(records, requested), str(requested.resolve())
-    if as_json:
-        document = tsis.present.records.store_verification_document(result)
-        print_json(tsis.present.document.envelope("records restore", store=position, **document))
-    else:
-        _show_copy(result, position)
+        _copy("records restore", records, default_folder(kind) if store is None else store, as_json=as_json)
 
 
-def _copied(records: Store, folder: Path) -> StoreVerification:
+def _copy(command: str, records: Store, folder: Path, *, as_json: bool) -> None:
     from tsis.records.store import back_up_store
 
     with progress_bar("copying every file, and reading it again") as advance:
-        return back_up_store(records, folder, progress=advance)
-
-
-def _show_copy(result: StoreVerification, position: str) -> None:
+        verification, place = back_up_store(records, folder, progress=advance), str(folder.resolve())
+    if as_json:
+        document = tsis.present.records.store_verification_document(verification)
+        print_json(tsis.present.document.envelope(command, store=place, **document))
+        return
     console = people()
-    console.print(tsis.present.records.verdict(result))
-    console.print(f"The store is in {position}", markup=False, soft_wrap=True)
+    console.print(tsis.present.records.verdict(verification))
+    console.print(f"The store is in {place}", markup=False, soft_wrap=True)
     print_notice(console)
 
 
@@ -417,11 +406,11 @@ def import_(
                 )
         except KeyboardInterrupt:
             stop_interrupted(f"; {tally.message}.")
-        position = str(records.folder.resolve())
+        place = str(records.folder.resolve())
     if as_json:
         print_json(
             tsis.present.document.envelope(
-                "records import", store=position, imported=[_imported_document(item) for item in entered]
+                "records import", store=place, imported=[_imported_document(item) for item in entered]
             )
         )
         return
@@ -430,7 +419,7 @@ def import_(
         console.print(_imported_line(item), markup=False, soft_wrap=True)
         for note in item.batch.notes:
             console.print(f"- {note}", markup=False, soft_wrap=True)
-    console.print(f"Store: {position}", markup=False, soft_wrap=True)
+    console.print(f"Store: {place}", markup=False, soft_wrap=True)
     print_notice(console)
 
 
@@ -534,17 +523,16 @@ def edit(
         )
     with opened(store, kind, database) as records:
         target = records.target(number)
+        # The store refuses an edit of another version than the last.
+        seen: dict[str, Any] = {} if version is None else {"version": version}
         if press is None:
-            edited: Target | StoredPress = records.edit_target(_require_version(target, version), **changes)
+            edited: Target | StoredPress = records.edit_target(replace(target, **seen), **changes)
         else:
-            edited = records.edit_press(_require_version(_press(records, target, press), version), **changes)
+            edited = records.edit_press(replace(_press(records, target, press), **seen), **changes)
     what = f"target {number}" if press is None else f"press {edited.id[:8]} of target {number}"
     if as_json:
-        print_json(
-            tsis.present.document.envelope(
-                "records edit", target=number, press=None if press is None else edited.id, **_now(edited)
-            )
-        )
+        cited = {"press": None if press is None else edited.id, "record": edited.id, "version": edited.version}
+        print_json(tsis.present.document.envelope("records edit", target=number, **cited))
         return
     console = people()
     console.print(f"Changed {', '.join(changes)} of {what}; it is version {edited.version} now.", markup=False)
@@ -574,23 +562,14 @@ def _truth(given: Sequence[str]) -> dict[str, float]:
     return {} if _is_none("--truth", given) else parse_truth(given, called="--truth")
 
 
-def _require_version(record: Any, version: int | None) -> Any:
-    """The record with the given version: the store refuses an edit of another version."""
-    return record if version is None else replace(record, version=version)
-
-
 def _press(records: Store, target: Target, prefix: str) -> StoredPress:
-    results = [press for press in records.presses(target) if press.id.startswith(prefix)]
-    if len(prefix) < FEWEST_LETTERS or len(results) != 1:
+    presses = [press for press in records.presses(target) if press.id.startswith(prefix)]
+    if len(prefix) < FEWEST_LETTERS or len(presses) != 1:
         raise InputError(
             f"--press must be {FEWEST_LETTERS} or more letters of the identity of one press of target {target.number}; "
-            f"{prefix!r:.40} fits {len(results)} (tsis records show {target.number})"
+            f"{prefix!r:.40} fits {len(presses)} (tsis records show {target.number})"
         )
-    return results[0]
-
-
-def _now(edited: Any) -> dict[str, Any]:
-    return {"record": edited.id, "version": edited.version}
+    return presses[0]
 
 
 Identified = Annotated[
@@ -622,33 +601,33 @@ def export(
     Several forms appear together or not at all. html and pdf are reports; csv, netcdf, zarr and bundle contain notes
     and names too; dicom masks names and times.
     """
-    requested = list(dict.fromkeys(part for form in forms for part in form.split(",")))
+    wanted = list(dict.fromkeys(part for form in forms for part in form.split(",")))
     endings = tsis.present.records.export_endings()
-    for form in requested:
+    for form in wanted:
         tsis.model.require.require_one_of("form of export", form, endings)
-    if identified and not set(requested) & set(tsis.present.records.MASKED):
+    if identified and not set(wanted) & set(tsis.present.records.MASKED):
         masked = " and ".join(tsis.present.records.MASKED)
         raise InputError(f"--identified belongs to {masked}; the other forms mask nothing (leave it out)")
     stem = f"target-{number}"
-    destination = out or Path(stem if len(requested) > 1 else f"{stem}{endings[requested[0]]}")
+    destination = out or Path(stem if len(wanted) > 1 else f"{stem}{endings[wanted[0]]}")
     tsis.files.result_folder.require_absent(destination)
     with opened(store, kind, database) as records, waiting("writing"), ExitStack() as together:
         record = records.record(records.target(number))
-        if set(requested) - set(tsis.present.records.PAGE_FORMS):  # they name missing libraries
+        if set(wanted) - set(tsis.present.records.PAGE_FORMS):  # they name missing libraries
             record.require_whole()
-        if len(requested) == 1:
-            seal = tsis.present.records.write_form(requested[0], record, destination, identified=identified)
+        if len(wanted) == 1:
+            seal = tsis.present.records.write_form(wanted[0], record, destination, identified=identified)
         else:
             from tsis.records.export import export_folder
 
             draft, seal = together.enter_context(export_folder(destination)), ""
-            for form in requested:
+            for form in wanted:
                 seal += tsis.present.records.write_form(
                     form, record, draft / f"{stem}{endings[form]}", identified=identified
                 )
-    single = len(requested) == 1
+    single = len(wanted) == 1
     files = {
-        form: str((destination if single else destination / f"{stem}{endings[form]}").resolve()) for form in requested
+        form: str((destination if single else destination / f"{stem}{endings[form]}").resolve()) for form in wanted
     }
     if as_json:
         print_json(

@@ -159,7 +159,7 @@ def _frames(record: TargetRecord, numbers: list[int]) -> Any:
         "settings": [json.dumps(dict(press.settings), default=str) for press in presses],
         "note": [press.note for press in presses],
     }
-    result = xarray.Dataset(
+    frames = xarray.Dataset(
         {"grey": grey},
         coords={
             "press": ("press", np.array(numbers, dtype=np.int64)),
@@ -169,8 +169,8 @@ def _frames(record: TargetRecord, numbers: list[int]) -> Any:
         },
         attrs={"role": presses[0].role},
     )
-    result["taken"].encoding = {"units": "microseconds since 1970-01-01", "dtype": "int64"}
-    return result
+    frames["taken"].encoding = {"units": "microseconds since 1970-01-01", "dtype": "int64"}
+    return frames
 
 
 def _grey(record: TargetRecord, press: StoredPress) -> Any:
@@ -186,36 +186,36 @@ def _grey(record: TargetRecord, press: StoredPress) -> Any:
 
 def _estimate(record: TargetRecord, stored: StoredEstimate) -> Any:
     """What belongs to an estimate as a whole, and the places of its presses in the record."""
-    result = stored.estimate
+    estimate = stored.estimate
     used = [number for number, press in enumerate(record.presses) if press.id in stored.presses]
     head = {
         "kind": stored.kind,
         "made": stored.made.isoformat(),
-        "trusted": int(result.trusted),
+        "trusted": int(estimate.trusted),
         "in_force": int(stored in record.active_estimates),
-        "flags": json.dumps(list(result.flags)),
-        "prior": result.prior,
-        "identifiability": result.printed_identifiability,
+        "flags": json.dumps(list(estimate.flags)),
+        "prior": estimate.prior,
+        "identifiability": estimate.printed_identifiability,
         "probe": stored.probe,
         "calibration": stored.calibration,
         "environment": json.dumps(dict(stored.environment), default=str),
     }
-    if result.printed_presence is not None:
-        head["presence"] = result.printed_presence
+    if estimate.printed_presence is not None:
+        head["presence"] = estimate.printed_presence
     return _library("xarray").Dataset({"presses": ("used", np.array(used, dtype=np.int64))}, attrs=head)
 
 
-def _posterior(result: Estimate) -> Any:
+def _posterior(estimate: Estimate) -> Any:
     """Samples by parameter, with the summary where it is not withheld."""
-    samples = result.untrusted.samples
+    samples = estimate.untrusted.samples
     most = max(map(len, samples.values()), default=0)
-    summary = _summary(result) if result.trusted else {}
+    summary = _summary(estimate) if estimate.trusted else {}
     variables = {}
     for name, values in samples.items():
         attributes = {
             **_of_quantity(name),
-            "prior_sd": result.prior_sd[name],
-            "identified": int(result.identified(name)),
+            "prior_sd": estimate.prior_sd[name],
+            "identified": int(estimate.identified(name)),
             **summary.get(name, {}),
         }
         axis = "sample" if len(values) == most else f"sample_{_link(name)}"

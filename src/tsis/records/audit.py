@@ -64,8 +64,8 @@ def locked_head(connection: Connection) -> AuditHead:
 
 def has_entry(connection: Connection, head: AuditHead) -> bool:
     """Whether the audit has this entry."""
-    result = connection.execute(select(audit_table.c.hash).where(audit_table.c.number == head.number)).scalar()
-    return bool(result == head.hash)
+    stored = connection.execute(select(audit_table.c.hash).where(audit_table.c.number == head.number)).scalar()
+    return bool(stored == head.hash)
 
 
 def last_content(connection: Connection, kind: str, row: str) -> str | None:
@@ -107,10 +107,10 @@ def read_anchor(folder: Path) -> tuple[str, AuditHead]:
     path = folder / ANCHOR_FILE
     try:
         document = read_object(path)
-        store, number, result = document.get("store"), document.get("number"), document.get("hash")
-        for name, value in (("store", store), ("hash", result)):
+        store, number, seal = document.get("store"), document.get("number"), document.get("hash")
+        for name, value in (("store", store), ("hash", seal)):
             require_type(name, value, str)
-        return str(store), AuditHead(number=require_integer("number", number, 0, 2**62), hash=str(result))
+        return str(store), AuditHead(number=require_integer("number", number, 0, 2**62), hash=str(seal))
     except TsisError as error:
         raise RecordsError(
             f"the anchor of the audit, {printable_path(path)}, must be there and whole; {error}"

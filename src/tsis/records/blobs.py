@@ -105,9 +105,8 @@ class Blobs:
             raise RecordsError(f"a stored file must {state}; {error}") from error
         if hashlib.sha256(content).hexdigest() != name:
             raise RecordsError(
-                f"{printable_path(path)} must be as it was stored; its content does not match its name, so "
-                f"it was changed or "
-                "damaged (take it from a backup)"
+                f"{printable_path(path)} must be as it was stored; its content does not match its name, so it was "
+                "changed or damaged (take it from a backup)"
             )
         return content
 
@@ -199,9 +198,9 @@ def samples_of(content: bytes, source: str = "samples") -> dict[str, NDArray[np.
         raise FileInputError(f"{source} must name its parameters in its header; got something else") from error
     if (reason := _unsound(parameters)) is not None:
         raise FileInputError(f"{source} must hold a sensible number of samples; got {reason}")
-    requested = end + 1 + _DOUBLE.itemsize * sum(size for _, size in parameters)
-    if len(content) != requested:
-        raise FileInputError(f"{source} must be {requested} bytes long; got {len(content)}")
+    length = end + 1 + _DOUBLE.itemsize * sum(size for _, size in parameters)
+    if len(content) != length:
+        raise FileInputError(f"{source} must be {length} bytes long; got {len(content)}")
     return _parts(content, parameters, end + 1, source)
 
 

@@ -158,19 +158,18 @@ class SameFile:
         """Raise `RecordsError` when the file was replaced: writes to it would be lost."""
         if self.replaced():
             raise RecordsError(
-                f"the store in {printable_path(self.file.parent)} was moved or replaced since it was "
-                f"opened; nothing was "
-                "stored (put it back, or start anew)"
+                f"the store in {printable_path(self.file.parent)} was moved or replaced since it was opened; nothing "
+                "was stored (put it back, or start anew)"
             )
 
 
 def _identity(file: Path) -> tuple[int, int] | None:
     """Device and inode of a file; None where it is missing."""
     try:
-        result = file.stat()
+        status = file.stat()
     except OSError:
         return None
-    return result.st_dev, result.st_ino  # the inode is 0 on some systems, which then detect only a missing file
+    return status.st_dev, status.st_ino  # the inode is 0 on some systems, which then detect only a missing file
 
 
 DATABASE_FILE = "records.sqlite3"
@@ -207,8 +206,8 @@ class Database:
             engine = reading_engine if read_only else sqlite_engine
             self.name, self._engine = str(self.file), engine(folder / DATABASE_FILE)
         else:
-            result = postgresql_url(url)
-            self.name, self._engine = public_name(result), postgresql_engine(result)
+            parsed = postgresql_url(url)
+            self.name, self._engine = public_name(parsed), postgresql_engine(parsed)
         try:
             with self.reading() as connection:
                 if self.read_only:
@@ -341,9 +340,9 @@ def derived(secret: str, what: str, identity: str) -> str:
 
 def read_secret(connection: Connection) -> str:
     """The secret of a store; `RecordsError` when it was changed or removed."""
-    result = connection.execute(select(store_table.c.value).where(store_table.c.name == TERM)).scalar()
-    if isinstance(result, str) and len(result) == 2 * BYTES and set(result) <= set("0123456789abcdef"):
-        return result
+    secret = connection.execute(select(store_table.c.value).where(store_table.c.name == TERM)).scalar()
+    if isinstance(secret, str) and len(secret) == 2 * BYTES and set(secret) <= set("0123456789abcdef"):
+        return secret
     raise RecordsError(
         "the secret of the store, from which pseudonyms follow, must be as it was made; it was changed or taken out "
         "(tsis records verify; take the database from a backup)"

@@ -67,11 +67,11 @@ class DicomFile:
 
 def _deterministic_uid(*parts: str | bytes) -> str:
     """A UID below 2.25 (PS3.5 B.2) from a UUID of version 5 of the parts."""
-    result = hashlib.sha256(b"tsis dicom")
+    digest = hashlib.sha256(b"tsis dicom")
     for part in parts:
         raw = part.encode() if isinstance(part, str) else part
-        result.update(len(raw).to_bytes(8, "big") + raw)
-    return f"2.25.{uuid.UUID(bytes=result.digest()[:16], version=5).int}"
+        digest.update(len(raw).to_bytes(8, "big") + raw)
+    return f"2.25.{uuid.UUID(bytes=digest.digest()[:16], version=5).int}"
 
 
 def _sealed(dataset: Dataset, name: str) -> DicomFile:
@@ -446,23 +446,23 @@ def _estimate_group(stored: StoredEstimate, cover: _ExportIdentity, sources: Seq
             sr.SourceImageForMeasurementGroup(source.SOPClassUID, source.SOPInstanceUID) for source in sources
         ],
     )
-    for name, message in _statements(estimate):
-        group[0].ContentSequence.append(_text(name, message))
+    for name, text in _statements(estimate):
+        group[0].ContentSequence.append(_text(name, text))
     return group
 
 
 def _numbers(estimate: Estimate) -> list[Any]:
-    results = []
+    numbers = []
     for name in estimate.names if estimate.trusted else ():
         if name in _PARAMETERS:
             low, high = estimate.interval(INTERVAL_LEVEL)[name]
             moments = ((_MEAN, estimate.mean), (_STANDARD_DEVIATION, estimate.sd))
             values = [(code, values[name]) for code, values in moments if name in values]
             values += [(_FIFTH_PERCENTILE, low), (_NINETY_FIFTH_PERCENTILE, high)]
-            results += [_number(_PARAMETERS[name], value, derivation) for derivation, value in values]
+            numbers += [_number(_PARAMETERS[name], value, derivation) for derivation, value in values]
     if estimate.printed_presence is not None:
-        results.append(_number((_PROBABILITY, _UNITLESS, "presence"), estimate.printed_presence, None))
-    return results
+        numbers.append(_number((_PROBABILITY, _UNITLESS, "presence"), estimate.printed_presence, None))
+    return numbers
 
 
 def _number(kind: tuple[Any, Any, str | None], value: float, derivation: tuple[str, str, str] | None) -> Any:
@@ -479,11 +479,11 @@ def _number(kind: tuple[Any, Any, str | None], value: float, derivation: tuple[s
 def _statements(estimate: Estimate) -> list[tuple[str, str]]:
     """Texts by our codes; the message on identifiability contains numbers, so an untrusted estimate has another."""
     numbered = {name for name in estimate.names if name in _PARAMETERS and not estimate.withheld_reason(name)}
-    messages = [("no-number", name) for name in estimate.names if name not in numbered]
-    messages += [("flag", flag) for flag in estimate.flags]
-    messages.append(("identifiability", estimate.printed_identifiability))
-    messages.append(("prior", estimate.prior))
-    return [(name, message) for name, message in messages if message.strip()]
+    statements = [("no-number", name) for name in estimate.names if name not in numbered]
+    statements += [("flag", flag) for flag in estimate.flags]
+    statements.append(("identifiability", estimate.printed_identifiability))
+    statements.append(("prior", estimate.prior))
+    return [(name, text) for name, text in statements if text.strip()]
 
 
 def _press_group(press: StoredPress, cover: _ExportIdentity, source: Dataset, frame: int) -> Any:
@@ -498,15 +498,15 @@ def _press_group(press: StoredPress, cover: _ExportIdentity, source: Dataset, fr
         else [],
         source_images=[sr.SourceImageForMeasurementGroup(source.SOPClassUID, source.SOPInstanceUID, frames)],
     )
-    for name, term in [("role", press.role), *(("flag", flag) for flag in press.flags)]:
-        group[0].ContentSequence.append(_text(name, term))
+    for name, text in [("role", press.role), *(("flag", flag) for flag in press.flags)]:
+        group[0].ContentSequence.append(_text(name, text))
     return group
 
 
-def _text(name: str, message: str) -> Any:
+def _text(name: str, text: str) -> Any:
     """A text item under our code ``name``."""
     sr = _highdicom("sr")
-    return sr.TextContentItem(name=_own(name), value=message, relationship_type=sr.RelationshipTypeValues.CONTAINS)
+    return sr.TextContentItem(name=_own(name), value=text, relationship_type=sr.RelationshipTypeValues.CONTAINS)
 
 
 def _tracking(what: str, cover: _ExportIdentity, identity: str) -> Any:
@@ -538,8 +538,8 @@ def _has_report(record: TargetRecord) -> bool:
 
 def _report(record: TargetRecord, cover: _ExportIdentity, images: Sequence[tuple[_Stack, Dataset]]) -> Dataset:
     """The report on the exported images, still without a UID."""
-    created = max([stored.made for stored in record.active_estimates] or [press.taken for press in record.presses])
-    date, time = cover.moment(created) or (_NO_DATE, _NO_TIME)
+    made = max([stored.made for stored in record.active_estimates] or [press.taken for press in record.presses])
+    date, time = cover.moment(made) or (_NO_DATE, _NO_TIME)
     sr = _highdicom("sr")
     document: Dataset = sr.ComprehensiveSR(
         evidence=[image for _, image in images],
@@ -556,7 +556,7 @@ def _report(record: TargetRecord, cover: _ExportIdentity, images: Sequence[tuple
     )
     described = "Estimate and forces, research use only"
     _describe(
-        document, cover, _Series(number=_SERIES, what="report", description=described, modality="SR", started=created)
+        document, cover, _Series(number=_SERIES, what="report", description=described, modality="SR", started=made)
     )
     for what in _OF_NOW:
         del document[what]

@@ -29,28 +29,28 @@ if TYPE_CHECKING:
 @contextmanager
 def export_file(path: str | os.PathLike[str]) -> Iterator[Path]:
     """As `tsis.files.atomic.atomic_file`; `FileInputError` when the name is taken, or it cannot be written."""
-    requested = as_path(path)
-    with _refusing(requested), atomic_file(requested) as draft:
+    target = as_path(path)
+    with _refusing(target), atomic_file(target) as draft:
         yield draft
 
 
 @contextmanager
 def export_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     """As `tsis.files.atomic.atomic_folder`; `FileInputError` when the name is taken, or it cannot be written."""
-    requested = as_path(path)
-    with _refusing(requested), atomic_folder(requested) as draft:
+    target = as_path(path)
+    with _refusing(target), atomic_folder(target) as draft:
         yield draft
 
 
 @contextmanager
-def _refusing(requested: Path) -> Iterator[None]:
+def _refusing(path: Path) -> Iterator[None]:
     try:
         yield
     except FileExistsError as error:
-        raise file_error(requested, "must be a new name; there is such a file or folder (choose another)") from error
+        raise file_error(path, "must be a new name; there is such a file or folder (choose another)") from error
     except OSError as error:
         reason = error.strerror or str(error)
-        raise file_error(requested, f"must be a place that can be written; got: {reason}") from error
+        raise file_error(path, f"must be a place that can be written; got: {reason}") from error
 
 
 def frame_png(record: TargetRecord, press: StoredPress) -> bytes:
@@ -141,9 +141,9 @@ def estimate_rows(record: TargetRecord) -> list[Sequence[Any]]:
 
 
 def _parameter_rows(number: int, stored: StoredEstimate, *, in_force: bool) -> Iterator[list[Any]]:
-    result = stored.estimate
-    numbers = _numbers(result)
-    for name in result.names:
+    estimate = stored.estimate
+    numbers = _numbers(estimate)
+    for name in estimate.names:
         yield [
             number,
             in_force,
@@ -152,12 +152,12 @@ def _parameter_rows(number: int, stored: StoredEstimate, *, in_force: bool) -> I
             name,
             unit_of(name),
             *numbers[name],
-            result.identified(name),
-            result.trusted,
-            _float(result.printed_presence),
-            " ".join(result.flags),
-            " ".join(result.printed_notes),
-            result.prior,
+            estimate.identified(name),
+            estimate.trusted,
+            _float(estimate.printed_presence),
+            " ".join(estimate.flags),
+            " ".join(estimate.printed_notes),
+            estimate.prior,
             stored.probe,
             " ".join(stored.presses),
             stored.calibration,

@@ -42,11 +42,11 @@ def stored_frames(store: Store, frames: Sequence[IncomingPress]) -> tuple[Stored
 
     Another release of the PNG library may give the same levels another hash; the hash of the source file is the same.
     """
-    result = store.presses_of_frames([frame.frame for frame in frames])
-    present = {press.frame for press in result}
+    same_levels = store.presses_of_frames([frame.frame for frame in frames])
+    present = {press.frame for press in same_levels}
     missing = {frame.sha256: frame.name for frame in frames if frame.frame not in present}
-    further = _presses_by_name(store, sorted(set(missing.values())))
-    return (*result, *(press for press in further if press.settings.get("sha256") in missing))
+    same_name = _presses_by_name(store, sorted(set(missing.values())))
+    return (*same_levels, *(press for press in same_name if press.settings.get("sha256") in missing))
 
 
 def match_presses(frames: Sequence[IncomingPress], presses: Iterable[StoredPress]) -> list[StoredPress | None]:
@@ -54,20 +54,20 @@ def match_presses(frames: Sequence[IncomingPress], presses: Iterable[StoredPress
 
     A press matches by levels or source file, and by name, else by time.
     """
-    where: dict[tuple[object, object], deque[StoredPress]] = {}
+    unmatched: dict[tuple[object, object], deque[StoredPress]] = {}
     for press in presses:
         for content in {press.frame, press.settings.get("sha256")} - {None}:
             for label in (press.name, press.taken):
-                where.setdefault((content, label), deque()).append(press)
+                unmatched.setdefault((content, label), deque()).append(press)
     used: set[str] = set()
-    result: list[StoredPress | None] = []
+    matches: list[StoredPress | None] = []
     for frame in frames:
-        positions = [(content, label) for label in (frame.name, frame.taken) for content in (frame.frame, frame.sha256)]
-        same = next((item for position in positions if (item := _unused(where.get(position), used)) is not None), None)
-        if same is not None:
-            used.add(same.id)
-        result.append(same)
-    return result
+        keys = [(content, label) for label in (frame.name, frame.taken) for content in (frame.frame, frame.sha256)]
+        match = next((item for key in keys if (item := _unused(unmatched.get(key), used)) is not None), None)
+        if match is not None:
+            used.add(match.id)
+        matches.append(match)
+    return matches
 
 
 def target_with(store: Store, frames: Sequence[IncomingPress], presses: Sequence[StoredPress]) -> Target | None:
@@ -78,17 +78,17 @@ def target_with(store: Store, frames: Sequence[IncomingPress], presses: Sequence
     there are no others.
     """
     decisive = [frame for frame in frames if frame.role == "target"] or list(frames)
-    result: list[tuple[int, Target]] = []
+    candidates: list[tuple[int, Target]] = []
     for identity in dict.fromkeys(press.target for press in presses):
         own = [press for press in presses if press.target == identity]
-        matches = sum(press is not None for press in match_presses(decisive, own))
-        if matches == 0:
+        decided = sum(press is not None for press in match_presses(decisive, own))
+        if decided == 0:
             continue
         target = _target(store, target_table.c.id == identity)
         stored = sum(press is not None for press in match_presses(frames, own))
-        if target is not None and (matches == len(decisive) or stored == store.press_count(target)):
-            result.append((stored, target))
-    return max(result, key=lambda item: (item[0], -item[1].number))[1] if result else None
+        if target is not None and (decided == len(decisive) or stored == store.press_count(target)):
+            candidates.append((stored, target))
+    return max(candidates, key=lambda item: (item[0], -item[1].number))[1] if candidates else None
 
 
 def _unused(candidates: deque[StoredPress] | None, used: set[str]) -> StoredPress | None:
@@ -208,13 +208,13 @@ def truth_note(truth: Mapping[str, float], target: Target) -> tuple[str, ...]:
     )
 
 
-def _differences(item: IncomingPress, press: StoredPress) -> Iterator[str]:
+def _differences(frame: IncomingPress, press: StoredPress) -> Iterator[str]:
     """Names of the given properties that differ."""
-    calibration = None if item.calibration is None else calibration_sha256(item.calibration)
+    calibration = None if frame.calibration is None else calibration_sha256(frame.calibration)
     properties: Iterable[tuple[str, object, object]] = (
-        ("role", item.role, press.role),
-        ("force_n", item.force_n, press.force_n),
-        ("mm_per_pixel", item.mm_per_pixel, press.mm_per_pixel),
+        ("role", frame.role, press.role),
+        ("force_n", frame.force_n, press.force_n),
+        ("mm_per_pixel", frame.mm_per_pixel, press.mm_per_pixel),
         ("calibration", calibration, press.calibration),
     )
     for name, now, stored in properties:
@@ -349,16 +349,16 @@ def _import_batch(
     tally.targets.append(target.number)
     matches = match_presses(batch.presses, [press for press in stored if press.target == target.id])
     presses = []
-    for item, there in zip(batch.presses, matches, strict=True):
+    for frame, there in zip(batch.presses, matches, strict=True):
         if there is None:
-            presses.append(_add_press(store, target, item))
+            presses.append(_add_press(store, target, frame))
             tally.stored += 1
         else:
             presses.append(there)
         tally.done += 1
         if progress is not None:
             progress(tally.done, tally.total)
-    present = sum(1 for item in matches if item is not None)
+    present = sum(press is not None for press in matches)
     notes = (*truth_note(batch.truth, target), *differing_notes(batch.presses, matches, target.number))
     return ImportedBatch(
         batch=replace(batch, notes=(*batch.notes, *notes)),
@@ -389,20 +389,20 @@ def _import_record(
         if progress is not None:
             progress(tally.done, tally.total)
 
-    taken = store.import_target(record, progress=count)
-    tally.stored += taken.presses
+    imported = store.import_target(record, progress=count)
+    tally.stored += imported.presses
     notes = batch.notes
-    if taken.differing:
-        notes += (f"{taken.differing} of what was there already says something else here, and stays as it is here",)
-    if taken.target.number != record.target.number:
+    if imported.differing:
+        notes += (f"{imported.differing} of what was there already says something else here, and stays as it is here",)
+    if imported.target.number != record.target.number:
         notes += (f"number {record.target.number} is that of another target here",)
     return ImportedBatch(
         batch=replace(batch, notes=notes),
-        target=taken.target,
-        new=taken.new,
-        added=taken.presses,
-        present=len(record.presses) - taken.presses,
-        estimates=taken.estimates,
+        target=imported.target,
+        new=imported.new,
+        added=imported.presses,
+        present=len(record.presses) - imported.presses,
+        estimates=imported.estimates,
     )
 
 
@@ -426,14 +426,14 @@ def _add_estimate(store: Store, target: Target, batch: ImportBatch, presses: Seq
     from tsis.records.recomputation import EstimationRequest, estimate_stored  # slow to import, rarely needed
 
     record = store.record(target)
-    rests_on = estimate_presses(presses)
-    identities = {press.id for press in rests_on}
+    used = estimate_presses(presses)
+    identities = {press.id for press in used}
     if any(set(estimate.presses) == identities and estimate.kind == requested.kind for estimate in record.estimates):
         return 0
     request = EstimationRequest(
         kind=requested.kind,
         probe=requested.probe,
-        presses=rests_on,
+        presses=used,
         calibration=calibration_sha256(requested.calibration),
         options=requested.options,
     )

@@ -118,14 +118,14 @@ def _option_changes(was: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[
 
 def _prior_changes(before: StoredEstimate, after: StoredEstimate) -> Iterator[str]:
     """Changes of the prior: that of the options, or the default that the provenance states."""
-    optional = all(item.options.get("prior") for item in (before, after))
-    sources = (item.options if optional else item.estimate.provenance for item in (before, after))
+    stated = all(item.options.get("prior") for item in (before, after))
+    sources = (item.options if stated else item.estimate.provenance for item in (before, after))
     was, now = (_json_values({"prior": item.get("prior")})["prior"] for item in sources)
     if not isinstance(was, Mapping) or not isinstance(now, Mapping):  # a bundle may have other content there
         yield from _differences("the prior changed", was, now)
         return
     for name in sorted({*was, *now}):
-        what = f"the options changed: {name} of the prior" if optional else f"the default prior changed: {name}"
+        what = f"the options changed: {name} of the prior" if stated else f"the default prior changed: {name}"
         yield from _differences(what, was.get(name), now.get(name))
 
 
@@ -157,8 +157,8 @@ def _shown(value: Any) -> str:
 
 def _json_values(value: Mapping[str, Any]) -> Mapping[str, Any]:
     """The values as a store returns them."""
-    document: Mapping[str, Any] = free_to_json(value, "provenance")
-    return document
+    values: Mapping[str, Any] = free_to_json(value, "provenance")
+    return values
 
 
 _NOTHING_CHANGED = "Nothing changed: bit for bit the same."

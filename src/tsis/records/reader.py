@@ -54,8 +54,8 @@ class StoreReader:
     def targets(self, *, hidden: bool = False) -> tuple[TargetSummary, ...]:
         """Summaries of the targets, by number; ``hidden`` adds those that are archived or deleted."""
         with self.database.reading() as connection:
-            result = self._summaries.read(connection)
-        return tuple(item for item in result if hidden or item.state is None)
+            summaries = self._summaries.read(connection)
+        return tuple(item for item in summaries if hidden or item.state is None)
 
     def state(self, target: Target) -> TargetState | None:
         """Whether a target is archived or deleted; None for the others."""
@@ -96,20 +96,20 @@ class StoreReader:
 
     def presses_of_frames(self, frames: Sequence[str]) -> tuple[StoredPress, ...]:
         """Presses of any target whose frame is among these."""
-        result: list[Any] = []
+        found: list[Any] = []
         with self.database.reading() as connection:
             for at in range(0, len(frames), MOST_AT_ONCE):
                 some = tables.frame_table.c.id.in_(frames[at : at + MOST_AT_ONCE])
                 stored = list(connection.execute(select(tables.frame_table.c.id).where(some)).scalars())
                 if stored:
-                    result += connection.execute(rows.press_query().where(tables.press_table.c.frame.in_(stored)))
-        return tuple(rows.press_of_row(row._asdict()) for row in result)
+                    found += connection.execute(rows.press_query().where(tables.press_table.c.frame.in_(stored)))
+        return tuple(rows.press_of_row(row._asdict()) for row in found)
 
     def estimates(self, target: Target) -> tuple[StoredEstimate, ...]:
         """Estimates of a target in the order of time, each after the one that it supersedes."""
         with self.database.reading() as connection:
-            result = _estimate_rows(connection, target)
-        return in_lineage([self._estimate(row) for row in result])
+            stored = _estimate_rows(connection, target)
+        return in_lineage([self._estimate(row) for row in stored])
 
     def _estimate(self, row: rows.Row) -> StoredEstimate:
         name = str(row["samples"])
@@ -135,16 +135,16 @@ class StoreReader:
         Damaged parts are omitted and listed. Frames are read on use.
         """
         with self.database.reading() as connection:  # one state, which has the presses of all its estimates
-            presses, created = _presses_of(connection, target, limit, offset), _estimate_rows(connection, target)
+            presses, estimate_rows = _presses_of(connection, target, limit, offset), _estimate_rows(connection, target)
         damaged: list[str] = []
-        result = _readable(self._estimate, created, damaged)
-        cited = {str(item["calibration"]) for item in created}
+        estimates = _readable(self._estimate, estimate_rows, damaged)
+        cited = {str(item["calibration"]) for item in estimate_rows}
         cited |= {press.calibration for press in presses if press.calibration is not None}
         named = _readable(lambda item: (item, self.calibration(item)), sorted(cited), damaged)
         return TargetRecord(
             target=target,
             presses=presses,
-            estimates=in_lineage(result),
+            estimates=in_lineage(estimates),
             calibrations=dict(named),
             read=self.levels,
             damaged=tuple(damaged),
@@ -153,13 +153,13 @@ class StoreReader:
 
 def _readable(read: Callable[[Key], Value], names: Iterable[Key], damaged: list[str]) -> list[Value]:
     """The readable values; each failure adds a message to ``damaged``."""
-    results = []
+    values = []
     for name in names:
         try:
-            results.append(read(name))
+            values.append(read(name))
         except (RecordsError, FileInputError) as error:
             damaged.append(str(error))
-    return results
+    return values
 
 
 def _presses_of(
@@ -168,10 +168,10 @@ def _presses_of(
     table = tables.press_table.c
     page = select(table.id).where(table.target == target.id).order_by(table.taken, table.id)
     # The index gives the identities; only their own rows are read.
-    result = connection.execute(
+    found = connection.execute(
         rows.press_query().where(table.id.in_(page.limit(limit).offset(offset))).order_by(table.taken, table.id)
     )
-    names, values = tuple(result.keys()), result.all()
+    names, values = tuple(found.keys()), found.all()
     return tuple(rows.press_of_row(dict(zip(names, row, strict=True))) for row in values)
 
 
@@ -215,9 +215,9 @@ class TargetState:
 def read_states(connection: Connection, target: str = "") -> dict[str, TargetState]:
     """The state of each target, or of one, that is archived or deleted, by identity."""
     table = tables.store_table
-    rows_of = connection.execute(select(table).where(table.c.name.startswith(TERM_OF + target, autoescape=True)))
-    result = {}
-    for row in rows_of:
+    found = connection.execute(select(table).where(table.c.name.startswith(TERM_OF + target, autoescape=True)))
+    states = {}
+    for row in found:
         try:
             value = json.loads(row.value)
             state = TargetState(name=value["state"], since=datetime.fromisoformat(value["since"]))
@@ -226,8 +226,8 @@ def read_states(connection: Connection, target: str = "") -> dict[str, TargetSta
                 f"the state of a target must be as it was stored; got {row.value!r:.60} (tsis records verify)"
             ) from error
         if state.name in (ARCHIVED, DELETED):
-            result[row.name.removeprefix(TERM_OF)] = state
-    return result
+            states[row.name.removeprefix(TERM_OF)] = state
+    return states
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

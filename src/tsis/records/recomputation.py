@@ -111,7 +111,9 @@ def _arguments(kind: str, options: Mapping[str, Any]) -> dict[str, Any]:
     if "prior" in arguments:
         prior = arguments["prior"]
         _require_known("prior", prior, [field.name for field in fields(PRIORS[kind])])
-        values = {name: tuple(value) if isinstance(value, list) else value for name, value in prior.items()}
+        values: dict[str, Any] = {
+            name: tuple(value) if isinstance(value, list) else value for name, value in prior.items()
+        }
         arguments["prior"] = PRIORS[kind](**values)
     return arguments
 

@@ -142,13 +142,13 @@ def update_row(connection: Connection, table: Table, before: Any, changed: Row) 
     """
     what = "target" if table is tables.target_table else "press"
     unchanged = (table.c.id == before.id) & (table.c.version == before.version)
-    result = connection.execute(select(table).where(unchanged)).first()
-    if result is None:
+    stored = connection.execute(select(table).where(unchanged)).first()
+    if stored is None:
         raise StaleRecordError(
             f"the {what} must be as it was read to be changed; somebody else has changed it since version "
             f"{before.version} (read it again)"
         )
-    if digest_or_none(result._asdict()) != last_content(connection, table.name, before.id):
+    if digest_or_none(stored._asdict()) != last_content(connection, table.name, before.id):
         raise RecordsError(
             f"the {what} must be as it was stored to be changed; it was changed behind the program's back "
             "(tsis records verify tells more; take the store from a backup)"
@@ -189,8 +189,8 @@ def press_edit(
 
     def enter(connection: Connection) -> tuple[StoredPress, list[AuditChange]]:
         change = update_row(connection, tables.press_table, press, changed)
-        result = connection.execute(press_query().where(tables.press_table.c.id == press.id)).one()
-        return press_of_row(result._asdict()), [change]
+        stored = connection.execute(press_query().where(tables.press_table.c.id == press.id)).one()
+        return press_of_row(stored._asdict()), [change]
 
     return enter
 

@@ -140,11 +140,11 @@ def has_schema(connection: Connection) -> bool:
 
 def require_schema(connection: Connection, name: str) -> None:
     """Raise `RecordsError` for a store whose schema is another than that of this release."""
-    schema, present = SCHEMA
-    result = connection.execute(select(store_table.c.value).where(store_table.c.name == schema)).scalar()
-    if result != present:
+    schema, version = SCHEMA
+    stored = connection.execute(select(store_table.c.value).where(store_table.c.name == schema)).scalar()
+    if stored != version:
         raise RecordsError(
-            f"{name} must have schema {present}; it has {'none' if result is None else repr(result)[:60]} (was it "
+            f"{name} must have schema {version}; it has {'none' if stored is None else repr(stored)[:60]} (was it "
             "written by another release of tsis? then export its targets as bundles there, and import them here)"
         )
 
@@ -169,14 +169,14 @@ def schema_faults(connection: Connection) -> Iterator[str]:
         yield from _postgresql_rule_faults(connection)
 
 
-def _differences(requested: dict[tuple[str, str], str], result: dict[tuple[str, str], str]) -> Iterator[str]:
-    for kind, name in sorted(requested.keys() | result.keys()):
+def _differences(requested: dict[tuple[str, str], str], present: dict[tuple[str, str], str]) -> Iterator[str]:
+    for kind, name in sorted(requested.keys() | present.keys()):
         what = f"{kind} {one_line(name, 80)} of the database"
-        if (kind, name) not in result:
+        if (kind, name) not in present:
             yield f"the {what} was taken out"
         elif (kind, name) not in requested:
             yield f"the {what} was put in"
-        elif result[kind, name] != requested[kind, name]:
+        elif present[kind, name] != requested[kind, name]:
             yield f"the {what} is not as it was made"
 
 
@@ -202,40 +202,40 @@ def _sqlite_schema(connection: Connection) -> dict[tuple[str, str], str]:
 
 def _requested_in_postgresql(connection: Connection) -> dict[tuple[str, str], str]:
     """What `_postgresql_schema` gives for tables as they were made."""
-    result: dict[tuple[str, str], str] = {}
+    definitions: dict[tuple[str, str], str] = {}
     for name, table in metadata.tables.items():
-        result["table", name] = str([column.name for column in table.primary_key])
+        definitions["table", name] = str([column.name for column in table.primary_key])
         for column in table.columns:
             kind = column.type.compile(connection.dialect)
-            result["column", f"{name}.{column.name}"] = f"{kind}{'' if column.nullable else ' NOT NULL'}"
+            definitions["column", f"{name}.{column.name}"] = f"{kind}{'' if column.nullable else ' NOT NULL'}"
         for key in table.foreign_keys:
-            result["foreign key", f"{name}.{key.parent.name}"] = key.target_fullname
+            definitions["foreign key", f"{name}.{key.parent.name}"] = key.target_fullname
         for index in table.indexes:
-            result["index", str(index.name)] = str([name, *(column.name for column in index.columns)])
+            definitions["index", str(index.name)] = str([name, *(column.name for column in index.columns)])
         for constraint in table.constraints:
             if isinstance(constraint, UniqueConstraint):
-                result["unique column", f"{name}.{', '.join(column.name for column in constraint.columns)}"] = ""
-    return result
+                definitions["unique column", f"{name}.{', '.join(column.name for column in constraint.columns)}"] = ""
+    return definitions
 
 
 def _postgresql_schema(connection: Connection) -> dict[tuple[str, str], str]:
     """The definition of each part of the store's tables, by kind and name; other tables may be in the database."""
-    inspector, result = inspect(connection), dict[tuple[str, str], str]()
+    inspector, definitions = inspect(connection), dict[tuple[str, str], str]()
     for name in set(inspector.get_table_names()) & set(metadata.tables):
-        result["table", name] = str(inspector.get_pk_constraint(name)["constrained_columns"])
+        definitions["table", name] = str(inspector.get_pk_constraint(name)["constrained_columns"])
         for column in inspector.get_columns(name):
             kind = column["type"].compile(connection.dialect)
-            result["column", f"{name}.{column['name']}"] = f"{kind}{'' if column['nullable'] else ' NOT NULL'}"
+            definitions["column", f"{name}.{column['name']}"] = f"{kind}{'' if column['nullable'] else ' NOT NULL'}"
         for key in inspector.get_foreign_keys(name):
             cited = ", ".join(f"{key['referred_table']}.{column}" for column in key["referred_columns"])
-            result["foreign key", f"{name}.{', '.join(key['constrained_columns'])}"] = cited
+            definitions["foreign key", f"{name}.{', '.join(key['constrained_columns'])}"] = cited
         for index in inspector.get_indexes(name):
             if not index.get("duplicates_constraint"):
                 unique = ["unique"] if index["unique"] else []
-                result["index", str(index["name"])] = str([name, *index["column_names"], *unique])
+                definitions["index", str(index["name"])] = str([name, *index["column_names"], *unique])
         for constraint in inspector.get_unique_constraints(name):
-            result["unique column", f"{name}.{', '.join(constraint['column_names'])}"] = ""
-    return result
+            definitions["unique column", f"{name}.{', '.join(constraint['column_names'])}"] = ""
+    return definitions
 
 
 def _postgresql_rule_faults(connection: Connection) -> Iterator[str]:
@@ -252,16 +252,16 @@ _EVER = ("O", "A")  # values of tgenabled: active in an ordinary session
 def _postgresql_trigger_faults(connection: Connection) -> Iterator[str]:
     query = """SELECT relname, tgname, tgenabled, tgtype, prosrc FROM pg_trigger JOIN pg_class ON pg_class.oid = tgrelid
         JOIN pg_proc ON pg_proc.oid = tgfoid WHERE NOT tgisinternal AND relnamespace = current_schema()::regnamespace"""
-    saved = False
+    sound = False
     for row in connection.execute(text(query)):
         if (row.relname, row.tgname) == ("audit", "audit_append_only"):
             enabled = row.tgenabled.decode() if isinstance(row.tgenabled, bytes) else row.tgenabled
-            saved = (
+            sound = (
                 enabled in _EVER
                 and row.tgtype == _BEFORE_UPDATE_DELETE_TRUNCATE
                 and " ".join(row.prosrc.split()) == "BEGIN RAISE EXCEPTION 'audit is append-only'; END"
             )
         elif row.relname in metadata.tables:
             yield f"the trigger {one_line(row.tgname, 80)} of the table {row.relname} was put in"
-    if not saved:
+    if not sound:
         yield "the trigger by which the audit is append-only was taken out, changed or switched off"

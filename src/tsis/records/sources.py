@@ -196,34 +196,34 @@ def modification_time(path: Path) -> datetime:
 def stored_calibration(store: Store, cited: str) -> ProbeCalibration | None:
     """The calibration of this identity in a store, or None; `RecordsError` when it is damaged."""
     with store.database.reading() as connection:
-        result = connection.execute(select(calibration_table.c.id).where(calibration_table.c.id == cited)).first()
-    return None if result is None else store.calibration(cited)
+        row = connection.execute(select(calibration_table.c.id).where(calibration_table.c.id == cited)).first()
+    return None if row is None else store.calibration(cited)
 
 
 def cited_calibration(
-    source: Path, citation: Any, given: ImportOptions
+    source: Path, citation: Any, options: ImportOptions
 ) -> tuple[ProbeCalibration | None, tuple[str, ...]]:
     """The calibration that a file cites, or None, and notes.
 
     `FileInputError` when the citation is invalid, `InputError` when the user gave another calibration.
     """
     if citation is None:
-        return given.calibration, ()
+        return options.calibration, ()
     if not isinstance(citation, dict) or not isinstance(citation.get("sha256"), str):
         raise file_error(source, f"must cite its calibration by its SHA-256; got {citation!r:.80}")
-    requested = citation["sha256"]
-    if given.calibration is not None:
-        if calibration_sha256(given.calibration) != requested:
+    cited = citation["sha256"]
+    if options.calibration is not None:
+        if calibration_sha256(options.calibration) != cited:
             raise InputError(
-                f"--calibration must be the one that {printable_path(source)} cites, {requested[:12]}; got "
-                f"{calibration_sha256(given.calibration)[:12]} (leave it out, or find the other)"
+                f"--calibration must be the one that {printable_path(source)} cites, {cited[:12]}; got "
+                f"{calibration_sha256(options.calibration)[:12]} (leave it out, or find the other)"
             )
-        return given.calibration, ()
-    result = given.calibration_of(requested)
-    if result is not None:
-        return result, ()
+        return options.calibration, ()
+    calibration = options.calibration_of(cited)
+    if calibration is not None:
+        return calibration, ()
     name = str(citation.get("name", ""))[:60]
-    return None, (f"the calibration {name!r} ({requested[:12]}) is not in this store: give its file by --calibration",)
+    return None, (f"the calibration {name!r} ({cited[:12]}) is not in this store: give its file by --calibration",)
 
 
 def sidecar_of(path: Path) -> Path | None:
@@ -237,27 +237,27 @@ def sidecar_of(path: Path) -> Path | None:
         return None
 
 
-def snapshot_folder(folder: Path, given: ImportOptions, progress: Callable[[], None]) -> tuple[ImportBatch, ...]:
+def snapshot_folder(folder: Path, options: ImportOptions, progress: Callable[[], None]) -> tuple[ImportBatch, ...]:
     """Snapshots in a folder and in the folders of targets in it."""
     try:
-        inside = sorted(path for path in folder.iterdir() if path.is_dir() and not path.is_symlink())
-        sidecars = [path for position in (folder, *inside) for path in sorted(position.glob("*.json"))]
+        subfolders = sorted(path for path in folder.iterdir() if path.is_dir() and not path.is_symlink())
+        sidecars = [path for place in (folder, *subfolders) for path in sorted(place.glob("*.json"))]
     except OSError as error:
         raise file_error(folder, f"must be a folder that can be read; got: {error.strerror}") from error
     if len(sidecars) > MOST_FRAMES:
         raise file_error(folder, f"must hold at most {MOST_FRAMES} snapshots; it holds {len(sidecars)}")
     unfinished = [path for path in sidecars if not path.is_symlink() and path.stat().st_size == 0]
-    result = snapshots([path for path in sidecars if path not in unfinished], given, progress, single=False)
-    if not result or not unfinished:
-        return result
+    batches = snapshots([path for path in sidecars if path not in unfinished], options, progress, single=False)
+    if not batches or not unfinished:
+        return batches
     note = (
         f"{len(unfinished)} snapshots in {printable_path(folder)} were cut short while they were saved and are left out"
     )
-    return (*result[:-1], replace(result[-1], notes=(*result[-1].notes, note)))
+    return (*batches[:-1], replace(batches[-1], notes=(*batches[-1].notes, note)))
 
 
 def snapshots(
-    sidecars: Iterable[Path], given: ImportOptions, progress: Callable[[], None], *, single: bool = True
+    sidecars: Iterable[Path], options: ImportOptions, progress: Callable[[], None], *, single: bool = True
 ) -> tuple[ImportBatch, ...]:
     """A batch for each target that these sidecars name; with ``single`` other JSON files are an error.
 
@@ -275,21 +275,21 @@ def snapshots(
                 sidecar, f"must be the sidecar of a snapshot ({SIDECAR_FORMAT}); got {document.get('format')!r:.60}"
             )
         with written_by("tsis acquire", sidecar):
-            target, press, message = _snapshot(sidecar, document, given)
+            target, press, of_press = _snapshot(sidecar, document, options)
         targets.setdefault(target, []).append(press)
-        notes.setdefault(target, {}).update(dict.fromkeys(message))
+        notes.setdefault(target, {}).update(dict.fromkeys(of_press))
         first.setdefault(target, sidecar.parent)
         progress()
     return tuple(
         ImportBatch(
-            source=first[target], kind="snapshots", presses=tuple(item), number=target, notes=tuple(notes[target])
+            source=first[target], kind="snapshots", presses=tuple(presses), number=target, notes=tuple(notes[target])
         )
-        for target, item in targets.items()
+        for target, presses in targets.items()
     )
 
 
 def _snapshot(
-    sidecar: Path, document: dict[str, Any], given: ImportOptions
+    sidecar: Path, document: dict[str, Any], options: ImportOptions
 ) -> tuple[int, IncomingPress, tuple[str, ...]]:
     if document["version"] != SIDECAR_VERSION:
         raise InputError(f"version must be {SIDECAR_VERSION}; got {document['version']!r:.20}")
@@ -299,22 +299,22 @@ def _snapshot(
     if ending is None:
         raise InputError(f"sha256 must tell of a raw frame; got {sorted(hashes)!r:.80}")
     raw = own_file(sidecar.parent, f"{sidecar.stem}{ending}")
-    read = inspect_file(raw, full_scale=from_json_value(float, document["full_scale"], "snapshot.full_scale"))
-    if read["sha256"] != hashes[ending]:
+    checked = inspect_file(raw, full_scale=from_json_value(float, document["full_scale"], "snapshot.full_scale"))
+    if checked["sha256"] != hashes[ending]:
         raise file_error(raw, "must be as it was saved; its content does not match its sidecar")
-    known, notes = cited_calibration(sidecar, document.get("calibration"), given)
-    scale = given.mm_per_pixel if known is None or known.scale is None else known.scale.mm_per_pixel
+    known, notes = cited_calibration(sidecar, document.get("calibration"), options)
+    scale = options.mm_per_pixel if known is None or known.scale is None else known.scale.mm_per_pixel
     settings: dict[str, Any] = {
         name: document[name] for name in ("camera", "sequence", "time_s", "calibration") if name in document
     }
     press = IncomingPress(
-        **read,
-        role=given.role if document.get("role") is None else require_one_of("role", document["role"], ROLES),
+        **checked,
+        role=options.role if document.get("role") is None else require_one_of("role", document["role"], ROLES),
         taken=from_json_value(datetime, document["taken"], "snapshot.taken"),
         name=printable_name(raw),
         force_n=_force_n(document.get("force")),
         mm_per_pixel=scale,
-        probe=given.probe or ("" if known is None else known.probe) or _probe(document),
+        probe=options.probe or ("" if known is None else known.probe) or _probe(document),
         calibration=known,
         flags=tuple(from_json_value(str, flag["name"], "flag.name") for flag in document.get("flags") or ()),
         settings=dict(document["settings"]) | settings,
@@ -336,7 +336,7 @@ FORCE = "force_n"
 CUT_SHORT = "the recording was cut short before its report was written; its frames are all that its index tells of"
 
 
-def recording(folder: Path, given: ImportOptions, progress: Callable[[], None]) -> ImportBatch:
+def recording(folder: Path, options: ImportOptions, progress: Callable[[], None]) -> ImportBatch:
     """The frames of a recording, with the force of a gauge.
 
     A recording has its start time and the delay of each frame. In an interrupted recording, which has no start
@@ -346,13 +346,13 @@ def recording(folder: Path, given: ImportOptions, progress: Callable[[], None]) 
     """
     summary = _summary(folder)
     rows = _rows(own_file(folder, RECORDING_INDEX))
-    saved = None if summary is None else summary["report"]["kept"]
-    if saved is not None and saved != len(rows):
+    kept = None if summary is None else summary["report"]["kept"]
+    if kept is not None and kept != len(rows):
         raise file_error(
-            folder / RECORDING_INDEX, f"must tell of the {saved!r:.20} frames of the report; it tells of {len(rows)}"
+            folder / RECORDING_INDEX, f"must tell of the {kept!r:.20} frames of the report; it tells of {len(rows)}"
         )
-    known, notes = cited_calibration(folder / RECORDING_SUMMARY, (summary or {}).get("calibration"), given)
-    scale = given.mm_per_pixel if known is None or known.scale is None else known.scale.mm_per_pixel
+    known, notes = cited_calibration(folder / RECORDING_SUMMARY, (summary or {}).get("calibration"), options)
+    scale = options.mm_per_pixel if known is None or known.scale is None else known.scale.mm_per_pixel
     camera = str((summary or {}).get("camera", ""))[:200]
     moment_then, then_s = _clock(folder, summary, last_s=float(rows[-1]["arrived_s"]))
     presses = []
@@ -361,12 +361,12 @@ def recording(folder: Path, given: ImportOptions, progress: Callable[[], None]) 
         presses.append(
             IncomingPress(
                 **inspect_file(path, full_scale=_full_scale(summary)),
-                role=given.role,
+                role=options.role,
                 taken=_moment(moment_then, float(row["arrived_s"]) - then_s),
                 name=path.name,
                 force_n=max(0.0, float(row[FORCE])) if row.get(FORCE) else None,
                 mm_per_pixel=scale,
-                probe=given.probe or ("" if known is None else known.probe),
+                probe=options.probe or ("" if known is None else known.probe),
                 calibration=known,
                 settings={"camera": camera, "sequence": row["sequence"], "time_s": row["time_s"]},
             )
@@ -384,8 +384,7 @@ def _summary(folder: Path) -> dict[str, Any] | None:
     if document.get("format") != RECORDING_FORMAT or document.get("version") != RECORDING_VERSION:
         raise file_error(
             source,
-            f"must be of {RECORDING_FORMAT} {RECORDING_VERSION}; got "
-            f"{document.get('format')!r:.60} "
+            f"must be of {RECORDING_FORMAT} {RECORDING_VERSION}; got {document.get('format')!r:.60} "
             f"{document.get('version')!r:.20}",
         )
     if not isinstance(document.get("report"), dict) or "kept" not in document["report"]:
@@ -417,9 +416,8 @@ def _require_sound(path: Path, at: int, row: dict[str, Any]) -> None:
     if row["kept_in"].startswith(f"{VIDEO_NAME}#"):
         raise file_error(
             path.parent,
-            "must be a recording of single frames; it is a video, of which a "
-            "store keeps none "
-            "(record without --video, or save the frames that you want as PNG files)",
+            "must be a recording of single frames; it is a video, of which a store keeps none (record without --video, "
+            "or save the frames that you want as PNG files)",
         )
     for name in ("arrived_s", FORCE):
         if name == "arrived_s" or row.get(name):
@@ -458,8 +456,6 @@ def _moment(then: datetime, after_s: float) -> datetime:
 
 
 Value = TypeVar("Value")
-
-
 RESULT, UNTOUCHED = "result.json", "untouched.png"
 MOST_PRESSES = 1000
 TRUTH = ("diameter_mm", "depth_mm", "young_kpa")
@@ -482,20 +478,19 @@ def _batch(folder: Path, document: dict[str, Any], progress: Callable[[], None])
     if command != "demo":
         raise file_error(
             folder / RESULT,
-            f"must be of tsis demo, whose folder holds its frames; got "
-            f"one of {command!r:.40} "
-            "(name the frames, or repeat the command with --save)",
+            f"must be of tsis demo, whose folder holds its frames; got one of {command!r:.40} (name the frames, or "
+            "repeat the command with --save)",
         )
-    reported = document["estimate"]["provenance"]
+    provenance = document["estimate"]["provenance"]
     calibration = read_calibration(own_file(folder, CALIBRATION_FILE))
-    probe, phantom = from_json_value(str, reported["probe"]["name"], "probe.name"), document["simulated"]["phantom"]
-    presses = list(_presses(folder, reported, calibration, probe, progress))
+    probe, phantom = from_json_value(str, provenance["probe"]["name"], "probe.name"), document["simulated"]["phantom"]
+    presses = list(_presses(folder, provenance, calibration, probe, progress))
     inclusion = phantom.get("inclusion")
     names = () if inclusion is None else TRUTH
     truth = {name: from_json_value(float, inclusion[name], f"inclusion.{name}") for name in names}
-    options = {"prior": dict(reported["prior"]), "strain": from_json_value(str, reported["strain"], "strain")}
-    requested = RequestedEstimate(kind="inclusion", probe=probe, calibration=calibration, options=options)
-    _require_estimable(requested)
+    options = {"prior": dict(provenance["prior"]), "strain": from_json_value(str, provenance["strain"], "strain")}
+    estimate = RequestedEstimate(kind="inclusion", probe=probe, calibration=calibration, options=options)
+    _require_estimable(estimate)
     return ImportBatch(
         source=folder,
         kind="virtual presses",
@@ -503,7 +498,7 @@ def _batch(folder: Path, document: dict[str, Any], progress: Callable[[], None])
         name=from_json_value(str, phantom["name"], "phantom.name"),
         truth=truth,
         simulated=True,
-        estimate=requested,
+        estimate=estimate,
     )
 
 
@@ -517,11 +512,13 @@ def _require_estimable(estimate: RequestedEstimate) -> None:
 
 
 def _presses(
-    folder: Path, document: dict[str, Any], calibration: ProbeCalibration, probe: str, progress: Callable[[], None]
+    folder: Path, provenance: dict[str, Any], calibration: ProbeCalibration, probe: str, progress: Callable[[], None]
 ) -> Iterator[IncomingPress]:
     taken = modification_time(folder / RESULT)
-    entries = [("target", item) for item in document["images"]] + [("plain", item) for item in document["reference"]]
-    if not document["images"] or len(entries) > MOST_PRESSES:
+    entries = [("target", item) for item in provenance["images"]] + [
+        ("plain", item) for item in provenance["reference"]
+    ]
+    if not provenance["images"] or len(entries) > MOST_PRESSES:
         raise InputError(
             f"it must tell of a press on the phantom and of at most {MOST_PRESSES} in all; got {len(entries)}"
         )
@@ -563,29 +560,29 @@ def _optional(kind: type[Value], document: Any, where: str) -> Value | None:
     return None if document is None else from_json_value(kind, document, where)
 
 
-def image_files(paths: Sequence[Path], given: ImportOptions, progress: Callable[[], None]) -> ImportBatch:
+def image_files(paths: Sequence[Path], options: ImportOptions, progress: Callable[[], None]) -> ImportBatch:
     """Image files of presses on one target.
 
     `FileInputError` when a file is no grey image, `InputError` when the number of forces does not fit that of files.
     """
-    if len(given.force_n) not in (0, 1, len(paths)):
-        raise InputError(f"--force-n must be given once, or once for each of {len(paths)}; got {len(given.force_n)}")
-    forces = list(given.force_n or [None]) * (len(paths) if len(given.force_n) < 2 else 1)
-    scale = given.calibration.scale if given.calibration is not None else None
-    if scale is not None and given.mm_per_pixel is not None:
+    if len(options.force_n) not in (0, 1, len(paths)):
+        raise InputError(f"--force-n must be given once, or once for each of {len(paths)}; got {len(options.force_n)}")
+    forces = list(options.force_n or [None]) * (len(paths) if len(options.force_n) < 2 else 1)
+    scale = options.calibration.scale if options.calibration is not None else None
+    if scale is not None and options.mm_per_pixel is not None:
         raise InputError("--scale-mm is not used with this calibration, which holds the scale; leave it out")
     presses = []
     for path, force in zip(paths, forces, strict=True):
         presses.append(
             IncomingPress(
                 **inspect_file(path),
-                role=given.role,
-                taken=given.taken or modification_time(path),
+                role=options.role,
+                taken=options.taken or modification_time(path),
                 name=printable_name(path)[:200],
                 force_n=force,
-                mm_per_pixel=given.mm_per_pixel if scale is None else scale.mm_per_pixel,
-                probe=given.probe or ("" if given.calibration is None else given.calibration.probe),
-                calibration=given.calibration,
+                mm_per_pixel=options.mm_per_pixel if scale is None else scale.mm_per_pixel,
+                probe=options.probe or ("" if options.calibration is None else options.calibration.probe),
+                calibration=options.calibration,
             )
         )
         progress()
@@ -593,7 +590,7 @@ def image_files(paths: Sequence[Path], given: ImportOptions, progress: Callable[
 
 
 def find_import_batches(
-    paths: Sequence[Path], given: ImportOptions, *, progress: Callable[[int], None] | None = None
+    paths: Sequence[Path], options: ImportOptions, *, progress: Callable[[int], None] | None = None
 ) -> tuple[ImportBatch, ...]:
     """Check all files that paths name: folders that tsis wrote, sidecars of snapshots, image files.
 
@@ -616,7 +613,7 @@ def find_import_batches(
         if progress is not None:
             progress(done)
 
-    require_one_of("role of a press", given.role, ROLES)
+    require_one_of("role of a press", options.role, ROLES)
     paths = list({path.absolute(): path for path in paths}.values())
     folders = [path for path in paths if _is_folder(path)]
     files = [path for path in paths if path not in folders]
@@ -624,13 +621,13 @@ def find_import_batches(
     sidecars = {path: sidecar_of(path) for path in files if path not in zipped}
     named = dict.fromkeys(path for path in sidecars.values() if path is not None)
     images = [path for path, sidecar in sidecars.items() if sidecar is None]
-    result = chain(
-        *(_folder(folder, given, count) for folder in folders),
+    batches = chain(
+        *(_folder(folder, options, count) for folder in folders),
         *(_bundle(path) for path in zipped),
-        snapshots(named, given, count),
-        [image_files(images, given, count)] if images else (),
+        snapshots(named, options, count),
+        [image_files(images, options, count)] if images else (),
     )
-    return tuple(result)
+    return tuple(batches)
 
 
 def _is_folder(path: Path) -> bool:
@@ -640,22 +637,21 @@ def _is_folder(path: Path) -> bool:
         raise file_error(path, f"must name a file or folder; got: {error.strerror}") from error
 
 
-def _folder(folder: Path, given: ImportOptions, count: Callable[[], None]) -> tuple[ImportBatch, ...]:
+def _folder(folder: Path, options: ImportOptions, count: Callable[[], None]) -> tuple[ImportBatch, ...]:
     if all((folder / name).exists() for name in DOCUMENTS):
         return _bundle(folder)
     if (folder / RESULT).exists():
         return (result_folder(folder, count),)
     if (folder / RECORDING_INDEX).exists() or (folder / RECORDING_SUMMARY).exists():
-        return (recording(folder, given, count),)
-    result = snapshot_folder(folder, given, count)
-    if not result:
+        return (recording(folder, options, count),)
+    batches = snapshot_folder(folder, options, count)
+    if not batches:
         raise file_error(
             folder,
-            "must be a folder that tsis wrote (demo, acquire, records export "
-            "--format bundle); it "
-            "holds nothing of these (name image files one by one, with --role and what is known of them)",
+            "must be a folder that tsis wrote (demo, acquire, records export --format bundle); it holds nothing of "
+            "these (name image files one by one, with --role and what is known of them)",
         )
-    return result
+    return batches
 
 
 def _bundle(path: Path) -> tuple[ImportBatch, ...]:

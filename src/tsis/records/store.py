@@ -112,11 +112,11 @@ def state_edit(target: Target, state: str) -> Callable[[Connection], tuple[Targe
 def _term_change(connection: Connection, target: str, action: str, value: Mapping[str, Any]) -> AuditChange:
     """Write the state of a target into the terms of the store."""
     table, row = tables.store_table, {"name": TERM_OF + target, "value": json.dumps(value)}
-    known = table.c.name == row["name"]
-    if connection.execute(select(table.c.name).where(known)).first() is None:
+    own = table.c.name == row["name"]
+    if connection.execute(select(table.c.name).where(own)).first() is None:
         connection.execute(insert(table).values(row))
     else:
-        connection.execute(update(table).where(known).values(value=row["value"]))
+        connection.execute(update(table).where(own).values(value=row["value"]))
     return AuditChange(action=action, kind=table.name, row=row["name"], values=row)
 
 
@@ -233,7 +233,7 @@ class Store(StoreReader):
         RecordsError
             When it cannot be stored.
         """
-        requested = Target(
+        new = Target(
             number=1 if number is None else number,
             kind=self.kind,
             name=name,
@@ -246,7 +246,7 @@ class Store(StoreReader):
         def enter(connection: Connection) -> tuple[Target, list[AuditChange]]:
             if number is not None and is_taken(connection, number):
                 raise InputError(f"number must be that of no target of this store; {number} is taken")
-            target = replace(requested, number=next_number(connection)) if number is None else requested
+            target = replace(new, number=next_number(connection)) if number is None else new
             return target, [insert_row(connection, tables.target_table, rows.target_row(target))]
 
         return self._write(enter)
@@ -432,14 +432,14 @@ class Store(StoreReader):
             with self.database.writing() as connection:
                 head = locked_head(connection)
                 lost = not require_anchored(connection, self.folder) and head != BEFORE
-                saved, changes = enter(connection)
+                value, changes = enter(connection)
                 changes = [lost_after(head), *changes] if lost else changes
                 head = append_audit(connection, head, changes, actor=self.actor)
             # The rows are committed: an error here would make users save them twice. The anchor lags until the next
             # write, and `verify` reports by how much.
             with suppress(OSError):
                 write_anchor(self.folder, self.identity, head, disk=self._disk)
-        return saved
+        return value
 
 
 ABANDONED_S = 86_400.0  # a draft of this age is from a killed program
@@ -495,26 +495,26 @@ def open_store(
     require_one_of("kind of store", kind, KINDS)
     actor = _user() if actor is None else actor
     require_label("actor", actor)
-    position = default_folder(kind) if folder is None else as_path(folder)
-    if not create and (not position.is_dir() if database else not (position / DATABASE_FILE).is_file()):
+    path = default_folder(kind) if folder is None else as_path(folder)
+    if not create and (not path.is_dir() if database else not (path / DATABASE_FILE).is_file()):
         raise file_error(
-            position, "must be a store of records; there is none (tsis records import makes one)", RecordsError
+            path, "must be a store of records; there is none (tsis records import makes one)", RecordsError
         )
-    read_only = only_readable(position) and (database is not None or (position / DATABASE_FILE).is_file())
+    read_only = only_readable(path) and (database is not None or (path / DATABASE_FILE).is_file())
     if not read_only:
-        _make_folders(position, disk, own_database=database is None)
-    rows_of = Database(database, position, read_only=read_only)
+        _make_folders(path, disk, own_database=database is None)
+    opened = Database(database, path, read_only=read_only)
     try:
         if not create or read_only:
-            _require_begun(rows_of)
-        result = _terms(rows_of) or _begin(rows_of, position, kind, actor, disk)
-        _require_kind(position, kind, result["kind"])
-        _require_own_folder(rows_of, position, result["identity"])
+            _require_begun(opened)
+        terms = _terms(opened) or _begin(opened, path, kind, actor, disk)
+        _require_kind(path, kind, terms["kind"])
+        _require_own_folder(opened, path, terms["identity"])
         if not read_only:
-            _warn_of_open_modes(position)
-        return Store(position, rows_of, identity=result["identity"], kind=kind, actor=actor, disk=disk)
+            _warn_of_open_modes(path)
+        return Store(path, opened, identity=terms["identity"], kind=kind, actor=actor, disk=disk)
     except BaseException:
-        rows_of.close()
+        opened.close()
         raise
 
 
@@ -605,10 +605,8 @@ def _terms(database: Database) -> dict[str, str]:
         if terms:
             tables.require_schema(connection, database.name)
     if terms.get("kind") not in KINDS or not isinstance(terms.get("identity"), str):
-        shown_terms = {name: value for name, value in terms.items() if name != TERM}
-        raise RecordsError(
-            f"{database.name} must say what store it is; got {shown_terms!r:.80} (take it from a backup)"
-        )
+        shown = {name: value for name, value in terms.items() if name != TERM}
+        raise RecordsError(f"{database.name} must say what store it is; got {shown!r:.80} (take it from a backup)")
     return terms
 
 
@@ -706,22 +704,22 @@ def verify_store(store: Store, *, progress: Callable[[int, int], None] | None = 
             )
         row_faults, count = _row_faults(connection)
         notes = tuple(_notes(connection))
-        requested = dict(cited_files(connection))
+        cited = dict(cited_files(connection))
     faults += row_faults
-    for done, ((name, ending), of) in enumerate(requested.items(), start=1):
+    for done, ((name, ending), of) in enumerate(cited.items(), start=1):
         try:
             store.blobs.get(name, ending)
         except RecordsError as error:
             faults.append(f"{of}: {error}")
         if progress is not None:
-            progress(done, len(requested))
+            progress(done, len(cited))
     return StoreVerification(
         faults=tuple(faults),
         notes=notes,
         head=head,
         rows=count,
-        files=len(requested),
-        unnamed=sum(1 for name in store.blobs.names() if name not in requested),
+        files=len(cited),
+        unnamed=sum(1 for name in store.blobs.names() if name not in cited),
         unanchored=max(0, head.number - (0 if anchored is None else anchored.number)),
     )
 
@@ -749,10 +747,10 @@ def _notes(connection: Connection) -> Iterator[str]:
 
 def last_entry(connection: Connection) -> AuditHead:
     """The last entry according to the database; `BEFORE` where that is invalid."""
-    results = [tuple(row) for row in connection.execute(select(audit_head_table).limit(2))]
-    if len(results) != 1 or results[0][0] != 1 or type(results[0][1]) is not int or not isinstance(results[0][2], str):
+    heads = [tuple(row) for row in connection.execute(select(audit_head_table).limit(2))]
+    if len(heads) != 1 or heads[0][0] != 1 or type(heads[0][1]) is not int or not isinstance(heads[0][2], str):
         return BEFORE
-    return AuditHead(number=results[0][1], hash=results[0][2])
+    return AuditHead(number=heads[0][1], hash=heads[0][2])
 
 
 def _all(connection: Connection, query: Select[Any]) -> Iterator[Row[Any]]:
@@ -785,8 +783,8 @@ def _row_faults(connection: Connection) -> tuple[list[str], int]:
     faults, count = [], 0
     for name, table in RECORDED.items():
         primary = next(iter(table.primary_key)).name
-        for result in _all(connection, select(table)):
-            row = result._asdict()
+        for stored in _all(connection, select(table)):
+            row = stored._asdict()
             count += 1
             key, shown = (name, row[primary]), one_line(row[primary], 80)
             if key not in last:
@@ -825,20 +823,20 @@ def back_up_store(
     FileInputError
         When the folder exists already or cannot be written.
     """
-    requested = as_path(folder)
+    path = as_path(folder)
     if store.database.file is None:
         raise RecordsError(
             f"a backup copies a store in SQLite; the rows of this one are in {store.database.name} (back the database "
             f"up by pg_dump, and copy {printable_path(store.folder)})"
         )
     try:
-        with atomic_folder(requested) as draft:
+        with atomic_folder(path) as draft:
             draft.chmod(0o700)
             return _copied(store, draft, progress)
     except FileExistsError as error:
-        raise file_error(requested, "must be a new folder; there is such a name (choose another)") from error
+        raise file_error(path, "must be a new folder; there is such a name (choose another)") from error
     except OSError as error:
-        raise file_error(requested, f"must be a place that can be written; got: {one_line(error)}") from error
+        raise file_error(path, f"must be a place that can be written; got: {one_line(error)}") from error
 
 
 def _copied(store: Store, draft: Path, progress: Callable[[int, int], None]) -> StoreVerification:
@@ -855,10 +853,10 @@ def _copied(store: Store, draft: Path, progress: Callable[[int, int], None]) -> 
         blobs.put(store.blobs.get(name, ending), ending)
         progress(done, 2 * len(files))
     with open_store(draft, kind=store.kind, create=False, actor=store.actor) as opened:
-        result = verify_store(opened, progress=lambda done, total: progress(total + done, 2 * total))
-    if not result.sound:
+        verification = verify_store(opened, progress=lambda done, total: progress(total + done, 2 * total))
+    if not verification.sound:
         raise RecordsError(
-            f"a backup must be as its audit says; it is not, and neither is the store: {result.faults[0]} (tsis "
+            f"a backup must be as its audit says; it is not, and neither is the store: {verification.faults[0]} (tsis "
             "records verify shows all; a copy of its folder keeps what there is)"
         )
-    return result
+    return verification

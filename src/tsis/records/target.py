@@ -132,27 +132,27 @@ def parse(content: bytes, name: str) -> Any:
 
 def parse_sealed(content: bytes, name: str) -> dict[str, Any]:
     """The JSON values of a file that `sealed_bytes` wrote; errors as `parse`, and when any byte was changed."""
-    result = parse(content, name)
-    if not isinstance(result, dict):
-        raise FileInputError(f"{name} must hold a JSON object; got a {type(result).__name__}")
+    values = parse(content, name)
+    if not isinstance(values, dict):
+        raise FileInputError(f"{name} must hold a JSON object; got a {type(values).__name__}")
     try:
-        requested = sealed_bytes({key: value for key, value in result.items() if key != SEALED})
+        written = sealed_bytes({key: value for key, value in values.items() if key != SEALED})
     except (ValueError, RecursionError) as error:
         raise FileInputError(f"{name} must be as it was written; got: {str(error)[:200]}") from error
-    if requested != content:
+    if written != content:
         raise FileInputError(f"{name} must be as it was written; it does not match its own hash, so it was changed")
-    return result
+    return values
 
 
 def _unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    result = dict(pairs)
-    if len(result) != len(pairs):
+    values = dict(pairs)
+    if len(values) != len(pairs):
         raise ValueError("a name twice in one object")
-    return result
+    return values
 
 
-def _refuse_number(term: str) -> NoReturn:
-    raise ValueError(f"{term}, which is no number of JSON")
+def _refuse_number(number: str) -> NoReturn:
+    raise ValueError(f"{number}, which is no number of JSON")
 
 
 MOST_UNPACKED, FREE_BYTES = 100, 16 * MIB  # limit of the unpacked size: ratio to the zip file, and allowance
@@ -172,10 +172,10 @@ class BundleSource(Protocol):
 
 def bundle_source(path: str | os.PathLike[str]) -> BundleSource:
     """The folder or zip file of this name, or `FileInputError`."""
-    position = as_path(path)
-    if position.is_dir():
-        return FolderSource(position)
-    return ZipSource(position, file_size(position))
+    source = as_path(path)
+    if source.is_dir():
+        return FolderSource(source)
+    return ZipSource(source, file_size(source))
 
 
 class FolderSource:
@@ -226,15 +226,15 @@ class ZipSource:
             self._require_short_directory()
             with zipfile.ZipFile(self.path) as file:
                 entries = [item for item in file.infolist() if item.filename not in {f"{name}/" for name in FOLDERS}]
-        results = {entry.filename: entry.file_size for entry in entries}
-        if len(results) != len(entries):
+        sizes = {entry.filename: entry.file_size for entry in entries}
+        if len(sizes) != len(entries):
             raise file_error(self.path, "must hold every name once; got one twice")
-        if sum(results.values()) > FREE_BYTES + MOST_UNPACKED * self.size:
+        if sum(sizes.values()) > FREE_BYTES + MOST_UNPACKED * self.size:
             raise file_error(self.path, f"must unpack to at most {MOST_UNPACKED} times its size; it declares more")
         for entry in entries:
             if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) or entry.flag_bits & 1:
                 raise FileInputError(f"{entry.filename!r:.120} must be stored or deflated, not encrypted; it is not")
-        return results
+        return sizes
 
     def _require_short_directory(self) -> None:
         """Check the length of the directory, which takes memory before its entries can be checked."""
@@ -336,10 +336,10 @@ def require_presses(target: Target, presses: Sequence[StoredPress]) -> None:
 def require_estimates(target: Target, presses: Sequence[StoredPress], estimates: Sequence[StoredEstimate]) -> None:
     """Raise `InputError` for an estimate of another target, or one from presses that are missing."""
     _require_different([stored.id for stored in estimates], "estimate")
-    given = {press.id for press in presses}
+    known = {press.id for press in presses}
     for number, stored in enumerate(estimates, start=1):
         _require_own(target, stored.target, f"estimate {number}")
-        if missing := [press for press in stored.presses if press not in given]:
+        if missing := [press for press in stored.presses if press not in known]:
             raise InputError(f"estimate {number} must rest on presses of the bundle; got {missing[0]!r:.80}")
 
 
@@ -348,9 +348,9 @@ def require_calibrations(
 ) -> None:
     """Raise `InputError` for a calibration that is cited but missing."""
     cited = [press.calibration for press in presses] + [stored.calibration for stored in estimates]
-    for item in cited:
-        if item and item not in calibrations:
-            raise InputError(f"every calibration that is cited must be in the bundle; {item!r:.80} is not")
+    for calibration in cited:
+        if calibration and calibration not in calibrations:
+            raise InputError(f"every calibration that is cited must be in the bundle; {calibration!r:.80} is not")
 
 
 def _require_different(identities: list[str], what: str) -> None:
@@ -378,9 +378,9 @@ def read_bundle(path: str | os.PathLike[str]) -> TargetRecord:
     return read_source(bundle_source(path))
 
 
-def read_source(bundle_source: BundleSource) -> TargetRecord:
+def read_source(source: BundleSource) -> TargetRecord:
     """Read a bundle from any source of files: see `read_bundle`."""
-    bundle = _Bundle(bundle_source)
+    bundle = _Bundle(source)
     with _naming(TARGET):
         target = from_json_value(Target, bundle.document(TARGET), "target", complete=True)
     presses = _presses(bundle)
@@ -406,14 +406,14 @@ def read_source(bundle_source: BundleSource) -> TargetRecord:
 class _Bundle:
     """A source of files with the entries of its manifest."""
 
-    def __init__(self, bundle_source: BundleSource) -> None:
-        self.path = bundle_source
-        sizes = bundle_source.sizes()
+    def __init__(self, source: BundleSource) -> None:
+        self.path = source
+        sizes = source.sizes()
         require_bounded(sizes)
         for name in (MANIFEST, *DOCUMENTS):
             if name not in sizes:
                 raise FileInputError(f"{name} must be in the bundle; it is missing")
-        manifest = parse_sealed(bundle_source.read(MANIFEST, sizes[MANIFEST]), MANIFEST)
+        manifest = parse_sealed(source.read(MANIFEST, sizes[MANIFEST]), MANIFEST)
         self.files = _entries(manifest)
         for name in sorted(set(sizes) ^ {*self.files, MANIFEST}):
             raise FileInputError(f"{name!r:.120} must be both in the bundle and in its manifest; it is in one of them")
@@ -435,15 +435,15 @@ class _Bundle:
 
     def items(self, name: str) -> list[Any]:
         """The JSON list in a file."""
-        result = self.document(name)
-        if not isinstance(result, list):
-            raise FileInputError(f"{name} must hold a JSON list; got a {type(result).__name__}")
-        return result
+        items = self.document(name)
+        if not isinstance(items, list):
+            raise FileInputError(f"{name} must hold a JSON list; got a {type(items).__name__}")
+        return items
 
-    def require_names(self, folder: str, requested: set[str]) -> None:
+    def require_names(self, folder: str, cited: set[str]) -> None:
         """Refuse files that nothing cites and cited files that are missing."""
-        for name in sorted(requested ^ {name for name in self.files if name.startswith(f"{folder}/")}):
-            what = "it is missing" if name in requested else "nothing cites it"
+        for name in sorted(cited ^ {name for name in self.files if name.startswith(f"{folder}/")}):
+            what = "it is missing" if name in cited else "nothing cites it"
             raise FileInputError(f"{name} must be in the bundle and cited by it; {what}")
 
 
@@ -466,34 +466,34 @@ def _entries(manifest: dict[str, Any]) -> dict[str, tuple[str, int]]:
 
 
 def _presses(bundle: _Bundle) -> tuple[StoredPress, ...]:
-    document = bundle.items(PRESSES)
+    items = bundle.items(PRESSES)
     with _naming(PRESSES):
         return tuple(
-            from_json_value(StoredPress, item, f"press {at + 1}", complete=True) for at, item in enumerate(document)
+            from_json_value(StoredPress, item, f"press {at + 1}", complete=True) for at, item in enumerate(items)
         )
 
 
 def _estimates(bundle: _Bundle) -> tuple[StoredEstimate, ...]:
-    document = bundle.items(ESTIMATES)
-    bundle.require_names(SAMPLES, {samples_name(at) for at in range(len(document))})
-    results = []
-    for at, item in enumerate(document):
+    items = bundle.items(ESTIMATES)
+    bundle.require_names(SAMPLES, {samples_name(at) for at in range(len(items))})
+    estimates = []
+    for at, item in enumerate(items):
         samples = samples_of(bundle.content(samples_name(at)), samples_name(at))
         with _naming(ESTIMATES):
-            results.append(estimate_from_json(item, samples, f"estimate {at + 1}"))
-    return tuple(results)
+            estimates.append(estimate_from_json(item, samples, f"estimate {at + 1}"))
+    return tuple(estimates)
 
 
 def _calibrations(bundle: _Bundle) -> dict[str, ProbeCalibration]:
-    results = {}
+    calibrations = {}
     for name in sorted(name for name in bundle.files if name.startswith(f"{CALIBRATIONS}/")):
         with _naming(name):
             calibration = parse_calibration(bundle.content(name), name)
         cited = calibration_sha256(calibration)
         if calibration_name(cited) != name:
             raise FileInputError(f"{name} must be named after what it holds; it holds calibration {cited}")
-        results[cited] = calibration
-    return results
+        calibrations[cited] = calibration
+    return calibrations
 
 
 @contextmanager

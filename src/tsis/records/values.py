@@ -321,8 +321,8 @@ def estimate_to_json(stored: StoredEstimate) -> dict[str, Any]:
     """
     estimate = stored.estimate
     prior_sd = {name: float(sd) for name, sd in estimate.prior_sd.items()}
-    result = {"prior_sd": prior_sd} | to_json_value(estimate, without=("untrusted",))
-    return to_json_value(stored, without=("estimate",)) | {"estimate": result}
+    document = {"prior_sd": prior_sd} | to_json_value(estimate, without=("untrusted",))
+    return to_json_value(stored, without=("estimate",)) | {"estimate": document}
 
 
 def estimate_from_json(
@@ -406,13 +406,13 @@ class TargetRecord:
 
         `RecordsError` when size or type of the stored frame do not match the press.
         """
-        result = self.read(press.frame)
-        if result.shape != (press.rows, press.columns) or result.dtype not in (np.uint8, np.uint16):
+        levels = self.read(press.frame)
+        if levels.shape != (press.rows, press.columns) or levels.dtype not in (np.uint8, np.uint16):
             raise RecordsError(
                 f"frame {press.frame:.12} must hold {press.rows} x {press.columns} grey levels of 8 or 16 bits, as its "
-                f"press says; got shape {result.shape} of {result.dtype}"
+                f"press says; got shape {levels.shape} of {levels.dtype}"
             )
-        return result
+        return levels
 
     def image(self, press: StoredPress) -> TactileImage:
         """The frame as an image for estimates."""
