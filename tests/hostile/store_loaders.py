@@ -113,7 +113,14 @@ def _recorded() -> tuple[Loader, ...]:
     index += "".join(
         f"{at},frame-{at}.png,1,{at},{0.1 * at:.3f},{5 + 0.1 * at:.3f},{0.5 * at:.2f}\n" for at in range(3)
     )
-    summary = {"format": RECORDING_FORMAT, "version": RECORDING_VERSION, "camera": "camera", "report": {"kept": 3}}
+    summary = {
+        "format": RECORDING_FORMAT,
+        "version": RECORDING_VERSION,
+        "camera": "camera",
+        "begun": MADE.isoformat(),
+        "begun_s": 5.0,
+        "report": {"kept": 3},
+    }
     around = {f"frame-{at}.png": frame for at in range(3)}
     around |= {RECORDING_INDEX: index.encode(), RECORDING_SUMMARY: json.dumps(summary).encode()}
 
