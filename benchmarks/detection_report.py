@@ -221,9 +221,10 @@ def _classes(kept: Sequence[Mapping[str, Any]], table: Table) -> dict[str, Any] 
     ]  # fmt: skip
     table("Classes out of fold: truth by row, likeliest by column", ("", *SPLIT.names), rows)
     at_mean = float(-np.log(np.maximum(found.at_mean[np.arange(len(used)), found.labels], 1e-15)).mean())
+    differences = np.abs(found.probabilities - found.at_mean).max(axis=1)
     print(
         f"log loss {found.log_loss:.3f} (of posteriors' means alone {at_mean:.3f}), Brier {found.brier:.3f}, right "
-        f"{found.accuracy.value:.3f}; both probabilities differ by {np.median(found.differences):.3f} in the median"
+        f"{found.accuracy.value:.3f}; both probabilities differ by {np.median(differences):.3f} in the median"
     )
     some = Searched.of(used)
     of_none = {name: area(some.curve(among, 1 - found.probabilities[:, 0])) for name, among in
@@ -236,7 +237,7 @@ def _classes(kept: Sequence[Mapping[str, Any]], table: Table) -> dict[str, Any] 
         "log_loss_at_mean": at_mean,
         "brier": found.brier,
         "accuracy": found.accuracy.value,
-        "median_difference": float(np.median(found.differences)),
+        "median_difference": float(np.median(differences)),
         "areas_by_none": of_none,
     }
 
