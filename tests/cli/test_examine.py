@@ -71,6 +71,7 @@ def entries(folder: Path) -> set[str]:
         (["."], "an estimate needs the calibration"),
         (["press.png", "--probe", "tsis2011"], "no probe is called 'tsis2011'; did you mean 'tsis-2011'?"),
         (["press.png", "--calibration", "absent.json"], "'absent.json' does not exist"),
+        (["absent"], "'absent' does not exist; check the name and the folder"),
         (["press.png", "untouched.png", "--invert"], "No such option: --invert"),
     ],
 )

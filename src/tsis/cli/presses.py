@@ -52,8 +52,14 @@ def folder_of(paths: Sequence[Path]) -> Path | None:
 
 
 def read_calibration_of(paths: Sequence[Path], calibration: Path | None) -> UsableCalibration | None:
-    """The calibration of the option, else that of the folder; None without both."""
+    """The calibration of the option, else that of the folder; None without both.
+
+    Raises `FileInputError` when both are missing because a path does not exist.
+    """
     folder = folder_of(paths)
+    absent = None if calibration is not None else next((path for path in paths if not path.exists()), None)
+    if absent is not None:
+        raise tsis.files.reading.file_error(absent, "does not exist; check the name and the folder")
     if calibration is None and folder is not None and (folder / CALIBRATION_FILE).is_file():
         calibration = folder / CALIBRATION_FILE
     return None if calibration is None else tsis.calibration.frames.load_calibration(calibration)
