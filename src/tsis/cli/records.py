@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from tsis.records.importing import ImportedBatch
     from tsis.records.reader import TargetSummary
     from tsis.records.recomputation import Recomputation
-    from tsis.records.store import Store
+    from tsis.records.store import Store, StoreVerification
     from tsis.records.values import StoredEstimate, StoredPress, Target, TargetRecord
 
 
@@ -317,7 +317,11 @@ def backup(
 ) -> None:
     """Copy a store into a new folder and verify the copy; others may save meanwhile."""
     with opened(store, kind, None) as records:
-        _copy("records backup", records, folder, as_json=as_json)
+        verification, place = _copy(records, folder)
+    if as_json:
+        print_json(tsis.present.document.envelope("records backup", **_copied(verification, place)))
+    else:
+        _print_copy(verification, place)
 
 
 def restore(
@@ -331,18 +335,26 @@ def restore(
     from tsis.records.store import default_folder
 
     with opened(folder, kind, None) as records:
-        _copy("records restore", records, default_folder(kind) if store is None else store, as_json=as_json)
+        verification, place = _copy(records, default_folder(kind) if store is None else store)
+    if as_json:
+        print_json(tsis.present.document.envelope("records restore", **_copied(verification, place)))
+    else:
+        _print_copy(verification, place)
 
 
-def _copy(command: str, records: Store, folder: Path, *, as_json: bool) -> None:
+def _copy(records: Store, folder: Path) -> tuple[StoreVerification, str]:
+    """Copy a store; its verification and the full path of the copy."""
     from tsis.records.store import back_up_store
 
     with progress_bar("copying every file, and reading it again") as advance:
-        verification, place = back_up_store(records, folder, progress=advance), str(folder.resolve())
-    if as_json:
-        document = tsis.present.records.store_verification_document(verification)
-        print_json(tsis.present.document.envelope(command, store=place, **document))
-        return
+        return back_up_store(records, folder, progress=advance), str(folder.resolve())
+
+
+def _copied(verification: StoreVerification, place: str) -> dict[str, Any]:
+    return {"store": place, **tsis.present.records.store_verification_document(verification)}
+
+
+def _print_copy(verification: StoreVerification, place: str) -> None:
     console = people()
     console.print(tsis.present.records.verdict(verification))
     console.print(f"The store is in {place}", markup=False, soft_wrap=True)
