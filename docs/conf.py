@@ -66,7 +66,14 @@ def join_names(app: "Sphinx", what: str, name: str, described: object, options: 
     lines[:] = [re.sub("^:ivar [^:]+:", lambda names: names[0].replace(", ", ","), line) for line in lines]
 
 
+def keep_colons(app: "Sphinx", what: str, name: str, described: object, options: object, lines: list[str]) -> None:
+    """A colon in the comment of an attribute is text: napoleon would take what stands before it for a type."""
+    if what == "attribute" and lines:
+        lines[0] = lines[0].replace(": ", " – ")
+
+
 def setup(app: "Sphinx") -> None:
+    app.connect("autodoc-process-docstring", keep_colons, priority=100)  # before napoleon reads them
     app.connect("autodoc-process-docstring", join_names, priority=900)  # after the fields were made
     app.connect("source-read", add_requirements)
     app.connect("source-read", add_figures)
