@@ -102,7 +102,7 @@ def test_the_answer_is_that_of_the_library_and_is_kept_for_the_tab(page: Page, c
     page.get_by_label("Forces / N").fill("0,8")  # a comma parts forces
     _said(page, "force must be")
     page.get_by_label("Forces / N").fill("0.8")
-    page.get_by_text("force must be").wait_for(state="hidden")
+    page.get_by_role("status").get_by_text("force must be").first.wait_for(state="hidden")
     for aspect in ("other forces", "more frames of each press"):
         page.get_by_role("checkbox", name=aspect).click()
         page.get_by_role("checkbox", name=aspect, checked=False).wait_for()
