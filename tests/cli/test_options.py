@@ -274,6 +274,7 @@ def test_what_is_no_prior_is_refused_by_name(run_tsis: RunTsis, tmp_path: Path, 
 
 def test_a_prior_without_an_estimate_or_a_file_is_refused(run_tsis: RunTsis, tmp_path: Path) -> None:
     (tmp_path / "mine.toml").write_text(SURE)
+    (tmp_path / "press.png").write_bytes(b"not read: the calibration is asked for first")
     finished = run_tsis("examine", "press.png", "--prior", "mine.toml")
     assert finished.code == 2
     assert "an estimate needs the calibration of the probe" in finished.err
