@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 import pytest
+from tests.cli.disc_frames import write_disc_frames
 from tests.cli.published import faults
 from tests.present.rough_pictures import rough_pictures
 from tests.records.pressed_object import stored_object
@@ -107,3 +108,8 @@ def _rough_pictures() -> Iterator[None]:
     """Draw one picture of each title in a file and render none: tests of reports look at those."""
     with rough_pictures():
         yield
+
+
+@pytest.fixture
+def disc_frames(tmp_path: Path) -> None:
+    write_disc_frames(tmp_path)

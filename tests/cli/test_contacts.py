@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 import pytest
+from tests.cli.disc_frames import CENTRE, DISC_PX, entries
 
 from tsis.catalog.sensors import load_sensor
 from tsis.cli.contacts import missing_frames_note
@@ -170,28 +171,7 @@ def test_a_sensor_without_a_file_says_which_and_how(run_tsis: RunTsis) -> None:
     assert "tsis sensor new makes" in finished.err
 
 
-DISC_PX, CENTRE = 30.0, (140.0, 90.0)
-
-
-@pytest.fixture
-def frames(tmp_path: Path) -> None:
-    """A dark disc of 30 px radius on an evenly lit probe, and the probe untouched."""
-    y, x = np.mgrid[:200, :300]
-    disc = np.where(np.hypot(x - CENTRE[0], y - CENTRE[1]) < DISC_PX, 120, 200).astype(np.uint8)
-    cv2.imwrite(str(tmp_path / "press.png"), disc)
-    cv2.imwrite(str(tmp_path / "untouched.png"), np.full((200, 300), 200, np.uint8))
-    cv2.imwrite(str(tmp_path / "small.png"), np.full((20, 30), 200, np.uint8))
-    cv2.imwrite(str(tmp_path / "deep.png"), np.full((200, 300), 200, np.uint16))
-    (tmp_path / "cut.png").write_bytes((tmp_path / "press.png").read_bytes()[:-30])
-    (tmp_path / "empty.png").write_bytes(b"")
-    (tmp_path / "notes.png").write_text("no picture")
-
-
-def entries(folder: Path) -> set[str]:
-    return {path.name for path in folder.iterdir()}
-
-
-@pytest.mark.usefixtures("frames")
+@pytest.mark.usefixtures("disc_frames")
 def test_a_disc_is_measured(run_tsis: RunTsis, tmp_path: Path) -> None:
     finished = run_tsis(
         *("contacts", "press.png", "--reference", "untouched.png", "--invert", "--scale-mm", "0.05,0.04", "--json")
@@ -214,7 +194,7 @@ def test_a_disc_is_measured(run_tsis: RunTsis, tmp_path: Path) -> None:
     assert "Research use only" in page
 
 
-@pytest.mark.usefixtures("frames")
+@pytest.mark.usefixtures("disc_frames")
 def test_without_a_scale_lengths_stay_in_pixels(run_tsis: RunTsis) -> None:
     finished = run_tsis("contacts", "press.png", "--reference", "untouched.png", "--invert", "--json")
     found = json.loads(finished.out)["images"][0]["features"]
@@ -223,7 +203,7 @@ def test_without_a_scale_lengths_stay_in_pixels(run_tsis: RunTsis) -> None:
     assert found["equivalent_diameter_mm"] is None
 
 
-@pytest.mark.usefixtures("frames")
+@pytest.mark.usefixtures("disc_frames")
 def test_the_wrong_sign_finds_no_contact_and_says_so(run_tsis: RunTsis) -> None:
     finished = run_tsis("contacts", "untouched.png", "--reference", "untouched.png")
     assert finished.code == 0
@@ -252,7 +232,7 @@ def test_a_white_frame_is_said_to_be_clipped(run_tsis: RunTsis, tmp_path: Path) 
     assert "100.0 % of the picture is clipped by the camera" in " ".join(run_tsis("contacts", "white.png").out.split())
 
 
-@pytest.mark.usefixtures("frames")
+@pytest.mark.usefixtures("disc_frames")
 def test_several_images_have_a_table_each(run_tsis: RunTsis) -> None:
     finished = run_tsis("contacts", "press.png", "untouched.png", "--reference", "untouched.png", "--invert", "--json")
     first, second = json.loads(finished.out)["images"]
@@ -260,7 +240,7 @@ def test_several_images_have_a_table_each(run_tsis: RunTsis) -> None:
     assert (first["features"]["contact"], second["features"]["contact"]) == (True, False)
 
 
-@pytest.mark.usefixtures("frames")
+@pytest.mark.usefixtures("disc_frames")
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [

@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 import pytest
 from rich.console import Console
+from tests.cli.disc_frames import entries
 from tests.cli.kept_demo import FORCES, FRAMES, KNOWN, told
 from tests.present.pdf_readers import sheet_count, sheets
 from tests.records.sample import sample_estimate
@@ -41,28 +42,9 @@ if TYPE_CHECKING:
 
 
 LONG_AGO = datetime(2020, 1, 1, tzinfo=UTC)
-DISC_PX, CENTRE = 30.0, (140.0, 90.0)
 
 
-@pytest.fixture
-def frames(tmp_path: Path) -> None:
-    """A dark disc of 30 px radius on an evenly lit probe, and the probe untouched."""
-    y, x = np.mgrid[:200, :300]
-    disc = np.where(np.hypot(x - CENTRE[0], y - CENTRE[1]) < DISC_PX, 120, 200).astype(np.uint8)
-    cv2.imwrite(str(tmp_path / "press.png"), disc)
-    cv2.imwrite(str(tmp_path / "untouched.png"), np.full((200, 300), 200, np.uint8))
-    cv2.imwrite(str(tmp_path / "small.png"), np.full((20, 30), 200, np.uint8))
-    cv2.imwrite(str(tmp_path / "deep.png"), np.full((200, 300), 200, np.uint16))
-    (tmp_path / "cut.png").write_bytes((tmp_path / "press.png").read_bytes()[:-30])
-    (tmp_path / "empty.png").write_bytes(b"")
-    (tmp_path / "notes.png").write_text("no picture")
-
-
-def entries(folder: Path) -> set[str]:
-    return {path.name for path in folder.iterdir()}
-
-
-@pytest.mark.usefixtures("frames")
+@pytest.mark.usefixtures("disc_frames")
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
@@ -96,7 +78,7 @@ def _known(**response: Any) -> bytes:
 OTHER_CODES = {"hash": 3, "needs the part": 3, "expired": 3}  # of messages that are no wrong input
 
 
-@pytest.mark.usefixtures("frames")
+@pytest.mark.usefixtures("disc_frames")
 @pytest.mark.parametrize(
     ("content", "sentence"),
     [
@@ -125,7 +107,7 @@ def test_a_wrong_calibration_is_one_sentence(run_tsis: RunTsis, tmp_path: Path, 
     assert finished.err.count("\n") == 1
 
 
-@pytest.mark.usefixtures("frames")
+@pytest.mark.usefixtures("disc_frames")
 def test_an_estimate_needs_scale_and_force(run_tsis: RunTsis, tmp_path: Path) -> None:
     (tmp_path / "calibration.json").write_bytes(_known())
     finished = run_tsis("examine", "press.png", "--calibration", "calibration.json")
@@ -146,7 +128,7 @@ MISCOUNTED = [
 ]
 
 
-@pytest.mark.usefixtures("frames")
+@pytest.mark.usefixtures("disc_frames")
 @pytest.mark.parametrize(("arguments", "sentence"), MISCOUNTED)
 def test_forces_that_match_no_frame_are_one_sentence(
     run_tsis: RunTsis, tmp_path: Path, arguments: list[str], sentence: str
@@ -179,7 +161,7 @@ def test_a_plain_press_has_its_own_force_or_that_of_the_image_in_its_place(
     assert reference_forces(given, images, presses) == expected
 
 
-@pytest.mark.usefixtures("frames")
+@pytest.mark.usefixtures("disc_frames")
 @pytest.mark.parametrize(
     ("named", "arguments", "chosen"),
     [
@@ -204,7 +186,7 @@ def test_the_calibration_names_the_probe(
     assert asked == [(chosen, named)]
 
 
-@pytest.mark.usefixtures("frames")
+@pytest.mark.usefixtures("disc_frames")
 def test_a_calibration_of_another_probe_is_refused(
     run_tsis: RunTsis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

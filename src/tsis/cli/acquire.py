@@ -653,9 +653,9 @@ def acquire(
     tsis.model.require.require_one_of("role", role, ROLES)
     tsis.model.require.require_one_of("picture format", picture, tsis.instrument.snapshot.FORMATS)
     tsis.model.require.require_one_of("colour map", map_name, tsis.imaging.colour.COLOUR_MAPS)
-    given = None if calibration is None else tsis.calibration.frames.load_calibration(calibration)
+    loaded = None if calibration is None else tsis.calibration.frames.load_calibration(calibration)
     destination = chosen_destination(save, store, kind)
-    calibrated = "" if given is None else given.calibration.probe
+    calibrated = "" if loaded is None else loaded.calibration.probe
     pressed_by = calibrated or (probe if camera == VIRTUAL else "")
     where = None
     if destination is not None:
@@ -674,10 +674,10 @@ def acquire(
         gauge_log(gauge, unit=gauge_unit, baud=gauge_baud, sends=gauge_sends, latency_ms=gauge_latency_ms) as log,
         acquisition,
     ):
-        if given is not None:
-            given.require_camera(acquisition, stored=stored)
+        if loaded is not None:
+            loaded.require_camera(acquisition, stored=stored)
         if watch:
-            watch_presses(acquisition, seconds=seconds, calibration=given, log=log, as_json=as_json)
+            watch_presses(acquisition, seconds=seconds, calibration=loaded, log=log, as_json=as_json)
         elif sequence:
             take_sequence(
                 acquisition,
@@ -685,7 +685,7 @@ def acquire(
                 frames=frames,
                 seconds=seconds,
                 video=video,
-                calibration=given,
+                calibration=loaded,
                 log=log,
                 as_json=as_json,
             )
@@ -696,7 +696,7 @@ def acquire(
                 target=target,
                 picture=picture,
                 map_name=map_name,
-                calibration=given,
+                calibration=loaded,
                 log=log,
                 role=role,
                 probe=pressed_by,

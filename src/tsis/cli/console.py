@@ -106,10 +106,10 @@ def console(
             if as_json:
                 print_json(tsis.present.document.envelope("console", address=address))
             else:
-                reported = people()
-                reported.print(f"Open {address}", markup=False, soft_wrap=True)
-                reported.print("Ctrl-C ends it; saved data stay.", markup=False)
-                print_notice(reported)
+                terminal = people()
+                terminal.print(f"Open {address}", markup=False, soft_wrap=True)
+                terminal.print("Ctrl-C ends it; saved data stay.", markup=False)
+                print_notice(terminal)
             if browser and not as_json:
                 ending.enter_context(package.opened_in_browser(address))
 
@@ -138,39 +138,39 @@ def add(*, name: Name) -> None:
     ends the sessions opened with the old one.
     """
     logins = _console().Logins()
-    given = name in logins.names()
+    known = name in logins.names()
     logins.require_name(name)
     logins.add(name, _password())
-    reported = people()
-    reported.print(f"{name} has a new password." if given else f"{name} may log in.", markup=False)
-    print_notice(reported)
+    terminal = people()
+    terminal.print(f"{name} has a new password." if known else f"{name} may log in.", markup=False)
+    print_notice(terminal)
 
 
 @login.command(epilog="Example: tsis login remove anna")
 def remove(*, name: Name) -> None:
     """Remove a login; its sessions end at once."""
     _console().Logins().remove(name)
-    reported = people()
-    reported.print(f"{name} may no longer log in.", markup=False)
-    print_notice(reported)
+    terminal = people()
+    terminal.print(f"{name} may no longer log in.", markup=False)
+    print_notice(terminal)
 
 
 @login.command(name="list", epilog="Example: tsis login list --json")
 def list_logins(*, as_json: AsJson = False) -> None:
     """List the logins of this user's console."""
     logins = _console().Logins()
-    given = {name: logins.created(name) for name in logins.names()}
+    created = {name: logins.created(name) for name in logins.names()}
     if as_json:
         print_json(
             tsis.present.document.envelope(
-                "logins", logins=[{"name": name, "given": when} for name, when in given.items()]
+                "logins", logins=[{"name": name, "given": when} for name, when in created.items()]
             )
         )
         return
-    reported = people()
-    table = Table(title="Logins of this user's console", columns=("name", "password of"), values=tuple(given.items()))
-    reported.print(rich_table(table) if given else "No logins yet; tsis login add NAME adds one.")
-    print_notice(reported)
+    terminal = people()
+    table = Table(title="Logins of this user's console", columns=("name", "password of"), values=tuple(created.items()))
+    terminal.print(rich_table(table) if created else "No logins yet; tsis login add NAME adds one.")
+    print_notice(terminal)
 
 
 def _password() -> str:

@@ -217,8 +217,8 @@ def hardness(
         else tsis.catalog.priors.read_prior_file(prior, tsis.hardness.posterior.HardnessPrior)
     )
     if demo or virtual is not None:
-        given = [*paths, *(ball or ()), calibration, scale_mm, radius_mm, radius_sd_mm, ball_radius_mm]
-        if any(value is not None for value in given):
+        typed = [*paths, *(ball or ()), calibration, scale_mm, radius_mm, radius_sd_mm, ball_radius_mm]
+        if any(value is not None for value in typed):
             raise InputError("--virtual and --demo simulate the presses: give no images, scale, radius or calibration")
         chosen, name = chosen_probe(probe or UNNAMED), virtual or DEMO
         destination = chosen_destination(save, store, kind, number)

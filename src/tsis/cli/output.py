@@ -119,10 +119,10 @@ def show_result(result: CommandResult, out: Path | None, *, as_json: bool, trust
     document = {**result.document, "notes": list(result.notes)}
     folder = None
     if out is not None:
-        requested = tsis.files.result_folder.free_folder(out)  # refused before anything is drawn
+        destination = tsis.files.result_folder.free_folder(out)  # refused before anything is drawn
         files = {f"{name}.png": _png(draw()) for name, draw in result.figures.items()}
         files |= {f"{name}.npy": npy_bytes(values) for name, values in result.arrays.items()}
-        folder = tsis.files.result_folder.write_folder(requested, {**files, RESULT: result_bytes(document)})
+        folder = tsis.files.result_folder.write_folder(destination, {**files, RESULT: result_bytes(document)})
     if as_json:
         print_json(document if folder is None else {**document, "folder": str(folder)})
     else:

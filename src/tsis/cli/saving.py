@@ -59,12 +59,12 @@ def is_there(folder: Path | None, kind: str, database: str | None) -> bool:
     from tsis.records.database import DATABASE_FILE, Database
     from tsis.records.store import default_folder
 
-    position = default_folder(kind) if folder is None else folder
+    place = default_folder(kind) if folder is None else folder
     if not database:
-        return (position / DATABASE_FILE).is_file()
-    if not position.is_dir():
+        return (place / DATABASE_FILE).is_file()
+    if not place.is_dir():
         return False
-    rows = Database(database, position)
+    rows = Database(database, place)
     try:
         return not rows.empty()
     finally:
@@ -126,8 +126,8 @@ def chosen_destination(
         When the store cannot be opened.
     """
     if not save:
-        given = {"--store": folder, "--kind": kind, "--target": number}
-        for option, value in given.items():
+        typed = {"--store": folder, "--kind": kind, "--target": number}
+        for option, value in typed.items():
             if value is not None:
                 raise InputError(f"{option} needs --save, without which nothing goes into a store")
         return None

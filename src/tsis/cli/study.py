@@ -814,14 +814,14 @@ def plan(
         widest_plan,
     )
 
-    requested = diameter_mm is not None or depth_mm is not None
-    if sum((spacing_mm is not None, overlap is not None, detection_range_mm is not None, requested)) != 1:
+    sized = diameter_mm is not None or depth_mm is not None
+    if sum((spacing_mm is not None, overlap is not None, detection_range_mm is not None, sized)) != 1:
         raise InputError(
             "exactly one of --spacing-mm, --overlap, --detection-range-mm, and --diameter-mm with --depth-mm must be "
             "given"
         )
     table = measured_detection_range(probe) if detection_range is None else read_detection_range(detection_range)
-    if requested and (table is None or diameter_mm is None or depth_mm is None):
+    if sized and (table is None or diameter_mm is None or depth_mm is None):
         raise InputError(
             f"--diameter-mm and --depth-mm must be given together, and with --detection-range where none is known for "
             f"the probe; got the probe {probe!r:.60}"

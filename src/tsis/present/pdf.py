@@ -163,9 +163,9 @@ def _mirrored(letter: str) -> str:
 
 def _drawable(line: str, font: str) -> str:
     register_fonts()
-    given = pdfmetrics.getFont(font).face.charToGlyph
+    glyphs = pdfmetrics.getFont(font).face.charToGlyph
     return "".join(
-        letter if ord(letter) in given and letter not in TURNS else f"[U+{ord(letter):04X}]" for letter in line
+        letter if ord(letter) in glyphs and letter not in TURNS else f"[U+{ord(letter):04X}]" for letter in line
     )
 
 
@@ -308,11 +308,11 @@ def _widths(names: tuple[str, ...], texts: Rows, cell: ParagraphStyle) -> list[f
     around = 2 * CELL_PADDING + ROOM
     columns = list(zip(*texts, strict=True))
     titles = names or ("",) * len(columns)
-    requested, least = [], []
+    ideal, least = [], []
     for name, column in zip(titles, columns, strict=True):
-        requested.append(max(_wide(name, CELL_HEADING), *(_wide(text, cell) for text in column)) + around)
+        ideal.append(max(_wide(name, CELL_HEADING), *(_wide(text, cell) for text in column)) + around)
         least.append(max(_word_width(name, CELL_HEADING), *(_word_width(text, cell) for text in column)) + around)
-    return column_widths(least, requested)
+    return column_widths(least, ideal)
 
 
 def _wide(text: str, kind: ParagraphStyle) -> float:
@@ -404,9 +404,9 @@ def _image(picture: Picture, wide: float) -> Image:
     size = picture.size[0] * POINTS, picture.size[1] * POINTS
     shrink = min(1.0, EASE * wide / size[0], EASE * tall / size[1])
     drawn = tuple(max(shrink * side, LEAST_POINTS) for side in size)
-    position = min(wide / drawn[0], tall / drawn[1], 1.0)
-    content = pixels(picture, size=(drawn[0] / POINTS, drawn[1] / POINTS), dpi=PAPER_DPI * position)
-    return Image(io.BytesIO(content), width=position * drawn[0], height=position * drawn[1], hAlign="LEFT")
+    scale = min(wide / drawn[0], tall / drawn[1], 1.0)
+    content = pixels(picture, size=(drawn[0] / POINTS, drawn[1] / POINTS), dpi=PAPER_DPI * scale)
+    return Image(io.BytesIO(content), width=scale * drawn[0], height=scale * drawn[1], hAlign="LEFT")
 
 
 def _alternative_text(picture: Picture) -> str:

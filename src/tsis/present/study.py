@@ -540,9 +540,9 @@ def comparison_table(device_comparison: DeviceComparison) -> Table:
         areas = device_comparison.areas
         rows.append((f"area of {device_comparison.first}", f"{areas.first_auc:.3f}", "", ""))
         rows.append((f"area of {device_comparison.second}", f"{areas.second_auc:.3f}", "", ""))
-        reported = areas.remark or ends(areas.interval)
+        remark = areas.remark or ends(areas.interval)
         by = method_of(areas.interval) + ("" if areas.p is None else f", p = {areas.p:.2g}")
-        rows.append(("difference of areas", f"{areas.difference:+.3f}", reported, by))
+        rows.append(("difference of areas", f"{areas.difference:+.3f}", remark, by))
     for name, limit in device_comparison.limits.items():
         rows += limit_rows(name, limit)
     devices = f"{device_comparison.second} beside {device_comparison.first}"
@@ -803,17 +803,17 @@ def _cards(device_analysis: DeviceAnalysis, *, several: bool) -> tuple[Card, ...
     if counts is not None and counts.absent:
         rates["Specificity"] = counts.specificity
     for name, rate in rates.items():
-        reported = f"{rate.successes} of {rate.trials}; {interval_text(rate)}, Wilson"
-        cards.append(Card(title=f"{name}{of}", value=f"{100 * rate.value:.3g} %", detail=reported, doubtful=few))
+        detail = f"{rate.successes} of {rate.trials}; {interval_text(rate)}, Wilson"
+        cards.append(Card(title=f"{name}{of}", value=f"{100 * rate.value:.3g} %", detail=detail, doubtful=few))
     if device_analysis.curve is not None:
-        reported = f"{ends(device_analysis.auc_interval)}, {method_of(device_analysis.auc_interval)}"
+        detail = f"{ends(device_analysis.auc_interval)}, {method_of(device_analysis.auc_interval)}"
         area = f"{device_analysis.curve.auc:.3f}"
-        cards.append(Card(title=f"Area under the curve{of}", value=area, detail=reported, doubtful=few))
+        cards.append(Card(title=f"Area under the curve{of}", value=area, detail=detail, doubtful=few))
     if device_analysis.reliability is not None:
         interval = device_analysis.brier_interval
-        reported = "no interval" if interval is None else f"{ends(interval)}, {method_of(interval)}"
+        detail = "no interval" if interval is None else f"{ends(interval)}, {method_of(interval)}"
         score = small(device_analysis.reliability.brier.score)
-        cards.append(Card(title=f"Brier score{of}", value=score, detail=reported))
+        cards.append(Card(title=f"Brier score{of}", value=score, detail=detail))
     return tuple(cards)
 
 

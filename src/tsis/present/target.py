@@ -109,11 +109,11 @@ def _posterior(record: TargetRecord, stored: StoredEstimate) -> Gallery:
 
 def _prior(stored: StoredEstimate) -> InclusionPrior | None:
     """The prior of the estimate, or None where the record has another kind of prior."""
-    reported = stored.estimate.provenance.get("prior") or stored.options.get("prior") or {}
-    if not isinstance(reported, Mapping) or not all(hasattr(InclusionPrior, name) for name in stored.estimate.names):
+    prior = stored.estimate.provenance.get("prior") or stored.options.get("prior") or {}
+    if not isinstance(prior, Mapping) or not all(hasattr(InclusionPrior, name) for name in stored.estimate.names):
         return None
     fields: dict[str, Any] = {
-        str(name): tuple(value) if isinstance(value, list) else value for name, value in reported.items()
+        str(name): tuple(value) if isinstance(value, list) else value for name, value in prior.items()
     }
     try:
         return InclusionPrior(**fields)
@@ -145,8 +145,8 @@ def _change(target: TactileImage, references: list[FrameWithRole]) -> Gallery:
         except InputError as error:
             notes.append(f"{target.name} cannot be compared with {near.image.name}: {error}.")
         else:
-            message = f"{target.name} minus {near.image.name}, {what}; outline and centroid in white."
-            pictures.append(change_picture(signal, title=title, caption=message))
+            caption = f"{target.name} minus {near.image.name}, {what}; outline and centroid in white."
+            pictures.append(change_picture(signal, title=title, caption=caption))
     if signal.mm_per_pixel is not None and min(signal.grey.shape) > 1:
         pictures.append(surface_picture(signal))
     return Gallery(pictures=tuple(pictures), notes=tuple(notes))
@@ -259,8 +259,8 @@ def _estimate_notes(record: TargetRecord) -> tuple[str, ...]:
         return ("Nothing was estimated from these presses yet.",) if record.presses else ("Nothing was recorded yet.",)
     messages = []
     for stored in result:
-        reported = (*estimate_messages_of(stored), origin(stored), *_coverage(record, stored))
-        messages += [f"Of the {stored.kind}: {message}" if len(result) > 1 else message for message in reported]
+        sentences = (*estimate_messages_of(stored), origin(stored), *_coverage(record, stored))
+        messages += [f"Of the {stored.kind}: {message}" if len(result) > 1 else message for message in sentences]
     return tuple(messages)
 
 
@@ -275,12 +275,12 @@ def origin(stored: StoredEstimate) -> str:
 
 
 def _coverage(record: TargetRecord, stored: StoredEstimate) -> tuple[str, ...]:
-    given = {press.id for press in record.presses}
-    left, gone = len(given.difference(stored.presses)), len(set(stored.presses).difference(given))
-    message = [f"The estimate does not rest on {count_of(left, 'other press')} of this target."] if left else []
+    held = {press.id for press in record.presses}
+    left, gone = len(held.difference(stored.presses)), len(set(stored.presses).difference(held))
+    sentences = [f"The estimate does not rest on {count_of(left, 'other press')} of this target."] if left else []
     if gone:
-        message.append(f"The store no longer shows {count_of(gone, 'press')} that the estimate rests on.")
-    return tuple(message)
+        sentences.append(f"The store no longer shows {count_of(gone, 'press')} that the estimate rests on.")
+    return tuple(sentences)
 
 
 def _flag_notes(record: TargetRecord) -> tuple[str, ...]:

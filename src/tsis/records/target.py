@@ -527,20 +527,20 @@ def write_bundle(record: TargetRecord, path: str | os.PathLike[str]) -> str:
     RecordsError
         When the record lacks something that it cites, or the bundle cannot be read back.
     """
-    requested = as_path(path)
-    if requested.suffix.lower() != ".zip":
-        with export_folder(requested) as draft:
+    destination = as_path(path)
+    if destination.suffix.lower() != ".zip":
+        with export_folder(destination) as draft:
             for name in FOLDERS:
                 (draft / name).mkdir()
             seal = _write(record, lambda name, content: (draft / name).write_bytes(content))
             _require_readable(draft)
         return seal
-    with export_file(requested) as draft:
+    with export_file(destination) as draft:
         try:
             with zipfile.ZipFile(draft, "x", allowZip64=False) as file:
                 seal = _write(record, lambda name, content: file.writestr(zipfile.ZipInfo(name, EARLIEST), content))
         except zipfile.LargeZipFile as error:
-            raise file_error(requested, "must hold at most 4 GiB; got more (write a folder)", InputError) from error
+            raise file_error(destination, "must hold at most 4 GiB; got more (write a folder)", InputError) from error
         _require_readable(draft)
     return seal
 

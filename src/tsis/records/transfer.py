@@ -185,10 +185,10 @@ def require_kind(target: Target, kind: str) -> None:
 
 def stored_frames(connection: Connection, presses: Sequence[StoredPress]) -> dict[str, str]:
     """Frames of the presses that are in the store, by the identity of the press."""
-    table, requested = tables.press_table.c, [press.id for press in presses]
+    table, ids = tables.press_table.c, [press.id for press in presses]
     frames: dict[str, str] = {}
-    for at in range(0, len(requested), MOST_AT_ONCE):
-        query = select(table.id, table.frame).where(table.id.in_(requested[at : at + MOST_AT_ONCE]))
+    for at in range(0, len(ids), MOST_AT_ONCE):
+        query = select(table.id, table.frame).where(table.id.in_(ids[at : at + MOST_AT_ONCE]))
         frames |= {row.id: row.frame for row in connection.execute(query)}
     return frames
 

@@ -289,16 +289,16 @@ def read_truth_table(path: str | os.PathLike[str]) -> tuple[TargetTruth, ...]:
 def _target(row: CsvRow) -> TargetTruth:
     usual = load_phantom("detection-blank")
     numbers = {name: row.number(name) for name in (*COLUMNS[1:], *MORE_COLUMNS)}
-    given = [name for name in COLUMNS[1:] if numbers[name] is not None]
-    if given and len(given) < len(COLUMNS) - 1:
-        lost = next(name for name in COLUMNS[1:] if name not in given)
-        raise row.refused(lost, f"given where {given[0]} is, or all three empty", "")
+    filled = [name for name in COLUMNS[1:] if numbers[name] is not None]
+    if filled and len(filled) < len(COLUMNS) - 1:
+        lost = next(name for name in COLUMNS[1:] if name not in filled)
+        raise row.refused(lost, f"given where {filled[0]} is, or all three empty", "")
     values = dict(zip(MORE_COLUMNS, (0.0, usual.young_kpa, usual.thickness_mm, usual.poisson), strict=True))
     values |= {name: value for name, value in numbers.items() if value is not None}
     offset, tissue, thickness, poisson = (values[name] for name in MORE_COLUMNS)
     try:
         lump = None
-        if given:
+        if filled:
             diameter, depth, young = (values[name] for name in COLUMNS[1:])
             lump = Inclusion(
                 diameter_mm=diameter, depth_mm=depth, young_kpa=young, poisson=poisson, offset_mm=(offset, 0.0)

@@ -287,19 +287,21 @@ class Plan:
 
 
 def _checked_quantities(quantities: Mapping[str, Quantity]) -> dict[str, Quantity]:
-    given = {require_one_of("quantity", name, QUANTITIES): _checked(name, value) for name, value in quantities.items()}
-    missing = [name for name in ("tissue_young_kpa", "thickness_mm") if name not in given]
-    of_inclusion = [name for name in INCLUSION if name in given]
+    checked = {
+        require_one_of("quantity", name, QUANTITIES): _checked(name, value) for name, value in quantities.items()
+    }
+    missing = [name for name in ("tissue_young_kpa", "thickness_mm") if name not in checked]
+    of_inclusion = [name for name in INCLUSION if name in checked]
     if of_inclusion:
-        missing += [name for name in INCLUSION if name not in given]
+        missing += [name for name in INCLUSION if name not in checked]
     if missing:
-        raise InputError(f"a plan must give {', '.join(missing)}; got {', '.join(given) or 'nothing'}")
-    if "inclusion_poisson" in given and not of_inclusion:
+        raise InputError(f"a plan must give {', '.join(missing)}; got {', '.join(checked) or 'nothing'}")
+    if "inclusion_poisson" in checked and not of_inclusion:
         raise InputError("inclusion_poisson must be left out for plain tissue; got it without diameter_mm")
-    given.setdefault("poisson", DEFAULT_POISSON)
+    checked.setdefault("poisson", DEFAULT_POISSON)
     if of_inclusion:
-        given.setdefault("inclusion_poisson", DEFAULT_POISSON)
-    return {name: given[name] for name in QUANTITIES if name in given}
+        checked.setdefault("inclusion_poisson", DEFAULT_POISSON)
+    return {name: checked[name] for name in QUANTITIES if name in checked}
 
 
 def _checked(name: str, value: Any) -> Quantity:

@@ -62,8 +62,8 @@ def presses(instrument: Instrument, number: int = 1) -> list[str]:
 
 
 def files(instrument: Instrument) -> set[str]:
-    position = instrument.terms.workspace
-    return {str(path.relative_to(position)) for path in position.glob("Target*/**/*") if path.is_file()}
+    workspace = instrument.terms.workspace
+    return {str(path.relative_to(workspace)) for path in workspace.glob("Target*/**/*") if path.is_file()}
 
 
 def test_the_press_is_the_frame_that_is_seen(instrument: Instrument, world: World) -> None:
@@ -71,32 +71,28 @@ def test_the_press_is_the_frame_that_is_seen(instrument: Instrument, world: Worl
     world.level = 77
     instrument.hold(role="plain", force_n=0.6, by=ANN)
     begun = datetime.now(UTC)
-    remaining = instrument.snapshot(by=ANN)
+    saved = instrument.snapshot(by=ANN)
     ended = datetime.now(UTC)
     expected = sha256(observed(77, 2.0))
     acquisition = instrument.camera_controller.acquisition
     assert acquisition is not None
     ring, _, _ = acquisition.ring.read(0)
-    number = int(remaining.press.name.removeprefix("lit#"))
+    number = int(saved.press.name.removeprefix("lit#"))
     shown = {sha256(item.frame.pixels) for item in ring if item.frame.sequence >= number}
     assert shown == {expected}  # what the live view shows from the saved frame on
-    assert sha256(instrument.store.levels(remaining.press.frame)) == expected
-    assert sha256(read(remaining.files.raw)) == expected
-    assert read(remaining.files.colour).shape == (48, 64, 3)
-    assert begun - timedelta(seconds=1) <= remaining.press.taken <= ended
-    assert (remaining.press.role, remaining.press.force_n, remaining.press.mm_per_pixel) == ("plain", 0.6, None)
-    assert (remaining.press.probe, remaining.press.calibration) == ("tsis-domed", None)  # as chosen with the camera
-    assert (remaining.target.number, remaining.target.name, dict(remaining.target.truth)) == (1, "", {})
-    sidecar = json.loads(remaining.files.sidecar.read_text())
+    assert sha256(instrument.store.levels(saved.press.frame)) == expected
+    assert sha256(read(saved.files.raw)) == expected
+    assert read(saved.files.colour).shape == (48, 64, 3)
+    assert begun - timedelta(seconds=1) <= saved.press.taken <= ended
+    assert (saved.press.role, saved.press.force_n, saved.press.mm_per_pixel) == ("plain", 0.6, None)
+    assert (saved.press.probe, saved.press.calibration) == ("tsis-domed", None)  # as chosen with the camera
+    assert (saved.target.number, saved.target.name, dict(saved.target.truth)) == (1, "", {})
+    sidecar = json.loads(saved.files.sidecar.read_text())
     assert sidecar["notice"] == RESEARCH_USE_ONLY
     assert sidecar["force"] == {"force_n": 0.6, "source": "typed"}
     assert (sidecar["role"], sidecar["probe"], sidecar["calibration"]) == ("plain", "tsis-domed", None)
     assert (sidecar["target"], sidecar["settings"]) == (1, {"gain": 2.0})
-    assert (
-        {flag["name"] for flag in sidecar["flags"]}
-        == set(remaining.press.flags)
-        == {flag.name for flag in remaining.flags}
-    )
+    assert {flag["name"] for flag in sidecar["flags"]} == set(saved.press.flags) == {flag.name for flag in saved.flags}
     assert verify_store(instrument.store).sound
 
 
@@ -137,24 +133,24 @@ def test_a_number_that_somebody_else_enters_meanwhile_is_theirs_and_the_press_jo
         return enter(**given)
 
     monkeypatch.setattr(instrument.store, "add_target", entered_before)
-    remaining = instrument.snapshot(by=ANN)
-    assert remaining.target.name == "theirs"
-    assert presses(instrument) == [remaining.press.id]
+    saved = instrument.snapshot(by=ANN)
+    assert saved.target.name == "theirs"
+    assert presses(instrument) == [saved.press.id]
 
 
 def test_a_gauge_tells_the_force(instrument: Instrument) -> None:
     instrument.hold(force_n=0.2, by=ANN)
     instrument.start(by=ANN)
     instrument.use_gauge(gauge(0.8), by=ANN)
-    remaining = instrument.snapshot(by=ANN)
-    assert remaining.press.force_n == pytest.approx(0.8, abs=0.01)
-    assert json.loads(remaining.files.sidecar.read_text())["force"]["source"] == "gauge"
+    saved = instrument.snapshot(by=ANN)
+    assert saved.press.force_n == pytest.approx(0.8, abs=0.01)
+    assert json.loads(saved.files.sidecar.read_text())["force"]["source"] == "gauge"
     instrument.use_gauge(None, by=ANN)
     assert instrument.snapshot(by=ANN).press.force_n == 0.2
     instrument.forget_force(by=ANN)
-    remaining = instrument.snapshot(by=ANN)
-    assert remaining.press.force_n is None
-    assert json.loads(remaining.files.sidecar.read_text())["force"] is None
+    saved = instrument.snapshot(by=ANN)
+    assert saved.press.force_n is None
+    assert json.loads(saved.files.sidecar.read_text())["force"] is None
 
 
 def test_a_gauge_that_pulls_presses_nothing(instrument: Instrument) -> None:
@@ -207,8 +203,8 @@ def test_nothing_is_kept_while_the_camera_is_away_and_the_next_one_is_of_after(
     assert files(instrument) == before
     world.level, world.plugged = 99, True
     until(lambda: not instrument.state().camera.lost)
-    remaining = instrument.snapshot(by=ANN)
-    assert (instrument.store.levels(remaining.press.frame) == observed(99, 2.0)).all()
+    saved = instrument.snapshot(by=ANN)
+    assert (instrument.store.levels(saved.press.frame) == observed(99, 2.0)).all()
     assert instrument.state().trouble == ()
 
 
@@ -249,7 +245,7 @@ def test_a_disk_that_is_full_at_any_step_leaves_nothing_half_kept(
         world.level = 40 + step  # a frame that is new to the store
         instrument.hold(force_n=0.01 * step, by=ANN)
         disk.arm(step)
-        reported, remaining = _attempted(instrument)
+        reported, saved = _attempted(instrument)
         failed = disk.failed
         disk.arm(None)
         if isinstance(reported, FileInputError):
@@ -260,7 +256,7 @@ def test_a_disk_that_is_full_at_any_step_leaves_nothing_half_kept(
             assert len(files(instrument) - before) == 3  # whole, for nobody can press the same again
             assert presses(instrument) == owned
         else:
-            assert presses(instrument) == [*owned, remaining]
+            assert presses(instrument) == [*owned, saved]
             if not failed:
                 break
         if reported is not None:
@@ -281,8 +277,8 @@ def test_the_first_press_of_a_target_on_a_full_disk(instrument: Instrument, monk
     with pytest.raises((RecordsError, FileInputError)):
         instrument.snapshot(by=ANN)
     disk.arm(None)
-    remaining = instrument.snapshot(by=ANN)
-    assert (remaining.target.number, presses(instrument)) == (1, [remaining.press.id])
+    saved = instrument.snapshot(by=ANN)
+    assert (saved.target.number, presses(instrument)) == (1, [saved.press.id])
 
 
 def test_a_workspace_that_cannot_be_made_is_named(tmp_path: Path) -> None:
@@ -347,12 +343,12 @@ def test_a_press_that_the_store_did_not_take_can_be_entered_from_its_files(
 
 def test_two_who_press_the_key_at_once_keep_two_presses(instrument: Instrument) -> None:
     instrument.start(by=ANN)
-    guarded_app, remaining, reported = threading.Barrier(4), list[str](), list[str]()
+    guarded_app, saved, reported = threading.Barrier(4), list[str](), list[str]()
 
     def press() -> None:
         guarded_app.wait(HANGS_S)
         try:
-            remaining.append(instrument.snapshot(by=ANN).press.id)
+            saved.append(instrument.snapshot(by=ANN).press.id)
         except ControlError as error:
             reported.append(str(error))
 
@@ -361,9 +357,9 @@ def test_two_who_press_the_key_at_once_keep_two_presses(instrument: Instrument) 
         thread.start()
     for thread in threads:
         thread.join(HANGS_S)
-    assert sorted(presses(instrument)) == sorted(remaining)
-    assert len(files(instrument)) == 3 * len(remaining)
-    assert len(remaining) + len(reported) == 4
+    assert sorted(presses(instrument)) == sorted(saved)
+    assert len(files(instrument)) == 3 * len(saved)
+    assert len(saved) + len(reported) == 4
     assert instrument.camera_controller.name == LIT
 
 
@@ -502,12 +498,12 @@ def test_a_disk_that_fills_ends_it_with_what_was_kept(
 ) -> None:
     keep = FrameFolder.save
 
-    def remaining(self: FrameFolder, frame: Any, number: int) -> str:
+    def saved(self: FrameFolder, frame: Any, number: int) -> str:
         if number >= after:
             raise OSError(errno.ENOSPC, "No space left on device")
         return keep(self, frame, number)
 
-    monkeypatch.setattr(FrameFolder, "save", remaining)
+    monkeypatch.setattr(FrameFolder, "save", saved)
     job = running.begin_sequence(frames=100, by=ANN)
     assert job.wait(HANGS_S)
     state = job.state()

@@ -222,11 +222,11 @@ class CalibrationResultPanel:
         if result is not None:
             await self._show_result(result)
         elif file is not None:
-            given = await self._viewer.attempt(load_calibration, file)
-            if given is not None:
-                self.identity = given.identity
+            loaded = await self._viewer.attempt(load_calibration, file)
+            if loaded is not None:
+                self.identity = loaded.identity
                 with self._panel.element:
-                    calibration_content(given.calibration)
+                    calibration_content(loaded.calibration)
         self._panel.element.set_visibility(bool(self.identity))
 
     async def _show_result(self, result: CalibrationResult) -> None:

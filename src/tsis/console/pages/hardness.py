@@ -221,8 +221,8 @@ class ObjectPart:
                 raise InputError(name="radius_mm", requirement=requirement, value="none")
             return {}
         radius = widgets.typed_number("radius_mm", radius_text)
-        given = self._instrument.calibration
-        name = "" if given is None else given.calibration.probe
+        calibration = self._instrument.calibration
+        name = "" if calibration is None else calibration.calibration.probe
         name = name or self._instrument.camera_controller.choice.probe
         require_radius("radius_mm", load_probe(name), radius)
         if not sd_text:
@@ -452,11 +452,11 @@ class HardnessPage:
         result = self._results if read else SavedPresses(number=state.target)
         self._object.show(state, result)
         self._presses.show_presses(result)
-        given = state.active
+        active = state.active
         missing = missing_text(
             state,
-            scaled=given is not None and given.calibration.scale is not None,
-            responds=given is not None and given.calibration.response is not None,
+            scaled=active is not None and active.calibration.scale is not None,
+            responds=active is not None and active.calibration.response is not None,
         )
         job = widgets.estimate_job(state)
         running = job is not None and job.running

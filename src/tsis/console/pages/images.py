@@ -165,9 +165,9 @@ class OwnImagesPage:
             active = self._instrument.calibration if self._calibrated.value else None
             if self._calibrated.value and active is None:
                 raise InputError("no calibration is active; choose one on the page Camera, or leave the switch off")
-            given = None if active is None else active.calibration
-            own_scale = given is not None and given.scale is not None
-            options = ImportOptions(mm_per_pixel=None if own_scale else self.scale(), calibration=given)
+            calibration = None if active is None else active.calibration
+            own_scale = calibration is not None and calibration.scale is not None
+            options = ImportOptions(mm_per_pixel=None if own_scale else self.scale(), calibration=calibration)
             number = (
                 widgets.typed_integer("target", self.number_field.value, 1, LARGEST_TARGET)
                 if self.number_field.value

@@ -39,8 +39,8 @@ class JobRows:
     def show(self, states: Sequence[JobState]) -> None:
         """Show these jobs, in this order."""
         self._none.set_visibility(not states)
-        requested = {state.identity for state in states}
-        for identity in [row for row in self._rows if row not in requested]:
+        shown = {state.identity for state in states}
+        for identity in [row for row in self._rows if row not in shown]:
             self._rows.pop(identity).item.delete()
         for index, state in enumerate(states):
             if state.identity not in self._rows:

@@ -305,8 +305,8 @@ def verify_button(page: StudyContext, place: ui.element) -> None:
                 ui.label(f"and {len(verification.faults) - MOST_FAULTS_SHOWN} more (tsis study verify shows all)")
             ui.label(f"Head of the log: {verification.head}").classes("muted identity")
             with ui.element("div").classes("row"):
-                saved = widgets.unit_field("Log head saved elsewhere", head, keys="text").classes("study-head")
-                widgets.button("Compare", lambda: begin(saved.value or ""), look="outline dense")
+                saved_head = widgets.unit_field("Log head saved elsewhere", head, keys="text").classes("study-head")
+                widgets.button("Compare", lambda: begin(saved_head.value or ""), look="outline dense")
                 widgets.button("Close", place.clear, look="flat dense")
             widgets.muted(VERIFICATION_MEANING)
 

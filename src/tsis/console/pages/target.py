@@ -265,8 +265,8 @@ class _PressEditing(Editing["StoredPress"]):
         self._flags.value = list(record.flags)
 
     def _written(self) -> tuple[str, dict[str, Any]]:
-        requested = {"role": self._role.value, "flags": tuple(self._flags.value or ()), "note": self._note.value or ""}
-        return self._force.value or "", requested
+        changes = {"role": self._role.value, "flags": tuple(self._flags.value or ()), "note": self._note.value or ""}
+        return self._force.value or "", changes
 
     def _edited(self, *written: Any) -> Edited[StoredPress]:
         force, requested = written
@@ -472,25 +472,25 @@ def _leave_out(frame: ui.element) -> None:
 
 async def compare(page: TargetContext, view: TargetView, *, match_light: bool = False) -> None:
     """Show the two chosen presses, what differs, and the features of each."""
-    position, chosen = page.compared, tuple(page.presses.chosen)
-    position.set_visibility(True)
-    position.clear()
-    with position:
+    compared, chosen = page.compared, tuple(page.presses.chosen)
+    compared.set_visibility(True)
+    compared.clear()
+    with compared:
         ui.label("Loading …").classes("muted").props('role="status"')
     result = await page.viewer.attempt(_compared, page.instrument.store, view.target, chosen, match_light=match_light)
-    position.clear()
+    compared.clear()
     if result is None:
-        position.set_visibility(False)
+        compared.set_visibility(False)
         return
     content, sources = result
-    with position:
+    with compared:
         with widgets.title_row(content.title, level=3):
             ui.switch(
                 "match brightness",
                 value=match_light,
                 on_change=lambda event: compare(page, view, match_light=event.value),
             ).props("dense")
-            ui.button(icon="close", on_click=lambda: position.set_visibility(False)).props(
+            ui.button(icon="close", on_click=lambda: compared.set_visibility(False)).props(
                 'flat dense round aria-label="Close the comparison"'
             )
         with ui.element("div").classes("compared"):

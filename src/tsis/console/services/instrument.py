@@ -282,15 +282,15 @@ class Instrument:
     def state(self) -> InstrumentState:
         """The state that pages show; it never waits for the camera or a command."""
         active, gauge, sequence = self._active.now(), self._gauge, self._commands.sequence
-        given, camera = active.calibration, camera_state(self.camera_controller, active.scale)
+        calibration, camera = active.calibration, camera_state(self.camera_controller, active.scale)
         return InstrumentState(
             camera=camera,
             target=self._target,
             role=self.camera_controller.role,
             roles=self.camera_controller.choice.roles,
             force_n=self.camera_controller.force_n,
-            calibration="" if given is None else given.calibration.name,
-            calibration_identity="" if given is None else given.identity,
+            calibration="" if calibration is None else calibration.calibration.name,
+            calibration_identity="" if calibration is None else calibration.identity,
             frame_analysis=self.frame_analysis,
             owner=self.control.owner(),
             sequence=None if sequence is None else sequence.state(),
@@ -305,7 +305,7 @@ class Instrument:
             ),
             busy=self._commands.busy,
             gauge="" if gauge is None else gauge.name,
-            active=given,
+            active=calibration,
             tissue=self._tissues.of(self._target),
         )
 
