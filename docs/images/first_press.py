@@ -6,16 +6,21 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import tsis
+from tsis.cli.options import chosen_prior
 from tsis.imaging import features
 from tsis.imaging.corrections import subtract_background
-from tsis.inclusion import InclusionPrior, estimate
+from tsis.inclusion import estimate
 from tsis.present.figures import marginal, tactile_image
 from tsis.virtual.probe import VirtualProbe
 
 
 def main() -> None:
     """Press, estimate, draw."""
-    probe, phantom, prior = tsis.load_probe("tsis-domed"), tsis.load_phantom("hardness-100"), InclusionPrior()
+    probe, phantom, prior = (
+        tsis.load_probe("tsis-domed"),
+        tsis.load_phantom("hardness-40"),
+        chosen_prior("breast-ex-vivo"),
+    )
     virtual = VirtualProbe(probe, rng=np.random.default_rng(0))
     virtual.no_contact()  # as `tsis demo` does first, so that these are its frames
     references = [virtual.press(phantom.without_inclusion(), force_n=force) for force in (0.5, 1.0)]

@@ -54,6 +54,7 @@ def test_the_frames_are_those_that_were_estimated(run_tsis: RunTsis, tmp_path: P
     examined = run_tsis(
         *("examine", *(f"press/{name}" for name in TARGETS), *plain, "--calibration", "press/calibration.json"),
         *("--force-n", "0.5", "--force-n", "1", "--scale-mm", "0.0336,0.0392", "--strain", "small", "--json"),
+        *("--prior", "breast-ex-vivo"),
     )
     assert examined.code == 0, examined.err
     again = json.loads(examined.out)["estimate"]
@@ -105,8 +106,14 @@ def test_the_terminal_shows_what_was_believed_what_is_known_and_the_best_that_co
     printed = " ".join(run_tsis("demo", "--strain", "small").out.split())
     for words in ("prior", "least sd", "truth", "Probability of an inclusion: above 0.999.", "Diameter 10"):
         assert words in printed
-    assert "Prior: phantom-2011: diameter 1 to 15 mm" in printed
+    assert "Prior: breast-ex-vivo: diameter 1 to 15 mm" in printed
     assert "Research use only" in printed
+
+
+def test_a_stiffer_phantom_has_the_prior_of_the_phantoms(run_tsis: RunTsis) -> None:
+    printed = " ".join(run_tsis("demo", "--strain", "small", "--phantom", "size-8").out.split())
+    assert "Prior: phantom-2011: diameter 1 to 15 mm" in printed
+    assert "lies outside the prior" not in printed
 
 
 def test_a_truth_outside_the_prior_is_said(run_tsis: RunTsis) -> None:
@@ -158,7 +165,7 @@ def test_the_counts_are_those_of_the_cases(run_tsis: RunTsis) -> None:
     document = json.loads(finished.out)
     assert document["counts"] == coverage_counts(document["examinations"])
     assert [case["seed"] for case in document["examinations"]] == [5]
-    assert document["protocol"]["prior"] == "phantom-2011"
+    assert document["protocol"]["prior"] == "breast-ex-vivo"
     people = run_tsis(*SMALL)
     assert "90 %, all 1" in " ".join(people.out.split()).replace("90%", "90 %")
     assert "Research use only" in people.out + people.err

@@ -19,7 +19,6 @@ from tsis.cli.options import (
     DepthMm,
     DiameterMm,
     ForcesN,
-    InclusionPriorChoice,
     PhantomName,
     ProbeOption,
     ProtocolName,
@@ -27,6 +26,7 @@ from tsis.cli.options import (
     YoungKpa,
     chosen_prior,
     chosen_probe,
+    inclusion_prior_option,
     is_careful,
     require_no_file,
 )
@@ -48,6 +48,7 @@ if TYPE_CHECKING:
 
 
 CONFIDENCE = 0.95
+DEMO_PROBE, DEMO_PHANTOM, DEMO_PRIOR = "tsis-domed", "hardness-40", "breast-ex-vivo"
 
 
 def repeat_demo(
@@ -153,8 +154,8 @@ ONE_EXAMINATION = ("phantom", "diameter_mm", "depth_mm", "young_kpa", "out", "sa
 def demo(
     context: typer.Context,
     *,
-    phantom: PhantomName = "hardness-100",
-    probe: ProbeOption = "tsis-domed",
+    phantom: PhantomName = DEMO_PHANTOM,
+    probe: ProbeOption = DEMO_PROBE,
     force_n: ForcesN = None,
     tissue_kpa: Annotated[
         float | None,
@@ -174,7 +175,7 @@ def demo(
             help="Repeat with this many seeds, everything drawn anew, and count how often the intervals held.", min=1
         ),
     ] = None,
-    prior: InclusionPriorChoice = None,
+    prior: Annotated[str | None, inclusion_prior_option("by phantom")] = None,
     show_prior: ShowPrior = False,
     out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path("tsis-demo"),
     save: SaveOption = False,
@@ -187,12 +188,16 @@ def demo(
     Each force is pressed twice, on tissue without inclusion and on the phantom. The estimator does not know the true
     forces, gain and stiffness of the probe, nor the mesh of the virtual probe.
 
+    The default prior is breast-ex-vivo for tsis-domed on hardness-40, else phantom-2011: most other phantoms are
+    stiffer than breast-ex-vivo allows.
+
     With --seeds, each examination draws the inclusion and the tissue from the prior; nothing is written.
     """
     import numpy as np
 
     chosen = chosen_probe(probe)
-    assumed = chosen_prior(prior, tissue_kpa)
+    is_readme_demo = (probe, phantom) == (DEMO_PROBE, DEMO_PHANTOM)
+    assumed = chosen_prior(prior or (DEMO_PRIOR if is_readme_demo else None), tissue_kpa)
     if seeds is not None:
         _require_only_seeds(context)
         repeat_demo(

@@ -96,15 +96,19 @@ PriorFile = Annotated[
         show_default="the default prior",
     ),
 ]
-InclusionPriorChoice = Annotated[
-    str | None,
-    typer.Option(
+
+
+def inclusion_prior_option(show_default: str) -> Any:
+    """Return the option --prior of an inclusion, whose help names the prior that holds without it."""
+    return typer.Option(
         "--prior",
         metavar="NAME|FILE",
         help="What is believed before any press: phantom-2011, breast-ex-vivo, wide, or a file (see --show-prior).",
-        show_default="phantom-2011",
-    ),
-]
+        show_default=show_default,
+    )
+
+
+InclusionPriorChoice = Annotated[str | None, inclusion_prior_option("phantom-2011")]
 
 
 OtherPriors = Annotated[
