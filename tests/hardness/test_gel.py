@@ -301,3 +301,22 @@ def test_wrong_files_and_names_are_one_sentence(tmp_path: Path) -> None:
         as_touch_readings(tmp_path / "absent.csv")
     with pytest.raises(UnknownNameError):
         estimate_from_contacts(hertz(60.0), sensor="gelsite-mini", geometry=R_MM)
+
+
+@pytest.mark.parametrize(
+    ("table", "encoding"),
+    [
+        ("force_n,radius_mm\n0.2,2.5\n0.4,3.125\n", "utf-8"),
+        ("force / N;radius / mm\n0,2;2,5\n0,4;3,125\n", "utf-8-sig"),
+        ("Nr.\tForce (mN)\tContact radius (µm)\n1\t200\t2500\n2\t400\t3125\n", "utf-16"),
+        (";Force_N;Radius_mm;remark\n0;0.2;2.5;dry\n1;0.4;3.125;\n", "utf-8"),
+        ("Load [g],Radius [mm]\n20.394324259558566,2.5\n40.78864851911713,3.125\n", "cp1252"),
+    ],
+)
+def test_a_table_of_any_program_gives_the_same_contacts(tmp_path: Path, table: str, encoding: str) -> None:
+    file = tmp_path / "contacts.csv"
+    file.write_bytes(table.encode(encoding))
+    readings, refused, _ = as_touch_readings(file)
+    assert [reading.force_n for reading in readings] == pytest.approx([0.2, 0.4])
+    assert [reading.radius_mm for reading in readings] == pytest.approx([2.5, 3.125])
+    assert refused == ()

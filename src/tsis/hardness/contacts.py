@@ -5,16 +5,15 @@ A contact has a force, a radius or area, and the depth of the dent, each with it
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from tsis.errors import FileInputError, InputError
+from tsis.errors import InputError
 from tsis.files.reading import as_path, printable_path, read_bytes
+from tsis.files.tables import parse_csv_rows
 from tsis.hardness.posterior import RadiusPrior
 from tsis.model.require import require_number, require_one_of, require_type
 
@@ -38,26 +37,21 @@ def contact_rows(contacts: Any) -> list[Any]:
 
 
 def _csv_rows(path: Path) -> Sequence[Mapping[str, Any]]:
-    try:
-        text = read_bytes(path, most=MOST_BYTES).decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise FileInputError(f"{printable_path(path)} must be CSV text in UTF-8; got other bytes") from error
-    reader = csv.DictReader(io.StringIO(text))
-    head = [name.strip() for name in reader.fieldnames or ()]
-    if not set(head) & {"radius_mm", "area_mm2", "depth_mm"}:
-        raise FileInputError(
-            f"{printable_path(path)} must have a header with radius_mm, area_mm2 or depth_mm, beside force_n; "
-            f"got {', '.join(head)!r:.120}"
-        )
-    rows = []
-    for number, line in enumerate(reader, start=2):
-        row: dict[str, Any] = {"name": f"line {number}"}
-        for name, cell in line.items():
-            if name is None or cell is None:
-                raise FileInputError(f"{printable_path(path)}: line {number} must have {len(head)} columns")
-            row[name.strip()] = cell.strip()
-        rows.append(row)
-    return rows
+    content, text = read_bytes(path, most=MOST_BYTES), ("name", "good")
+    table = parse_csv_rows(
+        content,
+        printable_path(path),
+        (),
+        (*COLUMNS, *text),
+        one_of=("radius_mm", "area_mm2", "depth_mm"),
+        ignore_others=True,
+    )
+    return [
+        {column: row.number(column) for column in COLUMNS if column in row}
+        | {"name": row.text("name") or row.where.rpartition(", ")[2]}
+        | {"good": row.text("good")}
+        for row in table
+    ]
 
 
 def contact_value(row: Any, name: str) -> Any:
