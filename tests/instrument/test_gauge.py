@@ -145,9 +145,8 @@ def test_two_columns_of_another_program_are_enough(tmp_path: Path) -> None:
     ("content", "message"),
     [
         (b"0.0,0.1\n", "must begin with the header time_s,force_n"),
-        (b"time_ms,force_n\n0,1\n", "must begin with the header time_s,force_n"),
-        (b"time_s,force_kgf\n0,1\n", "must begin with the header"),
-        (b"time_s,force_n,other\n0,1,2\n", "must begin with the header"),
+        (b"time,force_n\n0,1\n", "must begin with the header time_s,force_n.*must name its unit"),
+        (b"time_s,force_px\n0,1\n", "must begin with the header"),
         (b"time_s\n0\n", "must begin with the header"),
         (b"\n", "must begin with the header"),
         (b"time_s,force_n\n", "must hold at least one reading"),
@@ -392,3 +391,22 @@ def test_noise_is_told_from_a_parabola_with_its_degrees_of_freedom() -> None:
     # Of a mean of squares with f degrees of freedom the mean is 1 and the variance 2/f.
     assert np.mean(squares) == pytest.approx(1.0, abs=4 * np.std(squares) / np.sqrt(3000))
     assert np.var(squares) == pytest.approx(2 * np.mean(1 / np.array(freedoms)), rel=0.15)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"time_s,force_n\n0.5,0.25\n1.0,0.5\n",
+        "Zeit und Kraft\nTime (ms);Load (mN);remark\n500;250,0;a\n1000;500,0;b\n".encode("utf-16"),
+        "﻿No.\tForce [cN]\tElapsed time / s\r\n1\t25\t0.5\r\n2\t50\t1.0\r\n".encode(),
+    ],
+)
+def test_readings_of_any_program_are_in_seconds_and_newtons(tmp_path, content):
+    path = tmp_path / "force.csv"
+    path.write_bytes(content)
+    gauge = RecordedGauge(path)
+    gauge.open()
+    assert [(reading.time_s, pytest.approx(reading.force_n)) for reading in gauge.readings()] == [
+        (0.5, 0.25),
+        (1.0, 0.5),
+    ]

@@ -117,9 +117,13 @@ def parse_sensor(name: str, entry: Mapping[str, Any]) -> GelSensor:
         values[key] = _bounded(key, values[key])
     if "layers" in values:
         values["layers"] = tuple(_layer(layer) for layer in _list("layers", values["layers"]))
-    for key in ("image_px", "mm_per_pixel", "distortion", "lamp_azimuth_deg", "limits"):
+    for key in ("image_px", "raw_px", "mm_per_pixel", "distortion", "lamp_azimuth_deg", "limits"):
         if key in values:
             values[key] = tuple(_list(key, values[key]))
+    if "corners_px" in values:
+        values["corners_px"] = tuple(
+            tuple(_list("a corner", corner)) for corner in _list("corners_px", values["corners_px"])
+        )
     return GelSensor(name=name, **values)
 
 
@@ -172,5 +176,7 @@ def sensor_toml(sensor: GelSensor) -> str:
             value = [{part.name: float(getattr(layer, part.name)) for part in fields(Layer)} for layer in value]
         elif item.name == "sources":
             value = dict(value)
+        elif item.name == "corners_px":
+            value = [list(corner) for corner in value]
         table[item.name] = list(value) if isinstance(value, tuple) else value
     return tomli_w.dumps({sensor.name: table})

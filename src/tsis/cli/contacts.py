@@ -178,7 +178,7 @@ def _gel_contacts(
             tsis.files.result_folder.require_absent(path)
     chosen = chosen_sensor(sensor)
     paths = gel_frame_paths(frames)
-    levels = [read_gel_frame(path) for path in paths]
+    levels = [tsis.imaging.gel_change.face_view(read_gel_frame(path), chosen) for path in paths]
     with progress_bar("finding contacts") as advance:
         gel_contacts = tsis.imaging.gel_contact.contacts(
             levels,

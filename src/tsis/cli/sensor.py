@@ -106,6 +106,15 @@ def new(
     image_px: Annotated[str | None, typer.Option(help="Columns and rows of that scale's frames, as 320,240.")] = None,
     thickness_mm: Annotated[float | None, typer.Option(help="Thickness of the gel in mm, where you know it.")] = None,
     young_kpa: Annotated[float | None, typer.Option(help="Young's modulus of the gel in kPa, where known.")] = None,
+    corners_px: Annotated[
+        str | None,
+        typer.Option(
+            help="Places of the face's corners in the camera's frame, as 90,60,560,70,600,440,50,430, in the order of "
+            "upper left, upper right, lower right, lower left of the upright face."
+        ),
+    ] = None,
+    raw_px: Annotated[str | None, typer.Option(help="Columns and rows of the camera's frame, as 640,480.")] = None,
+    bits: Annotated[int | None, typer.Option(help="Bits of a level in files of 16 bits, as 12.")] = None,
     marker_pitch_mm: Annotated[
         float | None, typer.Option(help="Distance of printed markers, where the gel has them.")
     ] = None,
@@ -124,12 +133,15 @@ def new(
         changes["mm_per_pixel"] = scale_of(scale_mm)
     if image_px is not None:
         changes["image_px"] = _pixels(image_px)
+    if corners_px is not None or raw_px is not None:
+        changes["corners_px"] = None if corners_px is None else _corners(corners_px)
+        changes["raw_px"] = None if raw_px is None else _pixels(raw_px, "--raw-px")
     for key, value in (("thickness_mm", thickness_mm), ("young_kpa", young_kpa)):
         if value is not None:
             changes[key] = tsis.model.gel_sensor.BoundedValue(value=value)
     changes |= {
         key: value
-        for key, value in (("reference_file", reference), ("marker_pitch_mm", marker_pitch_mm))
+        for key, value in (("reference_file", reference), ("marker_pitch_mm", marker_pitch_mm), ("bits", bits))
         if value is not None
     }
     changed = {key for key in changes if key in start.sources}
@@ -147,10 +159,20 @@ def new(
     )
 
 
-def _pixels(text: str) -> tuple[int, int]:
+def _corners(text: str) -> tuple[tuple[float, float], ...]:
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) != 8:
+        raise InputError(f"--corners-px must be eight numbers, x and y of four corners; got {text!r:.60}")
+    return tuple(zip(numbers[::2], numbers[1::2], strict=True))
+
+
+def _pixels(text: str, option: str = "--image-px") -> tuple[int, int]:
     parts = text.split(",")
     if len(parts) != 2 or not all(part.strip().isdigit() for part in parts):
-        raise InputError(f"--image-px must be columns and rows, as 320,240; got {text!r:.40}")
+        raise InputError(f"{option} must be columns and rows, as 320,240; got {text!r:.40}")
     return int(parts[0]), int(parts[1])
 
 
@@ -166,7 +188,7 @@ def check(
 
     loaded = tsis.catalog.load_sensor(sensor)
     for path in frames or []:
-        rows, columns = tsis.instrument.image_files.read_image(path).grey.shape
+        rows, columns = tsis.imaging.gel_change.face_view(read_gel_frame(path), loaded).shape[:2]
         loaded.require_frame(columns, rows)
     if as_json:
         print_json(

@@ -464,8 +464,8 @@ def _factor(heading: str, below: str, name: str, where: str) -> float:
     if size is None or size[0] != dimension[0]:
         got = f"the unit {given!r:.20}" if given else "none"
         raise FileInputError(
-            f"the heading {heading!r:.60} must name its unit, as {parse_heading(name).words} ({_spelled(wanted)}), one of "
-            f"{', '.join(list(UNITS[dimension[0]])[:12])}; got {got} ({where})"
+            f"the heading {heading!r:.60} must name its unit, as {parse_heading(name).words} ({_spelled(wanted)}), one "
+            f"of {', '.join(list(UNITS[dimension[0]])[:12])}; got {got} ({where})"
         )
     return 1.0 if given == wanted else size[1] / dimension[1]
 

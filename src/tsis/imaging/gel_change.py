@@ -39,7 +39,8 @@ def gel_levels(frame: Any, sensor: GelSensor, *, what: str = "frame") -> NDArray
     if isinstance(frame, TactileImage):
         full = frame.full_scale
     elif levels.dtype == np.uint16:
-        full = 65535.0
+        full = float(2 ** (sensor.bits or _bits(levels, what)) - 1)
+    levels = face_view(levels, sensor)
     if levels.ndim == 2:
         levels = levels[..., None]
     if levels.ndim != 3 or levels.shape[2] not in (1, 3, 4) or levels.dtype.kind not in "uif" or levels.size == 0:
@@ -61,6 +62,41 @@ def gel_levels(frame: Any, sensor: GelSensor, *, what: str = "frame") -> NDArray
             f"{what} must be in colour, because {sensor.name} has coloured lamps; got grey: save the camera's colours"
         )
     return scaled
+
+
+def _bits(levels: NDArray[np.uint16], what: str) -> int:
+    """Bits of a level in a file of 16: found where one number alone makes a lit frame."""
+    highest = int(levels.max(initial=0))
+    if highest >= 2**14 or highest <= BLACK:
+        return 16
+    if 2**10 <= highest < 2**12:  # of 16 bits it would be almost black, of 14 in the lowest quarter
+        return 12
+    raise InputError(
+        f"{what} must tell its bits; its highest level {highest} fits 10, 12, 14 and 16 bits: give bits in the "
+        "sensor's file (tsis sensor new --bits 12)"
+    )
+
+
+def face_view(frame: NDArray[Any], sensor: GelSensor) -> NDArray[Any]:
+    """The frame warped to the face where it is one of the camera; others as they are."""
+    if sensor.corners_px is None or frame.ndim not in (2, 3) or frame.shape[1::-1] != sensor.raw_px:
+        return frame
+    columns, rows = sensor.image_px
+    corners = np.array([(0, 0), (columns - 1, 0), (columns - 1, rows - 1), (0, rows - 1)], float)
+    # The homography h with 1 as its last element: u (h7 x + h8 y + 1) = h1 x + h2 y + h3, and v alike.
+    equations, places = [], np.array(sensor.corners_px, float)
+    for (x, y), (u, v) in zip(corners, places, strict=True):
+        equations += [[x, y, 1, 0, 0, 0, -u * x, -u * y], [0, 0, 0, x, y, 1, -v * x, -v * y]]
+    h = np.append(np.linalg.solve(np.array(equations), places.ravel()), 1.0).reshape(3, 3)
+    y, x = np.mgrid[:rows, :columns].astype(float)
+    across, down, depth = np.einsum("ij,jkl->ikl", h, np.stack([x, y, np.ones_like(x)]))
+    at = np.stack([down / depth, across / depth])
+    channels = np.atleast_3d(frame).astype(np.float64)
+    warped = [
+        scipy.ndimage.map_coordinates(channels[..., n], at, order=1, mode="nearest") for n in range(channels.shape[2])
+    ]
+    stacked = np.stack(warped, axis=-1).reshape(rows, columns, *frame.shape[2:])
+    return np.asarray(np.rint(stacked).astype(frame.dtype) if frame.dtype.kind == "u" else stacked)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import csv
 import io
+import itertools
 import math
 import threading
 import time
 from array import array
 from bisect import bisect_right
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
@@ -22,6 +22,7 @@ import scipy
 from tsis.errors import FileInputError, GaugeError, InputError
 from tsis.files.atomic import write_durably
 from tsis.files.reading import as_path, printable_path, read_bytes, text_lines
+from tsis.files.tables import parse_csv_rows, table_text
 from tsis.model.require import require_number
 
 if TYPE_CHECKING:
@@ -223,7 +224,7 @@ def write_readings(path: str | os.PathLike[str], readings: Iterable[ForceReading
     if not 0 < len(rows) <= MOST_READINGS:
         number = len(rows) or "none"
         raise InputError(f"readings must be 1 to {MOST_READINGS}, so that they can be read back; got {number} ({cure})")
-    if any(after.time_s <= before.time_s for before, after in pairwise(rows)):
+    if any(after.time_s <= before.time_s for before, after in itertools.pairwise(rows)):
         raise InputError("readings must have ascending times; sort them, or select those of one run")
     if file.exists():
         raise FileInputError(f"{printable_path(file)} exists and is not overwritten; choose another name")
@@ -248,7 +249,8 @@ class RecordedGauge:
     """A file of readings behind the gauge protocol, without delays.
 
     ``path`` is CSV with the header ``time_s,force_n``, optionally with ``resolution_n`` and ``time_error_s``: seconds,
-    newtons.
+    newtons; or a table of another program whose headings name time and force with their units, as
+    `tsis.files.tables.parse_csv_rows` reads it.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
@@ -297,23 +299,11 @@ class _LineError(Exception):
 
 
 def _parsed(content: bytes) -> Iterator[ForceReading]:
-    lines = text_lines(content, most=MOST_READINGS)
-    head = tuple(cell.strip() for cell in next(lines, (1, ""))[1].split(","))
-    if head[:_NEEDED] != HEAD[:_NEEDED] or head != HEAD[: len(head)]:
-        raise _LineError(f"must begin with the header {','.join(HEAD[:_NEEDED])} (s and N); got {','.join(head)!r:.80}")
+    first = content[:200].split(b"\n", 1)[0].removeprefix(b"\xef\xbb\xbf").decode("latin-1")
+    head = tuple(cell.strip() for cell in first.split(","))
+    own = head[:_NEEDED] == HEAD[:_NEEDED] and head == HEAD[: len(head)]
     before_s = -math.inf
-    for number, line in lines:
-        if not line.strip():
-            continue
-        cells = line.split(",")
-        if len(cells) != len(head):
-            raise _LineError(f"line {number} must have {len(head)} columns as the header; got {len(cells)}")
-        try:
-            reading = ForceReading(**{name: float(cell) for name, cell in zip(head, cells, strict=True)})
-        except InputError as error:
-            raise _LineError(f"line {number}: {error}") from error
-        except ValueError as error:
-            raise _LineError(f"line {number} must hold numbers; got {line!r:.80}") from error
+    for number, reading in _own_lines(content, head) if own else _lines_of_others(content, first):
         if reading.time_s <= before_s:
             raise _LineError(
                 f"line {number} must be later than the line before; got {reading.time_s!r} s after {before_s!r} s"
@@ -322,6 +312,43 @@ def _parsed(content: bytes) -> Iterator[ForceReading]:
         yield reading
     if before_s == -math.inf:
         raise _LineError("must hold at least one reading; got none")
+
+
+def _own_lines(content: bytes, head: tuple[str, ...]) -> Iterator[tuple[int, ForceReading]]:
+    """Readings of a file in the form of `write_readings`, with the numbers of their lines."""
+    for number, line in itertools.islice(text_lines(content, most=MOST_READINGS), 1, None):
+        if not line.strip():
+            continue
+        cells = line.split(",")
+        if len(cells) != len(head):
+            raise _LineError(f"line {number} must have {len(head)} columns as the header; got {len(cells)}")
+        try:
+            yield number, ForceReading(**{name: float(cell) for name, cell in zip(head, cells, strict=True)})
+        except InputError as error:
+            raise _LineError(f"line {number}: {error}") from error
+        except ValueError as error:
+            raise _LineError(f"line {number} must hold numbers; got {line!r:.80}") from error
+
+
+def _lines_of_others(content: bytes, first: str) -> Iterator[tuple[int, ForceReading]]:
+    """Readings of a table of another program, by the names and units of its columns."""
+    table_text(content, "it")
+    rows = parse_csv_rows(content, "it", HEAD[:_NEEDED], HEAD[_NEEDED:], ignore_others=True, most_rows=MOST_READINGS)
+    try:
+        for row in rows:
+            number = int(row.where.rpartition(" ")[2])
+            values = {name: value for name in HEAD if (value := row.number(name)) is not None}
+            if not set(HEAD[:_NEEDED]) <= set(values):
+                raise _LineError(f"line {number} must hold a time and a force; got an empty cell")
+            try:
+                yield number, ForceReading(**values)
+            except InputError as error:
+                raise _LineError(f"line {number}: {error}") from error
+    except FileInputError as error:
+        raise _LineError(
+            f"must begin with the header {','.join(HEAD[:_NEEDED])} (s and N), or name both with their units, as time "
+            f"(s) and force (mN); got {first.strip()!r:.80}: {error}"
+        ) from error
 
 
 _SPAN = 4  # successive readings: one more than the three parameters of a parabola

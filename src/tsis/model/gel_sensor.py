@@ -122,6 +122,12 @@ class GelSensor(ContentValue):
         has its scale by `scale_of`.
     mm_per_pixel
         Size (x, y) of a pixel on the face, mm; None where it is yet to be calibrated.
+    raw_px, corners_px
+        Columns and rows of the camera's frame, and in it the places (x, y) of the face's corners: upper left, upper
+        right, lower right, lower left of the upright face, so that their order turns and mirrors. Frames of this size
+        are warped to `image_px`. None where frames show the face upright already.
+    bits
+        Bits of a level in files of 16 bits, from 9 to 16; None where the levels tell.
     resampled
         Whether a frame of another size is the same picture with other pixels; where not, it is refused.
     scale_uncertainty
@@ -171,6 +177,9 @@ class GelSensor(ContentValue):
     layers: tuple[Layer, ...] = ()
     image_px: tuple[int, int] = (640, 480)
     mm_per_pixel: tuple[float, float] | None = None
+    raw_px: tuple[int, int] | None = None
+    corners_px: tuple[tuple[float, float], ...] | None = None
+    bits: int | None = None
     resampled: bool = True
     scale_uncertainty: float = 0.02
     distortion: tuple[float, float] = (0.0, 0.0)
@@ -235,6 +244,9 @@ class GelSensor(ContentValue):
                 raise InputError(f"{name} must hold two numbers; got {size!r:.80}")
         columns, rows = (require_integer("image_px", part, 16, 16384) for part in self.image_px)
         object.__setattr__(self, "image_px", (columns, rows))
+        self._check_warp()
+        if self.bits is not None:
+            require_integer("bits", self.bits, 9, 16)
         k1, k2 = (require_number("distortion", part, -1.0, 1.0) for part in self.distortion)
         object.__setattr__(self, "distortion", (k1, k2))
         require_number("scale_uncertainty", self.scale_uncertainty, 0.0, 0.5)
@@ -245,13 +257,42 @@ class GelSensor(ContentValue):
         if self.reference_file is not None:
             require_type("reference_file", self.reference_file, str)
 
+    def _check_warp(self) -> None:
+        if (self.raw_px is None) != (self.corners_px is None):
+            raise InputError("raw_px and corners_px must be given together; got one of them")
+        if self.raw_px is None or self.corners_px is None:
+            return
+        if len(self.raw_px) != 2 or len(self.corners_px) != 4 or any(len(corner) != 2 for corner in self.corners_px):
+            raise InputError(
+                f"corners_px must hold four places (x, y), raw_px two numbers; got {self.corners_px!r:.80}"
+            )
+        sizes = tuple(require_integer("raw_px", part, 16, 16384) for part in self.raw_px)
+        if sizes == self.image_px:
+            raise InputError(f"image_px must differ from raw_px, so that a warped frame is known; got {sizes} for both")
+        corners = tuple(
+            tuple(
+                require_number("corners_px", part, -0.2 * size, 1.2 * size)
+                for part, size in zip(corner, sizes, strict=True)
+            )
+            for corner in self.corners_px
+        )
+        turns = [
+            (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0])
+            for a, b, c in ((corners[n], corners[(n + 1) % 4], corners[(n + 2) % 4]) for n in range(4))
+        ]
+        if not (min(turns) > 1.0 or max(turns) < -1.0):
+            raise InputError(f"corners_px must go around the face without crossing; got {corners}")
+        object.__setattr__(self, "raw_px", sizes)
+        object.__setattr__(self, "corners_px", corners)
+
     def require_frame(self, columns: int, rows: int) -> None:
         """Refuse a frame of a size that the sensor does not have; `ImageMismatchError`."""
         wide, high = self.image_px
         if not self.resampled and (columns, rows) != self.image_px:
             raise ImageMismatchError(
                 f"frames of {self.name} must have {wide} x {high} pixels; got {columns} x {rows}: rectify and crop the "
-                "frames first, or correct image_px in the sensor's file"
+                "frames first, or give the corners of the face (tsis sensor new --corners-px) or image_px in the "
+                "sensor's file"
             )
         if abs(columns * high - rows * wide) > ASPECT_TOLERANCE * columns * high:
             raise ImageMismatchError(

@@ -1,0 +1,88 @@
+"""Frames of gel sensors as levels: warped to the face, scaled by their bits, freed of a change of the light."""
+
+import numpy as np
+import pytest
+from skimage.transform import ProjectiveTransform, warp
+
+from tsis.catalog.sensors import load_sensor, parse_sensor, sensor_toml
+from tsis.errors import ImageMismatchError, InputError
+from tsis.files.reading import parse_toml
+from tsis.imaging.gel_change import face_view, gel_levels
+from tsis.model.gel_sensor import GelSensor
+
+CORNERS = ((90.0, 60.0), (560.0, 75.0), (600.0, 440.0), (50.0, 425.0))
+
+
+def own_wedge(**changes) -> GelSensor:
+    document = parse_toml(sensor_toml(load_sensor("gelsight-wedge")), what="a sensor")["gelsight-wedge"]
+    document |= {"raw_px": [640, 480], "corners_px": [list(corner) for corner in CORNERS], **changes}
+    return parse_sensor("my-wedge", document)
+
+
+def asymmetric_face() -> np.ndarray:
+    """A wide face whose quarters differ, with one bright dot in the upper left."""
+    face = np.full((300, 400, 3), 90.0)
+    face[:150, :200, 0], face[150:, 200:, 1] = 150.0, 170.0
+    y, x = np.mgrid[:300, :400]
+    face += 80.0 * np.exp(-((x - 60.0) ** 2 + (y - 40.0) ** 2) / 50.0)[..., None]
+    return face
+
+
+def test_the_wedge_is_wider_than_high_as_its_frames() -> None:
+    wedge = load_sensor("gelsight-wedge")
+    upright = asymmetric_face().astype(np.uint8)
+    assert gel_levels(upright, wedge).shape == (300, 400, 3)
+    assert wedge.scale_of(400, 300) == pytest.approx((1 / 11, 1 / 11), rel=1e-3)
+    # The dot lies left and above of the middle, 140 and 110 pixels of 1/11 mm away.
+    assert wedge.face_mm([(60.0, 40.0)], 400, 300)[0] == pytest.approx((-12.68, -9.95), abs=0.02)
+    for turned in (upright.transpose(1, 0, 2), np.zeros((480, 640, 3), np.uint8) + 90):
+        with pytest.raises(ImageMismatchError, match="corners"):
+            gel_levels(turned, wedge)
+
+
+def test_a_frame_of_the_camera_is_warped_to_the_face_by_its_corners() -> None:
+    sensor, face = own_wedge(), asymmetric_face()
+    ends = np.array([(0, 0), (399, 0), (399, 299), (0, 299)], float)
+    to_face = ProjectiveTransform.from_estimate(np.array(CORNERS), ends)
+    raw = warp(face, to_face, output_shape=(480, 640), order=1, preserve_range=True, mode="edge")
+    seen = face_view(np.rint(raw).astype(np.uint8), sensor)
+    assert seen.shape == face.shape
+    inner = np.s_[4:-4, 4:-4]
+    assert np.abs(seen[inner] - face[inner]).mean() < 1.0
+    assert np.unravel_index(seen.sum(axis=2).argmax(), seen.shape[:2]) == pytest.approx((40, 60), abs=2)
+    assert np.array_equal(face_view(seen, sensor), seen)  # a frame of the face stays
+
+
+def test_the_order_of_the_corners_turns_the_frame() -> None:
+    half = own_wedge(corners_px=[list(CORNERS[number]) for number in (2, 3, 0, 1)])
+    raw = np.random.default_rng(5).integers(20, 200, (480, 640, 3)).astype(np.uint8)
+    upright, turned = (face_view(raw, sensor).astype(int) for sensor in (own_wedge(), half))
+    assert np.abs(upright[::-1, ::-1] - turned).max() <= 1
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"corners_px": [[0, 0], [1, 1]]}, "four places"),
+        ({"corners_px": [[90, 60], [600, 440], [560, 75], [50, 425]]}, "without crossing"),
+        ({"corners_px": [[90, 60], [5600, 75], [600, 440], [50, 425]]}, "corners_px must lie in"),
+        ({"raw_px": [400, 300]}, "must differ from raw_px"),
+        ({"bits": 40}, "bits must"),
+    ],
+)
+def test_corners_that_are_none_are_refused_in_a_sentence(changes, said) -> None:
+    with pytest.raises(InputError, match=said):
+        own_wedge(**changes)
+
+
+@pytest.mark.parametrize("bits", [10, 12, 14, 16])
+def test_a_file_of_sixteen_bits_has_the_levels_of_its_camera_or_asks(bits: int) -> None:
+    face = np.clip(asymmetric_face(), 0, 255)
+    stored = np.rint(face * ((2**bits - 1) / 255.0)).astype(np.uint16)
+    told = own_wedge(bits=bits)
+    assert np.abs(gel_levels(stored, told) - face).max() < 0.2
+    if bits in (12, 16):
+        assert np.abs(gel_levels(stored, load_sensor("gelsight-wedge")) - face).max() < 0.2
+    else:
+        with pytest.raises(InputError, match="must tell its bits"):
+            gel_levels(stored, load_sensor("gelsight-wedge"))
