@@ -35,7 +35,7 @@ def page(address: str, browser: Browser) -> Iterator[Page]:
         opened = context.new_page()
         complaints: list[str] = []
         opened.on("console", lambda message: complaints.append(message.text) if message.type == "error" else None)
-        opened.on("pageerror", lambda error: complaints.append(str(error)))
+        opened.on("pageerror", lambda error: complaints.append(error.stack or str(error)))
         opened.goto(address)
         opened.locator("figure.surface").wait_for()
         yield opened

@@ -28,6 +28,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 from tsis.console.live.hub import (
+    DIFFERENCE,
     GREY,
     MAPS,
     LiveHub,
@@ -38,6 +39,7 @@ from tsis.console.live.hub import (
     live_view,
     packed_colours,
     packet,
+    still_packet,
 )
 from tsis.console.services.frames import ContactView, FrameAnalysis
 from tsis.errors import InputError, UnknownNameError
@@ -142,20 +144,34 @@ def test_an_unknown_map_is_refused() -> None:
         packed_colours("jet")
 
 
-def test_ends_are_two_levels_or_auto() -> None:
-    assert checked_ends((10, 200)) == [10.0, 200.0]
-    assert checked_ends("auto") == "auto"
+def test_signs_are_told_by_blue_and_red_about_white() -> None:
+    red, _, blue = unpacked(DIFFERENCE)[:, :3].T.astype(int)
+    assert (red[:100] < blue[:100]).all()
+    assert (red[156:] > blue[156:]).all()
+    assert unpacked(DIFFERENCE)[127:129, :3].min() > 240
+
+
+@pytest.mark.parametrize(("full_scale", "zero"), [(255.0, 0.0), (4095.0, 0.0), (80.0, -40.0)])
+def test_a_single_frame_comes_whole_with_the_level_of_black(full_scale: float, zero: float) -> None:
+    grey = np.linspace(zero, zero + full_scale, 60 * 50).reshape(60, 50)
+    created = still_packet(TactileImage(grey=grey, full_scale=full_scale), zero=zero)
+    head, body = taken_apart(created)
+    assert (head["encoding"], head["rows"], head["columns"], head["full_scale"]) == (1, 60, 50, full_scale)
+    assert np.frombuffer(created[28:32], "<f4")[0] == zero
+    shown = np.asarray(Image.open(io.BytesIO(body)), float)
+    assert np.abs(zero + shown / 255 * full_scale - grey).max() <= full_scale / 510 * 1.01
+
+
+def test_ends_are_two_levels_and_an_exponent() -> None:
+    assert checked_ends((10, 200), 0.5) == [10.0, 200.0, 0.5]
+    with pytest.raises(InputError, match="gamma"):
+        checked_ends((10, 200), 0.0)
 
 
 @pytest.mark.parametrize("ends", [(10, 10), (200, 10), (-1, 10), (0, 256), (float("nan"), 3), (0, float("inf"))])
 def test_ends_that_make_no_map_are_refused(ends: tuple[float, float]) -> None:
     with pytest.raises(InputError, match=re.compile("low|high")):
-        checked_ends(ends)
-
-
-def test_a_word_that_is_not_auto_is_refused() -> None:
-    with pytest.raises(UnknownNameError, match="automatic"):
-        checked_ends("automatic")
+        checked_ends(ends, 1.0)
 
 
 ANALYSIS = FrameAnalysis(

@@ -131,7 +131,7 @@ def test_the_histogram_is_that_of_numpy(full_scale: float, kind: type[np.generic
 
 @pytest.mark.parametrize(
     ("bin_of_pixels", "clipped", "message"),
-    [(2, 0.0, "uses 3% of the scale"), (40, 0.0, ""), (63, 0.25, "25.0% of the pixels are at full scale")],
+    [(8, 0.0, "uses 3% of the scale"), (160, 0.0, ""), (255, 0.25, "25.0% of the pixels are at full scale")],
 )
 def test_the_exposure_is_judged(bin_of_pixels: int, clipped: float, message: str) -> None:
     counts = np.zeros(BINS, dtype=np.int64)

@@ -27,6 +27,7 @@ from tsis.model.require import require_number, require_one_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
+    from typing import Any
 
     from numpy.typing import NDArray
     from starlette.websockets import WebSocket
@@ -36,16 +37,21 @@ if TYPE_CHECKING:
 
 
 GREY = "grey"
+DIFFERENCE = "difference"  # from blue over white to red, for signs
 MAPS = (*COLOUR_MAPS, GREY)
-AUTO = "auto"
 FULL = 255.0
+GAMMAS = (0.1, 10.0)
 FIRST_MAP = "viridis"
 
 
-@lru_cache(maxsize=len(MAPS))
+@lru_cache(maxsize=len(MAPS) + 1)
 def packed_colours(map_name: str) -> tuple[int, ...]:
     """256 colours as the 32-bit integers of a canvas: red lowest, alpha 255."""
-    if require_one_of("colour map", map_name, MAPS) == GREY:
+    if map_name == DIFFERENCE:
+        ends = np.array([[33, 102, 172], [247, 247, 247], [178, 24, 43]])
+        rgb = np.stack([np.interp(np.arange(256), (0, 127.5, 255), part) for part in ends.T], axis=1).round()
+        rgb = rgb.astype(np.uint32)
+    elif require_one_of("colour map", map_name, MAPS) == GREY:
         rgb = np.repeat(np.arange(256, dtype=np.uint32)[:, None], 3, axis=1)
     else:
         levels = np.arange(256, dtype=float)[None, :]
@@ -54,20 +60,18 @@ def packed_colours(map_name: str) -> tuple[int, ...]:
     return tuple(packed.tolist())
 
 
-def checked_ends(ends: str | tuple[float, float]) -> str | list[float]:
-    """The two ends of a colour map in levels of 255, or ``"auto"``; `InputError` for anything else."""
-    if isinstance(ends, str):
-        return require_one_of("ends", ends, (AUTO,))
+def checked_ends(ends: tuple[float, float], gamma: float) -> list[float]:
+    """The two ends of a colour map in levels of 255 and the exponent between them; `InputError` for anything else."""
     low, high = (require_number(name, end, 0.0, FULL) for name, end in zip(("low", "high"), ends, strict=True))
     if high <= low:
         raise InputError(f"high must exceed low = {low:g}; got {high:g}")
-    return [low, high]
+    return [low, high, require_number("gamma", gamma, *GAMMAS)]
 
 
-# magic, encoding, three bytes unused, number of the frame, rows, columns, when it came in ms, full scale, unused
-HEADER = struct.Struct("<4sB3xIHHdfI")
+# magic, encoding, three bytes unused, number of the frame, rows, columns, when it came in ms, full scale, black's level
+HEADER = struct.Struct("<4sB3xIHHdff")
 MAGIC = b"TSF1"
-RAW, JPEG = 0, 1
+RAW, PICTURE = 0, 1
 BITS_8 = 255.0
 
 
@@ -83,18 +87,28 @@ def packet(frame: ReceivedFrame, *, number: int, came_ms: float, jpeg_quality: i
     """
     levels = display_levels(frame)
     rows, columns = levels.shape
-    encoding = RAW if jpeg_quality is None else JPEG
-    header = HEADER.pack(MAGIC, encoding, number % 2**32, rows, columns, came_ms, frame.frame.full_scale, 0)
+    encoding = RAW if jpeg_quality is None else PICTURE
+    header = HEADER.pack(MAGIC, encoding, number % 2**32, rows, columns, came_ms, frame.frame.full_scale, 0.0)
     if jpeg_quality is None:
         return header + levels.tobytes()
     return header + encode_picture(levels, "jpg", quality=jpeg_quality)
 
 
+def still_packet(image: TactileImage, *, zero: float = 0.0) -> bytes:
+    """A single frame in the same form, losslessly; ``zero`` is the grey level that is shown black."""
+    levels = shown_levels(image.grey - zero, image.full_scale)
+    header = HEADER.pack(MAGIC, PICTURE, 0, *levels.shape, 0.0, image.full_scale, zero)
+    return header + encode_picture(levels)
+
+
 def display_levels(frame: ReceivedFrame) -> NDArray[np.uint8]:
     """Grey levels with 255 at full scale, shape (rows, columns), uint8: a screen shows no more."""
-    pixels, full_scale = np.asarray(frame.frame.pixels), frame.frame.full_scale
-    if is_as_shown(frame):
-        return pixels
+    pixels = np.asarray(frame.frame.pixels)
+    return pixels if is_as_shown(frame) else shown_levels(pixels, frame.frame.full_scale)
+
+
+def shown_levels(pixels: NDArray[Any], full_scale: float) -> NDArray[np.uint8]:
+    """Grey levels as `display_levels`, of any kind of number."""
     scaled = np.clip(pixels.astype(np.float32) * (BITS_8 / full_scale), 0.0, BITS_8)
     return np.asarray(np.rint(scaled), dtype=np.uint8)
 

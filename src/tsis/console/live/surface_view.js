@@ -1,142 +1,111 @@
-// The live image as a relief that can be turned.
+// The live image as a relief that can be turned, by ECharts GL.
 
-import { blockMeans, coloured, colourTable, drawAxes, endsOf, Relief, streamOf } from "tsis-live";
+import { coloured, levelText, streamOf } from "tsis-live";
+import { echarts, loadEchartsGL } from "nicegui-echart";
 
 const ACROSS = 64; // blocks
-const EVERY_MS = 55; // between two drawings: a hand sees no more, and the live image goes before
-const HEIGHT = 0.7; // of the drawing over its width
-const MOST_PIXELS = 640; // of its width
-const TURN = Math.PI / 18; // by an arrow key
-const START = { azimuth: -0.5, elevation: 0.65 };
-const [FLATTEST, STEEPEST] = [0.15, Math.PI / 2];
+const EVERY_MS = 200; // between two drawings: the live image goes before
+const TURNS = { ArrowLeft: ["beta", -10], ArrowRight: ["beta", 10], ArrowUp: ["alpha", 10], ArrowDown: ["alpha", -10] };
+const START = { alpha: 35, beta: 25 };
 const TOPS = [25, 50, 100, 150, 200, 255]; // heights in grey levels
 const REMEMBERED = 120;
 
 export default {
   template: `
     <figure class="surface">
-      <canvas ref="canvas" class="surface-image" tabindex="0" role="img" :aria-label="label"
-        @keydown="turnByKey" @pointerdown="grasp" @pointermove="drag" @pointerup="release" @pointercancel="release">
-      </canvas>
-      <figcaption class="live-caption"><span>Drag, or press arrow keys here, to turn it</span>
+      <div ref="place" class="surface-image" tabindex="0" role="img" :aria-label="label" @keydown="turn"></div>
+      <figcaption class="live-caption"><span>{{ refused || "Drag, or press arrow keys here, to turn it" }}</span>
         <button type="button" class="surface-reset" @click="reset">Turn back</button></figcaption>
     </figure>`,
   mixins: [coloured],
-  mounted() {
-    this.turned = { ...START };
+  data: () => ({ refused: "" }),
+  async mounted() {
     this.drawn = [];
-    this.top = TOPS[0];
-    this.colour();
-    this.observer = new ResizeObserver(() => this.fit());
-    this.observer.observe(this.$refs.canvas);
-    this.fit();
-    this.leave = streamOf(this.address).join({
-      frame: (frame) => this.see(frame),
-      analysis: (analysis) => this.seeEnds(analysis),
-    });
+    await loadEchartsGL();
+    if (!this.$refs.place) return; // it is gone already
+    if (!document.createElement("canvas").getContext("webgl")) {
+      this.refused = "This browser shows no relief: it has no WebGL.";
+      return;
+    }
+    this.chart = echarts.init(this.$refs.place);
+    this.observer = new ResizeObserver(() => this.chart.resize());
+    this.observer.observe(this.$refs.place);
+    this.leave = streamOf(this.address).join({ frame: (frame) => this.see(frame) });
   },
   unmounted() {
-    this.leave();
-    this.observer.disconnect();
+    this.leave?.();
+    this.observer?.disconnect();
+    this.chart?.dispose();
   },
   watch: {
     colours() {
-      this.colour();
       this.draw();
     },
     ends() {
-      this.colour();
-      this.draw();
-    },
-    mmPerPixel() {
       this.draw();
     },
   },
   methods: {
-    seeEnds(analysis) {
-      this.counts = analysis?.histogram;
-      if (this.ends === "auto") this.colour();
-    },
-    colour() {
-      const ends = endsOf(this.ends, this.counts);
-      const name = ends.join();
-      if (name === this.endsNow && this.colours === this.coloursNow) return; // shades are made anew for a new table
-      [this.endsNow, this.coloursNow] = [name, this.colours];
-      this.table = colourTable(this.colours, ends);
-    },
-    fit() {
-      const wide = this.$refs.canvas.clientWidth * window.devicePixelRatio;
-      const width = Math.max(200, Math.min(MOST_PIXELS, Math.round(wide)));
-      if (this.relief?.width === width) return;
-      const height = Math.round(HEIGHT * width);
-      [this.$refs.canvas.width, this.$refs.canvas.height] = [width, height];
-      this.context = this.$refs.canvas.getContext("2d");
-      this.relief = new Relief(width, height);
-      this.draw();
-    },
     see(frame) {
       const now = performance.now();
-      if (now - (this.seenAt ?? -EVERY_MS) < EVERY_MS) return;
-      this.seenAt = now;
-      this.frame = { rows: frame.rows, columns: frame.columns };
-      this.mesh = blockMeans(frame, ACROSS);
+      if (now - (this.drawn.at(-1) ?? -EVERY_MS) < EVERY_MS) return;
+      this.frame = frame;
       this.draw();
       this.drawn.push(now);
       if (this.drawn.length > REMEMBERED) this.drawn.shift();
     },
     draw() {
-      if (!this.mesh || !this.relief) return;
+      if (!this.frame || !this.chart) return;
       const { rows, columns } = this.frame;
       const [wide, high] = this.mmPerPixel ?? [1, 1];
-      const [width, depth] = [columns * wide, rows * high];
-      this.raise();
-      const view = this.relief.paint(this.mesh, {
-        ...this.turned,
-        table: this.table,
-        aspect: depth / width,
-        top: this.top,
+      const [width, depth, unit] = [columns * wide, rows * high, this.mmPerPixel ? "mm" : "pixels"];
+      const mesh = blockMeans(this.frame, ACROSS);
+      const data = Array.from(mesh.levels, (level, at) => [
+        ((at % mesh.columns) + 0.5) * mesh.side * wide, (Math.floor(at / mesh.columns) + 0.5) * mesh.side * high, level,
+      ]);
+      const levels = data.map((place) => place[2]);
+      const low = Math.min(...levels);
+      // The height of the box follows the picture in steps, and not back at once, so that it does not flicker.
+      const extent = Math.max(...levels) - low;
+      if (!this.top || extent > this.top || extent < 0.4 * this.top) this.top = TOPS.find((top) => top >= extent) ?? 255;
+      const colour = getComputedStyle(this.$refs.place).color;
+      const axis = { type: "value", min: 0, axisLine: { lineStyle: { color: colour } }, axisLabel: { color: colour }, nameTextStyle: { color: colour } };
+      const [from, to, gamma] = this.ends;
+      const share = (level) => Math.min(Math.max((level - from) / (to - from), 0), 1) ** gamma;
+      this.chart.setOption({
+        grid3D: { boxWidth: 100, boxDepth: (100 * depth) / width, boxHeight: 42, light: { main: { intensity: 1.2 } },
+          ...(this.drawn.length ? {} : { viewControl: { ...START, animation: false } }) },
+        xAxis3D: { ...axis, max: width, name: `x, ${unit}` },
+        yAxis3D: { ...axis, max: depth, name: `y, ${unit}`, inverse: true },
+        zAxis3D: { ...axis, min: low, max: low + this.top, name: "grey", axisLabel: { color: colour, formatter: (level) => levelText(this.frame, level) } },
+        visualMap: { show: false, min: 0, max: 255, inRange: { color: this.scale256(share) } },
+        series: [{ type: "surface", data, dataShape: [mesh.rows, mesh.columns], wireframe: { show: false }, shading: "lambert" }],
       });
-      this.context.putImageData(this.relief.image, 0, 0);
-      const colour = getComputedStyle(this.$refs.canvas).color;
-      drawAxes(this.context, view, { width, depth, unit: this.mmPerPixel ? "mm" : "pixels", top: this.top, colour });
     },
-    // The height of the box follows the picture in steps, and not back at once, so that it does not flicker.
-    raise() {
-      let [low, high] = [255, 0];
-      for (const level of this.mesh.levels) [low, high] = [Math.min(low, level), Math.max(high, level)];
-      const extent = high - low;
-      if (extent > this.top || extent < 0.4 * this.top) this.top = TOPS.find((top) => top >= extent) ?? 255;
-    },
-    turn(azimuth, elevation) {
-      this.turned.azimuth = (this.turned.azimuth + azimuth) % (2 * Math.PI);
-      this.turned.elevation = Math.min(Math.max(this.turned.elevation + elevation, FLATTEST), STEEPEST);
-      cancelAnimationFrame(this.asked);
-      this.asked = requestAnimationFrame(() => this.draw());
+    // The colours of the levels 0 to 255.
+    scale256(share) {
+      return Array.from({ length: 256 }, (_, level) => {
+        const packed = this.colours[Math.round(255 * share(level))];
+        return `rgb(${packed & 255}, ${(packed >> 8) & 255}, ${(packed >> 16) & 255})`;
+      });
     },
     reset() {
-      this.turned = { ...START };
-      this.draw();
+      this.turnTo(START);
     },
-    turnByKey(event) {
-      const turns = { ArrowLeft: [TURN, 0], ArrowRight: [-TURN, 0], ArrowUp: [0, TURN], ArrowDown: [0, -TURN] };
-      if (event.key === "Home") this.reset();
-      else if (turns[event.key]) this.turn(...turns[event.key]);
-      else return;
+    turnTo({ alpha, beta }) {
+      if (!this.chart?.getOption()) return; // nothing is drawn yet
+      this.chart.setOption({ grid3D: { viewControl: { alpha, beta } } });
+    },
+    turn(event) {
+      if (!(event.key in TURNS) || !this.chart) return;
+      const [angle, by] = TURNS[event.key];
+      const { alpha, beta } = this.turned();
+      this.turnTo({ alpha, beta, [angle]: { alpha, beta }[angle] + by });
       event.preventDefault();
       event.stopPropagation(); // elsewhere arrows choose a target
     },
-    grasp(event) {
-      this.grasped = [event.clientX, event.clientY];
-      this.$refs.canvas.setPointerCapture(event.pointerId);
-    },
-    drag(event) {
-      if (!this.grasped) return;
-      const [x, y] = this.grasped;
-      this.grasped = [event.clientX, event.clientY];
-      this.turn((x - event.clientX) * 0.01, (event.clientY - y) * 0.01);
-    },
-    release() {
-      this.grasped = null;
+    turned() {
+      return this.chart.getOption().grid3D[0].viewControl;
     },
     // For those who judge it: when it was drawn for a new frame, ms.
     measured() {
@@ -144,3 +113,15 @@ export default {
     },
   },
 };
+
+// Means of square blocks, about so many across.
+function blockMeans(frame, across) {
+  const side = Math.max(1, Math.floor(frame.columns / across));
+  const [columns, rows] = [Math.floor(frame.columns / side), Math.floor(frame.rows / side)];
+  const levels = new Float32Array(rows * columns);
+  for (let y = 0; y < rows * side; y++) {
+    const base = Math.floor(y / side) * columns;
+    for (let x = 0; x < columns * side; x++) levels[base + Math.floor(x / side)] += frame.pixels[y * frame.columns + x];
+  }
+  return { levels: levels.map((sum) => sum / side ** 2), rows, columns, side };
+}

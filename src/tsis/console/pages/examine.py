@@ -12,8 +12,9 @@ from nicegui.element import Element
 
 from tsis.__about__ import LARGEST_TARGET
 from tsis.console import widgets
-from tsis.console.live.hub import FIRST_MAP
-from tsis.console.live.view import Histogram, LiveView, SurfaceView
+from tsis.console.live.panel import FramePanel
+from tsis.console.live.press_curve import PressCurve
+from tsis.console.live.view import LiveView, SurfaceView
 from tsis.console.messages import FORCE, field_messages, plain_message
 from tsis.console.services.captures import MOST_SEQUENCE_FRAMES
 from tsis.console.services.choice import CameraChoice
@@ -579,80 +580,56 @@ class Keys(Element, component="keys.js"):
         self.on("step", lambda event: step(1 if event.args == 1 else -1))
 
 
-MAPS = ("grey", "cividis", "inferno", "viridis")
-FULL_RANGE, AUTOMATIC, MANUAL = "full", "automatic", "manual"
+MEASURE_EVERY_S = 0.3  # the newest frame
 
 
 class LivePanel:
-    """The live image."""
+    """The live image with its tools, beside it a relief on request, below it the press over time."""
 
-    def __init__(self) -> None:
-        self._map = FIRST_MAP
-        self._range_ends: str | tuple[float, float] = (0.0, 255.0)
+    def __init__(self, instrument: Instrument) -> None:
+        self._instrument = instrument
         self._surface: SurfaceView | None = None
         with ui.element("div").classes("panel live-panel") as self.single:
-            self._tools()
-            with ui.element("div").classes("live-pair") as self._pair:
-                self.view = LiveView(map_name=FIRST_MAP)
+            self.frames = FramePanel(lambda map_name: LiveView(map_name=map_name), instrument.newest_image, self._shown)
+            self.view = self.frames.view
+            with self.frames.switches:
+                ui.switch("Freeze", value=False, on_change=lambda event: self.view.freeze(bool(event.value)))
+                ui.switch("Contact", value=True, on_change=lambda event: self.view.overlay(bool(event.value)))
+                ui.switch("3-D", value=False, on_change=self._three)
+                ui.element("div").classes("spring")
+                alone = ui.button(icon="fullscreen").props('flat dense round aria-label="Full screen"')
+                # What F does too; in the browser, where only a click may fill the screen.
+                alone.on("click", js_handler="() => document.dispatchEvent(new CustomEvent('tsis-alone'))")
+            with self.frames.beside:
                 self._surface_container = ui.element("div").classes("surface-place")
             self._surface_container.set_visibility(False)
             self._camera = ui.label().classes("muted camera-line")
-        with ui.element("div").classes("panel histogram-panel"):
-            self.histogram = Histogram()
-
-    def _tools(self) -> None:
-        with ui.element("div").classes("row tools"):
-            colours = widgets.select_field(list(MAPS), value=FIRST_MAP, label="Colours", on_change=self._colour)
-            ranges = {name: name for name in (FULL_RANGE, AUTOMATIC, MANUAL)}
-            self._range = widgets.select_field(ranges, value=FULL_RANGE, label="Range", on_change=self._ranged)
-            for select in (colours, self._range):
-                select.props("dense outlined").classes("colours")
-            ui.switch("Freeze", value=False, on_change=lambda event: self.view.freeze(bool(event.value)))
-            ui.switch("Clipping", value=False, on_change=lambda event: self.view.mark_limits(bool(event.value)))
-            ui.switch("Contact", value=True, on_change=lambda event: self.view.overlay(bool(event.value)))
-            ui.switch("3-D", value=False, on_change=self._three)
-            ui.element("div").classes("spring")
-            alone = ui.button(icon="fullscreen").props('flat dense round aria-label="Full screen"')
-            # What F does too; in the browser, where only a click may fill the screen.
-            alone.on("click", js_handler="() => document.dispatchEvent(new CustomEvent('tsis-alone'))")
-        self._ends = ui.range(min=0, max=255, step=1, value={"min": 0, "max": 255}, on_change=self._ranged)
-        self._ends.props('dense label aria-label="Grey levels of the colour range, of 255"')
-        self._ends.set_visibility(False)
-
-    def _ranged(self) -> None:
-        by_hand = self._range.value == MANUAL
-        self._ends.set_visibility(by_hand)
-        low, high = self._ends.value["min"], self._ends.value["max"]
-        ends: str | tuple[float, float] = "auto" if self._range.value == AUTOMATIC else (0.0, 255.0)
-        if by_hand:
-            ends = (low, max(high, low + 1)) if low < 255 else (254.0, 255.0)
-        self._range_ends = ends
-        self.view.ends(ends)
-        if self._surface is not None:
-            self._surface.ends(ends)
+        with widgets.panel("Press", style="panel"):
+            self._curve = PressCurve()
 
     def show(self, state: InstrumentState) -> None:
         """Show the camera's state; the frames come over their own connection."""
         self.view.update_state(state)
-        self.histogram.update_state(state)
+        self.frames.range.show(state.frame_analysis, state.camera.full_scale)
         if self._surface is not None:
             self._surface.update_state(state)
         self._camera.text = widgets.camera_line(state)
+        self._curve.show(self._instrument.moments(), state.camera.mm_per_pixel)
 
-    def _colour(self, event: ValueChangeEventArguments[str]) -> None:
-        self._map = event.value
-        self.view.colour(event.value)
+    def _shown(self, map_name: str, ends: tuple[float, float], gamma: float) -> None:
         if self._surface is not None:
-            self._surface.colour(event.value)
+            self._surface.colour(map_name)
+            self._surface.ends(ends, gamma)
 
     def _three(self, event: ValueChangeEventArguments[bool | None]) -> None:
         self._surface_container.set_visibility(bool(event.value))
-        widgets.set_class(self._pair, "two", bool(event.value))
+        widgets.set_class(self.frames.beside, "two", bool(event.value))
         self._surface_container.clear()
         self._surface = None
         if event.value:
             with self._surface_container:
-                self._surface = SurfaceView(map_name=self._map, ends=self._range_ends)
+                self._surface = SurfaceView()
+            self.frames.apply()
 
 
 def examine_page(instrument: Instrument, viewer: Viewer) -> None:
@@ -669,7 +646,7 @@ def examine_page(instrument: Instrument, viewer: Viewer) -> None:
         order = WorkOrder(instrument, viewer, controls)
     with ui.element("div").classes("split examine"):
         with ui.element("section").classes("stack").props('aria-label="Live image"'):
-            live = LivePanel()
+            live = LivePanel(instrument)
         with ui.element("section").classes("stack").props('aria-label="Press, estimate and camera"'):
             with ui.element("div").classes("panel stack tight"):
                 press = PressPanel(instrument, viewer, controls)
@@ -700,6 +677,7 @@ def examine_page(instrument: Instrument, viewer: Viewer) -> None:
             part.show(state)
 
     viewer.follow(show)
+    viewer.every(MEASURE_EVERY_S, live.frames.tools.refresh)
 
 
 TO_PRESS = ("calibration", "reference", "presses")  # steps for which a snapshot is the next thing

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import logging
+import math
 import threading
 import time
+from collections import deque
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -38,7 +40,7 @@ if TYPE_CHECKING:
     from tsis.model.gel_sensor import GelSensor
 
 
-BINS, OUTLINE_POINTS = 64, 96  # of the histogram, and of a contact
+BINS, OUTLINE_POINTS = 256, 96  # of the histogram, and of a contact
 LARGEST_SIDE_PX = 192  # to which a frame is reduced before the search for its contact
 CLIPPED = 0.001  # share of pixels at full scale
 DIM, BRIGHT_QUANTILE = 0.15, 0.99  # of the scale, which the brightest hundredth reaches
@@ -58,6 +60,20 @@ class ContactView:
 
     centroid_px: tuple[float, float]
     outline_px: tuple[tuple[float, float], ...]
+
+    def radius(self, mm_per_pixel: tuple[float, float] = (1.0, 1.0)) -> float:
+        """Radius of the circle of the same area as the outline, in mm, or in pixels by default."""
+        x, y = np.array(self.outline_px, dtype=float).reshape(-1, 2).T * np.array(mm_per_pixel)[:, None]
+        return math.sqrt(abs(float(x @ np.roll(y, 1) - y @ np.roll(x, 1))) / 2.0 / math.pi)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PressMoment:
+    """A moment of a press: seconds of a clock that never goes back, force if known, contact if there is one."""
+
+    time_s: float
+    force_n: float | None
+    contact: ContactView | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -278,6 +294,7 @@ def levels_of(received: ReceivedFrame) -> NDArray[Any]:
     return frame.pixels if frame.colour is None else frame.colour
 
 
+MOST_MOMENTS = 400  # at least a minute
 EVERY_S = 0.15  # often enough for the eye, and a small part of a core
 WAIT_S = 0.25
 _log = logging.getLogger(__name__)
@@ -301,9 +318,14 @@ class Watcher:
         self._acquisition, self._reference, self._force, self._gel = acquisition, reference, force, gel
         self.frame_analysis: FrameAnalysis | None = None  # of the newest frame
         self.failure = ""  # why frames cannot be analysed
+        self._moments: deque[PressMoment] = deque(maxlen=MOST_MOMENTS)  # the newest last
         self._anew, self._closing = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._run, name="watcher of presses", daemon=True)
         self._thread.start()
+
+    def moments(self) -> tuple[PressMoment, ...]:
+        """Force and contact of the last frames that were analysed, the newest last."""
+        return tuple(self._moments)
 
     def begin_anew(self) -> None:
         """Forget the press so far: camera, calibration or what is pressed has changed."""
@@ -326,6 +348,7 @@ class Watcher:
                 self._anew.clear()
                 followed, watch, state, position = acquisition, None, WatchState(), 0
                 self.frame_analysis, self.failure = None, ""
+                self._moments.clear()
             if acquisition is not None and away:
                 position = acquisition.ring.end  # earlier frames are of a press before the interruption
                 continue
@@ -345,6 +368,8 @@ class Watcher:
                         watch, state, received.frame, number=position, force=force, untouched=untouched
                     )
                 self.frame_analysis, self.failure = analysis, ""
+                force_n = None if force is None else force.value_n
+                self._moments.append(PressMoment(time_s=received.arrived_s, force_n=force_n, contact=analysis.contact))
             except TsisError as error:  # e.g. a calibration of another size; the live view goes on without flags
                 self.frame_analysis, self.failure = None, str(error)
             except Exception as error:

@@ -55,12 +55,13 @@ if TYPE_CHECKING:
     from tsis.calibration.frames import UsableCalibration
     from tsis.console.services.captures import SavedPress
     from tsis.console.services.choice import CameraChoice, InstrumentSettings, PressForce
-    from tsis.console.services.frames import FrameAnalysis
+    from tsis.console.services.frames import FrameAnalysis, PressMoment
     from tsis.console.services.jobs import Job
     from tsis.console.services.memory import TissueReading
     from tsis.instrument.acquisition import ReceivedFrame
     from tsis.instrument.camera import Camera
     from tsis.instrument.force_log import ForceLog
+    from tsis.model.image import TactileImage
     from tsis.records.store import Store
     from tsis.records.values import StoredEstimate, StoredPress, Target, TargetRecord
 
@@ -278,6 +279,15 @@ class Instrument:
     def frame_analysis(self) -> FrameAnalysis | None:
         """Analysis of the newest frame; None without one."""
         return self._watcher.frame_analysis
+
+    def moments(self) -> tuple[PressMoment, ...]:
+        """Force and contact over the last minute, the newest last."""
+        return self._watcher.moments()
+
+    def newest_image(self) -> TactileImage | None:
+        """The camera's newest frame with the scale of its pixels; None without one."""
+        received = self._newest()
+        return None if received is None else received.frame.tactile_image(mm_per_pixel=self.state().camera.mm_per_pixel)
 
     def state(self) -> InstrumentState:
         """The state that pages show; it never waits for the camera or a command."""
