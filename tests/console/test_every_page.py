@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import TYPE_CHECKING
 
 import pytest
@@ -214,6 +215,41 @@ def test_the_live_image_fills_a_narrow_screen(
         assert box is not None
         assert box["width"] > 0.85 * width
         assert too_wide(page) == []
+
+
+def test_a_snapshot_is_in_reach_on_a_telephone(console: RunningConsole, browser: Browser, desktop: Page) -> None:
+    with tab(browser, console, size=(390, 844), has_touch=True) as page:
+        save = page.get_by_role("button", name="Snapshot")
+        expect(save).to_be_in_viewport(ratio=1)
+        page.mouse.wheel(0, 900)
+        expect(save).to_be_in_viewport(ratio=1)
+
+
+@pytest.mark.parametrize("title", ["Examine", "Records"])
+def test_at_200_percent_the_page_is_not_a_sliver(
+    console: RunningConsole, browser: Browser, desktop: Page, title: str
+) -> None:
+    """1280 x 800 at 200 % is 640 x 400; header and footer scroll away, so that all of it is the page's."""
+    with tab(browser, console, size=(640, 400)) as page:
+        go_to(page, title)
+        page.evaluate("scrollTo(0, 10000)")
+        covered = page.evaluate(
+            """() => [...document.querySelectorAll('.q-header, .q-footer')].filter(
+                 (each) => getComputedStyle(each).position === 'fixed').length"""
+        )
+        assert covered == 0
+        assert too_wide(page) == []
+
+
+def test_links_of_the_navigation_do_not_overlap(console: RunningConsole, browser: Browser, desktop: Page) -> None:
+    with tab(browser, console, size=(390, 844), has_touch=True) as page:
+        boxes = [link.bounding_box() for link in page.get_by_role("navigation").get_by_role("link").all()]
+        edges = [(box["x"], box["x"] + box["width"]) for box in boxes if box]
+        wide = page.evaluate(
+            "() => [...document.querySelectorAll('nav a')].filter((a) => a.scrollWidth > a.clientWidth + 1)"
+        )
+        assert wide == []
+        assert all(end <= start for (_, end), (start, _) in itertools.pairwise(sorted(edges)))
 
 
 def test_the_link_of_the_open_page_is_in_reach_on_a_telephone(

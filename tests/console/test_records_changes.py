@@ -168,7 +168,7 @@ def test_a_press_is_seen_at_large_and_changed(console: RunningConsole, browser: 
     with tab(browser, console, f"/records/{ESTIMATED}") as page:
         page.get_by_role("button", name=re.compile("^Open the press on the target, 1 N")).click()
         dialog = page.get_by_role("dialog")
-        dialog.get_by_role("img", name=re.compile("^Frame on the target, 1 N")).wait_for()
+        dialog.get_by_role("img", name=re.compile("^Frame on the target, 1 N")).wait_for(state="attached")
         still(page)
         picture(page, "records-press")
         assert faults(page) == []

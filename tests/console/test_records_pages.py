@@ -6,7 +6,9 @@ import re
 import zipfile
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pytest
+from playwright.sync_api import expect
 from tests.console.accessible import faults, too_wide
 from tests.console.browser import needs_browser, picture
 from tests.console.filled_store import ESTIMATED, HARD, MANY, PRESSES, fill, still
@@ -118,18 +120,41 @@ def test_two_presses_are_compared_in_one_scale(console: RunningConsole, browser:
         page.get_by_role("checkbox", name=re.compile("on the target, 1 N")).click()
         page.get_by_role("checkbox", name=re.compile(r"reference \(no inclusion\), 1 N")).click()
         page.get_by_role("button", name="Compare two (2 chosen)").click()
-        page.get_by_role("img", name=re.compile("red where the first is brighter")).wait_for()
-        assert page.locator(".compared img").count() == 3
+        views = page.locator(".compared-frame:visible")
+        expect(views).to_have_count(2)
+        expect(views.locator("canvas")).to_have_count(2)
         change = levels(1, height=0.5).astype(float) - levels(3, height=0.3)
         page.get_by_text(f"root mean square {(change**2).mean() ** 0.5:.3g}").wait_for()
         assert page.get_by_role("row", name=re.compile("^peak")).count() == 1
-        page.locator(".compared").scroll_into_view_if_needed()
+        views.first.scroll_into_view_if_needed()
         picture(page, "records-compared")
         require_pleasant(page)
+        views.first.get_by_role("button", name="Zoom in").click()
+        zooms = (
+            "() => [...document.querySelectorAll('.compared-frame figure.live')].map((each) => getElement(each).zoom)"
+        )
+        page.wait_for_function(f"() => ({zooms})().every((zoom, _, all) => zoom > 1.3 && zoom === all[0])")
+        page.get_by_role("button", name="Blink").click()
+        expect(views).to_have_count(1)
+        first, second = (page.locator(".compared-frame").nth(at) for at in (0, 1))
+        for shown in (second, first):
+            shown.wait_for(state="visible")
+        page.get_by_role("button", name="Difference").click()
+        expect(views).to_have_count(1)
+        middle = "(place) => getElement(place.querySelector('figure.live')).zoom"
+        assert views.evaluate(middle) > 1.3  # the same zoom
+        levels_shown = views.evaluate(
+            """(place) => {
+              const { shown } = getElement(place.querySelector("figure.live"));
+              return Array.from(shown.pixels, (level) => shown.zero + (level / 255) * shown.fullScale);
+            }"""
+        )
+        assert np.abs(np.array(levels_shown).reshape(change.shape) - change).max() <= np.abs(change).max() / 255 * 1.01
+        picture(page, "records-difference")
         page.get_by_role("switch", name="match brightness").click()
         page.get_by_text("brought to the brightness of the first").wait_for()
         page.get_by_role("button", name="Close the comparison").click()
-        page.locator(".compared").wait_for(state="hidden")
+        views.first.wait_for(state="hidden")
 
 
 def test_report_and_paper(console: RunningConsole, browser: Browser, tmp_path: Path) -> None:

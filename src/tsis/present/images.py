@@ -402,7 +402,7 @@ def comparison(image: TactileImage, other: TactileImage, *, match_light: bool = 
     pictures = [_frame(image, top), _frame(other, top)]
     notes: list[str] = []
     try:
-        change = corrections.subtract_background(image, corrections.match_light(other, image) if match_light else other)
+        change = _subtracted(image, other, match_light)
     except TsisError as error:
         notes.append(f"These two cannot be subtracted: {error}.")
     else:
@@ -415,6 +415,18 @@ def comparison(image: TactileImage, other: TactileImage, *, match_light: bool = 
         notes=tuple(notes),
         tables=(_features(image, other),),
     )
+
+
+def difference(image: TactileImage, other: TactileImage, *, match_light: bool = False) -> TactileImage | None:
+    """The first frame minus the second, as in `comparison`; None where they cannot be subtracted."""
+    try:
+        return _subtracted(image, other, match_light)
+    except TsisError:
+        return None
+
+
+def _subtracted(image: TactileImage, other: TactileImage, match_light: bool) -> TactileImage:
+    return corrections.subtract_background(image, corrections.match_light(other, image) if match_light else other)
 
 
 def _frame(image: TactileImage, top: float) -> Picture:

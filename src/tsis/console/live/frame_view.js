@@ -88,8 +88,8 @@ export default {
     this.leaflet.on("mousemove click", (event) => this.read(event.latlng)).on("mouseout", () => HOVERS.matches && this.read(null));
     this.observer = new ResizeObserver(() => this.resized());
     this.observer.observe(this.$refs.map);
-    this.views = linked.get(this.group) ?? new Set();
-    if (this.group) linked.set(this.group, this.views.add(this));
+    this.views = (this.group && linked.get(this.group)) || new Set();
+    linked.set(this.group, this.views.add(this));
     if (this.address) {
       this.stream = streamOf(this.address);
       this.leave = this.stream.join({
@@ -189,12 +189,20 @@ export default {
       this.scaleBar();
       this.begin();
     },
-    // The size of the place for the map has changed: what was whole stays whole.
+    // The size of the place for the map has changed: what was seen stays seen, and what was whole stays whole.
     resized() {
-      if (!this.layer || !this.$refs.map?.clientWidth) return;
-      this.leaflet.invalidateSize({ animate: false });
-      if (this.zoom > 1) this.limit();
+      if (!this.isSeen()) return;
+      this.leaflet.invalidateSize({ animate: false, pan: false });
+      if (this.views.level > 0.01) this.look();
       else this.whole();
+    },
+    isSeen() {
+      return Boolean(this.layer && this.$refs.map?.clientWidth);
+    },
+    // Look at what the group looks at.
+    look() {
+      this.limit();
+      this.leaflet.setView(this.views.centre, this.least + this.views.level, { animate: false });
     },
     limit() {
       this.least = this.leaflet.getBoundsZoom(this.layer.getBounds());
@@ -214,11 +222,11 @@ export default {
       this.leaflet.dragging[this.zoom > 1 && !this.tool ? "enable" : "disable"](); // else a finger scrolls the page
     },
     follow() {
-      const [centre, zoom] = [this.leaflet.getCenter(), this.leaflet.getZoom()];
-      for (const view of this.views) {
-        if (view.layer && (view.leaflet.getZoom() !== zoom || !view.leaflet.getCenter().equals(centre)))
-          view.leaflet.setView(centre, zoom, { animate: false });
-      }
+      if (this.views.busy || !this.isSeen()) return;
+      this.views.busy = true;
+      [this.views.centre, this.views.level] = [this.leaflet.getCenter(), this.leaflet.getZoom() - this.least];
+      for (const view of this.views) if (view !== this && view.isSeen()) view.look();
+      this.views.busy = false;
     },
     wheel(event) {
       if (!event.ctrlKey && !this.$el.closest(".alone")) event.stopPropagation(); // it scrolls the page
@@ -265,7 +273,7 @@ export default {
     },
     line(layer, places, closed) {
       const kind = closed ? L.polygon : L.polyline;
-      kind(places, { interactive: false, fill: false, color: "#fff", weight: 2, className: "live-line" }).addTo(layer);
+      kind(places, { interactive: false, fill: false, color: "#fff", weight: 2, smoothFactor: 0, className: "live-line" }).addTo(layer);
     },
     // What is measured begins in the middle of what is seen; its ends are moved by hand or by arrow keys.
     begin() {

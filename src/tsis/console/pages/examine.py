@@ -584,10 +584,9 @@ MEASURE_EVERY_S = 0.3  # the newest frame
 
 
 class LivePanel:
-    """The live image with its tools, beside it a relief on request, below it the press over time."""
+    """The live image with its tools, beside it a relief on request."""
 
     def __init__(self, instrument: Instrument) -> None:
-        self._instrument = instrument
         self._surface: SurfaceView | None = None
         with ui.element("div").classes("panel live-panel") as self.single:
             self.frames = FramePanel(lambda map_name: LiveView(map_name=map_name), instrument.newest_image, self._shown)
@@ -604,8 +603,6 @@ class LivePanel:
                 self._surface_container = ui.element("div").classes("surface-place")
             self._surface_container.set_visibility(False)
             self._camera = ui.label().classes("muted camera-line")
-        with widgets.panel("Press", style="panel"):
-            self._curve = PressCurve()
 
     def show(self, state: InstrumentState) -> None:
         """Show the camera's state; the frames come over their own connection."""
@@ -614,7 +611,6 @@ class LivePanel:
         if self._surface is not None:
             self._surface.update_state(state)
         self._camera.text = widgets.camera_line(state)
-        self._curve.show(self._instrument.moments(), state.camera.mm_per_pixel)
 
     def _shown(self, map_name: str, ends: tuple[float, float], gamma: float) -> None:
         if self._surface is not None:
@@ -655,6 +651,8 @@ def examine_page(instrument: Instrument, viewer: Viewer) -> None:
                 tissue = TissueRow(instrument, viewer, controls)
                 flags = FlagList()
                 controls.why()
+            with ui.element("div").classes("panel"):
+                curve = PressCurve()
             with ui.element("div").classes("panel under-tabs"):
                 with ui.tabs().props("dense no-caps align=left") as tabs:
                     reported, set_up, recorded = (ui.tab(name) for name in ("Estimate", "Settings", "Sequence"))
@@ -671,6 +669,7 @@ def examine_page(instrument: Instrument, viewer: Viewer) -> None:
         nonlocal latest
         latest = state
         order.show(state)
+        curve.show(instrument.moments(), state.camera.mm_per_pixel)
         press.show(state, main=order.main)
         estimate.show(state, main=order.main)
         for part in (live, force, tissue, flags, settings, sequence, controls):
@@ -688,7 +687,7 @@ class PressPanel:
 
     def __init__(self, instrument: Instrument, viewer: Viewer, controls: widgets.OperatorControls) -> None:
         self._instrument, self._viewer, self._saving = instrument, viewer, False
-        with ui.element("div").classes("row"):
+        with ui.element("div").classes("row snapshot-row"):
             self._run = widgets.RunButton(instrument, viewer)
             self._save = widgets.button("Snapshot", self.snapshot, icon="photo_camera", look="unelevated")
             with ui.element("div").classes("stepper"):

@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING
 from nicegui import ui
 
 from tsis.__about__ import LARGEST_TARGET
+from tsis.calibration.frames import read_press_image
 from tsis.console import widgets
+from tsis.console.live.panel import still_panel
 from tsis.console.services.captures import (
     IMAGE_ROLES,
     MOST_OWN_FRAMES,
@@ -118,8 +120,22 @@ class OwnImagesPage:
             for message in opened.refused:
                 widgets.list_message(message, "flag")
         with self._rows:
-            self.rows += [FrameRow(image, self._remove) for image in opened.images[: MOST_OWN_FRAMES - len(self.rows)]]
+            self.rows += [
+                FrameRow(image, self._remove, self.view) for image in opened.images[: MOST_OWN_FRAMES - len(self.rows)]
+            ]
         self._panel.set_visibility(bool(self.rows))
+
+    async def view(self, row: FrameRow) -> None:
+        """Show a frame with all tools; the scale as typed."""
+        image = await widgets.submit(
+            self._viewer,
+            {"mm_per_pixel": self.scale_field},
+            lambda: replace(read_press_image(row.frame().path), mm_per_pixel=self.scale()),
+        )
+        if image is not None:
+            with widgets.open_dialog(self._results, row.name, style="dialog-card wide") as dialog:
+                still_panel(image, f"Frame {row.name}")
+                widgets.button("Close", dialog.close)
 
     def _remove(self, row: FrameRow) -> None:
         self.rows.remove(row)
@@ -188,7 +204,7 @@ class OwnImagesPage:
 class FrameRow:
     """One opened frame: what was pressed, and the force; removed by ``remove``."""
 
-    def __init__(self, image: OwnImage, remove: Callable[[FrameRow], None]) -> None:
+    def __init__(self, image: OwnImage, remove: Callable[[FrameRow], None], view: Callable[[FrameRow], object]) -> None:
         self._image, self.name = image, image.name
         with ui.element("tr") as self.element:
             widgets.cell(image.name)
@@ -202,6 +218,8 @@ class FrameRow:
                 self.force.props["aria-label"] = f"Force in newtons, {image.name}"
                 widgets.explain(self.force, "Force in newtons")
             with ui.element("td"):
+                button = ui.button(icon="visibility", on_click=lambda: view(self)).props("flat dense round")
+                button.props["aria-label"] = f"View {image.name}"
                 button = ui.button(icon="close", on_click=lambda: remove(self)).props("flat dense round")
                 button.props["aria-label"] = f"Remove {image.name}"
 

@@ -130,8 +130,8 @@ def jobs_page(instrument: Instrument, viewer: Viewer) -> None:
         with widgets.panel("History"):
             widgets.muted("Jobs of this session and of earlier ones; a target's job links to its page.")
             columns = [{"name": name, "label": label, "field": name, "align": "left"} for name, label in COLUMNS]
-            table = ui.table(rows=[], columns=columns, row_key="identity", pagination=25)
-            table.props("flat dense wrap-cells").props["rows-per-page-label"] = "Jobs on a page"
+            table = ui.table(rows=[], columns=columns, row_key="identity", pagination=10)
+            table.props("flat dense").props["rows-per-page-label"] = "Jobs on a page"
             with table.add_slot("no-data"):
                 widgets.muted("No job has finished yet.")
             table.add_slot("body-cell-title", LINK)

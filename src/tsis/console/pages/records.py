@@ -90,15 +90,6 @@ def read_target(store: Store, number: str, offset: int) -> TargetView:
     )
 
 
-def fault_of(store: Store, press: StoredPress) -> str:
-    """Why the frame of a press cannot be read; empty when it can."""
-    try:
-        store.levels(press.frame)
-    except TsisError as error:
-        return str(error)
-    return ""
-
-
 def flags_of(press: StoredPress, *, private: bool) -> tuple[str, ...]:
     """Flags as they may be shown: of a subject only those that tsis raises."""
     return tuple(flag if not private or flag in GUARD_FLAGS else UNKNOWN_FLAG for flag in press.flags)

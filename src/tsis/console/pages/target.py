@@ -13,20 +13,22 @@ from nicegui import run, ui
 from tsis.calibration.guard.limits import GUARD_FLAGS
 from tsis.console import widgets
 from tsis.console.files import sequence_folders
+from tsis.console.live.comparison import Comparison
+from tsis.console.live.panel import still_panel
 from tsis.console.messages import FORCE, field_messages
 from tsis.console.pages.records import (
     AT_ONCE,
     TargetView,
     export_button,
-    fault_of,
     flags_of,
     follow_job,
     follow_store,
     read_target,
 )
 from tsis.errors import StaleRecordError, TsisError
+from tsis.model.image import TactileImage
 from tsis.present.hardness import estimate_messages_of
-from tsis.present.images import comparison
+from tsis.present.images import comparison, difference
 from tsis.present.labels import quantity_of
 from tsis.present.records import recomputation_message, recomputation_notes, shift_table
 from tsis.present.target import (
@@ -196,10 +198,7 @@ class Editing(ABC, Generic[Record]):
                 widgets.button("Overwrite with mine", overwrite, look="outline dense")
 
 
-LARGE_PX = 768
-
-
-def open_press(page: TargetContext, view: TargetView, press: StoredPress) -> None:
+async def open_press(page: TargetContext, view: TargetView, press: StoredPress) -> None:
     """Show a press in a dialog."""
     title = f"Press {widgets.press_label(press)}"
     with (
@@ -207,20 +206,30 @@ def open_press(page: TargetContext, view: TargetView, press: StoredPress) -> Non
         ui.element("div").classes("press-large"),
     ):
         with ui.element("div").classes("stack"):
-            picture = ui.element("img").classes("press-picture")
-            picture.props["alt"] = f"Frame {widgets.press_label(press)}"
-            picture.props["src"] = f"/files/press/{view.target.number}/{press.id}.png?size={LARGE_PX}"
-            why = ui.label().classes("flag identity").props('role="alert"')
-            picture.on("error", lambda: _show_fault(page, view, press, why), args=[])
+            frame = ui.element("div").classes("stack")
             _facts(view, press)
         with ui.element("div").classes("stack"):
             _PressEditing(page, view.target, press, dialog)
+    await _show_frame(page, view, press, frame)
 
 
-async def _show_fault(page: TargetContext, view: TargetView, press: StoredPress, place: ui.label) -> None:
-    """Show why the frame of a press cannot be read; of a subject without the path, which may identify the person."""
-    message = await run.io_bound(fault_of, page.instrument.store, press)
-    place.text = DAMAGED if view.private and message else message
+async def _show_frame(page: TargetContext, view: TargetView, press: StoredPress, place: ui.element) -> None:
+    """Show the frame of a press with all tools, or why it cannot be read."""
+    image = await run.io_bound(_frame_of, page.instrument.store, view.target, press)
+    if place.is_deleted:  # the dialog was closed meanwhile
+        return
+    with place:
+        if isinstance(image, TactileImage):
+            still_panel(image, f"Frame {widgets.press_label(press)}")
+        else:  # of a subject without the path, which may identify the person
+            ui.label(DAMAGED if view.private else str(image)).classes("flag identity").props('role="alert"')
+
+
+def _frame_of(store: Store, target: Target, press: StoredPress) -> TactileImage | TsisError:
+    try:
+        return replace(store.record(target, limit=0), presses=(press,)).image(press)
+    except TsisError as error:
+        return error
 
 
 def _facts(view: TargetView, press: StoredPress) -> None:
@@ -482,7 +491,7 @@ async def compare(page: TargetContext, view: TargetView, *, match_light: bool = 
     if result is None:
         compared.set_visibility(False)
         return
-    content, sources = result
+    content, images, change = result
     with compared:
         with widgets.title_row(content.title, level=3):
             ui.switch(
@@ -493,9 +502,7 @@ async def compare(page: TargetContext, view: TargetView, *, match_light: bool = 
             ui.button(icon="close", on_click=lambda: compared.set_visibility(False)).props(
                 'flat dense round aria-label="Close the comparison"'
             )
-        with ui.element("div").classes("compared"):
-            for picture, source in zip(content.pictures, sources, strict=True):
-                widgets.figure(picture, source)
+        Comparison(images, change)
         for note in content.notes:
             ui.label(note)
         for item in content.tables:
@@ -504,15 +511,15 @@ async def compare(page: TargetContext, view: TargetView, *, match_light: bool = 
 
 def _compared(
     store: Store, target: Target, chosen: Sequence[str], *, match_light: bool
-) -> tuple[Page, tuple[str, ...]]:
-    """The comparison, and its pictures drawn."""
+) -> tuple[Page, tuple[TactileImage, ...], TactileImage | None]:
+    """The comparison, the two frames, and their difference where there is one."""
     presses = [store.press(target, item) for item in chosen]
     record = replace(store.record(target, limit=0), presses=tuple(presses))
     names = [widgets.press_label(press) for press in presses]
     names = names if len(set(names)) == len(names) else [f"{name} ({at})" for at, name in enumerate(names, 1)]
-    item, other = (replace(record.image(press), name=name) for press, name in zip(presses, names, strict=True))
-    content = comparison(item, other, match_light=match_light)
-    return content, widgets.drawings(content)
+    images = tuple(replace(record.image(press), name=name) for press, name in zip(presses, names, strict=True))
+    item, other = images
+    return comparison(item, other, match_light=match_light), images, difference(item, other, match_light=match_light)
 
 
 FRAME_EVERY_S = 0.2  # of a sequence that is played; the browser fetches each frame
