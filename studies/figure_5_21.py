@@ -22,7 +22,7 @@ from skimage import data
 from skimage.feature import corner_peaks, corner_shi_tomasi
 from studies.shown import Shown
 
-from tsis.matching.registration import match_points
+from tsis.matching import register
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -79,8 +79,8 @@ def run(rng: np.random.Generator | None = None, *, ratios: Sequence[float] = RAT
         trial = distort(points, Distortion(bending=BENDING, outlier_ratio=ratio), rng=np.random.default_rng(seed))
         start[ratio] = matching_error(trial, trial.source)
         for name in METHODS:
-            found = match_points(trial.source, trial.target, method=name, rng=rng)
-            error[name][ratio] = matching_error(trial, found.moved)
+            found = register(trial.source, trial.target, method=name, rng=rng)
+            error[name][ratio] = matching_error(trial, found.untrusted.moved)
             reliable += found.reliable
     return Result(corners=points, start=start, error=error, reliable=reliable)
 

@@ -192,7 +192,9 @@ def draw_matching(result: Result, figure: Figure) -> None:
     from tsis.present.figures import point_sets
 
     example = result.example
-    for place, (source, title) in enumerate(((example.before, "before"), (example.registration.moved, "after")), 1):
+    for place, (source, title) in enumerate(
+        ((example.before, "before"), (example.registration.untrusted.moved, "after")), 1
+    ):
         ax = figure.add_subplot(1, 2, place, projection="3d")
         point_sets(source, example.after, ax, source_label="0.7 N", target_label="1.2 N")
         sides = np.ptp([ax.get_xlim3d(), ax.get_ylim3d(), ax.get_zlim3d()], axis=1)

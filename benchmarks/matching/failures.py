@@ -15,7 +15,7 @@ from benchmarks.matching.trials import matching_error
 from benchmarks.matching.trust_shapes import trust_trial
 from matplotlib.figure import Figure
 
-from tsis.matching.registration import match_points
+from tsis.matching import register
 from tsis.present.figures import point_sets
 
 SEED = 60001
@@ -41,9 +41,9 @@ def main() -> None:
     panels[-1].axis("off")
     for (family, degradation, number, before), ax in zip(FORMER, panels, strict=False):
         trial = trust_trial("calibration", family, degradation, number, seed=SEED)
-        found = match_points(trial.source, trial.target)
-        error = matching_error(trial, found.moved)
-        point_sets(found.moved, trial.target, ax, source_label="moved source")
+        found = register(trial.source, trial.target)
+        error = matching_error(trial, found.untrusted.moved)
+        point_sets(found.untrusted.moved, trial.target, ax, source_label="moved source")
         legend = ax.get_legend()
         if legend is not None:
             legend.remove()  # it hides points

@@ -14,7 +14,7 @@ import numpy as np
 from benchmarks.matching.runs import MatchOutcome
 
 from tsis.errors import MissingExtraError
-from tsis.matching.registration import METHODS, match_points
+from tsis.matching.registration import METHODS, register
 from tsis.model.require import require_one_of
 
 if TYPE_CHECKING:
@@ -132,9 +132,9 @@ class BenchmarkMethod:
     def __call__(self, source: Floats, target: Floats, *, rng: np.random.Generator) -> MatchOutcome:
         """Match two point sets, shapes (n, d) and (m, d).
 
-        Results of low confidence, which `tsis.matching.register` withholds, are returned too, as by other programs.
+        Results of low confidence, which are not reliable, are returned too, as by other programs.
         """
         if self.name in PEERS:
             return MatchOutcome(transformed=peer(self.name).transformed(source, target), reliable=None)
-        result = match_points(source, target, method=self.name, rng=rng)
-        return MatchOutcome(transformed=result.moved, reliable=result.reliable)
+        result = register(source, target, method=self.name, rng=rng)
+        return MatchOutcome(transformed=result.untrusted.moved, reliable=result.reliable)

@@ -24,10 +24,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from benchmarks.harness import Bench, Choice
+from benchmarks.matching import fresh_shapes
 from benchmarks.matching.methods import BenchmarkMethod
 from benchmarks.matching.summary import TrustCase, fit_trust, ratio_of_means, trust_cases
 from benchmarks.matching.trials import matching_error
-from benchmarks.matching.trust_shapes import DEGRADATIONS, FAMILIES, Generator, clutter_trial, trust_trial
+from benchmarks.matching.trust_shapes import DEGRADATIONS, FAMILIES, clutter_trial, trust_trial
 from matplotlib.figure import Figure
 from scipy.optimize import minimize
 from scipy.stats import beta
@@ -45,7 +46,7 @@ FOLDS, LEVELS = 5, (4.5, 5.0, 5.5, 5.6, 6.0, 6.5)  # of the cross-validation, an
 
 
 def run_cases(
-    generator: Generator, *, seed: int, count: int, rows: Path, peers: tuple[str, ...] = (), among: int = 1
+    generator: str, *, seed: int, count: int, rows: Path, peers: tuple[str, ...] = (), among: int = 1
 ) -> list[TrustCase]:
     """All cases of our method, of ``among`` rivals in turn and of the peers, with those that the file already holds."""
     cases = _read(rows)
@@ -53,21 +54,34 @@ def run_cases(
     rivals = [name for name in METHODS if name != OURS]
     with one_blas_thread(), rows.open("a", encoding="utf-8") as file:
         for number in range(count):
-            for place, degradation in enumerate(DEGRADATIONS):
-                for family in FAMILIES:
+            for place, degradation in enumerate(KINDS[generator]):
+                for family in KINDS[generator][degradation]:
                     name = f"{generator}/{family}/{degradation}/{number}"
                     turn = [rivals[(number + place + k) % len(rivals)] for k in range(among)]
                     methods = [OURS, *turn, *peers]
                     left = [method for method in methods if (name, method) not in done]
                     if not left:
                         continue
-                    trial = trust_trial(generator, family, degradation, number, seed=seed)
+                    trial = _trial(generator, family, degradation, number, seed)
                     own = trust_cases(trial, [method for method in left if method in METHODS])
                     for case in [*own, *(peer_case(trial, method) for method in left if method not in METHODS)]:
                         cases.append(case)
                         file.write(json.dumps(asdict(case)) + "\n")
                     file.flush()
     return cases
+
+
+KINDS: dict[str, dict[str, tuple[str, ...]]] = {
+    "calibration": dict.fromkeys(DEGRADATIONS, FAMILIES),
+    "test": dict.fromkeys(DEGRADATIONS, FAMILIES),
+    "fresh": dict.fromkeys(fresh_shapes.AMOUNTS, tuple(fresh_shapes.SHAPES)),
+}
+
+
+def _trial(generator: str, family: str, degradation: str, number: int, seed: int) -> Trial:
+    if generator == "fresh":
+        return fresh_shapes.fresh_trial(family, degradation, number, seed=seed)
+    return trust_trial(generator, family, degradation, number, seed=seed)
 
 
 def peer_case(trial: Trial, name: str) -> TrustCase:
@@ -258,7 +272,7 @@ def main() -> int:
     """Run the cases and print the tables or the weights."""
     bench = Bench(
         __doc__,
-        generator=Choice(("calibration", "test"), "test"),
+        generator=Choice(tuple(KINDS), "test"),
         seed=int,
         cases=100,
         rows=Path("trust.jsonl"),

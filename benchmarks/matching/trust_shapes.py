@@ -7,7 +7,7 @@ splines and patches and bends them by sines and stretches. They have no shape an
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from benchmarks.matching.distort import SHAPES, Distortion, Trial, distort
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 Floats: TypeAlias = "NDArray[np.float64]"
-Generator: TypeAlias = Literal["calibration", "test"]
 
 FAMILIES = ("oval", "lobes", "contour", "open", "clusters", "symmetric")
 DEGRADATIONS = ("deformation", "noise", "outliers", "occlusion", "rotation")
@@ -42,7 +41,7 @@ class Degradation:
     rotation_deg: float = 0.0
 
 
-def trust_trial(generator: Generator, family: str, degradation: str, number: int, *, seed: int) -> Trial:
+def trust_trial(generator: str, family: str, degradation: str, number: int, *, seed: int) -> Trial:
     """Trial ``number`` of a family and degradation; it does not depend on other trials."""
     key = [seed, ("calibration", "test").index(generator), FAMILIES.index(family), DEGRADATIONS.index(degradation)]
     rng = np.random.default_rng([*key, number])

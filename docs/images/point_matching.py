@@ -21,8 +21,8 @@ def main() -> None:
     point_sets(trial.source, trial.target, panels[0]).set_title("a shape, and what became of it")
     for method, ax in zip(("tprl", "cpd"), panels[1:], strict=True):
         found = register(trial.source, trial.target, method=method)
-        error = matching_error(trial, found.moved)
-        point_sets(found.moved, trial.target, ax, source_label="moved source")
+        error = matching_error(trial, found.untrusted.moved)
+        point_sets(found.untrusted.moved, trial.target, ax, source_label="moved source")
         ax.set_title(f"{method}: RMS error {error:.3f}")
     figure.savefig(Path(__file__).with_name("point-matching.png"), dpi=110)
 

@@ -11,7 +11,7 @@ from benchmarks.matching.trials import matching_error
 from benchmarks.matching.trust import best_peers, draw_reliability, ratio_table, tenths, trust_table
 from benchmarks.matching.trust_shapes import trust_trial
 
-from tsis.matching.registration import match_points
+from tsis.matching import register
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -66,8 +66,8 @@ def test_methods_share_the_search_and_answer_as_they_do_alone() -> None:
     trial = trust_trial("calibration", "lobes", "occlusion", 0, seed=5)
     own, rival = trust_cases(trial, ["tprl", "cpd"])
     for case, method in ((own, "tprl"), (rival, "cpd")):
-        alone = match_points(trial.source, trial.target, method=method)
-        assert case.error == pytest.approx(matching_error(trial, alone.moved), abs=1e-9)
+        alone = register(trial.source, trial.target, method=method)
+        assert case.error == pytest.approx(matching_error(trial, alone.untrusted.moved), abs=1e-9)
         assert case.confidence == pytest.approx(alone.confidence, abs=0.02)
     assert own.rated() == own
     assert replace(own, measures=(*own.measures[:-1], 0.0)).rated().confidence <= 0.5
@@ -76,4 +76,4 @@ def test_methods_share_the_search_and_answer_as_they_do_alone() -> None:
 def test_moves_are_repeated_until_they_gain_nothing() -> None:
     """One pass of them left this contour among outliers at an error of 0.116."""
     trial = trust_trial("calibration", "contour", "outliers", 3, seed=70011)
-    assert matching_error(trial, match_points(trial.source, trial.target).moved) < 0.02
+    assert matching_error(trial, register(trial.source, trial.target).untrusted.moved) < 0.02

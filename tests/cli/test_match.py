@@ -77,7 +77,8 @@ def titles_of(folder: Path, source: str, target: str) -> list[str]:
     first, second = read_points(folder / source), read_points(folder / target)
     registration, figure = register(first, second), Figure(figsize=(8.0, 4.0))
     parts = figure.subfigures(2, 1, squeeze=False)[:, 0]
-    draw_registration(parts[0], first, second, registration)
+    shown = registration.untrusted if registration.reliable else None
+    draw_registration(parts[0], first, second, registration, shown)
     draw_poses(parts[1], second, registration.alternatives)
     return [ax.get_title() for part in parts for ax in part.axes]
 
@@ -90,12 +91,34 @@ def test_a_symmetric_shape_is_withheld_with_its_poses(run_tsis: RunTsis, tmp_pat
     finished = run_tsis("match", "a.npy", "b.npy", "--html", "match.html", "--figure", "match.png", "--json")
     found = json.loads(finished.out)
     assert not found["reliable"]
-    assert found["matched"] == 0
+    assert finished.code == 3
+    assert [found[name] for name in ("matched", "matches", "moved", "trust", "rms_after")] == [None] * 5
+    assert found["flags"] == ["several_poses"]
     assert len(found["alternatives"]) >= 3
-    assert "not reliable" in (tmp_path / "match.html").read_text()
+    assert all(set(pose) == {"rotation_deg", "probability"} for pose in found["alternatives"])
+    page = (tmp_path / "match.html").read_text()
+    assert "not reliable" in page
+    assert "state the expected rotation" in page
     titles = titles_of(tmp_path, "a.npy", "b.npy")
-    assert titles[:2] == ["no reliable match", f"not moved: confidence {found['confidence']:.3f}"]
-    assert all("probability" in title for title in titles[2:])
+    assert titles[0] == f"no reliable match: confidence {found['confidence']:.3f}"
+    assert all("probability" in title for title in titles[1:])
+
+
+def test_a_withheld_match_is_given_only_when_asked_for(run_tsis: RunTsis, tmp_path: Path) -> None:
+    angle = 2 * np.pi * np.arange(60) / 60
+    np.save(tmp_path / "a.npy", np.column_stack([np.cos(angle), np.sin(angle)]))
+    arguments = ("match", "a.npy", "a.npy", "--out", "moved.csv")
+    withheld = run_tsis(*arguments)
+    assert withheld.code == 3
+    assert "withheld" in withheld.out
+    assert "Written" not in withheld.out
+    assert not (tmp_path / "moved.csv").exists()
+    given = run_tsis(*arguments, "--untrusted", "--json")
+    assert given.code == 3
+    found = json.loads(given.out)
+    assert not found["reliable"]
+    assert len(found["moved"]) == 60
+    np.testing.assert_allclose(read_points(tmp_path / "moved.csv"), found["moved"])
 
 
 def test_contours_of_images_are_matched(run_tsis: RunTsis, tmp_path: Path) -> None:

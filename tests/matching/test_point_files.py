@@ -236,3 +236,52 @@ def test_points_of_an_image_lie_on_the_contours_that_are_long_enough(
     away = np.abs(np.hypot(points[:, :1] - known[:, 0], 119 - points[:, 1:] - known[:, 1]) - known[:, 2])
     assert away.min(axis=1).max() < 0.5
     assert len(set(away.argmin(axis=1).tolist())) == discs
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "id,x,y\n7,1,2\n8,3,5\n9,4,1\n",
+        "y,x\n2,1\n5,3\n1,4\n",
+        "frame;y [mm];x [mm]\n3;2;1\n3;5;3\n3;1;4\n",
+        "X (mm),Y (mm),weight\n1,2,9\n3,5,9\n4,1,9\n",
+        '"index","x_um","y_um"\n0,1,2\n1,3,5\n2,4,1\n',
+        ",x,y\n0,1,2\n1,3,5\n2,4,1\n",
+        "id,u,v\n4,1,2\n5,3,5\n6,4,1\n",
+        "u,v,Index\n1,2,4\n3,5,5\n4,1,6\n",
+        "x/mm\ty/mm\tframe\n1\t2\t1\n3\t5\t1\n4\t1\t1\n",
+    ],
+)
+def test_coordinates_are_taken_by_name_and_an_index_never(tmp_path: Path, text: str) -> None:
+    (tmp_path / "points.csv").write_text(text, encoding="utf-8")
+    np.testing.assert_array_equal(read_points(tmp_path / "points.csv"), [[1, 2], [3, 5], [4, 1]])
+
+
+def test_z_is_taken_by_name_too(tmp_path: Path) -> None:
+    (tmp_path / "points.csv").write_text("z [mm],id,y [mm],x [mm]\n3,0,2,1\n6,1,5,4\n")
+    np.testing.assert_array_equal(read_points(tmp_path / "points.csv"), [[1, 2, 3], [4, 5, 6]])
+
+
+@pytest.mark.parametrize("first", [0, 1])
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("place", ["first", "last"])
+def test_an_unnamed_running_number_is_no_coordinate(tmp_path: Path, first: int, dimension: int, place: str) -> None:
+    points = np.random.default_rng(dimension).normal(size=(9, dimension))
+    number = np.arange(first, first + 9.0)
+    columns = [number, *points.T] if place == "first" else [*points.T, number]
+    np.savetxt(tmp_path / "points.csv", np.column_stack(columns), delimiter=",", fmt="%.17g")
+    np.testing.assert_array_equal(read_points(tmp_path / "points.csv"), points)
+
+
+def test_columns_that_do_not_number_the_rows_are_coordinates(tmp_path: Path) -> None:
+    points = np.column_stack([np.arange(5.0) * 2, np.arange(5.0), [4.0, 1.0, 0.0, 3.0, 2.0]])
+    for some in (points, points[:, 1:]):
+        np.savetxt(tmp_path / "points.csv", some, delimiter=",")
+        np.testing.assert_array_equal(read_points(tmp_path / "points.csv"), some)
+
+
+@pytest.mark.parametrize("text", ["x,x,y\n1,2,3\n", "a,b,c,d\n1,2,3,4\n", "id,u\n1,2\n"])
+def test_unclear_names_of_columns_are_refused(tmp_path: Path, text: str) -> None:
+    (tmp_path / "points.csv").write_text(text)
+    with pytest.raises(FileInputError, match=r"must (name|have)"):
+        read_points(tmp_path / "points.csv")

@@ -13,12 +13,14 @@ import pytest
 from benchmarks.matching.distort import even_texture, tactile_surface
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
-from tsis.errors import InputError, UnknownNameError
+from tsis.errors import InputError, UnknownNameError, UntrustedError
 from tsis.matching import Registration, register, registration
 from tsis.matching import methods as fit
+from tsis.matching.flags import MATCHING_FLAGS, UNTRUSTED_FLAGS
 from tsis.matching.methods import UNMATCHED, MatchFit
-from tsis.matching.registration import METHODS, match_points
+from tsis.matching.registration import METHODS, PointMatch
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -43,11 +45,11 @@ class Task:
     def target(self) -> np.ndarray:
         return np.asarray(self.truth[self.order])
 
-    def right(self, found: Registration) -> float:
+    def right(self, found: PointMatch) -> float:
         own = np.where(found.matches == UNMATCHED, UNMATCHED, self.order[found.matches])
         return float(np.mean(own == np.arange(len(own))))
 
-    def rms(self, found: Registration) -> float:
+    def rms(self, found: PointMatch) -> float:
         return float(np.sqrt(np.mean(np.sum((found.moved - self.truth) ** 2, axis=1))))
 
 
@@ -82,8 +84,8 @@ LINE = np.outer(np.arange(9.0), [1.0, -2.0])
         (np.zeros((50, 2)), POINTS, "source must hold at least 4 distinct points; got 1"),
         (POINTS, LINE, "target must not lie in a line; got 9 points that do"),
         (POINTS, 1e6 + LINE, "target must not lie in a line"),
-        (SOLID, np.column_stack([POINTS, POINTS.sum(axis=1)]), "target must not lie in a plane.*two dimensions"),
-        (SOLID, np.outer(np.arange(9.0), [1.0, 2.0, 3.0]), "target must not lie in a plane"),
+        (SOLID, np.column_stack([POINTS, POINTS.sum(axis=1)]), "source must lie in a plane as target does"),
+        (SOLID, np.outer(np.arange(9.0), [1.0, 2.0, 3.0]), "target must not lie in a line"),
         (np.where(POINTS > 1, np.nan, POINTS), POINTS, "source must be finite; got [1-9].* NaN or infinite values"),
         (POINTS, np.where(POINTS > 1, np.inf, POINTS), "target must be finite"),
         (POINTS, SOLID, "as many coordinates; got 2 and 3"),
@@ -142,8 +144,8 @@ def test_a_small_deformation_is_found(method: str, dimension: int) -> None:
     assert found.method == method
     assert found.reliable
     assert found.notes == ()
-    assert task.right(found) > 0.95
-    assert task.rms(found) < LARGEST_SHIFT / 2
+    assert task.right(found.untrusted) > 0.95
+    assert task.rms(found.untrusted) < LARGEST_SHIFT / 2
     assert np.all((found.trust >= 0) & (found.trust <= 1))
     assert 0.5 < found.confidence <= 1
     np.testing.assert_array_equal(found.outliers, found.matches == UNMATCHED)
@@ -164,7 +166,7 @@ def test_the_transform_moves_the_source_and_takes_new_points_where_their_neighbo
 
 @EVERY_METHOD
 def test_the_transform_goes_over_many_points_in_blocks(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    _, found = _answer(method)
+    found = _answer(method)[1].untrusted
     points = np.random.default_rng(0).uniform(0.3, 0.9, (100, 2))
     whole = found.transform(points)
     monkeypatch.setattr(fit, "BLOCK", 7)
@@ -180,12 +182,12 @@ def test_the_transform_goes_over_many_points_in_blocks(method: str, monkeypatch:
 @given(seed=SEEDS)
 def test_permuting_either_set_permutes_the_matches(method: str, seed: int) -> None:
     task = _task(seed)
-    one = register(task.source, task.target, method=method)
+    one = register(task.source, task.target, method=method).untrusted
     order = np.random.default_rng(seed + 1).permutation(len(task.source))
-    other = register(task.source, task.target[order], method=method)
+    other = register(task.source, task.target[order], method=method).untrusted
     np.testing.assert_array_equal(np.where(other.matches < 0, UNMATCHED, order[other.matches]), one.matches)
     np.testing.assert_allclose(other.moved, one.moved, atol=1e-3 * LARGEST_SHIFT)
-    turned = register(task.source[order], task.target, method=method)
+    turned = register(task.source[order], task.target, method=method).untrusted
     assert np.mean(turned.matches == one.matches[order]) > 0.9  # other pairs may be drawn: not all need be the same
 
 
@@ -193,12 +195,12 @@ def test_permuting_either_set_permutes_the_matches(method: str, seed: int) -> No
 @SOME
 @given(seed=SEEDS, size=st.sampled_from([1e-9, 0.1, 7.0, 1e9]), x=st.floats(-3, 3), y=st.floats(-3, 3))
 def test_moving_and_scaling_carry_over(method: str, seed: int, size: float, x: float, y: float) -> None:
-    """Whether or not the result is withheld: a withheld one leaves the points where they are."""
+    """Whether or not the result is reliable."""
     task, shift = _task(seed), np.array([x, y])
-    one = match_points(task.source, task.target, method=method)
-    there = match_points((task.source - shift) / size, size * (task.target + shift), method=method)
-    np.testing.assert_array_equal(there.matches, one.matches)
-    np.testing.assert_allclose(there.moved / size, one.moved + shift, atol=1e-3 * LARGEST_SHIFT)
+    one = register(task.source, task.target, method=method)
+    there = register((task.source - shift) / size, size * (task.target + shift), method=method)
+    np.testing.assert_array_equal(there.untrusted.matches, one.untrusted.matches)
+    np.testing.assert_allclose(there.untrusted.moved / size, one.untrusted.moved + shift, atol=1e-3 * LARGEST_SHIFT)
     assert there.confidence == pytest.approx(one.confidence, abs=1e-3)
 
 
@@ -210,17 +212,12 @@ def test_no_target_is_matched_twice_and_nothing_unmatched_is_trusted(
 ) -> None:
     task, rng = _task(seed), np.random.default_rng(seed)
     target = np.vstack([task.target[missing:], rng.uniform(0.2, 1.0, (stray, 2))])
-    found = register(task.source, target, method=method)
+    found = register(task.source, target, method=method).untrusted
     matched = found.matches[found.matches != UNMATCHED]
     assert len(set(matched)) == len(matched)
     assert np.all((matched >= 0) & (matched < len(target)))
     assert np.all(found.trust[found.outliers] == 0)
     assert np.all(np.isfinite(found.moved))
-    if not found.reliable:
-        assert found.outliers.all()
-        assert "no reliable match" in found.notes[-1]
-        np.testing.assert_array_equal(found.moved, task.source)
-        np.testing.assert_array_equal(found.transform(task.source), task.source)
 
 
 @EVERY_METHOD
@@ -228,8 +225,8 @@ def test_the_same_chance_gives_the_same_answer_and_changes_no_point(method: str)
     task, found = _answer(method)
     source, target = task.source.copy(), task.target.copy()
     seeded = register(source, target, method=method, rng=np.random.default_rng(0))
-    np.testing.assert_array_equal(seeded.moved, found.moved)
-    np.testing.assert_array_equal(seeded.matches, found.matches)
+    np.testing.assert_array_equal(seeded.untrusted.moved, found.untrusted.moved)
+    np.testing.assert_array_equal(seeded.untrusted.matches, found.untrusted.matches)
     np.testing.assert_array_equal(source, task.source)
     np.testing.assert_array_equal(target, task.target)
 
@@ -238,9 +235,9 @@ def test_the_same_chance_gives_the_same_answer_and_changes_no_point(method: str)
 def test_whole_numbers_lists_and_what_is_not_contiguous_do_as_well(method: str) -> None:
     task = _task(5)
     source, target = np.round(1e4 * task.source).astype(int), np.round(1e4 * task.target).astype(int)
-    floats = register(source.astype(float), target.astype(float), method=method)
-    lists = register(source.tolist(), target, method=method)
-    strided = register(np.asfortranarray(source), np.repeat(target, 2, axis=0)[::2].tolist(), method=method)
+    floats = register(source.astype(float), target.astype(float), method=method).untrusted
+    lists = register(source.tolist(), target, method=method).untrusted
+    strided = register(np.asfortranarray(source), np.repeat(target, 2, axis=0)[::2].tolist(), method=method).untrusted
     for found in (lists, strided):
         np.testing.assert_array_equal(found.matches, floats.matches)
         np.testing.assert_allclose(found.moved, floats.moved, atol=1e-6)
@@ -249,7 +246,7 @@ def test_whole_numbers_lists_and_what_is_not_contiguous_do_as_well(method: str) 
 @EVERY_METHOD
 def test_identical_sets_stay_where_they_are(method: str) -> None:
     source = even_texture(60, rng=np.random.default_rng(1))
-    found = register(source, source, method=method)
+    found = register(source, source, method=method).untrusted
     np.testing.assert_array_equal(found.matches, np.arange(60))
     np.testing.assert_allclose(found.moved, source, atol=0.01)
 
@@ -258,7 +255,7 @@ def test_identical_sets_stay_where_they_are(method: str) -> None:
 def test_a_point_given_twice_is_matched_as_often(method: str) -> None:
     task = _task(7)
     source, target = np.repeat(task.source, 2, axis=0), np.repeat(task.truth, 2, axis=0)
-    found = register(source, target, method=method)
+    found = register(source, target, method=method).untrusted
     assert np.mean(found.matches // 2 == np.arange(len(source)) // 2) > 0.9
     np.testing.assert_allclose(found.moved[::2], found.moved[1::2], atol=1e-9)
 
@@ -268,7 +265,7 @@ def test_a_point_given_twice_is_matched_as_often(method: str) -> None:
 def test_the_fewest_points_are_answered(method: str, count: int) -> None:
     rng = np.random.default_rng(count)
     source = np.array([[0.0, 0.0], [3.0, 0.2], [2.8, 1.9], [0.3, 2.2], [1.4, 5.0], [-2.0, 1.0]])[:count]
-    found = register(source, source[rng.permutation(count)], method=method)
+    found = register(source, source[rng.permutation(count)], method=method).untrusted
     assert found.moved.shape == source.shape
     assert np.all(np.isfinite(found.moved))
 
@@ -278,7 +275,7 @@ def test_sets_of_very_different_numbers_are_answered(method: str) -> None:
     rng = np.random.default_rng(8)
     few, many = even_texture(10, rng=rng), even_texture(150, rng=rng)
     for source, target in ((few, many), (many, few)):
-        found = register(source, target, method=method)
+        found = register(source, target, method=method).untrusted
         matched = found.matches[found.matches != UNMATCHED]
         assert len(set(matched)) == len(matched) <= 10
 
@@ -310,14 +307,70 @@ def test_unrelated_clouds_are_not_matched(dimension: int) -> None:
     assert not any(kept)
 
 
-def test_what_is_withheld_can_be_asked_for() -> None:
-    clouds = [np.random.default_rng(seed).normal(size=(60, 2)) for seed in (0, 1)]
-    withheld, found = register(*clouds), match_points(*clouds)
-    assert not withheld.reliable
-    np.testing.assert_array_equal(withheld.moved, clouds[0])
-    assert found.confidence == withheld.confidence
-    assert np.any(found.moved != clouds[0])
-    assert np.count_nonzero(~found.outliers) > 0
+@pytest.mark.parametrize("name", ["moved", "matches", "trust", "outliers"])
+def test_a_number_of_a_withheld_match_raises_with_reasons_and_cures(name: str) -> None:
+    found = _unrelated()
+    assert found.flags == ("unrelated_sets",)
+    with pytest.raises(UntrustedError, match=r"unrelated_sets.*nothing to do with each other.*check that both"):
+        getattr(found, name)
+
+
+def test_the_transform_of_a_withheld_match_raises_and_untrusted_gives_it() -> None:
+    found = _unrelated()
+    with pytest.raises(UntrustedError, match="untrusted gives the most probable transform"):
+        found.transform([[0.0, 0.0]])
+    assert np.isfinite(found.untrusted.transform([[0.0, 0.0]])).all()
+    assert np.count_nonzero(~found.untrusted.outliers) > 0
+    assert "not reliable" in repr(found)
+
+
+def test_every_flag_that_withholds_has_a_cure() -> None:
+    assert all(MATCHING_FLAGS[name].cure for name in UNTRUSTED_FLAGS)
+
+
+@cache
+def _unrelated() -> Registration:
+    return register(*(np.random.default_rng(seed).normal(size=(60, 2)) for seed in (0, 1)))
+
+
+FLAT = even_texture(60, rng=np.random.default_rng(4))
+
+
+@pytest.mark.parametrize("degrees", [5.0, 50.0, 130.0, 180.0])
+@pytest.mark.parametrize("across", [0.0, 0.01])
+def test_points_of_a_plane_in_space_are_matched_in_their_plane(degrees: float, across: float) -> None:
+    turn = Rotation.from_rotvec(np.radians(degrees) * np.array([0.6, 0.0, 0.8])).as_matrix()
+    flat = np.column_stack([FLAT, np.zeros(60)])
+    truth = np.column_stack([_goes(FLAT), np.zeros(60)]) @ turn.T + [1.0, 2.0, 3.0]
+    noise = across * np.random.default_rng(1).normal(size=truth.shape)
+    found = register(flat, truth + noise)
+    np.testing.assert_array_equal(found.matches, np.arange(60))
+    np.testing.assert_allclose(found.moved, truth, atol=1e-6 + 4 * across)
+    above = found.transform(np.add(flat, [0.0, 0.0, 0.1])) - found.moved
+    np.testing.assert_allclose(above / np.linalg.norm(above, axis=1)[:, None], np.tile(turn[:, 2], (60, 1)), atol=0.1)
+
+
+def test_a_flat_symmetric_set_may_lie_on_its_back() -> None:
+    """A tee turned over about its stem is as likely as one that is not."""
+    half = np.column_stack([np.linspace(0.05, 1.0, 20), 0.1 * np.sin(np.linspace(0, 9, 20))])
+    stem = np.column_stack([np.zeros(15), np.linspace(-1.5, -0.1, 15)])
+    tee = np.vstack([half, half * [-1.0, 1.0], stem])
+    flat = np.column_stack([tee, np.zeros(len(tee))])
+    found = register(flat, flat, rotation_sd_deg=1000.0)
+    assert not found.reliable
+    assert "several_poses" in found.flags
+    assert found.alternatives[0].probability == pytest.approx(0.5, abs=0.05)
+
+
+@pytest.mark.parametrize("arranged", ["repeated", "tiled"])
+@EVERY_METHOD
+def test_points_given_three_times_match_as_the_single_ones(method: str, arranged: str) -> None:
+    task, single = _answer(method)
+    order = np.repeat(np.arange(40), 3) if arranged == "repeated" else np.tile(np.arange(40), 3)
+    found = register(task.source[order], task.target, method=method)
+    assert found.confidence == single.confidence
+    np.testing.assert_array_equal(found.untrusted.matches, single.untrusted.matches[order])
+    np.testing.assert_allclose(found.untrusted.moved, single.untrusted.moved[order], atol=1e-12)
 
 
 def test_few_points_are_said_to_tell_little() -> None:

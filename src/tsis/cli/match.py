@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.matching import Registration
+    from tsis.matching.registration import PointMatch
 
 
 def match(
@@ -39,12 +40,16 @@ def match(
     ] = None,
     html: Annotated[Path | None, typer.Option(help="New HTML page with the same and the probabilities.")] = None,
     seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Seed of the method, where it is random.")] = 0,
+    untrusted: Annotated[
+        bool, typer.Option("--untrusted", help="Give the most probable match also where it is not reliable.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Match the points of two files and transform the first onto the second.
 
     Files contain two or three coordinates per line, with or without a header; of an image the contours are matched.
-    Matches are row numbers from 0; -1 is none.
+    Matches are row numbers from 0; -1 is none. A match that is not reliable is withheld, with reasons, cures and the
+    possible poses, unless --untrusted is given.
     """
     import numpy as np
 
@@ -69,17 +74,22 @@ def match(
         )
     with waiting("matching"):
         result = tsis.matching.register(first, second, method=method, rng=np.random.default_rng(seed))
-    transformed, matches = np.asarray(result.moved), np.asarray(result.matches)
-    if out is not None:
-        _write(out, tsis.matching.point_files.csv_text(transformed, match=matches, trust=result.trust).encode())
+    shown = result.untrusted if result.reliable or untrusted else None
+    if out is not None and shown is not None:
+        content = tsis.matching.point_files.csv_text(shown.moved, match=shown.matches, trust=shown.trust)
+        _write(out, content.encode())
     if figure is not None:
-        _write(figure, _picture(first, second, result))
+        _write(figure, _picture(first, second, result, shown))
     if html is not None:
         title = f"{tsis.files.reading.printable_name(source)} to {tsis.files.reading.printable_name(target)}"
         provenance = {"method": method, "seed": seed, "source": title.split(" to ")[0], "points": len(first)}
-        page = tsis.present.matching.registration_page(first, second, result, title=title, provenance=provenance)
+        page = tsis.present.matching.registration_page(
+            first, second, result, title=title, provenance=provenance, shown=shown
+        )
         _write(html, tsis.present.html.html_bytes(page))
-    _result(source, target, first, second, result, method, seed, files, as_json=as_json)
+    if shown is None:
+        files["out"] = None
+    _result(source, target, first, second, result, shown, seed, files, as_json=as_json)
 
 
 def _result(
@@ -88,38 +98,39 @@ def _result(
     first: NDArray[np.float64],
     second: NDArray[np.float64],
     registration: Registration,
-    method: str,
+    shown: PointMatch | None,
     seed: int,
     files: Mapping[str, Path | None],
     *,
     as_json: bool,
 ) -> None:
-    import numpy as np
 
-    matches = np.asarray(registration.matches)
-    paired = matches != tsis.matching.methods.UNMATCHED
-    before, after = (
-        _rms_distance(item[paired], second[matches[paired]]) for item in (first, np.asarray(registration.moved))
-    )
+    matched = before = after = None
+    if shown is not None:
+        paired = ~shown.outliers
+        matched = int(paired.sum())
+        before, after = (_rms_distance(item[paired], second[shown.matches[paired]]) for item in (first, shown.moved))
     if as_json:
         document = tsis.present.document.envelope(
             "match",
-            method=method,
+            method=registration.method,
             seed=seed,
             source={"name": tsis.files.reading.printable_name(source), "points": len(first)},
             target={"name": tsis.files.reading.printable_name(target), "points": len(second)},
-            matched=int(paired.sum()),
+            matched=matched,
             rms_before=before,
             rms_after=after,
             confidence=registration.confidence,
             reliable=registration.reliable,
             alternatives=[
-                {"rotation_deg": pose.rotation_deg, "probability": pose.probability, "moved": pose.moved}
+                {"rotation_deg": pose.rotation_deg, "probability": pose.probability}
+                | ({} if shown is None else {"moved": pose.moved})
                 for pose in registration.alternatives
             ],
-            matches=matches,
-            trust=registration.trust,
-            moved=registration.moved,
+            matches=None if shown is None else shown.matches,
+            trust=None if shown is None else shown.trust,
+            moved=None if shown is None else shown.moved,
+            flags=list(registration.flags),
             notes=list(registration.notes),
         )
         print_json(document | {name: str(file) for name, file in files.items() if file is not None})
@@ -128,15 +139,15 @@ def _result(
     sets = ((source, first), (target, second))
     title = " to ".join(f"{tsis.files.reading.printable_name(file)} ({len(points)} points)" for file, points in sets)
     rows = (
-        ("method", method),
-        ("matched points", f"{paired.sum()} of {len(first)}"),
+        ("method", registration.method),
+        ("matched points", "withheld" if matched is None else f"{matched} of {len(first)}"),
         ("RMS distance of matched points, before", "-" if before is None else f"{before:.4g}"),
         ("RMS distance of matched points, after", "-" if after is None else f"{after:.4g}"),
-        ("confidence", f"{registration.confidence:.2f}, {'reliable' if registration.reliable else 'not reliable'}"),
+        ("confidence", f"{registration.confidence:.3f}, {'reliable' if registration.reliable else 'not reliable'}"),
     )
     where = "\n".join(f"Written: {file}" for file in files.values() if file is not None)
     table = Table(title=title, columns=("quantity", "value"), values=rows)
-    print_tables((table,), registration.notes, where=where)
+    print_tables((table,), tsis.present.matching.sentences(registration), where=where)
     leave(trusted=registration.reliable)
 
 
@@ -146,16 +157,18 @@ def _rms_distance(points: NDArray[np.float64], others: NDArray[np.float64]) -> f
     return float(np.sqrt(((points - others) ** 2).sum(axis=1).mean())) if len(points) else None
 
 
-def _picture(first: NDArray[np.float64], second: NDArray[np.float64], registration: Registration) -> bytes:
+def _picture(
+    first: NDArray[np.float64], second: NDArray[np.float64], registration: Registration, shown: PointMatch | None
+) -> bytes:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(12.0, 10.0 if registration.alternatives else 6.0), layout="constrained")
     if registration.alternatives:
         parts = figure.subfigures(2, 1, height_ratios=(1.4, 1.0), squeeze=False)
-        tsis.present.matching.draw_registration(parts[0, 0], first, second, registration)
+        tsis.present.matching.draw_registration(parts[0, 0], first, second, registration, shown)
         tsis.present.matching.draw_poses(parts[1, 0], second, registration.alternatives)
     else:
-        tsis.present.matching.draw_registration(figure, first, second, registration)
+        tsis.present.matching.draw_registration(figure, first, second, registration, shown)
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=120)
     return buffer.getvalue()

@@ -16,7 +16,7 @@ import numpy as np
 from tsis.errors import InputError
 from tsis.imaging import features
 from tsis.imaging.surface import height_surface
-from tsis.matching.registration import match_points
+from tsis.matching.registration import register
 from tsis.matching.spline import fit_spline, spread_out
 from tsis.model.content import ContentValue
 from tsis.model.image import TactileImage
@@ -213,9 +213,10 @@ def printed_estimate(
     before, area_before = _lit_surface(first, depth, count)
     after, area_after = _lit_surface(second, depth, count)
     # Two smooth round caps match under any rotation, so no match is reliable; the source requires none.
-    registration = match_points(before, after, method=method, rng=rng)
-    pairs = ~registration.outliers if spline == "matches" else np.ones(len(before), dtype=bool)
-    targets = after[registration.matches[pairs]] if spline == "matches" else registration.moved
+    registration = register(before, after, method=method, rng=rng)
+    found = registration.untrusted
+    pairs = ~found.outliers if spline == "matches" else np.ones(len(before), dtype=bool)
+    targets = after[found.matches[pairs]] if spline == "matches" else found.moved
     strain = strain_of(fit_spline(before[pairs], targets).gradient(before))
     forces = (first.force_n or 0.0, second.force_n or 0.0)
     light, heavy = MN_PER_N * forces[0] / area_before, MN_PER_N * forces[1] / area_after  # force over area (5.5)

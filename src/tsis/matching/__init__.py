@@ -8,9 +8,11 @@ if TYPE_CHECKING:
     from tsis.matching import annealing as annealing
     from tsis.matching import bayesian_drift as bayesian_drift
     from tsis.matching import drift as drift
+    from tsis.matching import flags as flags
     from tsis.matching import methods as methods
     from tsis.matching import neighbourhoods as neighbourhoods
     from tsis.matching import outline as outline
+    from tsis.matching import planes as planes
     from tsis.matching import point_files as point_files
     from tsis.matching import pose_evidence as pose_evidence
     from tsis.matching import pose_search as pose_search
@@ -30,9 +32,11 @@ if not TYPE_CHECKING:  # modules and names load when they are first used
             "annealing",
             "bayesian_drift",
             "drift",
+            "flags",
             "methods",
             "neighbourhoods",
             "outline",
+            "planes",
             "point_files",
             "pose_evidence",
             "pose_search",

@@ -88,6 +88,56 @@ class NormalFrame:
         return np.asarray(points * self.size + self.centre)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Copies:
+    """Which points of a set coincide."""
+
+    first: Integers  # index of the first copy of each distinct point, rising, shape (k,)
+    place: Integers  # place of each point's first copy among ``first``, shape (n,)
+
+    @classmethod
+    def of(cls, points: Floats) -> Copies:
+        """Of points, shape (n, d).
+
+        Examples
+        --------
+        >>> Copies.of(np.array([[3.0], [1.0], [3.0]])).place.tolist()
+        [0, 1, 0]
+        """
+        _, first, place = np.unique(points, axis=0, return_index=True, return_inverse=True)
+        order = np.argsort(first)
+        rank = np.empty(len(order), dtype=np.int64)
+        rank[order] = np.arange(len(order))
+        return cls(first=first[order], place=rank[place.ravel()])
+
+    @property
+    def number(self) -> Integers:
+        """How many copies of each point come before it, shape (n,)."""
+        order = np.argsort(self.place, kind="stable")
+        start = np.searchsorted(self.place[order], self.place[order])
+        number = np.empty(len(order), dtype=np.int64)
+        number[order] = np.arange(len(order)) - start
+        return number
+
+
+def copied_matches(matches: Integers, trust: Floats, source: Copies, target: Copies) -> tuple[Integers, Floats]:
+    """Matches and trust of all points from those of the distinct ones, shape (k,).
+
+    Copies of a source point take the copies of its target in turn, so that only a point with more copies than its
+    target shares one.
+    """
+    if len(source.first) == len(source.place) and len(target.first) == len(target.place):
+        return matches, trust
+    order = np.argsort(target.place, kind="stable")
+    start = np.searchsorted(target.place[order], np.arange(len(target.first) + 1))
+    chosen = matches[source.place]
+    paired = np.flatnonzero(chosen != UNMATCHED)
+    among = chosen[paired]
+    turn = source.number[paired] % (start[among + 1] - start[among])
+    chosen[paired] = order[start[among] + turn]
+    return chosen, trust[source.place]
+
+
 def ridge_solution(normal: Floats, right: Floats, ridge: Floats | float) -> Floats:
     """Solution x of ``(normal + diag(ridge)) x = right``, shape (k, d), for inner loops: inputs are not checked.
 

@@ -6,6 +6,7 @@ import codecs
 import io
 import itertools
 import math
+import re
 from array import array
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -41,6 +42,9 @@ TYPES = {
 }
 LARGEST_BYTES = 160 * 2**20
 AXES = ("x", "y", "z")
+UNIT = re.compile(r"\s*(\[[^\]]*\]|\([^)]*\)|[_/ ]\s*(nm|um|µm|mm|cm|m|px|pixels?))$")  # at the end of a column's name
+NO_COORDINATES = frozenset(("", "#", "id", "index", "frame", "no", "no.", "number", "nr", "point", "row", "label"))
+LEAST_RUN = 4  # rows that a running number needs
 NPY_MAGIC = b"\x93NUMPY"
 IMAGE_MAGIC = (b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"BM", b"II*\0", b"MM\0*")
 CONTOUR_POINTS, LEAST_CONTOUR = 100, 0.25
@@ -56,11 +60,13 @@ def read_points(path: str | os.PathLike[str]) -> Floats:
     Parameters
     ----------
     path
-        CSV, a point per line, with two or three columns, or any columns under a first line that names x and y (and z);
-        commas, semicolons, tabs or spaces separate columns, and lines that begin with # are ignored. NPY, an array of
-        shape (n, 2) or (n, 3). PLY, text or binary, with vertices of x and y (and z); vertices of equal z are points
-        of the plane. An image (PNG, JPEG, BMP or TIFF): `CONTOUR_POINTS` points evenly along the contours at Otsu's
-        threshold that are at least `LEAST_CONTOUR` as long as the longest, in pixels with y upwards.
+        CSV, a point per line, with two or three columns, or any columns under a first line that names x and y (and z)
+        in any order, with or without units, as ``x [mm]``; a column named id, index or frame, or an unnamed first or
+        last one that numbers the rows from 0 or 1, is no coordinate. Commas, semicolons, tabs or spaces separate
+        columns, and lines that begin with # are ignored. NPY, an array of shape (n, 2) or (n, 3). PLY, text or binary,
+        with vertices of x and y (and z); vertices of equal z are points of the plane. An image (PNG, JPEG, BMP or
+        TIFF): `CONTOUR_POINTS` points evenly along the contours at Otsu's threshold that are at least `LEAST_CONTOUR`
+        as long as the longest, in pixels with y upwards.
 
     Returns
     -------
@@ -107,7 +113,7 @@ def csv_text(points: ArrayLike, **columns: ArrayLike) -> str:
 
 def _parsed(content: bytes) -> Floats:
     if content.startswith(NPY_MAGIC):
-        return _finite(_npy(content), "row", 0)
+        return _without_running_number(_finite(_npy(content), "row", 0))
     if content[:3] == b"ply" and content[3:4] in (b"\r", b"\n"):
         points = _finite(parse_ply(content, most=MOST_POINTS), "vertex", 0)
         flat = points.shape[1] == 3 and bool(np.all(points[:, 2] == points[0, 2]))
@@ -149,7 +155,7 @@ def _csv(content: bytes) -> Floats:
         raise FileInputError("it must hold points; got none")
     separator = next((mark for mark in ";,\t" if mark in first[1]), None)
     heads = [head.strip().strip('"').lower() for head in first[1].split(separator)]
-    named = all(_number(head) is None and not head[:1].isdigit() for head in heads)
+    named = any(heads) and all(_number(head) is None and not head[:1].isdigit() for head in heads)
     chosen = _columns(heads, named=named)
     values = array("d")
     for number, line in lines if named else itertools.chain([first], lines):
@@ -159,7 +165,8 @@ def _csv(content: bytes) -> Floats:
                 f"it must hold at most {MOST_POINTS} points; got {MOST_POINTS + 1} or more (thin them out)"
             )
     _countable(len(values) // len(chosen))
-    return np.array(values).reshape(-1, len(chosen))
+    points = np.array(values).reshape(-1, len(chosen))
+    return points if named else _without_running_number(points)
 
 
 def _require_text(start: bytes) -> None:
@@ -172,14 +179,37 @@ def _require_text(start: bytes) -> None:
 
 
 def _columns(heads: list[str], *, named: bool) -> list[int]:
-    """Indices of the coordinate columns."""
-    if named and "x" in heads and "y" in heads:
-        return [heads.index(axis) for axis in AXES if axis in heads]
-    if len(heads) not in (2, 3):
+    """Indices of the coordinate columns; without names all, one of which may be a running number."""
+    if not named:
+        if len(heads) not in (2, 3, 4):
+            raise FileInputError(
+                f"it must have 2 or 3 columns; got {len(heads)} (or name x, y and z among them in the first line)"
+            )
+        return list(range(len(heads)))
+    names = [UNIT.sub("", head).strip() for head in heads]
+    for axis in AXES:
+        if names.count(axis) > 1:
+            raise FileInputError(f"its first line must name {axis} once; got {names.count(axis)} columns of that name")
+    if "x" in names and "y" in names:
+        return [names.index(axis) for axis in AXES if axis in names]
+    left = [number for number, name in enumerate(names) if name not in NO_COORDINATES]
+    if len(left) not in (2, 3):
         raise FileInputError(
-            f"it must have 2 or 3 columns; got {len(heads)} (or name x, y and z among them in the first line)"
+            f"it must have 2 or 3 columns; got {len(left)} that are no index (or name x, y and z among them)"
         )
-    return list(range(len(heads)))
+    return left
+
+
+def _without_running_number(points: Floats) -> Floats:
+    """Points, shape (n, 2) or (n, 3), of unnamed columns, of which the first or the last may number the rows."""
+    width = points.shape[1]
+    if width > 2 and len(points) >= LEAST_RUN:
+        for place in (0, width - 1):
+            if np.all(np.diff(points[:, place]) == 1.0) and points[0, place] in (0.0, 1.0):
+                return np.delete(points, place, axis=1)
+    if width > 3:
+        raise FileInputError(f"it must have 2 or 3 columns; got {width} (or name x, y and z among them)")
+    return points
 
 
 def _row(number: int, cells: list[str], chosen: list[int], width: int) -> list[float]:

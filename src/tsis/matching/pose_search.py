@@ -86,10 +86,10 @@ def search_poses(search: PoseSearch, *, rng: np.random.Generator) -> list[PoseEv
         return sorted([*better, *aligned], key=lambda pose: -pose.log)
     maps = [pose for moved in _annealed_maps(search) if (pose := settled(search, moved)) is not None]
     evidence = _refined(search, maps, aligned)
-    if not evidence or not _whole(search, evidence[0]):
+    if not evidence or not _paired_whole(search, evidence[0]):
         evidence = sorted([*evidence, *_laid_maps(search)], key=lambda pose: -pose.log)
     evidence = _improved_again(search, evidence)
-    if evidence and complete(search, evidence[0]):
+    if evidence and (complete(search, evidence[0]) or _paired_whole(search, evidence[0])):
         return evidence
     proposed = [pose for moved in _proposed_maps(search, rng) if (pose := settled(search, moved)) is not None]
     more = _refined(search, proposed, evidence)
@@ -239,8 +239,12 @@ def complete(search: PoseSearch, pose: PoseEvidence) -> bool:
 
 def _whole(search: PoseSearch, pose: PoseEvidence) -> bool:
     """Whether a complete map leaves nearly no point of either set without partner."""
-    most = max(len(search.source), len(search.target))
-    return complete(search, pose) and pose.paired >= WHOLE * most
+    return complete(search, pose) and _paired_whole(search, pose)
+
+
+def _paired_whole(search: PoseSearch, pose: PoseEvidence) -> bool:
+    """Whether a map, however noisy, leaves nearly no point of either set without partner: no part is hidden."""
+    return pose.paired >= WHOLE * max(len(search.source), len(search.target))
 
 
 def _refined(

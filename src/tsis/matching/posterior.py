@@ -8,7 +8,7 @@ a frequency. `benchmarks.matching.trust --calibrate` fits the weights on the cal
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -20,6 +20,7 @@ from tsis.matching.methods import UNMATCHED, MatchFit, assign, nearest_pairs
 from tsis.matching.outline import self_resemblance
 from tsis.matching.pose_evidence import PoseEvidence, gaussian_kernel, size_and_stretch, unrelated_evidence
 from tsis.matching.pose_search import PoseSearch, distinct, search_poses, settled
+from tsis.matching.refinement import MANY_PAIRS
 from tsis.matching.spline import spline_basis
 
 if TYPE_CHECKING:
@@ -33,7 +34,11 @@ MOST_ALTERNATIVES = 12
 LEAST_PROBABILITY = 1e-4
 LARGEST_ODDS = 400.0
 UPRIGHT, UPRIGHT_SD_DEG = 0.8, 20.0  # default: this fraction of all pairs is the same way up, within so many degrees
-LEAST_SPACINGS, SOFTENING = 0.1, 8.0  # noise in spacings from which differences of evidence are divided, and how fast
+# Noise in spacings from which evidence is summed over pairs, and how fast it divides the differences of that of pairs
+LEAST_SPACINGS, SOFTENING = 0.1, 8.0
+NEGLIGIBLE_LOG = 5.0  # log probability by which a map may lie behind the most probable and be the best of a pose
+TEMPER = 2.0  # divides the differences of that evidence: noise and bending are not of the model's kind
+POSE_DISTANCE = 0.12  # root-mean-square radii within which maps are of one pose
 WIDEST_DEG = 1000.0  # a standard deviation from which all rotations are equally likely
 
 
@@ -66,14 +71,14 @@ class PosePosterior:
     """Maps with their log probabilities, and that of no relation between the sets."""
 
     search: PoseSearch
-    maps: tuple[PoseEvidence, ...]  # by falling probability
+    maps: tuple[PoseEvidence, ...]  # by falling probability, but first the best of the most probable pose
     logs: Floats  # log probability of each map, shape (k,)
     unrelated: float  # log probability
     resemblance: float  # of the source's outline with itself, by `self_resemblance`
 
     @property
     def best(self) -> PoseEvidence | None:
-        """The most probable map; None where no map has enough partners."""
+        """The most probable map of the most probable pose; None where no map has enough partners."""
         return self.maps[0] if self.maps else None
 
     def move(self, evidence: PoseEvidence) -> FieldMap:
@@ -140,29 +145,53 @@ def pose_posterior(
         maps.append(given)
     upright = distinct((pose for pose in maps if np.linalg.det(pose.affine[1:]) > 0), DUPLICATE)
     priors = np.array([log_rotation_prior(pose.affine[1:], rotation_sd_deg) for pose in upright])
-    logs = priors + _softened(np.array([pose.log for pose in upright]), upright, search.step)
+    logs = priors + _judged(search, upright)
     order = np.argsort(-logs, kind="stable")
     logs, chosen = logs[order], [upright[k] for k in order]
     unrelated = unrelated_evidence(target)
     total = scipy.special.logsumexp(np.append(logs, unrelated))
-    return PosePosterior(
+    found = PosePosterior(
         search=search,
         maps=tuple(chosen),
         logs=logs - total,
         unrelated=float(unrelated - total),
         resemblance=self_resemblance(search.field, search.outline),
     )
+    if not chosen:
+        return found
+    likely = [number for number in range(len(chosen)) if logs[number] > logs[0] - NEGLIGIBLE_LOG]
+    pose = max(likely, key=lambda number: found.log_odds(chosen[number].moved))
+    first = int(found._near(chosen[pose].moved).argmax())
+    order = [first, *(number for number in range(len(chosen)) if number != first)]
+    return replace(found, maps=tuple(chosen[number] for number in order), logs=found.logs[order])
 
 
-def _softened(logs: Floats, maps: list[PoseEvidence], step: float) -> Floats:
-    """Log evidence of maps by falling evidence, shape (k,), whose differences noise beyond the spacing divides.
+def _judged(search: PoseSearch, maps: list[PoseEvidence]) -> Floats:
+    """Log evidence of maps by falling evidence, shape (k,), under noise beyond the spacing summed over pairs.
 
-    Each evidence is that of the best pairs. Under noise these fit almost any pose, some by chance better than others.
+    The evidence of a map is that of its best pairs. Under noise these fit almost any pose, some by chance better than
+    others, and a neighbour is as good a partner. There each pose has the evidence of soft pairs, which that of the best
+    pairs, with its differences divided, shares among the maps of the pose. In tables too large for soft pairs the
+    differences are divided between poses too.
     """
-    if not maps:
+    logs = np.array([pose.log for pose in maps])
+    noise = maps[0].sigma / search.step if maps else 0.0
+    if noise <= LEAST_SPACINGS:
         return logs
-    noise = max(maps[0].sigma / step - LEAST_SPACINGS, 0.0)
-    return np.asarray(logs[0] + (logs - logs[0]) / (1 + SOFTENING * noise))
+    divisor = 1 + SOFTENING * (noise - LEAST_SPACINGS)
+    if len(search.source) * len(search.target) > MANY_PAIRS:
+        return np.asarray(logs[0] + (logs - logs[0]) / divisor)
+    judged = np.full(len(maps), -math.inf)
+    level = None
+    for first in distinct(maps, POSE_DISTANCE):
+        most = POSE_DISTANCE**2 * len(first.moved)
+        near = np.isneginf(judged) & np.array([_is_near(pose.moved, first.moved, most) for pose in maps])
+        soft = settled(search, first.moved)
+        own = first.log if soft is None else soft.log
+        level = own if level is None else level
+        within = logs[near] / divisor
+        judged[near] = level + (own - level) / TEMPER + within - scipy.special.logsumexp(within)
+    return judged
 
 
 @fused
@@ -204,6 +233,25 @@ def log_rotation_prior(matrix: Floats, sd_deg: float | None) -> float:
     return 0.0 if sd_deg >= WIDEST_DEG else _concentrated(cosine, sd_deg, len(matrix))
 
 
+def log_prior_of_side(sd_deg: float | None, *, over: bool) -> float:
+    """Log probability, before the comparison, that a flat set in space is turned over, or that it is not.
+
+    Half of all rotations turn a plane over. With ``sd_deg`` the angle to its other side has the density of
+    `log_rotation_prior` at half a turn.
+
+    Examples
+    --------
+    >>> round(math.exp(log_prior_of_side(None, over=True)), 3)
+    0.1
+    """
+    if sd_deg is None:
+        chance = (1 - UPRIGHT) / 2
+    else:
+        odds = log_rotation_prior(np.diag([1.0, -1.0, -1.0]), sd_deg) - log_rotation_prior(np.eye(3), sd_deg)
+        chance = 1 / (1 + math.exp(-odds))
+    return math.log(max(chance if over else 1 - chance, 1e-300))
+
+
 def rotation_deg(matrix: Floats) -> float:
     """Angle of the nearest rotation to a matrix, shape (d, d), in [0, 180]."""
     left, _, right = np.linalg.svd(matrix)
@@ -226,6 +274,7 @@ def _log_normaliser(concentration: float, dimension: int) -> float:
     return math.log(float(np.trapezoid(density, angle)))
 
 
+MOSTLY = 0.9  # of the points of the smaller set, that have a partner in a map that noise has not torn apart
 NEAREST = 1.5  # largest distance of a pair, in spacings
 CERTAIN_DISTANCE = 0.2  # root-mean-square distance of partners, of the spacing, below which pairs are unambiguous
 INTERPOLATING = 1e-7  # bending ridge of a spline through unambiguous partners
@@ -242,6 +291,10 @@ def fit(
     best = posterior.best
     if best is None:
         return MatchFit(move=np.copy, matches=np.full(len(source), UNMATCHED), trust=np.zeros(len(source)))
+    if best.sigma > LEAST_SPACINGS * posterior.search.step and best.paired < MOSTLY * min(len(source), len(target)):
+        # Few pairs that noise brought near each other do not hold the map: all soft pairs do.
+        soft = settled(posterior.search, best.moved)
+        best = soft if soft is not None and soft.paired > best.paired else best
     move = _interpolated(source, best.moved, target, posterior.search.step) or posterior.move(best)
     matches, trust = nearest_pairs(move(source), target, tolerance=posterior.search.step)
     return MatchFit(move=move, matches=matches, trust=trust)

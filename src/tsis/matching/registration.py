@@ -2,37 +2,47 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 
 from tsis.compiled import one_blas_thread
-from tsis.errors import InputError
+from tsis.errors import InputError, UntrustedError
 from tsis.matching import annealing as tps_rpm
 from tsis.matching import bayesian_drift as bcpd
 from tsis.matching import drift as cpd
 from tsis.matching import neighbourhoods as rpm_lns
 from tsis.matching import posterior as tprl
 from tsis.matching import shape_context
+from tsis.matching.flags import FEW, FEW_POINTS, MATCHING_FLAGS, SAMPLED, doubts
 from tsis.matching.methods import (
     MOST_POINTS,
     UNMATCHED,
     Booleans,
+    Copies,
     Floats,
     Integers,
     NormalFrame,
+    copied_matches,
     drawn,
     matched_all,
     require_points,
     transformed_in_blocks,
 )
+from tsis.matching.planes import flat_planes, plane_move
 from tsis.matching.posterior import (
+    LARGEST_ODDS,
+    LEAST_PROBABILITY,
+    MOST_ALTERNATIVES,
     RELIABLE,
     WIDEST_DEG,
     is_collapsed,
     is_sound,
+    log_prior_of_side,
     pose_posterior,
     probability_right,
     trust_measures,
@@ -47,14 +57,15 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from tsis.matching.methods import MatchFit, MatchMethod, Move
+    from tsis.matching.planes import Plane
     from tsis.matching.posterior import LikelyPose, PosePosterior
+    from tsis.model.flag import Finding
 
 
 FEWEST = 4  # points: three in the plane fit any affine map
-FEW = {2: 9, 3: 16}  # points, by dimension, below which a bent map fits unrelated sets
 LARGEST = 1e100  # coordinate whose square does not overflow
 SHARPEST_DEG = 0.1  # least standard deviation of a rotation
-THIN = 1e-6  # extent across a line or plane, of that along it, that may be rounding
+THIN = 1e-6  # extent across a line, of that along it, that may be rounding
 
 METHODS: Mapping[str, MatchMethod] = MappingProxyType(
     {
@@ -73,27 +84,19 @@ class Alternative:
     """A pose that the data allow."""
 
     moved: Floats  #: the source's points in this pose, shape (n, d)
-    rotation_deg: float  #: angle of its rotation, in [0, 180]
+    rotation_deg: float  #: angle of its rotation, of flat sets in space within their plane, in [0, 180]
     probability: float  #: posterior probability of all maps about this pose, in [0, 1]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Registration:
-    """Correspondences of two point sets, and the transform of the first to the second."""
+class PointMatch:
+    """The most probable transform of a source and its correspondences, whether or not they can be relied on."""
 
-    method: str  #: name of the method
     moved: Floats  #: the source's points after the transform, shape (n, d)
-    matches: Integers  #: index of each source point's target point, -1 where it has none, shape (n,)
+    #: index of each source point's target point, -1 where it has none, shape (n,); only copies of one point share one
+    matches: Integers
     trust: Floats  #: confidence of each match, in [0, 1], shape (n,); 0 where there is none
-    #: calibrated probability that the root-mean-square error is at most 0.1 of a unit box about the shape, in [0, 1]
-    confidence: float
-    #: Whether the confidence is at least 0.999. Otherwise nothing is matched and the transform is the identity.
-    reliable: bool
-    notes: tuple[str, ...]  #: warnings, a message each
     move: Move  #: the transform without checks of its points; call `transform`
-    #: Poses that the data allow and that differ by more than that error, by falling probability; a symmetric shape has
-    #: several. The first is the pose of ``"tprl"``.
-    alternatives: tuple[Alternative, ...] = ()
 
     def transform(self, points: ArrayLike) -> Floats:
         """Transform points of the source's space, shape (k, d).
@@ -112,6 +115,71 @@ class Registration:
         return np.asarray(self.matches == UNMATCHED)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Registration:
+    """Correspondences of two point sets, and the transform of the first to the second.
+
+    `moved`, `matches`, `trust`, `outliers` and `transform` raise `UntrustedError` where the registration is not
+    reliable; the message gives the reasons and the cures.
+    """
+
+    method: str  #: name of the method
+    #: calibrated probability that the root-mean-square error is at most 0.1 of a unit box about the shape, in [0, 1]
+    confidence: float
+    reliable: bool  #: whether the confidence is at least 0.999: at most one answer in a thousand is wrong
+    flags: tuple[str, ...]  #: names of doubts, of `tsis.matching.flags.MATCHING_FLAGS`
+    notes: tuple[str, ...]  #: a message for each flag
+    untrusted: PointMatch  #: the most probable match, reliable or not
+    #: Poses that the data allow and that differ by more than that error, by falling probability; a symmetric shape has
+    #: several. The first is the pose of ``"tprl"``.
+    alternatives: tuple[Alternative, ...] = ()
+
+    @property
+    def moved(self) -> Floats:
+        """The source's points after the transform, shape (n, d)."""
+        return self._trusted().moved
+
+    @property
+    def matches(self) -> Integers:
+        """Index of each source point's target point, -1 where it has none, shape (n,)."""
+        return self._trusted().matches
+
+    @property
+    def trust(self) -> Floats:
+        """Confidence of each match, in [0, 1], shape (n,); 0 where there is none."""
+        return self._trusted().trust
+
+    @property
+    def outliers(self) -> Booleans:
+        """Mask of source points without a match, shape (n,)."""
+        return self._trusted().outliers
+
+    def transform(self, points: ArrayLike) -> Floats:
+        """Transform points of the source's space, shape (k, d).
+
+        Raises `InputError` when the points are not finite or of another dimension.
+        """
+        return self._trusted().transform(points)
+
+    def _trusted(self) -> PointMatch:
+        if self.reliable:
+            return self.untrusted
+        reasons = " ".join(
+            f"{note[:1].upper()}{note[1:]}; {MATCHING_FLAGS[flag].cure}."
+            for flag, note in zip(self.flags, self.notes, strict=True)
+        )
+        raise UntrustedError(
+            f"this match must not be used, because it is not reliable: confidence {self.confidence:.3f} "
+            f"({', '.join(self.flags) or 'no flag'}). {reasons} Its attribute untrusted gives the most probable "
+            f"transform all the same, alternatives the others."
+        )
+
+    def __repr__(self) -> str:
+        state = "reliable" if self.reliable else "not reliable"
+        flags = ", ".join(self.flags) or "none"
+        return f"Registration({self.method}, {state}: confidence {self.confidence:.3f}; flags: {flags})"
+
+
 def register(
     source: ArrayLike,
     target: ArrayLike,
@@ -122,13 +190,15 @@ def register(
 ) -> Registration:
     """Match two point sets that differ by a smooth deformation; points of either may be missing in the other.
 
-    Raises `UnknownNameError` when the method is unknown; `InputError` when shapes do not fit, values are not finite, or
-    the points are too few, too many, or in a line or plane.
+    The numbers of a result that is not reliable raise `UntrustedError`. Raises `UnknownNameError` when the method is
+    unknown; `InputError` when shapes do not fit, values are not finite, or the points are too few, too many, or in a
+    line, or when only one of two sets in space is flat.
 
     Parameters
     ----------
     source, target
-        Points, shapes (n, d) and (m, d) with d = 2 or 3, in one unit; at least 4 each, not all in a line or plane.
+        Points, shapes (n, d) and (m, d) with d = 2 or 3, in one unit; at least 4 each, not all in a line. Points of a
+        plane in space are matched in their plane, copies of one point as one.
         Above some thousands of points samples are matched, with a note; above 200,000 an error is raised.
     method
         ``"tprl"``, ``"cpd"``, ``"bcpd"``, ``"tps-rpm"``, ``"rpm-lns"``, ``"shape-context"`` or the name of a plug-in.
@@ -151,22 +221,6 @@ def register(
     >>> registration.transform([[0.0, 0.0]]).round(0).tolist()
     [[3.0, 1.0]]
     """
-    found = match_points(source, target, method=method, rng=rng, rotation_sd_deg=rotation_sd_deg)
-    return found if found.reliable else _withheld(found, np.array(source, dtype=float))
-
-
-def match_points(
-    source: ArrayLike,
-    target: ArrayLike,
-    *,
-    method: str = "tprl",
-    rng: np.random.Generator | None = None,
-    rotation_sd_deg: float | None = None,
-) -> Registration:
-    """Match two point sets as `register` does, but return unreliable matches too.
-
-    For comparisons with programs that do not rate confidence. Parameters and errors are those of `register`.
-    """
     if method not in METHODS:
         require_one_of("method", method, (*METHODS, *find_plugins("matching")))
     source, target = _points("source", source), _points("target", target)
@@ -182,36 +236,107 @@ def match_points(
         return _match(method, source, target, rng, rotation_sd_deg)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Answer:
+    """A method's answer for sets without copies of points."""
+
+    fit: MatchFit  # in the sets' own units
+    posterior: PosePosterior
+    poses: tuple[Alternative, ...]
+    measures: Floats
+    flags: tuple[Finding, ...]  # that withhold nothing
+
+    @property
+    def weight(self) -> float:
+        """Log probability of all its maps over that of unrelated sets."""
+        logs = self.posterior.logs
+        return float(scipy.special.logsumexp(logs) - self.posterior.unrelated) if len(logs) else -LARGEST_ODDS
+
+
 def _match(
     method: str, source: Floats, target: Floats, rng: np.random.Generator, rotation_sd_deg: float | None
 ) -> Registration:
+    here, there = Copies.of(source), Copies.of(target)
+    first, second = source[here.first], target[there.first]
+    planes = flat_planes(first, second)
+    if planes is None:
+        answer = _answered(method, first, second, rng, rotation_sd_deg)
+    else:
+        answer = _answered_in_planes(method, first, second, planes, rng, rotation_sd_deg)
+    confidence = probability_right(answer.measures)
+    findings = list(answer.flags)
+    reliable = confidence >= RELIABLE
+    if not reliable:
+        rivals = 1 - answer.poses[0].probability if answer.poses else 1.0
+        findings = [*doubts(answer.measures, rivals=rivals, most=1 - RELIABLE), *findings]
+    matches, trust = copied_matches(answer.fit.matches, answer.fit.trust, here, there)
+    return Registration(
+        method=method,
+        confidence=confidence,
+        reliable=reliable,
+        flags=tuple(name for name, _ in findings),
+        notes=tuple(sentence for _, sentence in findings),
+        untrusted=PointMatch(
+            moved=transformed_in_blocks(answer.fit.move, source), matches=matches, trust=trust, move=answer.fit.move
+        ),
+        alternatives=tuple(replace(pose, moved=pose.moved[here.place]) for pose in answer.poses),
+    )
+
+
+def _answered(
+    method: str, source: Floats, target: Floats, rng: np.random.Generator, rotation_sd_deg: float | None
+) -> _Answer:
     start, end = NormalFrame.of(source), NormalFrame.of(target)
     here, there = start.inward(source), end.inward(target)
     sample = drawn(here, there, rng=rng)
     fit, posterior, measures = fit_and_measures(method, *sample, rng=rng, rotation_sd_deg=rotation_sd_deg)
-    confidence = probability_right(measures)
-    notes = []
+    findings = []
     if min(map(len, sample)) < FEW[source.shape[1]]:
-        notes.append("so few points fit almost any others; the confidence means little")
+        findings.append(FEW_POINTS.finding())
     if len(sample[0]) < len(here) or len(sample[1]) < len(there):
         fit = matched_all(fit, here, there)
-        notes.append(
-            f"{len(source):,} and {len(target):,} points are too many for tables of all pairs; "
-            f"{len(sample[0]):,} and {len(sample[1]):,} drawn from them were matched"
+        findings.append(
+            SAMPLED.finding(source=len(source), target=len(target), drawn=len(sample[0]), others=len(sample[1]))
         )
-
-    registration = Registration(
-        method=method,
-        moved=source,
-        matches=fit.matches,
-        trust=fit.trust,
-        confidence=confidence,
-        reliable=confidence >= RELIABLE,
-        notes=tuple(notes),
-        move=_FramedMove(start=start, end=end, move=fit.move),
-        alternatives=tuple(_outward(pose, here, end) for pose in posterior.alternatives()),
+    return _Answer(
+        fit=replace(fit, move=_FramedMove(start=start, end=end, move=fit.move)),
+        posterior=posterior,
+        poses=tuple(_outward(pose, here, end) for pose in posterior.alternatives()),
+        measures=measures,
+        flags=tuple(findings),
     )
-    return replace(registration, moved=registration.transform(source))
+
+
+def _answered_in_planes(
+    method: str,
+    source: Floats,
+    target: Floats,
+    planes: tuple[Plane, Plane],
+    rng: np.random.Generator,
+    rotation_sd_deg: float | None,
+) -> _Answer:
+    """The likelier answer of the planes laid on each other with the same side up, and with the other."""
+    start, end = planes
+    found = []
+    for over, side in ((False, end), (True, end.turned_over())):
+        answer = _answered(method, start.inward(source), side.inward(target), rng, rotation_sd_deg)
+        prior = log_prior_of_side(rotation_sd_deg, over=over)
+        found.append((answer.weight + prior, prior, side, answer))
+    (weight, prior, side, answer), (other, _, back, rest) = sorted(found, key=lambda item: -item[0])
+    measures = answer.measures.copy()
+    rivals = np.logaddexp(-np.logaddexp(0, measures[0]), answer.posterior.unrelated + other - prior)
+    odds = -np.logaddexp(0, -measures[0]) - rivals  # of the answer against those of both sides
+    measures[0] = np.clip(odds, -LARGEST_ODDS, LARGEST_ODDS)
+    share = 1 / (1 + math.exp(min(other - weight, 0.0)))
+    move = plane_move(start, side, answer.fit.move, start.inward(source))
+    poses = [
+        replace(pose, moved=plane.outward(pose.moved), probability=pose.probability * part)
+        for plane, part, some in ((side, share, answer.poses), (back, 1 - share, rest.poses))
+        for pose in some
+    ]
+    likely = [poses[0], *(pose for pose in poses[1:] if pose.probability >= LEAST_PROBABILITY)]
+    poses = tuple(sorted(likely, key=lambda pose: -pose.probability)[:MOST_ALTERNATIVES])
+    return replace(answer, fit=replace(answer.fit, move=move), poses=poses, measures=measures)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -271,28 +396,8 @@ def _outward(pose: LikelyPose, source: Floats, end: NormalFrame) -> Alternative:
     return Alternative(moved=moved, rotation_deg=pose.rotation_deg, probability=pose.probability)
 
 
-def _withheld(registration: Registration, source: Floats) -> Registration:
-    """The registration with the identity as its transform and no matches."""
-    note = (
-        f"no reliable match: confidence {registration.confidence:.3f} lies below {RELIABLE:g}; no point was transformed"
-    )
-    return replace(
-        registration,
-        moved=source,
-        matches=np.full(len(source), UNMATCHED),
-        trust=np.zeros(len(source)),
-        notes=(*registration.notes, note),
-        move=_stay,
-    )
-
-
-def _stay(points: Floats, /) -> Floats:
-    return points.copy()
-
-
 def _points(name: str, value: ArrayLike) -> Floats:
     points = require_points(name, value)
-    dimension = points.shape[1]
     if len(points) > MOST_POINTS:
         raise InputError(
             f"{name} must hold at most {MOST_POINTS:,} points; got {len(points):,} (match a sample and transform the "
@@ -306,9 +411,6 @@ def _points(name: str, value: ArrayLike) -> Floats:
     extent = np.linalg.svd(points - points.mean(axis=0), full_matrices=False, compute_uv=False)
     if extent[0] < 1 / LARGEST:
         raise InputError(f"{name} must extend over at least {1 / LARGEST:g}; got {extent[0]:g}")
-    if extent[-1] <= THIN * extent[0]:
-        raise InputError(
-            f"{name} must not lie in a {'line' if dimension == 2 else 'plane'}; got {len(points)} points that do"
-            + ("" if dimension == 2 else " (match them in two dimensions)")
-        )
+    if extent[1] <= THIN * extent[0]:
+        raise InputError(f"{name} must not lie in a line; got {len(points)} points that do")
     return points

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from tsis.matching.methods import UNMATCHED
+from tsis.matching.flags import MATCHING_FLAGS
 from tsis.present.figures import alternative_pose, point_sets, warped_grid
 from tsis.present.page import Card, Page, Picture, Table
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.matching import Registration
-    from tsis.matching.registration import Alternative
+    from tsis.matching.registration import Alternative, PointMatch
 
     Floats = NDArray[np.float64]
 
@@ -26,15 +26,23 @@ SIDE_INCHES = 4.0
 
 
 def registration_page(
-    source: Floats, target: Floats, registration: Registration, *, title: str, provenance: Mapping[str, Any]
+    source: Floats,
+    target: Floats,
+    registration: Registration,
+    *,
+    title: str,
+    provenance: Mapping[str, Any],
+    shown: PointMatch | None,
 ) -> Page:
-    """The report of a registration of points, shapes (n, d) and (m, d),; ``provenance`` names its origin."""
-    paired = registration.matches != UNMATCHED
+    """The report of a registration of points, shapes (n, d) and (m, d); ``provenance`` names its origin.
+
+    ``shown`` is its match; None withholds it.
+    """
     poses = registration.alternatives
     pictures = [
         Picture(
             title="Points and transform",
-            draw=lambda figure: draw_registration(figure, source, target, registration),
+            draw=lambda figure: draw_registration(figure, source, target, registration, shown),
             size=(2 * SIDE_INCHES, SIDE_INCHES),
             alt="Both point sets before and after the transform, with correspondences and the warped grid",
             wide=True,
@@ -59,29 +67,48 @@ def registration_page(
             Card(
                 title="Confidence",
                 value=f"{registration.confidence:.4f}",
-                detail="reliable" if registration.reliable else "not reliable: no point was transformed",
+                detail="reliable" if registration.reliable else "not reliable",
                 doubtful=not registration.reliable,
             ),
-            Card(title="Matched points", value=f"{int(paired.sum())} of {len(source)}"),
+            Card(
+                title="Matched points",
+                value="withheld" if shown is None else f"{int((~shown.outliers).sum())} of {len(source)}",
+                doubtful=not registration.reliable,
+            ),
         ),
-        notes=registration.notes,
+        notes=sentences(registration),
         pictures=tuple(pictures),
         tables=(Table(title="Poses", columns=("rotation / degrees", "probability"), values=rows),),
         provenance=provenance,
     )
 
 
-def draw_registration(figure: FigureBase, source: Floats, target: Floats, registration: Registration) -> None:
-    """Draw both sets with their correspondences, and the transformed source with the warped grid, into a figure."""
+def sentences(registration: Registration) -> tuple[str, ...]:
+    """A sentence for each flag of a registration, with its cure."""
+    return tuple(
+        f"{note[:1].upper()}{note[1:]}; {MATCHING_FLAGS[flag].cure}."
+        for flag, note in zip(registration.flags, registration.notes, strict=True)
+    )
+
+
+def draw_registration(
+    figure: FigureBase, source: Floats, target: Floats, registration: Registration, shown: PointMatch | None
+) -> None:
+    """Draw both sets with their correspondences, and the transformed source with the warped grid, into a figure.
+
+    Where the match is not ``shown``, both sets are drawn as they are.
+    """
+    if shown is None:
+        title = f"no reliable match: confidence {registration.confidence:.3f}"
+        point_sets(source, target, figure.subplots(**_axes(source))).set_title(title)
+        return
+    doubt = "" if registration.reliable else ", not reliable"
     before, after = figure.subplots(1, 2, **_axes(source))
-    matched, moved, label = "before, with the matches", f"after {registration.method}", "moved source"
-    if not registration.reliable and registration.outliers.all():
-        matched, moved = "no reliable match", f"not moved: confidence {registration.confidence:.3f}"
-        label = "source"
-    point_sets(source, target, before, matches=registration.matches).set_title(matched)
-    point_sets(registration.moved, target, after, source_label=label).set_title(moved)
+    point_sets(source, target, before, matches=shown.matches).set_title(f"before, with the matches{doubt}")
+    title = f"after {registration.method}{doubt}"
+    point_sets(shown.moved, target, after, source_label="moved source").set_title(title)
     if source.shape[1] == 2:
-        warped_grid(registration.transform, source, after)
+        warped_grid(shown.transform, source, after)
 
 
 def draw_poses(figure: FigureBase, target: Floats, poses: tuple[Alternative, ...]) -> None:
