@@ -7,8 +7,9 @@ from skimage.transform import ProjectiveTransform, warp
 from tsis.catalog.sensors import load_sensor, parse_sensor, sensor_toml
 from tsis.errors import ImageMismatchError, InputError
 from tsis.files.reading import parse_toml
-from tsis.imaging.gel_change import face_view, gel_levels
+from tsis.imaging.gel_change import face_view, gel_levels, light_change
 from tsis.model.gel_sensor import GelSensor
+from tsis.virtual.gel_frames import random_gel_press
 
 CORNERS = ((90.0, 60.0), (560.0, 75.0), (600.0, 440.0), (50.0, 425.0))
 
@@ -86,3 +87,48 @@ def test_a_file_of_sixteen_bits_has_the_levels_of_its_camera_or_asks(bits: int) 
     else:
         with pytest.raises(InputError, match="must tell its bits"):
             gel_levels(stored, load_sensor("gelsight-wedge"))
+
+
+def in_other_light(frame: np.ndarray, gain, gamma: float) -> np.ndarray:
+    """The frame as a camera with other gains and another curve stores it."""
+    return np.clip(np.rint(255 * (frame / 255.0 * np.asarray(gain)) ** gamma), 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize("name", ["gelsight-mini", "9dtact"])
+@pytest.mark.parametrize(
+    ("gain", "gamma"),
+    [
+        ((0.7, 0.7, 0.7), 1.0),
+        ((1.2, 1.2, 1.2), 1.0),
+        ((0.8, 1.0, 1.2), 1.0),
+        ((1, 1, 1), 0.8),
+        ((0.85, 0.95, 1.0), 1.2),
+    ],
+)
+def test_a_change_of_the_light_is_told_beside_a_press_and_undone(name: str, gain, gamma: float) -> None:
+    sensor = load_sensor(name)
+    press = random_gel_press(sensor, np.random.default_rng(771))
+    frame = in_other_light(press.frame, gain, gamma)
+    levels, reference, pressed = (gel_levels(part, sensor) for part in (frame, press.reference, press.frame))
+    change = light_change(levels, reference)
+    assert change.known
+    assert change.is_small == (sensor.light == "white" and np.mean(gain) == 1.0 and gamma == 1.0)
+    lit = (levels < 245).all(axis=2)
+    pressed_change = np.abs(pressed - reference)[lit].mean()
+    before, after = (np.abs(part - pressed)[lit].mean() for part in (levels, change.undone(levels)))
+    assert after < 0.12 * before + 0.5
+    assert after < 0.25 * pressed_change + 1.0
+
+
+@pytest.mark.parametrize("seed", range(820, 826))
+def test_a_press_in_the_same_light_is_no_change_of_the_light(seed: int) -> None:
+    sensor = load_sensor("gelsight-mini" if seed % 2 else "9dtact")
+    press = random_gel_press(sensor, np.random.default_rng(seed))
+    levels, reference = (gel_levels(part, sensor) for part in (press.frame, press.reference))
+    change = light_change(levels, reference)
+    assert change.gain == pytest.approx(1.0, abs=0.05)  # the lamps drift by 1 %
+    assert change.gamma == pytest.approx(1.0, abs=0.06)
+
+
+def test_a_frame_without_an_untouched_part_does_not_tell_the_light() -> None:
+    assert not light_change(np.full((60, 80, 1), 255.0), np.full((60, 80, 1), 100.0)).known

@@ -16,7 +16,17 @@ import scipy
 
 from tsis.errors import CalibrationError, InputError, import_extra
 from tsis.imaging.colour import largest_channel, require_pattern
-from tsis.imaging.gel_change import BLACK, GLARE, gel_change, gel_levels, gel_reference, marker_pixels
+from tsis.imaging.gel_change import (
+    BLACK,
+    GLARE,
+    LightChange,
+    coarse_levels,
+    gel_change,
+    gel_levels,
+    gel_reference,
+    light_change,
+    marker_pixels,
+)
 from tsis.imaging.gel_contact import GelContact, find_gel_contact
 from tsis.imaging.surface import integrate_gradients
 from tsis.mechanics.gel.force import gel_force
@@ -158,6 +168,9 @@ class DepthCalibration(ContentValue):
         That distance for each press.
     other_sd_mm
         The least one of the methods that were not taken; None where there was no other.
+    light_levels
+        `coarse_levels` of the untouched sensor at calibration, by which a later change of its light is seen; None in
+        files without it.
     """
 
     sensor: str
@@ -170,11 +183,12 @@ class DepthCalibration(ContentValue):
     sd_relative: float
     errors_mm: tuple[float, ...] = ()
     other_sd_mm: float | None = None
+    light_levels: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         require_one_of("method of a depth calibration", self.method, (*SLOPE_METHODS, *GREY_METHODS))
         require_number("ball_mm", self.ball_mm, 0.2, 200.0)
-        freeze_arrays(self, "weights", dtype=float)
+        freeze_arrays(self, "weights", *(() if self.light_levels is None else ("light_levels",)), dtype=float)
         object.__setattr__(self, "errors_mm", tuple(float(error) for error in self.errors_mm))
 
     def depth_of_grey(self, change: NDArray[Any]) -> NDArray[np.float64]:
@@ -198,12 +212,16 @@ class DepthMap(ContentValue):
         Size (x, y) of a pixel, mm.
     name
         The frame's name.
+    notes, problems
+        What was corrected; and what speaks against the depth. One sentence each.
     """
 
     depth_mm: NDArray[np.float64]
     sd_mm: NDArray[np.float64]
     mm_per_pixel: tuple[float, float]
     name: str = ""
+    notes: tuple[str, ...] = ()
+    problems: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         freeze_arrays(self, "depth_mm", "sd_mm", dtype=float)
@@ -234,6 +252,19 @@ class DepthMap(ContentValue):
         return (np.arange(columns) - (columns - 1) / 2) * width, (np.arange(rows) - (rows - 1) / 2) * height
 
 
+PRESSED, MOST_CLIPPED_PRESSED = 0.2, 0.02  # of the depth; fraction of such pixels
+_CLIPPED = "Clipped pixels lie in the contact, where the depth is wrong: lower the exposure or the lamps."
+_LARGE_CHANGE = (
+    "The light changed since {} more than can be corrected, or the frame does not tell: set lamps and camera as then, "
+    "or calibrate again."
+)
+
+
+def _light_note(since: str, light: LightChange) -> str:
+    gains = ", ".join(f"{gain:.2f}" for gain in light.gain)
+    return f"The light changed since {since} (gain {gains}; gamma {light.gamma:.2f}): corrected, and part of the sd."
+
+
 class DepthMapper:
     """Depth maps of one calibrated sensor and one reference, frame after frame.
 
@@ -259,6 +290,14 @@ class DepthMapper:
         if scale is None:
             raise InputError(f"mm_per_pixel of {sensor.name} is not known; put it into the sensor's file")
         self.mm_per_pixel = scale
+        self.untouched, stored = self.reference, calibration.light_levels
+        self.since_calibration = LightChange(gain=np.ones(self.reference.shape[2]))
+        if stored is not None:
+            coarse = coarse_levels(self.reference)
+            if coarse.shape == stored.shape:
+                self.since_calibration = light_change(coarse, stored, whole=True)
+        if self.since_calibration.known:
+            self.reference = self.since_calibration.undone(self.reference)
         self.brightness = _relative_brightness(self.reference)
         self.place = _frame_places(rows, columns)
         self.strip = _border_strip(rows, columns)
@@ -275,6 +314,10 @@ class DepthMapper:
             raise InputError(f"reference must have the size of {name or 'frame'}, {sizes[0]} pixels; got {sizes[1]}")
         coarse = np.s_[::PATTERN_STEP, ::PATTERN_STEP]
         require_pattern(levels[coarse], self.reference[coarse], name or "the frame", blur_px=0.5)
+        as_stored, light = levels, light_change(levels, self.untouched)
+        changes = [("the untouched frame", light), ("calibration", self.since_calibration)]
+        for _, step in changes:
+            levels = step.undone(levels) if step.known else levels
         change = _colour_change(levels, self.reference, self.calibration.method)
         if self.sensor.marker_pitch_mm is not None:
             change = _filled_markers(change, levels, self.reference, self.sensor)
@@ -289,11 +332,21 @@ class DepthMapper:
             slope = self._slopes(change)
             depth = integrate_gradients(slope[..., 0], slope[..., 1], self.mm_per_pixel)
             depth = self._levelled(depth - np.median(depth[self.strip]))
-        sd = np.hypot(self.calibration.sd_mm, self.calibration.sd_relative * depth)
-        brightest = largest_channel(levels)
+        relative = np.linalg.norm([self.calibration.sd_relative, *(step.relative_sd for _, step in changes)])
+        sd = np.hypot(self.calibration.sd_mm, relative * depth)
+        brightest = largest_channel(as_stored)
         clipped = (brightest >= GLARE) | (brightest <= BLACK)
+        pressed = depth > PRESSED * depth.max()
+        problems = [_LARGE_CHANGE.format(since) for since, step in changes if step.is_large]
+        if depth.max() > 3.0 * self.calibration.sd_mm and clipped[pressed].mean() > MOST_CLIPPED_PRESSED:
+            problems.append(_CLIPPED)
         return DepthMap(
-            depth_mm=depth, sd_mm=np.where(clipped, CLIPPED_SD * sd, sd), mm_per_pixel=self.mm_per_pixel, name=name
+            depth_mm=depth,
+            sd_mm=np.where(clipped, CLIPPED_SD * sd, sd),
+            mm_per_pixel=self.mm_per_pixel,
+            name=name,
+            notes=tuple(_light_note(since, step) for since, step in changes if step.known and not step.is_small),
+            problems=tuple(problems),
         )
 
     def _levelled(self, depth: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -455,6 +508,7 @@ def calibrate_depth(
         sd_relative=float(np.std(cap)) / max(deepest, 1e-6) if len(presses) > 1 else 0.1,
         errors_mm=tuple(float(error) for error in cap),
         other_sd_mm=min(others, default=None),
+        light_levels=coarse_levels(untouched).round(2),
     )
 
 
@@ -565,6 +619,7 @@ def depth_calibration_json(calibration: DepthCalibration) -> bytes:
     """The calibration as a JSON file."""
     values = {name: getattr(calibration, name) for name in calibration.__slots__}
     values |= {"weights": calibration.weights.round(6).tolist(), "errors_mm": list(calibration.errors_mm)}
+    values["light_levels"] = None if calibration.light_levels is None else calibration.light_levels.tolist()
     return json.dumps({"format": FORMAT, "version": VERSION, **values}).encode()
 
 
@@ -574,6 +629,8 @@ def parse_depth_calibration(document: Any) -> DepthCalibration:
         raise InputError("it must be a depth calibration, which tsis depth calibrate writes; got another file")
     values = {key: value for key, value in document.items() if key not in ("format", "version")}
     try:
+        if values.get("light_levels") is not None:
+            values["light_levels"] = np.asarray(values["light_levels"], dtype=float)
         return DepthCalibration(**values | {"weights": np.asarray(values.get("weights"), dtype=float)})
     except TypeError as error:
         raise InputError(f"a depth calibration must hold its values and no others; got: {error}") from error
@@ -639,7 +696,7 @@ def gel_reading(frame: Any, *, sensor: GelSensor, reference: Any, mapper: DepthM
         deepest_mm=force.deepest_mm,
         force_n=force.force_n,
         force_interval_n=force.interval_n(),
-        problems=force.problems,
+        problems=(*depth.problems, *force.problems),
     )
 
 

@@ -124,6 +124,110 @@ class GelChange:
         return float(1.0 - (self.usable | self.marker).mean())
 
 
+LIGHT_BLOCKS = (48, 64)  # rows and columns of the means by which the light is compared
+GAMMA_PRIOR_SD = 0.15
+LEAST_LIGHT_CHANGE = 0.025  # relative: a smaller one is the lamps' own drift, which depth and contact allow for
+LARGEST_GAIN, LARGEST_GAMMA = 1.5, 1.4  # or their inverse: beyond them a change of light is not corrected for
+FEWEST_BLOCKS = 0.1  # of all that must show the light alone
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LightChange:
+    """How the light of a frame differs from an earlier one: ``frame = gain * earlier ** gamma`` on levels up to 1.
+
+    Attributes
+    ----------
+    gain
+        Of each channel: lamps, exposure, white balance.
+    gamma, gamma_sd
+        Exponent of the camera's curve, one for all channels, and its standard deviation.
+    known
+        Whether enough of the frame was untouched and lit to tell.
+    """
+
+    gain: NDArray[np.float64]
+    gamma: float = 1.0
+    gamma_sd: float = 0.0
+    known: bool = True
+
+    @property
+    def is_small(self) -> bool:
+        """Whether nothing has to be corrected."""
+        return self.gamma == 1.0 and bool(np.all(np.abs(np.log(self.gain)) < LEAST_LIGHT_CHANGE))
+
+    @property
+    def is_large(self) -> bool:
+        """Whether the change is beyond what a correction can do."""
+        gain, gamma = np.abs(np.log(self.gain)).max(), abs(np.log(self.gamma))
+        return not self.known or bool(gain > np.log(LARGEST_GAIN) or gamma > np.log(LARGEST_GAMMA))
+
+    @property
+    def relative_sd(self) -> float:
+        """What is uncertain of a corrected change of levels, relative."""
+        return 0.0 if self.is_small else float(np.hypot(0.05 * np.abs(np.log(self.gain)).max(), self.gamma_sd))
+
+    def undone(self, levels: NDArray[Any]) -> NDArray[Any]:
+        """The levels as they were in the earlier light."""
+        if self.is_small:
+            return levels
+        scaled = np.maximum(levels, 0.0) / 255.0 / self.gain.astype(levels.dtype)
+        return np.asarray(255.0 * scaled ** (1.0 / self.gamma), dtype=levels.dtype)
+
+
+def light_change(levels: NDArray[Any], earlier: NDArray[Any], *, whole: bool = False) -> LightChange:
+    """The change of light between two frames of one size, by what no press changed.
+
+    The border of the frame, where nothing presses most of the time, begins; blocks that agree with it follow. With
+    ``whole`` all of the frame is untouched.
+    """
+    now, before = (coarse_levels(part) for part in (levels, earlier))
+    lit = ((now > 2 * BLACK) & (now < GLARE - 5) & (before > 2 * BLACK) & (before < GLARE - 5)).all(axis=2)
+    nothing = LightChange(gain=np.ones(now.shape[2]), known=False)
+    strip = np.ones(lit.shape, dtype=bool)
+    margin = max(2, lit.shape[0] // 12)
+    strip[margin:-margin, margin:-margin] = whole
+    used = strip & lit
+    if used.mean() < FEWEST_BLOCKS / 2:
+        return nothing
+    x, y = np.log(np.maximum(before, 1.0) / 255.0), np.log(np.maximum(now, 1.0) / np.maximum(before, 1.0))
+    slope, level = 0.0, np.median(y[used], axis=0)
+    for _ in range(6):
+        left = y - level - slope * x
+        spread = max(1.4826 * float(np.median(np.abs(left[used]))), 0.004)
+        used = lit & (np.abs(left) < 2.5 * spread).all(axis=2)
+        if not whole:
+            used = _joined_to(used, strip)
+        if used.mean() < FEWEST_BLOCKS:
+            return nothing
+        centred_x, centred_y = (part[used] - part[used].mean(axis=0) for part in (x, y))
+        noise = max(float(np.var(centred_y - slope * centred_x)), 1e-6) * 9.0  # neighbours err together
+        information = float(np.square(centred_x).sum()) / noise + GAMMA_PRIOR_SD**-2
+        slope = float((centred_x * centred_y).sum()) / noise / information
+        level = y[used].mean(axis=0) - slope * x[used].mean(axis=0)
+    slope_sd = information**-0.5
+    if abs(slope) < max(2.0 * slope_sd, LEAST_LIGHT_CHANGE):
+        slope, level = 0.0, y[used].mean(axis=0)
+    return LightChange(gain=np.exp(level), gamma=1.0 + slope, gamma_sd=slope_sd)
+
+
+def coarse_levels(levels: NDArray[Any]) -> NDArray[np.float64]:
+    """Means of `LIGHT_BLOCKS` blocks of a frame, or its pixels where it has fewer; shape (rows, columns, channels)."""
+    rows, columns = (min(size, most) for size, most in zip(levels.shape, LIGHT_BLOCKS, strict=False))
+    result = levels.astype(np.float64)
+    for axis, count in enumerate((rows, columns)):
+        starts = result.shape[axis] * np.arange(count) // count
+        lengths = np.diff(np.append(starts, result.shape[axis]))
+        result = np.add.reduceat(result, starts, axis=axis) / np.expand_dims(lengths, tuple({0, 1, 2} - {axis}))
+    return result
+
+
+def _joined_to(used: NDArray[np.bool_], strip: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The blocks that are joined to the border by others: the middle of a contact may agree by chance."""
+    labels, count = scipy.ndimage.label(used)
+    joined = np.unique(labels[strip & used])
+    return np.asarray(np.isin(labels, joined[joined > 0])) if count else used
+
+
 def gel_reference(frames: Sequence[Any], sensor: GelSensor, reference: Any | None) -> NDArray[np.float64]:
     """Levels of the untouched sensor: the reference, or the median of many frames pressed at different places."""
     require_type("sensor", sensor, GelSensor)
@@ -158,6 +262,10 @@ def gel_change(
             f"differs by {max(typical, float(np.abs(drift).max())):.0f} levels nearly everywhere"
         )
     require_pattern(levels, reference, what)
+    light = light_change(levels, reference)
+    if light.known and not light.is_small:
+        change = light.undone(levels) - reference
+        drift = np.median(change, axis=(0, 1))
     change -= drift
     brightest, lit = (largest_channel(pick(levels, reference)) for pick in (np.maximum, np.minimum))
     clipped = (brightest >= GLARE) | (lit <= BLACK)
