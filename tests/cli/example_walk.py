@@ -62,6 +62,7 @@ WALK = (
     Step("sensor check", r"0\.0634"),
     Step("sensor show", r"gsrobotics"),
     Step("sensor frames", r"4 presses", ("gel-frames/press-4.png", "gel-frames/untouched.png")),
+    Step("session", r"presses\.csv", ("gel-frames/presses.csv",)),
     Step("contacts", r"good"),
     Step("depth calibrate", r"presses left out", ("depth.json",)),
     Step("depth map", r"deepest", ("depth-maps/press-4.npy", "depth-maps/press-4.ply")),

@@ -406,3 +406,21 @@ def test_other_files_than_pictures_and_depth_maps_are_refused_with_what_to_do(
         assert finished.code == 2
         assert said in " ".join(finished.err.split())
         assert finished.err.count("\n") == 1
+
+
+def test_a_video_of_a_press_is_read_as_its_frames(run_tsis: RunTsis, tmp_path: Path) -> None:
+    press = random_gel_press(load_sensor("gelsight-mini"), np.random.default_rng(31))
+    rows, columns = press.frame.shape[:2]
+    writer = cv2.VideoWriter(str(tmp_path / "press.avi"), cv2.VideoWriter_fourcc(*"FFV1"), 10.0, (columns, rows))
+    for frame in (press.reference, press.frame):
+        writer.write(frame[..., ::-1])
+    writer.release()
+    finished = run_tsis("contacts", "press.avi", "--sensor", "gelsight-mini", "--json")
+    assert finished.code == 0, finished.err
+    untouched, pressed = json.loads(finished.out)["contacts"]
+    assert not untouched["good"]
+    assert pressed["radius_px"] == pytest.approx(press.radius_px, rel=0.06)
+    (tmp_path / "broken.avi").write_bytes(b"no video")
+    refused = run_tsis("contacts", "broken.avi", "--sensor", "gelsight-mini")
+    assert refused.code == 2
+    assert "must be a video that can be decoded" in refused.err

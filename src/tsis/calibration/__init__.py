@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from tsis.calibration import dot_board as dot_board
     from tsis.calibration import file as file
     from tsis.calibration import force_line as force_line
+    from tsis.calibration import foreign_folder as foreign_folder
     from tsis.calibration import frames as frames
     from tsis.calibration import guard as guard
     from tsis.calibration import lamps as lamps
@@ -31,6 +32,7 @@ if not TYPE_CHECKING:  # modules and names load when they are first used
             "dot_board",
             "file",
             "force_line",
+            "foreign_folder",
             "frames",
             "guard",
             "lamps",

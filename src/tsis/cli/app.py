@@ -30,6 +30,7 @@ COMMANDS = {
         example="tsis acquire --camera virtual --probe tsis-domed --phantom size-8 --frames 12 --out press-1",
     ),
     "examine": CommandEntry("tsis.cli.examine", "examine", example="tsis examine first-press"),
+    "session": CommandEntry("tsis.cli.session", "session", example="tsis session gel-frames --yes"),
     "contacts": CommandEntry(
         "tsis.cli.contacts",
         "contacts",

@@ -19,6 +19,7 @@ from tsis.cli.progress import progress_bar
 from tsis.cli.sensor import (
     SensorOption,
     chosen_sensor,
+    first_of_video,
     gel_frame_paths,
     read_gel_frame,
     read_gel_reference,
@@ -183,7 +184,7 @@ def _gel_contacts(
         gel_contacts = tsis.imaging.gel_contact.contacts(
             levels,
             sensor=chosen,
-            reference=read_gel_reference(chosen, reference),
+            reference=read_gel_reference(chosen, reference or first_of_video(frames)),
             names=[path.name for path in paths],
             sequence=sequence or len(paths) > len(frames),
             progress=advance,

@@ -11,13 +11,14 @@ import typer
 import tsis
 from tsis.cli.commands import DefaultCommand
 from tsis.cli.options import AsJson
-from tsis.cli.output import print_json
+from tsis.cli.output import leave, print_json
 from tsis.cli.progress import progress_bar
 from tsis.cli.sensor import (
     GelFrames,
     GelReference,
     SensorOption,
     chosen_sensor,
+    first_of_video,
     gel_frame_paths,
     read_gel_frame,
     required_reference,
@@ -103,24 +104,32 @@ def depth_map(
     chosen = chosen_sensor(sensor)
     parse = tsis.imaging.depth.parse_depth_calibration
     document = tsis.files.reading.read_object(calibration, values=MOST_WEIGHTS)
-    mapper = tsis.imaging.depth.DepthMapper(parse(document), chosen, required_reference(chosen, reference))
+    mapper = tsis.imaging.depth.DepthMapper(
+        parse(document), chosen, required_reference(chosen, reference or first_of_video(frames))
+    )
     files: dict[str, bytes] = {}
     rows: list[tuple[str, float, float]] = []
+    said: dict[str, None] = {}
+    trusted = True
     paths = gel_frame_paths(frames)
     with progress_bar("mapping depth") as advance:
         for number, path in enumerate(paths):
             result = mapper.map(read_gel_frame(path), name=path.name)
             files |= {f"{path.stem}{ending}": content(result) for ending, content in FORMS.items()}
             rows.append((path.name, float(result.depth_mm.max()), _sd(result)))
+            said.update(dict.fromkeys((*result.problems, *result.notes)))
+            trusted = trusted and not result.problems
             advance(number + 1, len(paths))
     folder = tsis.files.result_folder.write_folder(tsis.files.result_folder.free_folder(out), files)
     if as_json:
         maps = [dict(zip(("frame", "deepest_mm", "sd_mm"), row, strict=True)) for row in rows]
         print_json(tsis.present.document.envelope("depth map", sensor=chosen.name, maps=maps, folder=str(folder)))
+        leave(trusted=trusted)
         return
     depths = (Column(label="deepest", unit="mm", form=".3f"), Column(label="sd there", unit="mm", form=".3f"))
     table = Table(title="Depth maps", columns=("frame", *depths), values=tuple(rows))
-    print_tables([table], [], where=f"Maps: {folder}")
+    print_tables([table], list(said), where=f"Maps: {folder}")
+    leave(trusted=trusted)
 
 
 def _sd(result: DepthMap) -> float:

@@ -57,6 +57,7 @@ def gel_frame_paths(frames: Sequence[Path]) -> list[Path]:
     """Files of the frames; those of a recorded folder in the order of time."""
     if len(frames) == 1 and frames[0].is_dir():
         frames = [path for path, _ in tsis.instrument.recording.read_recording_index(frames[0])]
+    frames = [part for path in frames for part in (_video_frames(path) if _is_video(path) else [path])]
     if len(frames) > MOST_GEL_FRAMES:
         raise InputError(
             f"frames must be at most {MOST_GEL_FRAMES}; got {len(frames)}: give every second one, or fewer"
@@ -65,15 +66,68 @@ def gel_frame_paths(frames: Sequence[Path]) -> list[Path]:
 
 
 def read_gel_frame(path: Path) -> NDArray[Any]:
-    """Levels of a frame as stored, in colour where the file has colour; a video is refused with what to do."""
+    """Levels of a frame as stored, in colour where the file has colour; of a video its first frame."""
+    if _is_video(path):
+        return _video_levels(path, 0)
+    if _is_video(path.parent) and path.parent.is_file():
+        return _video_levels(path.parent, int(path.stem.rpartition("-")[2]))
+    return tsis.instrument.image_files.read_levels(path)
+
+
+MOST_VIDEO_FRAMES = 200  # evenly over the video
+
+
+def _is_video(path: Path) -> bool:
     from tsis.instrument.drivers.files import VIDEO_ENDINGS
 
-    if path.suffix.lower() in VIDEO_ENDINGS:
-        raise FileInputError(
-            f"{path.name} must be a picture; got a video: tsis acquire --camera video:{path.name} --sensor NAME "
-            "--frames 40 --out FOLDER writes its frames, and FOLDER can be given"
-        )
-    return tsis.instrument.image_files.read_levels(path)
+    return path.suffix.lower() in VIDEO_ENDINGS
+
+
+def _video_frames(path: Path) -> list[Path]:
+    """Names of the frames of a video, evenly over it, as files in a folder of the video's name."""
+    count = int(_opened(path).get(_FRAME_COUNT))
+    step = max(1, -(-count // MOST_VIDEO_FRAMES))
+    if count < 1:
+        raise FileInputError(f"{path.name} must be a video with frames; got none that can be decoded")
+    return [path / f"frame-{number:06d}" for number in range(0, count, step)]
+
+
+_FRAME_COUNT = 7  # OpenCV's CAP_PROP_FRAME_COUNT
+
+
+def first_of_video(frames: Sequence[Path]) -> Path | None:
+    """The video whose first frame shows the untouched sensor, where one video is all that is given; else None."""
+    return frames[0] if len(frames) == 1 and _is_video(frames[0]) else None
+
+
+def _opened(path: Path) -> Any:
+    tsis.files.reading.file_size(path)
+    capture = tsis.instrument.image_files.opencv("frames of a video").VideoCapture(str(path))
+    if not capture.isOpened():
+        raise FileInputError(f"{path.name} must be a video that can be decoded; got another file")
+    return capture
+
+
+class _Decoding:
+    """A video that is read on from the last frame, and the number of the next."""
+
+    path: Path | None = None
+    capture: Any = None
+    following: int = 0
+
+
+def _video_levels(path: Path, number: int) -> NDArray[Any]:
+    """A frame of a video in the order red, green, blue; frames in ascending order are decoded once."""
+    if _Decoding.path != path or number < _Decoding.following:
+        _Decoding.path, _Decoding.capture, _Decoding.following = path, _opened(path), 0
+    levels = None
+    while _Decoding.following <= number:
+        ok, levels = _Decoding.capture.read()
+        _Decoding.following += 1
+        if not ok or levels is None:
+            raise FileInputError(f"frame {number} of {path.name} must be decodable; the video ends or breaks before it")
+    assert levels is not None
+    return levels[..., ::-1].copy()
 
 
 def read_gel_reference(sensor: GelSensor, reference: Path | None) -> NDArray[Any] | None:

@@ -33,6 +33,7 @@ _RESULTS = {
     "protocol": ("",),
     "records": ("backup", "edit", "export", "import", "list", "recompute", "restore", "show", "verify"),
     "sensor": ("check", "frames", "new", "show"),
+    "session": ("",),
     "simulate": ("", "gel", "list"),
     "study": (
         "analyse",

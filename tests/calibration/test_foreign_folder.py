@@ -1,0 +1,68 @@
+"""Folders of other programs become session folders, whose frames have the forces that tables and names tell."""
+
+import numpy as np
+import pytest
+
+from tsis.calibration.foreign_folder import guess_session, write_session
+from tsis.calibration.frames import load_frames
+from tsis.catalog.probes import load_probe
+from tsis.errors import FileInputError
+from tsis.files.images import encode_picture
+
+
+@pytest.fixture
+def folder(tmp_path):
+    rng = np.random.default_rng(3)
+    for name in ("a.png", "b.png", "ref.png"):
+        (tmp_path / name).write_bytes(encode_picture(rng.integers(40, 200, (48, 64)).astype(np.uint8)))
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("table", "encoding"),
+    [
+        ("file,force_n\nb.png,0.5\na.png,0.25\n", "utf-8"),
+        ("Bild\nImage;Force / mN\nframes\\a;250,0\nframes\\b;500,0\n", "utf-16"),
+        ("No.\tLoad (N)\n1\t0.25\n2\t0.5\n", "utf-8"),
+    ],
+)
+def test_a_table_gives_the_forces_and_the_frames_are_read(folder, table, encoding):
+    (folder / "forces.csv").write_bytes(table.encode(encoding))
+    (folder / "notes.txt").write_text("taken on a Monday\n")
+    guessed = guess_session(folder)
+    assert [(frame.file, frame.role, frame.force_n) for frame in guessed] == [
+        ("a.png", "target", 0.25),
+        ("b.png", "target", 0.5),
+        ("ref.png", "untouched", 0.0),
+    ]
+    write_session(folder, guessed, mm_per_pixel=(0.05, 0.06))
+    frames = load_frames(folder, probe=load_probe("tsis-2011"))
+    assert [image.force_n for image in frames.images] == [0.25, 0.5]
+    assert frames.images[0].mm_per_pixel == (0.05, 0.06)
+    assert len(frames.untouched) == 1
+    with pytest.raises(FileInputError, match="session folder already"):
+        guess_session(folder)
+
+
+def test_names_and_files_beside_frames_give_forces(folder):
+    (folder / "a.png").rename(folder / "lump_0.75N.png")
+    (folder / "b.json").write_text('{"force_n": 0.5}')
+    forces = {frame.file: (frame.force_n, frame.source) for frame in guess_session(folder)}
+    assert forces == {"lump_0.75N.png": (0.75, "its name"), "b.png": (0.5, "b.json"), "ref.png": (0.0, "its name")}
+
+
+@pytest.mark.parametrize(
+    ("tables", "said"),
+    [
+        ({"f.csv": "file,force_n\nc.png,1\na.png,1\n"}, "'c.png' is none"),
+        ({"f.csv": "file,force\na.png,1\n"}, "must name its unit"),
+        ({"f.csv": "force_n\n1\n"}, "have a row for each of the 3; got 1 rows"),
+        ({"f.csv": "file,force_n\na.png,1\n", "g.csv": "file,force_n\na.png,1\n"}, "one table of forces"),
+        ({"f.csv": "file,force_n\na.png,1\na,2\n"}, "each frame once|is none"),
+    ],
+)
+def test_what_leaves_two_meanings_is_refused_in_a_sentence(folder, tables, said):
+    for name, text in tables.items():
+        (folder / name).write_text(text)
+    with pytest.raises(FileInputError, match=said):
+        guess_session(folder)
