@@ -19,7 +19,7 @@ from tsis.imaging.colour import largest_channel, require_pattern
 from tsis.imaging.gel_change import (
     BLACK,
     GLARE,
-    LightChange,
+    GelLightChange,
     coarse_levels,
     gel_change,
     gel_levels,
@@ -260,7 +260,7 @@ _LARGE_CHANGE = (
 )
 
 
-def _light_note(since: str, light: LightChange) -> str:
+def _light_note(since: str, light: GelLightChange) -> str:
     gains = ", ".join(f"{gain:.2f}" for gain in light.gain)
     return f"The light changed since {since} (gain {gains}; gamma {light.gamma:.2f}): corrected, and part of the sd."
 
@@ -291,7 +291,7 @@ class DepthMapper:
             raise InputError(f"mm_per_pixel of {sensor.name} is not known; put it into the sensor's file")
         self.mm_per_pixel = scale
         self.untouched, stored = self.reference, calibration.light_levels
-        self.since_calibration = LightChange(gain=np.ones(self.reference.shape[2]))
+        self.since_calibration = GelLightChange(gain=np.ones(self.reference.shape[2]))
         if stored is not None:
             coarse = coarse_levels(self.reference)
             if coarse.shape == stored.shape:

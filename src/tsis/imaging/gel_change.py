@@ -126,13 +126,13 @@ class GelChange:
 
 LIGHT_BLOCKS = (48, 64)  # rows and columns of the means by which the light is compared
 GAMMA_PRIOR_SD = 0.15
-LEAST_LIGHT_CHANGE = 0.025  # relative: a smaller one is the lamps' own drift, which depth and contact allow for
+LEAST_LIGHT_CHANGE = 0.05  # relative: a deep press darkens the border of a white-light frame by some per cent
 LARGEST_GAIN, LARGEST_GAMMA = 1.5, 1.4  # or their inverse: beyond them a change of light is not corrected for
 FEWEST_BLOCKS = 0.1  # of all that must show the light alone
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LightChange:
+class GelLightChange:
     """How the light of a frame differs from an earlier one: ``frame = gain * earlier ** gamma`` on levels up to 1.
 
     Attributes
@@ -163,8 +163,10 @@ class LightChange:
 
     @property
     def relative_sd(self) -> float:
-        """What is uncertain of a corrected change of levels, relative."""
-        return 0.0 if self.is_small else float(np.hypot(0.05 * np.abs(np.log(self.gain)).max(), self.gamma_sd))
+        """What is uncertain of a change of levels, relative: corrected, or too small to be."""
+        if self.is_small:
+            return float(np.abs(np.log(self.gain)).max()) / 2.0
+        return float(np.hypot(0.05 * np.abs(np.log(self.gain)).max(), self.gamma_sd))
 
     def undone(self, levels: NDArray[Any]) -> NDArray[Any]:
         """The levels as they were in the earlier light."""
@@ -174,7 +176,7 @@ class LightChange:
         return np.asarray(255.0 * scaled ** (1.0 / self.gamma), dtype=levels.dtype)
 
 
-def light_change(levels: NDArray[Any], earlier: NDArray[Any], *, whole: bool = False) -> LightChange:
+def light_change(levels: NDArray[Any], earlier: NDArray[Any], *, whole: bool = False) -> GelLightChange:
     """The change of light between two frames of one size, by what no press changed.
 
     The border of the frame, where nothing presses most of the time, begins; blocks that agree with it follow. With
@@ -182,7 +184,7 @@ def light_change(levels: NDArray[Any], earlier: NDArray[Any], *, whole: bool = F
     """
     now, before = (coarse_levels(part) for part in (levels, earlier))
     lit = ((now > 2 * BLACK) & (now < GLARE - 5) & (before > 2 * BLACK) & (before < GLARE - 5)).all(axis=2)
-    nothing = LightChange(gain=np.ones(now.shape[2]), known=False)
+    nothing = GelLightChange(gain=np.ones(now.shape[2]), known=False)
     strip = np.ones(lit.shape, dtype=bool)
     margin = max(2, lit.shape[0] // 12)
     strip[margin:-margin, margin:-margin] = whole
@@ -207,7 +209,7 @@ def light_change(levels: NDArray[Any], earlier: NDArray[Any], *, whole: bool = F
     slope_sd = information**-0.5
     if abs(slope) < max(2.0 * slope_sd, LEAST_LIGHT_CHANGE):
         slope, level = 0.0, y[used].mean(axis=0)
-    return LightChange(gain=np.exp(level), gamma=1.0 + slope, gamma_sd=slope_sd)
+    return GelLightChange(gain=np.exp(level), gamma=1.0 + slope, gamma_sd=slope_sd)
 
 
 def coarse_levels(levels: NDArray[Any]) -> NDArray[np.float64]:
