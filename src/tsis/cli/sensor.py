@@ -127,7 +127,8 @@ def _video_levels(path: Path, number: int) -> NDArray[Any]:
         if not ok or levels is None:
             raise FileInputError(f"frame {number} of {path.name} must be decodable; the video ends or breaks before it")
     assert levels is not None
-    return levels[..., ::-1].copy()
+    frame: NDArray[Any] = levels[..., ::-1].copy()
+    return frame
 
 
 def read_gel_reference(sensor: GelSensor, reference: Path | None) -> NDArray[Any] | None:

@@ -411,9 +411,9 @@ def _columns(cells: Sequence[str], asked: Sequence[str]) -> dict[int, str]:
         if name not in columns.values():
             spelled[parse_heading(name).words] = name
     for place, cell in enumerate(cells):
-        name = spelled.get(parse_heading(cell[:LONGEST_CELL]).words) if cell.strip() else None
-        if name is not None and place not in columns:
-            columns[place] = name
+        own = spelled.get(parse_heading(cell[:LONGEST_CELL]).words) if cell.strip() else None
+        if own is not None and place not in columns:
+            columns[place] = own
     return columns
 
 
