@@ -398,7 +398,7 @@ def test_other_files_than_pictures_and_depth_maps_are_refused_with_what_to_do(
     (gel_files / "press.avi").write_bytes(b"RIFF")
     common = ("--sensor", "gelsight-mini", "--reference", "untouched.png")
     for command, said in (
-        (("contacts", "press.avi", *common), "tsis acquire --camera video:press.avi"),
+        (("contacts", "press.avi", *common), "press.avi must be a video that can be decoded"),
         (("force", "press.png", *common[:2]), "must be an NPY file of a depth map, as tsis depth map writes it"),
         (("force", "no.npy", *common[:2]), "'no.npy' does not exist"),
     ):
