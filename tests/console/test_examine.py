@@ -234,7 +234,7 @@ def test_the_live_image_has_words_and_colours(console: RunningConsole, browser: 
         page.wait_for_function(f"() => {{ const [r, g, b] = ({pixel})(); return r === g && g === b && r > 40; }}")
         page.get_by_role("switch", name="3-D").click()
         page.get_by_role("img", name=re.compile("relief of the live image")).wait_for()
-        page.get_by_role("img", name=re.compile("grey levels of the newest frame")).wait_for()
+        page.get_by_role("img", name=re.compile("grey levels: half of the pixels below")).wait_for()
         picture(page, "examine-relief")
 
 

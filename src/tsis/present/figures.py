@@ -205,7 +205,7 @@ def posterior(estimate: Estimate, figure: Figure | None = None) -> Figure:
     An estimate that is not trusted shows its flags instead: it has no number to show. ``figure`` is an empty figure;
     None makes one.
     """
-    names = tuple(estimate.prior_sd)
+    names = estimate.names  # in the order of the cards; a stored mapping has its own
     if figure is None:
         from matplotlib.figure import Figure  # loaded with the first figure
 

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from tsis.model.estimate import NO_UNIT, label_of, unit_of
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,3 +55,15 @@ def quantity_of(name: str) -> QuantityLabel:
     """
     unit = unit_of(name)
     return KNOWN.get(name) or QuantityLabel(label=label_of(name), unit="" if unit == NO_UNIT else unit)
+
+
+def in_order(values: Mapping[str, float]) -> dict[str, float]:
+    """Values by quantity in the order in which cards, tables and figures have them: d, h, E, then others.
+
+    Examples
+    --------
+    >>> in_order({"young_kpa": 80.0, "depth_mm": 5.0, "other": 1.0, "diameter_mm": 10.0})
+    {'diameter_mm': 10.0, 'depth_mm': 5.0, 'young_kpa': 80.0, 'other': 1.0}
+    """
+    known = [name for name in KNOWN if name in values]
+    return {name: values[name] for name in (*known, *(name for name in values if name not in KNOWN))}

@@ -66,6 +66,8 @@ class DisplayRange:
                 self._range = ui.range(
                     min=0, max=255, step=1, value={"min": 0, "max": 255}, on_change=lambda: self._moved()
                 ).props('dense label aria-label="Black and white, grey levels of 255"')
+            self._range.on("change", lambda: self._say(), args=[])  # not while it is dragged, which sends it back
+            self._say()
             with ui.element("div").classes("row tools"):
                 widgets.button("Auto", self.automatic, look="outline dense")
                 self._follow = ui.switch("keep", value=False, on_change=lambda: self._following())
@@ -124,6 +126,13 @@ class DisplayRange:
         self._gamma.value = gamma
         self._range.value = {"min": ends[0], "max": ends[1]}  # calls `_moved`
         self._moved()
+        self._say()
+
+    def _say(self) -> None:
+        """Say the ends to readers of the screen: the pages' library gives them two numbers in one."""
+        low, high = self._range.value["min"], self._range.value["max"]
+        self._range.props["aria-valuenow"] = low
+        self._range.props["aria-valuetext"] = f"black {low:.0f}, white {high:.0f}"
 
     def _moved(self) -> None:
         low, high = float(self._range.value["min"]), float(self._range.value["max"])

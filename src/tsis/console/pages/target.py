@@ -29,7 +29,7 @@ from tsis.errors import StaleRecordError, TsisError
 from tsis.model.image import TactileImage
 from tsis.present.hardness import estimate_messages_of
 from tsis.present.images import comparison, difference
-from tsis.present.labels import quantity_of
+from tsis.present.labels import in_order, quantity_of
 from tsis.present.records import recomputation_message, recomputation_notes, shift_table
 from tsis.present.target import (
     IDENTITY_NOTE,
@@ -311,7 +311,7 @@ def about_target(page: TargetContext, view: TargetView) -> None:
         "note": "not shown of a subject" if view.private else target.note or "none",
         **{
             f"true {quantity_of(name).title}": measure(value, quantity_of(name).unit)
-            for name, value in target.truth.items()
+            for name, value in in_order(target.truth).items()
         },
         "entered": widgets.time_label(target.made),
         "version": f"{target.version}",
@@ -583,7 +583,7 @@ async def compare_targets(instrument: Instrument, viewer: Viewer, pair: str) -> 
             name = f": {view.target.name}" if view.target.name else ""
             widgets.panel_title(f"Target {view.target.number}{name}").classes("target-title")
             ui.link("Open", f"/records/{view.target.number}").classes("link")
-            truth = {quantity_of(key): value for key, value in view.target.truth.items()}
+            truth = {quantity_of(key): value for key, value in in_order(view.target.truth).items()}
             facts = {f"true {item.title}": measure(value, item.unit) for item, value in truth.items()}
             widgets.FactList().show({"presses": f"{view.total}", **facts}.items())
             estimates(view)
