@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from tsis import imaging as imaging
     from tsis import inclusion as inclusion
     from tsis import instrument as instrument
+    from tsis import mapping as mapping
     from tsis import matching as matching
     from tsis import mechanics as mechanics
     from tsis import model as model
@@ -67,7 +68,7 @@ if not TYPE_CHECKING:  # packages and classes load when they are first used
         __name__,
         submodules=[
             *("calibration", "catalog", "console", "errors", "files", "hardness", "imaging", "inclusion"),
-            *("instrument", "matching", "mechanics", "model", "optics", "plugins", "present", "processes"),
+            *("instrument", "mapping", "matching", "mechanics", "model", "optics", "plugins", "present", "processes"),
             *("records", "study", "sweep", "virtual"),
         ],
         submod_attrs={

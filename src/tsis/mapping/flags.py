@@ -1,0 +1,74 @@
+"""Flags of a map: each is declared once, with its sentence, threshold and cure."""
+
+from __future__ import annotations
+
+from tsis.model.estimate import IMPROBABLE
+from tsis.model.flag import Flag, declared, withholding
+
+SHALLOW_MM, NARROW_MM = 3.0, 2.0
+
+LUMP_SHALLOW = Flag(
+    name="lump_shallow",
+    means="a lump's top is so shallow that the model errs by more than 2 %",
+    cure="press this lump by itself and use tsis examine",
+    raised=f"depth of the top below {SHALLOW_MM:g} mm",
+    says="The top of {lump} lies {depth_mm:.1f} mm under the skin, where the model errs by up to 7 % of the signal.",
+)
+LUMPS_CLOSE = Flag(
+    name="lumps_close",
+    means="two lumps lie so close that they act on each other",
+    cure="press between them with closer places",
+    raised=f"gap below {NARROW_MM:g} mm",
+    says="{lump} and {other} are {gap_mm:.1f} mm apart: they act on each other, and their sizes are less certain.",
+)
+CONTRAST_NOT_IDENTIFIED = Flag(
+    name="contrast_not_identified",
+    means="the contrast of a lump is known only to lie above a bound",
+    raised="contrast whose 90 % interval reaches the end of the prior or spans a factor of 4",
+    says="The contrast of {lump} cannot be told: it lies above {bound:.2g}.",
+)
+NOT_COVERED = Flag(
+    name="not_covered",
+    means="parts of the area between presses lie in the blind zone",
+    cure="press at the places that the map names next",
+    says="{percent:.0f} % of the scanned area could hide a lump of {diameter_mm:g} mm with its top at {depth_mm:g} mm.",
+)
+UNEVEN_AT_END = Flag(
+    name="uneven_at_prior_end",
+    means="the tissue is as uneven as the prior allows: lumps may be unevenness and unevenness lumps",
+    cure="give a prior with a larger heterogeneity_sd",
+    raised="a third of the samples in the prior's last fifth",
+    says="The tissue is at least as uneven as the prior allows, {end:g}: {cure}.",
+)
+MAP_DOES_NOT_FIT = Flag(
+    name="map_does_not_fit",
+    means="no spheres in uneven tissue explain the presses",
+    cure="check places, scale and calibration, and the tissue's modulus and thickness in the prior",
+    raised=f"chance of the misfit below {IMPROBABLE:g}",
+    withholds=True,
+    says="Lumps in uneven tissue do not explain the presses (chance below {chance}): {cure}.",
+)
+PRESSES_LEFT_OUT = Flag(
+    name="presses_left_out",
+    means="presses were not used",
+    says="{count} of {all_presses} presses were left out: {reasons}",
+)
+SAMPLER_NOT_SETTLED = Flag(
+    name="sampler_not_settled",
+    means="the halves of the sampling differ",
+    cure="give more steps",
+    raised="halves differ by more than 0.1 in a probability or one standard deviation in a parameter",
+    says="The sampling has not settled: {cure}.",
+)
+
+MAP_FLAGS = declared(
+    LUMP_SHALLOW,
+    LUMPS_CLOSE,
+    CONTRAST_NOT_IDENTIFIED,
+    NOT_COVERED,
+    UNEVEN_AT_END,
+    PRESSES_LEFT_OUT,
+    SAMPLER_NOT_SETTLED,
+    MAP_DOES_NOT_FIT,
+)
+UNTRUSTED_MAP_FLAGS = withholding(MAP_FLAGS)
