@@ -205,12 +205,36 @@ class FieldResponse:
         newton, and of the press by the dome's shape, zero for a flat face.
     radius_mm, depth_mm
         Coordinates of the points, shape (points,).
+    volume_mm3
+        Integral of the harmonic's square around the axis over each point's cell, shape (points,): the response over
+        it is that to a unit of volume at one place.
     """
 
     pressure_kpa: Floats
     face_displacement_mm: Floats
     radius_mm: Floats
     depth_mm: Floats
+    volume_mm3: Floats
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ContactAnswer:
+    """What the contact of probe and tissue answers to one harmonic of a displacement of the tissue's face.
+
+    Attributes
+    ----------
+    radius_mm
+        Radii of the nodes of the face, shape (nodes,); without the axis for harmonics above 0.
+    force_mn
+        Change of the nodal forces by a unit displacement of each node out of the probe's way, shape (nodes, nodes).
+    pressure_kpa, face_displacement_mm
+        Profiles over the response's radii by a unit of each nodal force, shape (radii, nodes).
+    """
+
+    radius_mm: Floats
+    force_mn: Floats
+    pressure_kpa: Floats
+    face_displacement_mm: Floats
 
 
 class TissueFieldResponse:
@@ -251,21 +275,37 @@ class TissueFieldResponse:
 
     def response(self, harmonic: int) -> FieldResponse:
         """Response to harmonic 0, the field's mean around the axis, or to ``cos(harmonic * angle)``."""
-        tissue, probe_compliance = self._bodies(harmonic)
+        tissue, _ = self._bodies(harmonic)
         round_stress = self._bodies(0)[0].stress @ self._round_forces
         # The displacement of the face by the field, without the minus sign: stiffer tissue is pressed in less.
         moved = np.einsum("gsn,gsp->png", tissue.strain, round_stress, optimize=True)
+        answer = self.contact_answer(harmonic)
+        return FieldResponse(
+            pressure_kpa=answer.pressure_kpa @ answer.force_mn @ moved,
+            face_displacement_mm=answer.face_displacement_mm @ answer.force_mn @ moved,
+            radius_mm=tissue.radius_mm,
+            depth_mm=tissue.depth_mm,
+            volume_mm3=_points(self._slab, harmonic).weight.ravel(),
+        )
+
+    def contact_answer(self, harmonic: int) -> ContactAnswer:
+        """Answer of the contact to a displacement of the face, harmonic by harmonic; at fixed force for harmonic 0."""
+        tissue, probe_compliance = self._bodies(harmonic)
         inverse = np.linalg.inv(tissue.compliance + probe_compliance)
         if harmonic == 0:  # at fixed force
             row_sums = inverse.sum(axis=1)
             inverse = inverse - np.outer(row_sums, row_sums) / row_sums.sum()
         pressure, displacement = self._outputs(harmonic, probe_compliance)
-        return FieldResponse(
-            pressure_kpa=pressure @ inverse @ moved,
-            face_displacement_mm=displacement @ inverse @ moved,
-            radius_mm=tissue.radius_mm,
-            depth_mm=tissue.depth_mm,
+        return ContactAnswer(
+            radius_mm=self.face.radius_mm if harmonic == 0 else self.face.radius_mm[1:],
+            force_mn=inverse,
+            pressure_kpa=pressure,
+            face_displacement_mm=displacement,
         )
+
+    def round_forces_mn(self) -> Floats:
+        """Nodal forces in mN of the unit press per newton and of the press by the dome's shape, shape (nodes, 2)."""
+        return np.array(self._round_forces)
 
     def press(self) -> tuple[Floats, Floats]:
         """Pressures in kPa and displacements in mm at the radii, shape (2, radii): unit press per newton, and shape."""

@@ -1,0 +1,1 @@
+"""Scans that judge the map: solved in three dimensions, never by the map's kernel."""
