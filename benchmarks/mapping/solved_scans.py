@@ -165,9 +165,7 @@ class SolvedSlab:
         ]
         lame, shear = young * POISSON / (1 + POISSON) / (1 - 2 * POISSON), young / 2 / (1 + POISSON)
         form = ng.BilinearForm(self.space, symmetric=True)
-        form += (
-            lame * ng.Trace(strains[0]) * ng.Trace(strains[1]) + 2 * shear * ng.InnerProduct(*strains)
-        ) * ng.dx
+        form += (lame * ng.Trace(strains[0]) * ng.Trace(strains[1]) + 2 * shear * ng.InnerProduct(*strains)) * ng.dx
         form.Assemble()
         self.kept = form
         return form.mat.Inverse(self.space.FreeDofs(), inverse="sparsecholesky")
@@ -200,9 +198,7 @@ class SolvedSlab:
 def solve(truth: World, report: Any = print) -> dict[str, Floats]:
     """Profiles of each press for 1 N, harmonic by harmonic: pressure and displacement, complex."""
     began = time.perf_counter()
-    slab = TissueFieldResponse(
-        PROBE, young_kpa=truth.young_kpa, thickness_mm=truth.thickness_mm, poisson=POISSON
-    )
+    slab = TissueFieldResponse(PROBE, young_kpa=truth.young_kpa, thickness_mm=truth.thickness_mm, poisson=POISSON)
     answers = [slab.contact_answer(order) for order in range(HARMONICS)]
     unit = slab.round_forces_mn()[:, 0]
     bare = slab.press()

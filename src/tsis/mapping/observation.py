@@ -1,0 +1,323 @@
+"""What a scan measured: rows of numbers in kPa, their noise, and what else than lumps and uneven tissue moves them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy
+
+from tsis.errors import InputError, NotCalibratedError
+from tsis.files.cache import cached_arrays, content_key
+from tsis.inclusion.checks.sectors import RINGS, SECTORS, harmonic, harmonic_noise, sector_means
+from tsis.inclusion.estimation import check_calibration
+from tsis.inclusion.frames import OUTER_FRACTION
+from tsis.inclusion.posterior.rings import ring_means
+from tsis.mapping.scan import LEAST_FORCE_N
+from tsis.mapping.signals import DIAMETERS_MM, LEAST_KPA, SHAPES, SignalTable
+from tsis.mapping.uneven_field import FieldResponses
+from tsis.mechanics.lump_kernel import lump_kernel
+from tsis.mechanics.mesh import mechanical_content
+from tsis.mechanics.tissue_field import FieldMesh, TissueFieldResponse
+from tsis.optics.angles import ERF_SLOPE
+
+if TYPE_CHECKING:
+    from tsis.mapping.prior import MapPrior
+    from tsis.mapping.scan import Scan, ScanPress
+    from tsis.mapping.signals import Floats
+    from tsis.model.calibration import Calibration
+    from tsis.model.probe import Probe
+
+
+TABLE_VERSION = 1
+TILT_SD_DEG = 1.0
+OFFSET_SD, GAIN_SD, FORCE_SD = 0.01, 0.01, 0.01  # relative, where no calibration states them
+UNKNOWN_FORCE_SD = 0.5
+STEP = 0.02  # of logarithms of modulus and thickness, for derivatives
+POINTS = 25  # radii of the profiles
+REPEATABILITY = 1e-3  # of the mean pressure, beside the stated noise
+LEAST_PLACE_SD_MM = 0.03
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Observation:
+    """The used presses of a scan as numbers.
+
+    Attributes
+    ----------
+    table
+        Signals of lumps.
+    field
+        Responses to uneven tissue.
+    values
+        Measured numbers less those of even tissue without lump, shape (presses, numbers).
+    noise
+        Covariance of all numbers by noise and by the nuisances, but for lumps and uneven tissue.
+    white
+        Variance of each number by noise alone, shape (presses, numbers).
+    places_mm, place_sd_mm, angle, force_n
+        Of each press; angle in radians.
+    reference
+        Whether each press is known to be without lump under it.
+    radius_mm
+        Radius of the face.
+    index
+        Index of each used press in the scan.
+    left_out
+        A sentence for each press that is not used.
+    scale_kpa
+        Mean pressure of a press.
+    """
+
+    table: SignalTable
+    field: FieldResponses
+    values: Floats
+    noise: Floats
+    white: Floats
+    places_mm: Floats
+    place_sd_mm: Floats
+    angle: Floats
+    force_n: Floats
+    reference: np.ndarray
+    radius_mm: float
+    index: np.ndarray
+    left_out: tuple[str, ...]
+    scale_kpa: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Slab:
+    """One probe on even tissue, seen in rings."""
+
+    table: SignalTable
+    field: FieldResponses
+    bare: Floats  # ring means of the press, (parts, rings)
+    by_thickness: Floats  # derivative by the logarithm of the thickness, (parts, rings)
+    tilt: Floats  # harmonic 1 per radian, (rings,)
+
+
+@lru_cache(maxsize=4)
+def _slab(probe: Probe, young_kpa: float, thickness_mm: float, poisson: float, rings: int, harmonics: int) -> Slab:
+    kernel = lump_kernel(probe, young_kpa=young_kpa, thickness_mm=thickness_mm, poisson=poisson)
+    rows = ring_means(kernel.radius_mm, np.linspace(0.0, OUTER_FRACTION * probe.radius_mm, rings + 1))
+    key = content_key(
+        {
+            "version": TABLE_VERSION,
+            "probe": mechanical_content(probe),
+            "tissue": [young_kpa, thickness_mm, poisson],
+            "rings": [rings, harmonics, list(SHAPES), DIAMETERS_MM.tolist(), LEAST_KPA],
+        }
+    )
+    table = SignalTable.stored(
+        kernel, cached_arrays("lump-table", key, lambda: SignalTable.of(kernel, rows, harmonics).arrays())
+    )
+    mesh = FieldMesh(points=POINTS)
+
+    def of(thickness: float) -> TissueFieldResponse:
+        return TissueFieldResponse(probe, young_kpa=young_kpa, thickness_mm=thickness, poisson=poisson, mesh=mesh)
+
+    slab = of(thickness_mm)
+    bare = slab.press()[0] @ rows.T
+    by_thickness = (of(thickness_mm * np.exp(STEP)).press()[0] @ rows.T - bare) / STEP
+    return Slab(
+        table=table,
+        field=FieldResponses(slab, table.shapes, rows, displacement_rows=None, force_n=1.0),
+        bare=bare,
+        by_thickness=by_thickness,
+        tilt=rows @ slab.tilt()[0],
+    )
+
+
+def observe(scan: Scan, probe: Probe, calibration: Calibration | None, prior: MapPrior) -> Observation:
+    """Numbers of the presses of a probe; presses that cannot be used are named."""
+    if scan.kind == "frame":
+        if calibration is None:
+            raise NotCalibratedError("calibration must be given for frames: their grey levels are no pressures without")
+        check_calibration(calibration, probe)
+    used, left_out = _usable(scan)
+    harmonics, rings, sectors = _resolution(scan, used)
+    slab = _slab(probe, prior.tissue_young_kpa, prior.thickness_mm, prior.poisson, rings, harmonics)
+    shapes = slab.table.shapes
+    presses = [scan.presses[index] for index in used]
+    values, blocks, forces, force_sds = [], [], [], []
+    for press in presses:
+        measured, variance = _harmonics(press, probe, calibration, harmonics, sectors)
+        force, sd = _force(press, calibration, measured[0].real, slab)
+        expected = np.zeros_like(measured)
+        expected[0] = force * slab.bare[0] + slab.bare[1]
+        level = REPEATABILITY * float(np.abs(expected[0]).mean())
+        values.append(shapes.reduced(measured - expected))
+        blocks.append(shapes.noise(variance + level**2))
+        forces.append(force)
+        force_sds.append(sd)
+    force = np.array(forces)
+    noise = scipy.linalg.block_diag(*blocks)
+    white = np.array([np.diag(block) for block in blocks])
+    columns = _nuisances(slab, force, np.array(force_sds), calibration, prior, rings)
+    return Observation(
+        table=slab.table,
+        field=slab.field,
+        values=np.array(values),
+        noise=noise + columns @ columns.T,
+        white=white,
+        places_mm=np.array([press.place_mm for press in presses]),
+        place_sd_mm=np.array([max(press.place_sd_mm, LEAST_PLACE_SD_MM) for press in presses]),
+        angle=np.radians([press.angle_deg for press in presses]),
+        force_n=force,
+        reference=np.array([press.reference for press in presses]),
+        radius_mm=probe.radius_mm,
+        index=np.array(used),
+        left_out=tuple(left_out),
+        scale_kpa=float(np.abs(force.mean() * slab.bare[0] + slab.bare[1]).mean()),
+    )
+
+
+def _usable(scan: Scan) -> tuple[list[int], list[str]]:
+    used, left_out, seen = [], [], set()
+    for index, press in enumerate(scan.presses):
+        name = press.name or f"press {index + 1}"
+        force = press.measured_force_n
+        if force is not None and force < LEAST_FORCE_N:
+            left_out.append(f"{name} has no contact: its force is {force:g} N.")
+        elif (
+            (key := (press.place_mm, press.angle_deg, force)) in seen
+            and press.place_sd_mm == 0
+            and _same(scan, used, press)
+        ):
+            left_out.append(f"{name} repeats another press: same place and same values.")
+        else:
+            used.append(index)
+            seen.add(key)
+    if len({scan.presses[index].place_mm for index in used}) < 2:
+        raise InputError(f"presses must hold at least two usable places; {' '.join(left_out) or 'got one'}")
+    return used, left_out
+
+
+def _same(scan: Scan, used: list[int], press: ScanPress) -> bool:
+    for index in used:
+        other = scan.presses[index]
+        if other.place_mm == press.place_mm:
+            for name in ("pressure_kpa", "travel_force"):
+                first, second = getattr(other, name), getattr(press, name)
+                if first is not None and second is not None and np.array_equal(first, second):
+                    return True
+            if (
+                other.frame is not None
+                and press.frame is not None
+                and np.array_equal(other.frame.grey, press.frame.grey)
+            ):
+                return True
+    return False
+
+
+def _resolution(scan: Scan, used: list[int]) -> tuple[int, int, int]:
+    """Harmonics, rings and sectors of the presses, which must agree."""
+    if scan.kind == "frame":
+        return len(SHAPES), RINGS, SECTORS
+    shapes = {scan.presses[index].pressure_kpa.shape for index in used}  # type: ignore[union-attr]
+    if len(shapes) > 1:
+        raise InputError(f"pressure_kpa must have one shape in all presses; got {sorted(shapes)}")
+    shape = shapes.pop()
+    sectors = shape[1] if len(shape) == 2 else 1
+    return min(len(SHAPES), (sectors - 1) // 2 + 1), shape[0], sectors
+
+
+def _harmonics(
+    press: ScanPress, probe: Probe, calibration: Calibration | None, harmonics: int, sectors: int
+) -> tuple[np.ndarray, Floats]:
+    """Harmonics of the pressure in kPa, complex (harmonics, rings), and the variance of each part."""
+    if press.frame is not None:
+        return _of_frame(press, probe, calibration, harmonics)  # type: ignore[arg-type]
+    means = np.asarray(press.pressure_kpa).reshape(-1, sectors)
+    angle = (np.arange(sectors) + 0.5) * (2 * np.pi / sectors)
+    values, variance = np.zeros((harmonics, len(means)), dtype=complex), np.zeros((harmonics, len(means)))
+    for order in range(harmonics):
+        gain = (1.0 if order == 0 else 2.0) / sectors / np.sinc(order / sectors)
+        values[order] = gain * (means @ np.exp(1j * order * angle))
+        variance[order] = press.noise_kpa**2 * gain**2 * sectors * (1.0 if order == 0 else 0.5)
+    return values, variance
+
+
+def _of_frame(press: ScanPress, probe: Probe, calibration: Calibration, harmonics: int) -> tuple[np.ndarray, Floats]:
+    if press.frame is None:
+        raise AssertionError("only called for frames")
+    sectors = sector_means(press.frame, probe=probe, calibration=calibration)
+    if not sectors.usable.all():
+        ring = int(np.flatnonzero(~sectors.usable)[0])
+        raise InputError(
+            f"frame must show all rings without clipping; ring {ring + 1} of {RINGS} of {press.name or press.place_mm!r} "
+            "does not: check mm_per_pixel, axis_px and the exposure"
+        )
+    top = calibration.gain_grey_per_kpa * calibration.saturation_kpa
+    share = np.clip(sectors.grey / top, -0.98, 0.98)
+    pressure = calibration.saturation_kpa / ERF_SLOPE * scipy.special.erfinv(share)
+    slope = calibration.gain_grey_per_kpa * np.exp(-((ERF_SLOPE * pressure / calibration.saturation_kpa) ** 2))
+    variance = sectors.variance / slope**2
+    values, noise = [pressure.mean(axis=1).astype(complex)], [variance.mean(axis=1) / SECTORS]
+    for order in range(1, harmonics):
+        values.append(harmonic(pressure, order))
+        noise.append(harmonic_noise(variance, order).mean(axis=0))
+    return np.array(values), np.array(noise)
+
+
+def _force(press: ScanPress, calibration: Calibration | None, round_kpa: Floats, slab: Slab) -> tuple[float, float]:
+    """Force in newtons and its relative standard deviation; read off the mean pressure where it is unknown."""
+    force = press.measured_force_n
+    if force is not None:
+        known = FORCE_SD if calibration is None else calibration.force_sd
+        return force, known if press.force_sd is None else press.force_sd
+    weight = np.arange(len(round_kpa)) + 0.5
+    read = float((weight * (round_kpa - slab.bare[1])).sum() / (weight * slab.bare[0]).sum())
+    return max(read, LEAST_FORCE_N), UNKNOWN_FORCE_SD
+
+
+def _nuisances(
+    slab: Slab,
+    force: Floats,
+    force_sd: Floats,
+    calibration: Calibration | None,
+    prior: MapPrior,
+    rings: int,
+) -> Floats:
+    """What moves the numbers beside lumps and uneven tissue, one standard deviation a column."""
+    shapes, presses = slab.table.shapes, len(force)
+
+    def numbers(round_part: Floats, order: int = 0, side: int = 0) -> Floats:
+        result = np.zeros((len(shapes.basis), rings), dtype=complex)
+        result[order] = round_part * (1j if side else 1.0)
+        return shapes.reduced(result)
+
+    shared, single = [], []
+    each = [numbers(push * slab.bare[0] + slab.bare[1]) for push in force]
+    stiffer = slab.field.uniform()
+    gain_sd = GAIN_SD if calibration is None else calibration.gain_sd
+    offset_sd = OFFSET_SD if calibration is None else calibration.offset_sd
+    shared.append(np.concatenate([gain_sd * one for one in each]))
+    shared.append(np.concatenate([prior.tissue_young_sd * push * stiffer for push in force]))
+    by_thickness = numbers(slab.by_thickness[0])
+    shared.append(np.concatenate([prior.thickness_sd * push * by_thickness for push in force]))
+    if calibration is not None:
+        for one in _pattern(calibration, rings):
+            shared.append(np.concatenate([numbers(one * (push * slab.bare[0] + slab.bare[1])) for push in force]))
+    for press, push in enumerate(force):
+        mean = float((push * slab.bare[0] + slab.bare[1]).mean())
+        parts = [
+            numbers(force_sd[press] * push * slab.bare[0]),
+            numbers(np.full(rings, offset_sd * mean)),
+        ]
+        if len(shapes.basis) > 1:
+            parts += [numbers(np.radians(TILT_SD_DEG) * slab.tilt, 1, side) for side in (0, 1)]
+        for part in parts:
+            column = np.zeros((presses, shapes.count))
+            column[press] = part
+            single.append(column.ravel())
+    return np.column_stack([*shared, *single])
+
+
+def _pattern(calibration: Calibration, rings: int) -> list[Floats]:
+    """Errors of the light that all presses share: pattern, and dents where they were not measured."""
+    width = np.linspace(-1.0, 1.0, rings)
+    sd = calibration.pattern_sd if calibration.light is not None else max(calibration.pattern_sd, 0.02)
+    return [sd * np.polynomial.legendre.legval(width, np.eye(4)[term]) for term in range(1, 4)]

@@ -1,0 +1,614 @@
+"""Posterior of the lumps of one block of presses: likelihood under uneven tissue, greedy start, reversible jumps.
+
+All that is linear and Gaussian, the noise, the nuisances and the tissue's field, is integrated out. For each kind of
+field (a length, a spectrum) the numbers are turned so that noise and field are both diagonal; a standard deviation of
+the field then costs a sum, and a lump a product of a matrix and a vector. The number of lumps, the lumps, the kind and
+size of the field and the shifts of places are sampled together (Green's reversible jump).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy
+
+from tsis.compiled import one_blas_thread
+from tsis.mapping.signals import DEPTH, LOG_CONTRAST, LOG_DIAMETER, LUMP_COLUMNS, X, Y
+from tsis.mapping.uneven_field import LENGTHS_MM, tail_weights
+from tsis.mechanics.lump_kernel import eshelby_factor
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tsis.mapping.observation import Observation
+    from tsis.mapping.prior import MapPrior
+    from tsis.mapping.signals import Floats, Integers
+
+SDS = np.array([0.003, 0.01, 0.02, 0.03, 0.045, 0.065, 0.09, 0.12, 0.16, 0.21, 0.27, 0.35, 0.45, 0.6])
+IMPROBABLE = 12.0  # kinds of field less probable by this log factor are left out of the sampling
+MARGIN = 0.6  # of the face's radius: how far beyond the presses lumps are sought
+CLEAR_OF_REFERENCE = 0.6  # of the face's radius: no lump's centre is nearer to a reference press
+SIGNAL_ERROR = 0.015  # of a lump's signal: error of the model that differs between numbers
+DEPTH_ERROR_MM, SIZE_ERROR = 0.12, 0.015  # error of the kernel that all presses share: depth, logarithm of the diameter
+PLACE_MATTERS_MM = 0.1  # standard deviation of a place from which its shift is sampled
+MOST_LUMPS = 12
+CONTACT = 0.9  # of the sum of the radii: lumps do not overlap by more
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Region:
+    """Where lumps may lie, and how probable they are there."""
+
+    low: Floats  # of x, y, depth of the TOP, logarithms of diameter and contrast
+    high: Floats
+    thickness_mm: float
+    expected: float
+    closed_mm: Floats  # centres of discs without lumps, (n, 2)
+    closed_radius_mm: float
+
+    @classmethod
+    def of(cls, observation: Observation, prior: MapPrior, *, expected: float) -> Region:
+        """Around the presses."""
+        margin = MARGIN * observation.radius_mm
+        places = observation.places_mm
+        ranges = [(places[:, axis].min() - margin, places[:, axis].max() + margin) for axis in (0, 1)]
+        ranges += [prior.depth_mm, tuple(np.log(prior.diameter_mm)), tuple(np.log(prior.contrast))]
+        low, high = np.array(ranges).T
+        return cls(
+            low=low,
+            high=high,
+            thickness_mm=prior.thickness_mm,
+            expected=expected,
+            closed_mm=places[observation.reference],
+            closed_radius_mm=CLEAR_OF_REFERENCE * observation.radius_mm,
+        )
+
+    @property
+    def log_density(self) -> float:
+        """Logarithm of the density of one lump, number included."""
+        return float(np.log(self.expected) - np.log(self.high - self.low).sum())
+
+    def top_form(self, lump: Floats) -> Floats:
+        """The lump by the depth of its top."""
+        other = lump.copy()
+        other[DEPTH] -= np.exp(lump[LOG_DIAMETER]) / 2
+        return other
+
+    def allows(self, lumps: Floats, number: int) -> bool:
+        """Whether one of the lumps lies in the region and clear of the others."""
+        lump = lumps[number]
+        top = self.top_form(lump)
+        if (top < self.low).any() or (top > self.high).any():
+            return False
+        radius = np.exp(lump[LOG_DIAMETER]) / 2
+        if lump[DEPTH] + radius > self.thickness_mm - 0.3:
+            return False
+        if len(self.closed_mm) and np.hypot(*(self.closed_mm - lump[:2]).T).min() < self.closed_radius_mm:
+            return False
+        others = np.delete(lumps, number, axis=0)
+        if not len(others):
+            return True
+        distance = np.sqrt(((others[:, :3] - lump[:3]) ** 2).sum(axis=1))
+        return bool((distance > CONTACT * (radius + np.exp(others[:, LOG_DIAMETER]) / 2)).all())
+
+    def drawn(self, rng: np.random.Generator) -> Floats:
+        """A lump of the prior, bounds of the slab and neighbours apart."""
+        lump = rng.uniform(self.low, self.high)
+        lump[DEPTH] += np.exp(lump[LOG_DIAMETER]) / 2
+        return lump
+
+    def moved_inside(self, lump: Floats) -> Floats:
+        """The nearest lump of the region, neighbours apart."""
+        top = np.clip(self.top_form(lump), self.low + 1e-6, self.high - 1e-6)
+        most = 2 * (self.thickness_mm - 0.4 - top[DEPTH]) / 2
+        top[LOG_DIAMETER] = min(top[LOG_DIAMETER], np.log(max(most, np.exp(self.low[LOG_DIAMETER]) + 1e-6)))
+        top[DEPTH] += np.exp(top[LOG_DIAMETER]) / 2
+        return np.asarray(top)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FieldKind:
+    """One length and spectrum of the field: the turn that makes noise and field diagonal."""
+
+    length_mm: float
+    is_rough: bool
+    turn: Floats  # (n, n): turned numbers have the variance 1 + sd**2 * size
+    size: Floats
+
+
+class BlockLikelihood:
+    """Likelihood of lumps for one block of presses."""
+
+    def __init__(self, observation: Observation, prior: MapPrior, *, report: Callable[[], None] | None = None) -> None:
+        self.observation, self.prior = observation, prior
+        self.sds = np.append(SDS[SDS < prior.heterogeneity_sd * 0.99], prior.heterogeneity_sd)
+        width = np.gradient(self.sds) if len(self.sds) > 1 else np.ones(1)
+        self.log_sd_weight = np.log(width / width.sum())
+        with one_blas_thread():
+            by_length = []
+            for length in LENGTHS_MM.tolist():
+                by_length.append(
+                    observation.field.covariance(
+                        length,
+                        observation.places_mm,
+                        observation.angle,
+                        observation.force_n,
+                        observation.place_sd_mm,
+                    )
+                )
+                if report is not None:
+                    report()
+        self._fields = [(length, False, field) for length, field in zip(LENGTHS_MM.tolist(), by_length, strict=True)]
+        for length in LENGTHS_MM[1:].tolist():
+            mixed = sum(w * field for w, field in zip(tail_weights(length), by_length, strict=True))
+            self._fields.append((length, True, np.asarray(mixed)))
+        self.kinds = self._turned(observation.noise, range(len(self._fields)), report)
+
+    def _turned(
+        self, noise: Floats, which: range | list[int], report: Callable[[], None] | None = None
+    ) -> list[FieldKind]:
+        with one_blas_thread():
+            root = np.linalg.cholesky(noise)
+            self.log_root = float(np.log(np.diag(root)).sum())
+            inverse = scipy.linalg.lapack.dtrtri(root, lower=1)[0]
+            kinds = []
+            for index in which:
+                length, rough, field = self._fields[index]
+                size, vectors = np.linalg.eigh(inverse @ field @ inverse.T)
+                kinds.append(
+                    FieldKind(
+                        length_mm=length,
+                        is_rough=rough,
+                        turn=np.ascontiguousarray(vectors.T @ inverse),
+                        size=np.maximum(size, 0.0),
+                    )
+                )
+                if report is not None:
+                    report()
+        return kinds
+
+    def with_signal_error(self, signal: Floats, log_weight: Floats) -> None:
+        """Add the error of the model for these signals to the noise; keep the probable kinds of field."""
+        mean = np.sqrt((signal**2).mean(axis=1, keepdims=True))
+        variance = (SIGNAL_ERROR * signal) ** 2 + (0.5 * SIGNAL_ERROR * mean) ** 2
+        best = log_weight.max(axis=1)
+        kept = np.flatnonzero(best > best.max() - IMPROBABLE).tolist()
+        self.kinds = self._turned(self.observation.noise + np.diag(variance.ravel()), kept)
+        self._fields = [self._fields[index] for index in kept]
+
+    def signal(self, lumps: Floats, shift_mm: Floats) -> Floats:
+        """Changes by lumps, (presses, numbers), with the places shifted."""
+        seen = self.observation
+        return seen.table.signals(lumps, seen.places_mm + shift_mm, seen.angle, seen.force_n)
+
+    def log_weights(self, residual: Floats) -> Floats:
+        """Logarithm of the probability of each kind and standard deviation of the field times the likelihood."""
+        result = np.empty((len(self.kinds), len(self.sds)))
+        for number, kind in enumerate(self.kinds):
+            result[number] = self.log_likelihoods(kind, kind.turn @ residual.ravel())
+        return result + self.log_sd_weight
+
+    def log_likelihoods(self, kind: FieldKind, turned: Floats) -> Floats:
+        """For all standard deviations."""
+        variance = 1 + np.outer(self.sds**2, kind.size)
+        return np.asarray(-0.5 * (np.log(variance) + turned**2 / variance).sum(axis=1) - self.log_root)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Fit:
+    """A most probable state: lumps, shifts of places, kind and standard deviation of the field."""
+
+    lumps: Floats
+    shift_mm: Floats
+    kind: int
+    sd: int
+    log_evidence: float
+    spread: Floats  # covariance of each lump given the others, (lumps, columns, columns)
+    log_weight: Floats  # of the kinds and standard deviations
+
+
+STEPS = np.array([0.05, 0.05, 0.05, 0.01, 0.02])  # of numerical derivatives
+ROUNDS = 12
+STARTS = 3
+
+
+def greedy_fit(
+    likelihood: BlockLikelihood, region: Region, *, report: Callable[[], None] | None = None
+) -> tuple[Fit, Floats, Floats]:
+    """Lumps added one by one as long as the evidence grows; the candidates and their gains beside."""
+    presses = len(likelihood.observation.values)
+    candidates = _candidates(region)
+    signals = np.array([likelihood.signal(one[None], np.zeros((presses, 2))).ravel() for one in candidates])
+    fit = _settled(likelihood, region, np.zeros((0, LUMP_COLUMNS)), np.zeros((presses, 2)))
+    while True:
+        gain = _gains(likelihood, fit, signals)
+        if len(fit.lumps) >= MOST_LUMPS:
+            return fit, candidates, gain
+        best = None
+        for index in _apart(candidates, gain)[:STARTS]:
+            tried = np.vstack([fit.lumps, candidates[index]])
+            if not region.allows(tried, len(tried) - 1) or gain[index] < 2.0:
+                continue
+            found = _settled(likelihood, region, tried, fit.shift_mm)
+            if best is None or found.log_evidence > best.log_evidence:
+                best = found
+        if report is not None:
+            report()
+        if best is None or best.log_evidence <= fit.log_evidence:
+            return fit, candidates, gain
+        fit = best
+
+
+def _candidates(region: Region) -> Floats:
+    step = 4.0
+    axes = [np.arange(region.low[axis] + step / 2, region.high[axis], step) for axis in (X, Y)]
+    rows = []
+    for depth in (5.0, 7.5, 10.0, 13.0, 17.0, 21.0):
+        for size in (4.5, 8.0, 12.0):
+            top = depth - size / 2
+            if top < region.low[DEPTH] or depth + size / 2 > region.thickness_mm - 0.5 or top > region.high[DEPTH]:
+                continue
+            inside = np.clip(np.log(size), region.low[LOG_DIAMETER], region.high[LOG_DIAMETER])
+            rows += [[x, y, depth, inside, np.log(6.0)] for x in axes[0] for y in axes[1]]
+    contrast = np.clip(np.log(6.0), region.low[LOG_CONTRAST], region.high[LOG_CONTRAST])
+    result = np.array(rows)
+    result[:, LOG_CONTRAST] = contrast
+    return result
+
+
+def _gains(likelihood: BlockLikelihood, fit: Fit, signals: Floats) -> Floats:
+    """Gain of the log likelihood by each candidate, its contrast free within a factor."""
+    kind, sd = likelihood.kinds[fit.kind], likelihood.sds[fit.sd]
+    root = np.sqrt(1 + sd**2 * kind.size)
+    residual = likelihood.observation.values - likelihood.signal(fit.lumps, fit.shift_mm)
+    turned = (kind.turn @ residual.ravel()) / root
+    with one_blas_thread():
+        columns = (signals @ kind.turn.T) / root
+    square = (columns**2).sum(axis=1)
+    size = np.clip(columns @ turned / np.maximum(square, 1e-300), 0.4, 1.4)
+    return np.asarray(size * (columns @ turned) - 0.5 * size**2 * square)
+
+
+def _apart(candidates: Floats, gain: Floats) -> list[int]:
+    """Best candidates that lie apart."""
+    chosen: list[int] = []
+    for index in np.argsort(-gain).tolist():
+        if all(np.linalg.norm(candidates[index, :3] - candidates[other, :3]) > 5.0 for other in chosen):
+            chosen.append(index)
+        if len(chosen) >= STARTS:
+            break
+    return chosen
+
+
+def _settled(likelihood: BlockLikelihood, region: Region, lumps: Floats, shift: Floats) -> Fit:
+    """Most probable lumps and shifts from a start, the field chosen in turn; Laplace's evidence."""
+    seen = likelihood.observation
+    free_places = np.flatnonzero(seen.place_sd_mm > PLACE_MATTERS_MM)
+    lumps, shift = lumps.copy(), shift.copy()
+    weights = likelihood.log_weights(seen.values - likelihood.signal(lumps, shift))
+    kind, sd = (int(part) for part in np.unravel_index(weights.argmax(), weights.shape))
+    middle, wide = (region.low + region.high) / 2, (region.high - region.low) / 2
+    damping, hessian = 1e-2, np.zeros((0, 0))
+    count = len(lumps) * LUMP_COLUMNS
+    if not len(lumps):
+        free_places = free_places[:0]
+
+    def objective(lumps: Floats, shift: Floats) -> tuple[float, Floats]:
+        field = likelihood.kinds[kind]
+        root = np.sqrt(1 + likelihood.sds[sd] ** 2 * field.size)
+        turned = (field.turn @ (seen.values - likelihood.signal(lumps, shift)).ravel()) / root
+        prior = ((shift / seen.place_sd_mm[:, None]) ** 2).sum()
+        return float(0.5 * turned @ turned + 0.5 * prior), turned
+
+    for round_ in range(ROUNDS if count else 0):
+        value, turned = objective(lumps, shift)
+        field = likelihood.kinds[kind]
+        root = np.sqrt(1 + likelihood.sds[sd] ** 2 * field.size)
+        columns = np.zeros((seen.values.size, count + 2 * len(free_places)))
+        base = likelihood.signal(lumps, shift)
+        for number, lump in enumerate(lumps):
+            alone = likelihood.signal(lump[None], shift)
+            for axis in range(LUMP_COLUMNS):
+                moved = lump.copy()
+                moved[axis] += STEPS[axis]
+                change = (likelihood.signal(moved[None], shift) - alone) / STEPS[axis]
+                columns[:, number * LUMP_COLUMNS + axis] = change.ravel()
+        for axis in range(2 if len(free_places) else 0):
+            moved_shift = shift.copy()
+            moved_shift[:, axis] += STEPS[axis]
+            change = (likelihood.signal(lumps, moved_shift) - base) / STEPS[axis]
+            for at, press in enumerate(free_places.tolist()):
+                column = np.zeros_like(change)
+                column[press] = change[press]
+                columns[:, count + 2 * at + axis] = column.ravel()
+        with one_blas_thread():
+            jacobian = (field.turn @ columns) / root[:, None]
+        weak = np.concatenate([np.tile(1 / wide**2, len(lumps)), np.repeat(seen.place_sd_mm[free_places] ** -2.0, 2)])
+        hessian = jacobian.T @ jacobian + np.diag(weak)
+        gradient = jacobian.T @ turned
+        gradient[count:] -= (shift[free_places] / seen.place_sd_mm[free_places, None] ** 2).ravel()
+        for _ in range(6):
+            step = np.linalg.solve(hessian + damping * np.diag(np.diag(hessian)), gradient)
+            new = lumps + np.clip(step[:count].reshape(-1, LUMP_COLUMNS), -0.4 * wide, 0.4 * wide)
+            new = np.array([region.moved_inside(one) for one in new])
+            new_shift = shift.copy()
+            new_shift[free_places] += step[count:].reshape(-1, 2)
+            better, _ = objective(new, new_shift)
+            if better < value:
+                lumps, shift, damping = new, new_shift, max(damping / 5, 1e-6)
+                break
+            damping = min(damping * 5, 1e6)
+        converged = better >= value or value - better < 0.02
+        if round_ % 3 == 2 or converged:
+            weights = likelihood.log_weights(seen.values - likelihood.signal(lumps, shift))
+            best = tuple(int(part) for part in np.unravel_index(weights.argmax(), weights.shape))
+            if converged and best == (kind, sd):
+                break
+            kind, sd = best
+    weights = likelihood.log_weights(seen.values - likelihood.signal(lumps, shift))
+    evidence = float(np.logaddexp.reduce(weights.ravel()))
+    evidence -= 0.5 * float(((shift / seen.place_sd_mm[:, None]) ** 2).sum())
+    spread = np.zeros((len(lumps), LUMP_COLUMNS, LUMP_COLUMNS))
+    if count:
+        scale = np.repeat(seen.place_sd_mm[free_places], 2)
+        _, log_determinant = np.linalg.slogdet(hessian)
+        evidence += len(lumps) * region.log_density + 0.5 * count * np.log(2 * np.pi) - 0.5 * float(log_determinant)
+        evidence -= float(np.log(scale).sum())
+        if any(not region.allows(lumps, number) for number in range(len(lumps))):
+            evidence = -np.inf
+        for number in range(len(lumps)):
+            part = slice(number * LUMP_COLUMNS, (number + 1) * LUMP_COLUMNS)
+            spread[number] = np.linalg.inv(hessian[part, part])
+    del middle
+    return Fit(lumps=lumps, shift_mm=shift, kind=kind, sd=sd, log_evidence=evidence, spread=spread, log_weight=weights)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Samples:
+    """States of the sampling, equally weighted.
+
+    Attributes
+    ----------
+    lumps
+        Lumps (n, `LUMP_COLUMNS`) of each state.
+    sd, length_mm
+        Of the field, shape (states,).
+    shift_mm
+        Mean shift of each place, shape (presses, 2).
+    accepted
+        Fraction of accepted moves by kind.
+    """
+
+    lumps: tuple[Floats, ...]
+    sd: Floats
+    length_mm: Floats
+    shift_mm: Floats
+    accepted: dict[str, float]
+
+
+class Sampler:
+    """Reversible jumps from a fit. `run` may be called again to continue."""
+
+    def __init__(
+        self,
+        likelihood: BlockLikelihood,
+        region: Region,
+        fit: Fit,
+        candidates: Floats,
+        gain: Floats,
+        rng: np.random.Generator,
+    ) -> None:
+        self.likelihood, self.region, self.rng = likelihood, region, rng
+        self.lumps, self.shift = fit.lumps.copy(), fit.shift_mm.copy()
+        self._fit = fit
+        weight = np.exp(np.clip(gain, 0.0, 8.0))
+        self._weight = 0.8 * weight / weight.sum() + 0.2 / len(weight)
+        self._candidates = candidates
+        self.kind = self.sd = 0
+        self.tried: dict[str, int] = {}
+        self.taken: dict[str, int] = {}
+        self._choose_field(self._residual())
+
+    def _residual(self) -> Floats:
+        return self.likelihood.observation.values - self.likelihood.signal(self.lumps, self.shift)
+
+    def _choose_field(self, residual: Floats) -> None:
+        """Draw kind and standard deviation of the field given everything else (Gibbs)."""
+        weights = self.likelihood.log_weights(residual)
+        flat = np.exp(weights - weights.max()).ravel()
+        choice = int(self.rng.choice(len(flat), p=flat / flat.sum()))
+        self.kind, self.sd = divmod(choice, len(self.likelihood.sds))
+        field = self.likelihood.kinds[self.kind]
+        self._turned = field.turn @ residual.ravel()
+        self._precision = 1 / (1 + self.likelihood.sds[self.sd] ** 2 * field.size)
+        self._cost = float(0.5 * (self._turned**2 * self._precision).sum())
+
+    def _proposed(self, change: Floats) -> tuple[Floats, float]:
+        """Turned residual and cost after a change (presses, numbers) of the signal."""
+        presses = np.flatnonzero(np.abs(change).max(axis=1) > 0)
+        numbers = change.shape[1]
+        columns = (presses[:, None] * numbers + np.arange(numbers)).ravel()
+        turn = self.likelihood.kinds[self.kind].turn
+        matrix = turn if len(presses) == len(change) else turn[:, columns]
+        turned = self._turned - matrix @ change[presses].ravel()
+        return turned, float(0.5 * (turned**2 * self._precision).sum())
+
+    def _decide(self, name: str, log_ratio: float, turned: Floats, cost: float) -> bool:
+        self.tried[name] = self.tried.get(name, 0) + 1
+        if np.log(self.rng.random()) < self._cost - cost + log_ratio:
+            self._turned, self._cost = turned, cost
+            self.taken[name] = self.taken.get(name, 0) + 1
+            return True
+        return False
+
+    def _replace(self, name: str, number: int, lump: Floats, log_ratio: float) -> None:
+        new = self.lumps.copy()
+        new[number] = lump
+        if not self.region.allows(new, number):
+            self.tried[name] = self.tried.get(name, 0) + 1
+            return
+        signal = self.likelihood.signal
+        change = signal(lump[None], self.shift) - signal(self.lumps[number][None], self.shift)
+        if self._decide(name, log_ratio, *self._proposed(change)):
+            self.lumps = new
+
+    def _walk(self, number: int) -> None:
+        """Move one lump, in the shape of its posterior where the fit has one."""
+        lump, rng = self.lumps[number], self.rng
+        spread = np.diag([0.4, 0.4, 0.4, 0.08, 0.3]) ** 2
+        if len(self._fit.lumps):
+            nearest = int(np.argmin(((self._fit.lumps[:, :3] - lump[:3]) ** 2).sum(axis=1)))
+            if np.linalg.norm(self._fit.lumps[nearest, :3] - lump[:3]) < 6.0:
+                spread = self._fit.spread[nearest]
+        size = rng.choice([0.15, 0.5, 1.0])
+        # proposal symmetric as long as the nearest fitted lump stays the same; else refused
+        step = size * np.linalg.cholesky(spread + 1e-10 * np.eye(LUMP_COLUMNS)) @ rng.normal(size=LUMP_COLUMNS)
+        moved = lump + step
+        if len(self._fit.lumps):
+            before, after = (((self._fit.lumps[:, :3] - one[:3]) ** 2).sum(axis=1) for one in (lump, moved))
+            if before.argmin() != after.argmin() or (before.min() < 36.0) != (after.min() < 36.0):
+                return
+        self._replace("walk", number, moved, 0.0)
+
+    def _ridge(self, number: int) -> None:
+        """Move along equal volume times Eshelby's factor: larger and softer, or smaller and harder."""
+        lump = self.lumps[number].copy()
+        by = float(self.rng.normal(0.0, 0.5))
+        before, after = (eshelby_factor(np.exp(value)) for value in (lump[LOG_CONTRAST], lump[LOG_CONTRAST] + by))
+        if after <= 0.05:
+            return
+        lump[LOG_CONTRAST] += by
+        lump[LOG_DIAMETER] += float(np.log(before / after)) / 3  # of unit Jacobian: the shift depends on the contrast
+        self._replace("ridge", number, lump, 0.0)
+
+    def _birth(self) -> None:
+        if len(self.lumps) >= MOST_LUMPS:
+            return
+        rng, region = self.rng, self.region
+        choice = self._candidates[int(rng.choice(len(self._weight), p=self._weight))]
+        lump = region.drawn(rng)
+        lump[:2] = choice[:2] + rng.uniform(-2.0, 2.0, 2)
+        lump[DEPTH] = choice[DEPTH] + rng.normal(0.0, 2.0)
+        lump[LOG_DIAMETER] = choice[LOG_DIAMETER] + rng.normal(0.0, 0.3)
+        new = np.vstack([self.lumps, lump])
+        if not region.allows(new, len(new) - 1):
+            self.tried["birth"] = self.tried.get("birth", 0) + 1
+            return
+        ratio = region.log_density - self._birth_density(lump) - np.log(len(new))
+        change = self.likelihood.signal(lump[None], self.shift)
+        if self._decide("birth", ratio, *self._proposed(change)):
+            self.lumps = new
+
+    def _birth_density(self, lump: Floats) -> float:
+        """Logarithm of the density with which a lump is proposed."""
+        inside = (np.abs(self._candidates[:, :2] - lump[:2]) <= 2.0).all(axis=1)
+        depth = (lump[DEPTH] - self._candidates[inside, DEPTH]) / 2.0
+        size = (lump[LOG_DIAMETER] - self._candidates[inside, LOG_DIAMETER]) / 0.3
+        density = self._weight[inside] / 16.0 * np.exp(-0.5 * (depth**2 + size**2)) / (2 * np.pi * 2.0 * 0.3)
+        width = self.region.high[LOG_CONTRAST] - self.region.low[LOG_CONTRAST]
+        return float(np.log(max(float(density.sum()), 1e-300)) - np.log(width))
+
+    def _death(self) -> None:
+        if not len(self.lumps):
+            return
+        number = int(self.rng.integers(len(self.lumps)))
+        lump = self.lumps[number]
+        ratio = self._birth_density(lump) + np.log(len(self.lumps)) - self.region.log_density
+        change = -self.likelihood.signal(lump[None], self.shift)
+        if self._decide("death", ratio, *self._proposed(change)):
+            self.lumps = np.delete(self.lumps, number, axis=0)
+
+    def _shift_place(self, press: int) -> None:
+        """Move the place of one press."""
+        sd = self.likelihood.observation.place_sd_mm[press]
+        new = self.shift.copy()
+        new[press] += self.rng.normal(0.0, sd * self.rng.choice([0.05, 0.2, 0.6]), 2)
+        ratio = 0.5 * float((self.shift[press] ** 2).sum() - (new[press] ** 2).sum()) / sd**2
+        change = self.likelihood.signal(self.lumps, new) - self.likelihood.signal(self.lumps, self.shift)
+        if not np.abs(change).any():
+            if np.log(self.rng.random()) < ratio:
+                self.shift = new
+            return
+        if self._decide("place", ratio, *self._proposed(change)):
+            self.shift = new
+
+    def _shift_all(self, number: int) -> None:
+        """Move one lump and the places of the presses near it together: the signal hardly changes."""
+        seen = self.likelihood.observation
+        near = np.hypot(*(seen.places_mm - self.lumps[number, :2]).T) < seen.radius_mm * 1.5
+        by = self.rng.normal(0.0, float(seen.place_sd_mm.mean()) / np.sqrt(max(near.sum(), 1)), 2)
+        new, shift = self.lumps.copy(), self.shift.copy()
+        new[number, :2] += by
+        shift[near] += by
+        if not self.region.allows(new, number):
+            return
+        sd = seen.place_sd_mm[:, None]
+        ratio = 0.5 * float(((self.shift / sd) ** 2).sum() - ((shift / sd) ** 2).sum())
+        change = self.likelihood.signal(new, shift) - self.likelihood.signal(self.lumps, self.shift)
+        if self._decide("shift", ratio, *self._proposed(change)):
+            self.lumps, self.shift = new, shift
+
+    def step(self) -> None:
+        """One move."""
+        rng = self.rng
+        uneven_places = bool((self.likelihood.observation.place_sd_mm > PLACE_MATTERS_MM).any())
+        kind = rng.random()
+        if kind < 0.15:
+            self._birth()
+        elif kind < 0.3:
+            self._death()
+        elif len(self.lumps):
+            number = int(rng.integers(len(self.lumps)))
+            if kind < 0.4:
+                self._ridge(number)
+            elif kind < 0.7 or not uneven_places:
+                self._walk(number)
+            elif kind < 0.75:
+                self._shift_all(number)
+            else:
+                self._shift_place(int(rng.integers(len(self.shift))))
+
+    def run(
+        self, steps: int, *, every: int = 20, burn: float = 0.25, report: Callable[[], None] | None = None
+    ) -> Samples:
+        """Take steps; states after the first part are kept."""
+        lumps, sds, lengths, shifts = [], [], [], np.zeros_like(self.shift)
+        with one_blas_thread():
+            for step in range(steps):
+                if step % 50 == 0:
+                    self._choose_field(self._residual())
+                self.step()
+                if step >= burn * steps and step % every == 0:
+                    lumps.append(self._with_kernel_error())
+                    sds.append(self.likelihood.sds[self.sd])
+                    lengths.append(self.likelihood.kinds[self.kind].length_mm)
+                    shifts += self.shift
+                if report is not None and step % 500 == 499:
+                    report()
+        return Samples(
+            lumps=tuple(lumps),
+            sd=np.array(sds),
+            length_mm=np.array(lengths),
+            shift_mm=shifts / len(lumps),
+            accepted={name: self.taken.get(name, 0) / count for name, count in self.tried.items()},
+        )
+
+    def _with_kernel_error(self) -> Floats:
+        """The lumps with the error of the kernel that all presses share, so that no number of presses averages it."""
+        lumps = self.lumps.copy()
+        lumps[:, DEPTH] += self.rng.normal(0.0, DEPTH_ERROR_MM, len(lumps))
+        lumps[:, LOG_DIAMETER] += self.rng.normal(0.0, SIZE_ERROR, len(lumps))
+        return lumps
+
+
+def of_presses(observation: Observation, presses: Integers) -> Observation:
+    """The observation of some of the presses."""
+    numbers = observation.values.shape[1]
+    at = (presses[:, None] * numbers + np.arange(numbers)).ravel()
+    parts = {
+        name: getattr(observation, name)[presses]
+        for name in ("values", "white", "places_mm", "place_sd_mm", "angle", "force_n", "reference", "index")
+    }
+    return replace(observation, noise=observation.noise[np.ix_(at, at)], **parts)
