@@ -1,18 +1,96 @@
-"""Estimate the map of a scan."""
+"""Estimate the map of a scan: blocks of presses, each sampled, and one map of all."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import hashlib
+import io
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import scipy
+
+from tsis.__about__ import RESEARCH_USE_ONLY, __version__
+from tsis.errors import InputError
+from tsis.files.archive import read_arrays
+from tsis.files.atomic import write_durably
+from tsis.files.cache import content_key
+from tsis.files.reading import read_bytes
+from tsis.mapping.answers import (
+    AREA_MM,
+    BLIND_CONTRAST,
+    BLIND_STEP_MM,
+    PRESENT,
+    Voxels,
+    area_probability,
+    blind_diameter,
+    clusters,
+    lump_of,
+    next_places,
+    painted,
+    uneven_modulus,
+    visibility,
+)
+from tsis.mapping.flags import (
+    LUMP_SHALLOW,
+    LUMPS_CLOSE,
+    MAP_DOES_NOT_FIT,
+    NARROW_MM,
+    NOT_COVERED,
+    PRESSES_LEFT_OUT,
+    SAMPLER_NOT_SETTLED,
+    SHALLOW_MM,
+    UNEVEN_AT_END,
+    UNTRUSTED_MAP_FLAGS,
+)
+from tsis.mapping.lump_map import LumpMap, MapNumbers
+from tsis.mapping.observation import observe
+from tsis.mapping.posterior import BlockLikelihood, Region, Sampler, Samples, greedy_fit, of_presses
+from tsis.mapping.prior import MapPrior
+from tsis.mapping.scan import Scan
+from tsis.mapping.stiffness import observe_stiffness
+from tsis.model.estimate import IMPROBABLE, Estimate, probability_bound
+from tsis.model.probe import Probe
+from tsis.model.require import require_integer, require_number, require_one_of, require_type
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from tsis.mapping.lump_map import LumpMap
-    from tsis.mapping.prior import MapPrior
-    from tsis.mapping.scan import Scan
+    from tsis.mapping.lump_map import Lump
+    from tsis.mapping.observation import Observation
+    from tsis.mapping.posterior import Fit
+    from tsis.mapping.signals import Floats
     from tsis.model.calibration import Calibration
-    from tsis.model.probe import Probe
+    from tsis.model.flag import Finding
+
+
+BLOCK = 30  # most presses that share a block; with its neighbours a block has about twice as many
+NEIGHBOURS = 1.3  # of the face's radius: presses this near to a block's area are sampled with it
+STRAINS = ("small", "finite")
+LARGEST_RESUME_BYTES = 2**28
+HARD_MISFIT = 1.35  # mean square of the whitened residual above which no model error of a few per cent explains it
+TYPICAL_SIZE_MM, TYPICAL_TOP_MM = 8.0, 8.0  # of the lump by which the blind zone is judged
+LARGE_BLIND = 0.1  # of the area
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Block:
+    """One block of presses, sampled."""
+
+    likelihood: BlockLikelihood
+    region: Region
+    core_low: Floats
+    core_high: Floats
+    fit: Fit
+    samples: Samples
+    misfit: float  # mean square of the whitened residual
+    numbers: int
+
+    def of_core(self, lumps: Floats) -> Floats:
+        """The lumps whose centre lies in the core."""
+        inside = ((lumps[:, :2] >= self.core_low) & (lumps[:, :2] < self.core_high)).all(axis=1)
+        return lumps[inside]
 
 
 def estimate_map(
@@ -41,17 +119,17 @@ def estimate_map(
     prior
         Tissue and lumps; `MapPrior` by default.
     strain
-        ``"small"`` or ``"finite"``; by default as frames of a virtual probe state, else small.
+        ``"small"``, the default; ``"finite"`` is refused as long as the kernel is of small strain.
     voxel_mm
-        Width of the map's voxels.
+        Width of the map's voxels, in [0.5, 20].
     seed
         Of the sampler.
     steps
-        Steps of the sampler a block of presses.
+        Steps of the sampler a block of presses, in [500, 10 million].
     progress
         Called with (done, all).
     resume
-        A file in which an interrupted estimate continues; it is written as the sampler proceeds.
+        A file in which an interrupted estimate of several blocks continues; it is written block by block.
 
     Returns
     -------
@@ -65,4 +143,345 @@ def estimate_map(
     NotCalibratedError
         When frames come without calibration, or it is another probe's.
     """
-    raise NotImplementedError
+    require_type("scan", scan, Scan)
+    prior = MapPrior() if prior is None else prior
+    require_type("prior", prior, MapPrior)
+    require_number("voxel_mm", voxel_mm, 0.5, 20.0, hint="millimetres")
+    require_integer("steps", steps, 500, 10**7)
+    require_integer("seed", seed, 0, 2**63 - 1)
+    if strain is not None and require_one_of("strain", strain, STRAINS) == "finite":
+        raise InputError(
+            name="strain", requirement="must be 'small' for a map", value="'finite'", cure="press at a smaller force"
+        )
+    if scan.kind == "travel_force":
+        observation = observe_stiffness(scan, prior)
+    else:
+        if probe is None:
+            raise InputError("probe must be given for frames and pressures; got None")
+        require_type("probe", probe, Probe)
+        observation = observe(scan, probe, calibration, prior)
+    areas = _areas(observation.places_mm)
+    done, total = 0, len(areas) * (34 + steps // 500)
+
+    def report() -> None:
+        nonlocal done
+        done = min(done + 1, total - 1)
+        if progress is not None:
+            progress(done, total)
+
+    stored = _Resumed(resume, _key(scan, probe, calibration, prior, seed, steps))
+    blocks = []
+    whole = Region.of(observation, prior, expected=prior.lumps_per_scan)
+    for number, (low, high) in enumerate(areas):
+        blocks.append(_block(observation, prior, whole, low, high, stored, number, seed, steps, report))
+    result = _map(scan, observation, blocks, prior, voxel_mm, seed)
+    if progress is not None:
+        progress(total, total)
+    return result
+
+
+def _areas(places: Floats) -> list[tuple[Floats, Floats]]:
+    """Halve the plane until no part has more than `BLOCK` presses; low and high corner of each part."""
+    parts = [(np.full(2, -np.inf), np.full(2, np.inf), places)]
+    done = []
+    while parts:
+        low, high, inside = parts.pop()
+        if len(inside) <= BLOCK:
+            done.append((low, high))
+            continue
+        axis = int(np.argmax(np.ptp(inside, axis=0)))
+        middle = float(np.median(inside[:, axis]))
+        right = inside[:, axis] >= middle
+        if right.all():  # many presses at one coordinate
+            done.append((low, high))
+            continue
+        left_high, right_low = high.copy(), low.copy()
+        left_high[axis] = right_low[axis] = middle
+        parts += [(low, left_high, inside[~right]), (right_low, high, inside[right])]
+    return done
+
+
+def _block(
+    observation: Observation,
+    prior: MapPrior,
+    whole: Region,
+    low: Floats,
+    high: Floats,
+    stored: _Resumed,
+    number: int,
+    seed: int,
+    steps: int,
+    report: Callable[[], None],
+) -> Block:
+    reach = NEIGHBOURS * observation.radius_mm
+    places = observation.places_mm
+    near = np.flatnonzero(((places >= low - reach) & (places <= high + reach)).all(axis=1))
+    part = of_presses(observation, near)
+    area = float(np.prod(whole.high[:2] - whole.low[:2]))
+    region = Region.of(part, prior, expected=1.0)
+    share = float(np.prod(region.high[:2] - region.low[:2])) / area
+    region = replace(region, expected=prior.lumps_per_scan * min(share, 1.0))
+    likelihood = BlockLikelihood(part, prior, report=report)
+    fit, candidates, gain = greedy_fit(likelihood, region, report=report)
+    likelihood.with_signal_error(likelihood.signal(fit.lumps, fit.shift_mm), fit.log_weight)
+    samples = stored.samples(number)
+    if samples is None:
+        rng = np.random.default_rng([seed, number])
+        samples = Sampler(likelihood, region, fit, candidates, gain, rng).run(steps, report=report)
+        stored.keep(number, samples)
+    residual = part.values - likelihood.signal(fit.lumps, fit.shift_mm)
+    weights = likelihood.log_weights(residual)
+    kind, sd = np.unravel_index(weights.argmax(), weights.shape)
+    field = likelihood.kinds[int(kind)]
+    turned = field.turn @ residual.ravel()
+    misfit = float((turned**2 / (1 + likelihood.sds[int(sd)] ** 2 * field.size)).mean())
+    return Block(
+        likelihood=likelihood,
+        region=region,
+        core_low=low,
+        core_high=high,
+        fit=replace(fit, kind=int(kind), sd=int(sd)),
+        samples=samples,
+        misfit=misfit,
+        numbers=part.values.size,
+    )
+
+
+class _Resumed:
+    """Samples of finished blocks in a file, as long as it belongs to the same estimate."""
+
+    def __init__(self, path: Path | None, key: str) -> None:
+        self._path, self._key = path, key
+        self._arrays: dict[str, Any] = {}
+        if path is not None and path.exists():
+            arrays = read_arrays(read_bytes(path, most=LARGEST_RESUME_BYTES))
+            if "key" not in arrays or bytes(arrays["key"].tobytes()).decode() != key:
+                raise InputError(
+                    f"resume must name a file of the same scan, prior, seed and steps; {path.name} is of others: "
+                    "name another file"
+                )
+            self._arrays = arrays
+
+    def samples(self, number: int) -> Samples | None:
+        """Samples of a block, or None."""
+        if f"sd{number}" not in self._arrays:
+            return None
+        counts, rows = self._arrays[f"counts{number}"], self._arrays[f"lumps{number}"]
+        return Samples(
+            lumps=tuple(np.split(rows, np.cumsum(counts)[:-1])),
+            sd=self._arrays[f"sd{number}"],
+            length_mm=self._arrays[f"length{number}"],
+            shift_mm=self._arrays[f"shift{number}"],
+            accepted={},
+        )
+
+    def keep(self, number: int, samples: Samples) -> None:
+        """Write a finished block."""
+        if self._path is None:
+            return
+        self._arrays |= {
+            "key": np.frombuffer(self._key.encode(), dtype=np.uint8),
+            f"counts{number}": np.array([len(lumps) for lumps in samples.lumps]),
+            f"lumps{number}": np.concatenate(samples.lumps),
+            f"sd{number}": samples.sd,
+            f"length{number}": samples.length_mm,
+            f"shift{number}": samples.shift_mm,
+        }
+        buffer = io.BytesIO()
+        np.savez(buffer, **self._arrays)
+        write_durably(self._path, buffer.getvalue())
+
+
+def _key(
+    scan: Scan, probe: Probe | None, calibration: Calibration | None, prior: MapPrior, seed: int, steps: int
+) -> str:
+    digest = hashlib.sha256()
+    for press in scan.presses:
+        for values in (press.pressure_kpa, press.travel_force, None if press.frame is None else press.frame.grey):
+            if values is not None:
+                digest.update(np.ascontiguousarray(values).tobytes())
+        digest.update(repr((press.place_mm, press.place_sd_mm, press.angle_deg, press.measured_force_n)).encode())
+    return content_key(
+        {
+            "scan": digest.hexdigest(),
+            "probe": None if probe is None else asdict(probe),
+            "calibration": None if calibration is None else calibration.provenance(),
+            "prior": asdict(prior),
+            "run": [seed, steps],
+        }
+    )
+
+
+def _combined(blocks: list[Block]) -> tuple[Floats, ...]:
+    """States of the whole scan: one of each block, which are independent."""
+    count = min(len(block.samples.lumps) for block in blocks)
+    return tuple(
+        np.concatenate([block.of_core(block.samples.lumps[state]) for block in blocks]) for state in range(count)
+    )
+
+
+def _map(
+    scan: Scan, observation: Observation, blocks: list[Block], prior: MapPrior, voxel_mm: float, seed: int
+) -> LumpMap:
+    rng = np.random.default_rng([seed, 10**6])
+    states = _combined(blocks)
+    whole = Region.of(observation, prior, expected=prior.lumps_per_scan)
+    voxels = Voxels.of(whole.low[:2], whole.high[:2], prior.thickness_mm, voxel_mm)
+    lumps, findings = [], []
+    for cluster in clusters(states):
+        if cluster.probability >= PRESENT:
+            lump, said = lump_of(cluster, len(lumps) + 1, prior, rng)
+            lumps.append(lump)
+            findings += said
+    counts = np.bincount([len(one) for one in states])
+    probability, first, second = painted(states, voxels)
+    even, variance, blind, gains = _fields(blocks, states, voxels, prior, whole, rng)
+    tissue = prior.tissue_young_kpa * np.exp(even + variance / 2)
+    square = tissue**2 * np.exp(variance)
+    mean = (1 - probability) * tissue + prior.tissue_young_kpa * first
+    spread = np.maximum((1 - probability) * square + prior.tissue_young_kpa**2 * second - mean**2, 0.0)
+    sd, length = (np.concatenate([getattr(block.samples, name) for block in blocks]) for name in ("sd", "length_mm"))
+    numbers = MapNumbers(
+        x_mm=voxels.x_mm,
+        y_mm=voxels.y_mm,
+        depth_mm=voxels.depth_mm,
+        probability=probability,
+        area_probability=area_probability(states, voxels),
+        area_mm=AREA_MM,
+        modulus_kpa=mean,
+        modulus_sd_kpa=np.sqrt(spread),
+        count_probability=counts / counts.sum(),
+        lumps=tuple(lumps),
+        unevenness=Estimate(
+            samples={"sd": sd, "length_mm": length},
+            prior_sd={"sd": prior.heterogeneity_sd / np.sqrt(12), "length_mm": 5.0},
+            prior=str(prior),
+        ),
+        blind_diameter_mm=blind,
+        next_places=tuple(gains),
+    )
+    findings += _findings(observation, blocks, states, lumps, prior, blind, voxels, sd, len(scan.presses))
+    flags = tuple(flag for flag, _ in findings)
+    shift = np.zeros((len(observation.values), 2))
+    for block in blocks:
+        inside = np.isin(observation.index, block.likelihood.observation.index)
+        shift[inside] = block.samples.shift_mm
+    return LumpMap(
+        untrusted=numbers,
+        trusted=not UNTRUSTED_MAP_FLAGS.intersection(flags),
+        flags=flags,
+        notes=tuple(note for _, note in findings),
+        left_out=observation.left_out,
+        places_mm=observation.places_mm,
+        place_shift_mm=shift,
+        provenance={
+            "notice": RESEARCH_USE_ONLY,
+            "tsis": __version__,
+            "method": "spheres in uneven tissue by reversible jump; kernel of first order corrected by exact presses",
+            "scan": scan.name,
+            "kind": scan.kind,
+            "presses": len(observation.values),
+            "blocks": len(blocks),
+            "prior": asdict(prior),
+            "seed": seed,
+        },
+    )
+
+
+def _fields(
+    blocks: list[Block], states: tuple[Floats, ...], voxels: Voxels, prior: MapPrior, whole: Region, rng: Any
+) -> tuple[Floats, Floats, Floats, list[Any]]:
+    """Log modulus of the tissue, its variance, the blind zone and the next places, put together from the blocks."""
+    even, variance, blind = np.zeros(voxels.shape), np.zeros(voxels.shape), np.full(voxels.shape, np.inf)
+    gains = []
+    for block in blocks:
+        x = np.flatnonzero((voxels.x_mm >= block.core_low[0]) & (voxels.x_mm < block.core_high[0]))
+        y = np.flatnonzero((voxels.y_mm >= block.core_low[1]) & (voxels.y_mm < block.core_high[1]))
+        if not len(x) or not len(y):
+            continue
+        own = Voxels(x_mm=voxels.x_mm[x], y_mm=voxels.y_mm[y], depth_mm=voxels.depth_mm)
+        box = np.ix_(range(voxels.shape[0]), y, x)
+        mean, spread = uneven_modulus(block.likelihood, block.fit.lumps, block.fit.shift_mm, own)
+        even[box], variance[box] = mean, spread
+        sd = float(np.mean(block.samples.sd))
+        length = float(np.exp(np.mean(np.log(block.samples.length_mm))))
+        grid = (_axis(own.x_mm), _axis(own.y_mm))
+        points = np.array([(a, b) for b in grid[1] for a in grid[0]])
+        seen = visibility(block.likelihood, sd, length, points, BLIND_CONTRAST)
+        blind[box] = blind_diameter(seen, grid, own)
+        lumps = tuple(block.samples.lumps)
+        found = next_places(block.likelihood, block.region, lumps, block.fit, rng)
+        gains += [
+            place
+            for place in found
+            if len(blocks) == 1
+            or (
+                block.core_low[0] <= place.x_mm < block.core_high[0]
+                and block.core_low[1] <= place.y_mm < block.core_high[1]
+            )
+        ]
+    return even, variance, blind, sorted(gains, key=lambda place: -place.gain_nats)[:5]
+
+
+def _axis(axis: Floats) -> Floats:
+    count = max(2, int(np.ceil((axis[-1] - axis[0]) / BLIND_STEP_MM)) + 1)
+    return np.linspace(axis[0], axis[-1] + 1e-9 * (len(axis) == 1), count)
+
+
+def _findings(
+    observation: Observation,
+    blocks: list[Block],
+    states: tuple[Floats, ...],
+    lumps: list[Lump],
+    prior: MapPrior,
+    blind: Floats,
+    voxels: Voxels,
+    sd: Floats,
+    presses: int,
+) -> list[Finding]:
+    found = []
+    if observation.left_out:
+        found.append(
+            PRESSES_LEFT_OUT.finding(
+                count=len(observation.left_out), all_presses=presses, reasons=" ".join(observation.left_out)
+            )
+        )
+    means = [lump.estimate.untrusted.mean for lump in lumps]
+    for lump, mean in zip(lumps, means, strict=True):
+        if mean["depth_mm"] < SHALLOW_MM:
+            found.append(LUMP_SHALLOW.finding(lump=lump.name, depth_mm=mean["depth_mm"]))
+    for number, (lump, mean) in enumerate(zip(lumps, means, strict=True)):
+        for other, there in zip(lumps[:number], means[:number], strict=True):
+            gap = float(
+                np.linalg.norm([mean[key] - there[key] for key in ("x_mm", "y_mm", "centre_depth_mm")])
+                - (mean["diameter_mm"] + there["diameter_mm"]) / 2
+            )
+            if gap < NARROW_MM:
+                found.append(LUMPS_CLOSE.finding(lump=lump.name, other=other.name, gap_mm=max(gap, 0.0)))
+    inner = [
+        np.flatnonzero((axis >= observation.places_mm[:, k].min()) & (axis <= observation.places_mm[:, k].max()))
+        for k, axis in ((1, voxels.y_mm), (0, voxels.x_mm))
+    ]
+    if len(inner[0]) and len(inner[1]):
+        level = int(np.abs(voxels.depth_mm - TYPICAL_TOP_MM).argmin())
+        hidden = float((blind[level][np.ix_(*inner)] > TYPICAL_SIZE_MM).mean())
+        if hidden > LARGE_BLIND:
+            found.append(
+                NOT_COVERED.finding(percent=100 * hidden, diameter_mm=TYPICAL_SIZE_MM, depth_mm=TYPICAL_TOP_MM)
+            )
+    if np.mean(sd > 0.8 * prior.heterogeneity_sd) > 1 / 3:
+        found.append(UNEVEN_AT_END.finding(end=prior.heterogeneity_sd))
+    if _unsettled(states):
+        found.append(SAMPLER_NOT_SETTLED.finding())
+    worst = max(blocks, key=lambda block: block.misfit)
+    chance = float(scipy.stats.chi2.sf(worst.misfit / HARD_MISFIT * worst.numbers, worst.numbers))
+    if chance < IMPROBABLE:
+        found.append(MAP_DOES_NOT_FIT.finding(chance=probability_bound(chance)))
+    return found
+
+
+def _unsettled(states: tuple[Floats, ...]) -> bool:
+    """Whether the two halves of the sampling differ in the number of lumps."""
+    counts = np.array([len(lumps) for lumps in states])
+    halves = [np.bincount(half, minlength=int(counts.max()) + 1) / len(half) for half in np.array_split(counts, 2)]
+    return bool(np.abs(halves[0] - halves[1]).max() > 0.25)

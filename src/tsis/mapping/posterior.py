@@ -30,7 +30,8 @@ SDS = np.array([0.003, 0.01, 0.02, 0.03, 0.045, 0.065, 0.09, 0.12, 0.16, 0.21, 0
 IMPROBABLE = 12.0  # kinds of field less probable by this log factor are left out of the sampling
 MARGIN = 0.6  # of the face's radius: how far beyond the presses lumps are sought
 CLEAR_OF_REFERENCE = 0.6  # of the face's radius: no lump's centre is nearer to a reference press
-SIGNAL_ERROR = 0.015  # of a lump's signal: error of the model that differs between numbers
+FIELD_ERROR = 0.07  # of the field's effect on each number: second order, and meshes
+SIGNAL_ERROR = 0.02  # of a lump's signal: error of the model that differs between numbers
 DEPTH_ERROR_MM, SIZE_ERROR = 0.12, 0.015  # error of the kernel that all presses share: depth, logarithm of the diameter
 PLACE_MATTERS_MM = 0.1  # standard deviation of a place from which its shift is sampled
 MOST_LUMPS = 12
@@ -123,21 +124,20 @@ class BlockLikelihood:
 
     def __init__(self, observation: Observation, prior: MapPrior, *, report: Callable[[], None] | None = None) -> None:
         self.observation, self.prior = observation, prior
-        self.sds = np.append(SDS[SDS < prior.heterogeneity_sd * 0.99], prior.heterogeneity_sd)
+        self.sds = np.append(SDS[prior.heterogeneity_sd * 0.99 > SDS], prior.heterogeneity_sd)
         width = np.gradient(self.sds) if len(self.sds) > 1 else np.ones(1)
         self.log_sd_weight = np.log(width / width.sum())
         with one_blas_thread():
             by_length = []
             for length in LENGTHS_MM.tolist():
-                by_length.append(
-                    observation.field.covariance(
-                        length,
-                        observation.places_mm,
-                        observation.angle,
-                        observation.force_n,
-                        observation.place_sd_mm,
-                    )
+                field = observation.field.covariance(
+                    length,
+                    observation.places_mm,
+                    observation.angle,
+                    observation.force_n,
+                    observation.place_sd_mm,
                 )
+                by_length.append(field + FIELD_ERROR**2 * np.diag(np.diag(field)))
                 if report is not None:
                     report()
         self._fields = [(length, False, field) for length, field in zip(LENGTHS_MM.tolist(), by_length, strict=True)]

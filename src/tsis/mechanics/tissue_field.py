@@ -303,6 +303,22 @@ class TissueFieldResponse:
             face_displacement_mm=displacement,
         )
 
+    def stiffness_change(self) -> Floats:
+        """Relative change of the force at one travel of the glass by a unit of the field at each point, (points,).
+
+        The travel under a unit force falls by the energy of its strains there, which reciprocity turns into this. With
+        a rigid probe it sums to 1: tissue twice as stiff needs twice the force.
+        """
+        tissue, force = self._bodies(0)[0], self._round_forces[:, 0]
+        travel = self.travel_per_newton()
+        energy = np.einsum("gsn,gs,n->g", tissue.strain, tissue.stress @ force, force, optimize=True)
+        return np.asarray(energy / (MN_PER_N * travel))
+
+    def travel_per_newton(self) -> float:
+        """Travel of the glass in mm by one newton."""
+        tissue, probe_compliance = self._bodies(0)
+        return float(((tissue.compliance + probe_compliance) @ self._round_forces[:, 0])[0])
+
     def round_forces_mn(self) -> Floats:
         """Nodal forces in mN of the unit press per newton and of the press by the dome's shape, shape (nodes, 2)."""
         return np.array(self._round_forces)
