@@ -223,7 +223,8 @@ def _block(
     region = replace(region, expected=prior.lumps_per_scan * min(share, 1.0))
     likelihood = BlockLikelihood(part, prior, report=report)
     fit, candidates, gain = greedy_fit(likelihood, region, report=report)
-    likelihood.with_signal_error(likelihood.signal(fit.lumps, fit.shift_mm), fit.log_weight)
+    if not len(fit.lumps):
+        likelihood.with_signal_error(np.zeros_like(part.values), part.values)
     samples = stored.samples(number)
     if samples is None:
         rng = np.random.default_rng([seed, number])

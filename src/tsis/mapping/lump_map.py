@@ -84,7 +84,7 @@ class MapNumbers(ContentValue):
     count_probability
         Probability of 0, 1, 2, ... lumps, shape (n,).
     lumps
-        Lumps that are more probable than not, the most probable first.
+        Lumps with a probability of at least 0.8, the most probable first.
     unevenness
         Posterior of ``sd``, the standard deviation of the logarithm of the tissue's modulus, and ``length_mm``.
     blind_diameter_mm
@@ -179,7 +179,7 @@ class LumpMap(ContentValue):
 
     @property
     def lumps(self) -> tuple[Lump, ...]:
-        """Lumps that are more probable than not."""
+        """Lumps with a probability of at least 0.8."""
         return self.numbers.lumps
 
     @property

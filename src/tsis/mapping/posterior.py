@@ -28,13 +28,15 @@ if TYPE_CHECKING:
 
 SDS = np.array([0.003, 0.01, 0.02, 0.03, 0.045, 0.065, 0.09, 0.12, 0.16, 0.21, 0.27, 0.35, 0.45, 0.6])
 IMPROBABLE = 12.0  # kinds of field less probable by this log factor are left out of the sampling
-MARGIN = 0.6  # of the face's radius: how far beyond the presses lumps are sought
+MARGIN = 0.5  # of the face's radius: how far beyond the presses lumps are sought
 CLEAR_OF_REFERENCE = 0.6  # of the face's radius: no lump's centre is nearer to a reference press
 FIELD_ERROR = 0.07  # of the field's effect on each number: second order, and meshes
-SIGNAL_ERROR = 0.02  # of a lump's signal: error of the model that differs between numbers
-DEPTH_ERROR_MM, SIZE_ERROR = 0.12, 0.015  # error of the kernel that all presses share: depth, logarithm of the diameter
-PLACE_MATTERS_MM = 0.1  # standard deviation of a place from which its shift is sampled
+SIGNAL_ERROR = 0.04  # of a lump's signal: error of the model that differs between numbers
+# Errors of the kernel that all presses share: place, depth, logarithm of the diameter at equal strength, and of strength
+PLACE_ERROR_MM, DEPTH_ERROR_MM, RIDGE_ERROR, STRENGTH_ERROR = 0.12, 0.25, 0.05, 0.03
+PLACE_MATTERS_MM = 0.05  # standard deviation of a place from which its shift is sampled
 MOST_LUMPS = 12
+MOST_KINDS = 3  # of field that are sampled
 CONTACT = 0.9  # of the sum of the radii: lumps do not overlap by more
 
 
@@ -115,6 +117,7 @@ class FieldKind:
 
     length_mm: float
     is_rough: bool
+    log_root: float  # logarithm of the determinant of the root of the noise's covariance
     turn: Floats  # (n, n): turned numbers have the variance 1 + sd**2 * size
     size: Floats
 
@@ -144,14 +147,15 @@ class BlockLikelihood:
         for length in LENGTHS_MM[1:].tolist():
             mixed = sum(w * field for w, field in zip(tail_weights(length), by_length, strict=True))
             self._fields.append((length, True, np.asarray(mixed)))
-        self.kinds = self._turned(observation.noise, range(len(self._fields)), report)
+        self._even_kinds = self._turned(observation.noise, range(len(self._fields)), report)
+        self.kinds = self._even_kinds
 
     def _turned(
         self, noise: Floats, which: range | list[int], report: Callable[[], None] | None = None
     ) -> list[FieldKind]:
         with one_blas_thread():
             root = np.linalg.cholesky(noise)
-            self.log_root = float(np.log(np.diag(root)).sum())
+            log_root = float(np.log(np.diag(root)).sum())
             inverse = scipy.linalg.lapack.dtrtri(root, lower=1)[0]
             kinds = []
             for index in which:
@@ -159,6 +163,7 @@ class BlockLikelihood:
                 size, vectors = np.linalg.eigh(inverse @ field @ inverse.T)
                 kinds.append(
                     FieldKind(
+                        log_root=log_root,
                         length_mm=length,
                         is_rough=rough,
                         turn=np.ascontiguousarray(vectors.T @ inverse),
@@ -169,14 +174,15 @@ class BlockLikelihood:
                     report()
         return kinds
 
-    def with_signal_error(self, signal: Floats, log_weight: Floats) -> None:
-        """Add the error of the model for these signals to the noise; keep the probable kinds of field."""
+    def with_signal_error(self, signal: Floats, residual: Floats) -> None:
+        """Add the error of the model for these signals to the noise; only probable kinds of field remain."""
+        self.kinds = self._even_kinds
+        best = self.log_weights(residual).max(axis=1)
+        order = np.argsort(-best)[:MOST_KINDS]
+        kept = [int(index) for index in order if best[index] > best.max() - IMPROBABLE]
         mean = np.sqrt((signal**2).mean(axis=1, keepdims=True))
         variance = (SIGNAL_ERROR * signal) ** 2 + (0.5 * SIGNAL_ERROR * mean) ** 2
-        best = log_weight.max(axis=1)
-        kept = np.flatnonzero(best > best.max() - IMPROBABLE).tolist()
         self.kinds = self._turned(self.observation.noise + np.diag(variance.ravel()), kept)
-        self._fields = [self._fields[index] for index in kept]
 
     def signal(self, lumps: Floats, shift_mm: Floats) -> Floats:
         """Changes by lumps, (presses, numbers), with the places shifted."""
@@ -193,7 +199,7 @@ class BlockLikelihood:
     def log_likelihoods(self, kind: FieldKind, turned: Floats) -> Floats:
         """For all standard deviations."""
         variance = 1 + np.outer(self.sds**2, kind.size)
-        return np.asarray(-0.5 * (np.log(variance) + turned**2 / variance).sum(axis=1) - self.log_root)
+        return np.asarray(-0.5 * (np.log(variance) + turned**2 / variance).sum(axis=1) - kind.log_root)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -226,7 +232,7 @@ def greedy_fit(
         gain = _gains(likelihood, fit, signals)
         if len(fit.lumps) >= MOST_LUMPS:
             return fit, candidates, gain
-        best = None
+        best: Fit | None = None
         for index in _apart(candidates, gain)[:STARTS]:
             tried = np.vstack([fit.lumps, candidates[index]])
             if not region.allows(tried, len(tried) - 1) or gain[index] < 2.0:
@@ -238,7 +244,9 @@ def greedy_fit(
             report()
         if best is None or best.log_evidence <= fit.log_evidence:
             return fit, candidates, gain
-        fit = best
+        signal = likelihood.signal(best.lumps, best.shift_mm)
+        likelihood.with_signal_error(signal, likelihood.observation.values - signal)
+        fit = _settled(likelihood, region, best.lumps, best.shift_mm)
 
 
 def _candidates(region: Region) -> Floats:
@@ -289,7 +297,7 @@ def _settled(likelihood: BlockLikelihood, region: Region, lumps: Floats, shift: 
     lumps, shift = lumps.copy(), shift.copy()
     weights = likelihood.log_weights(seen.values - likelihood.signal(lumps, shift))
     kind, sd = (int(part) for part in np.unravel_index(weights.argmax(), weights.shape))
-    middle, wide = (region.low + region.high) / 2, (region.high - region.low) / 2
+    wide = (region.high - region.low) / 2
     damping, hessian = 1e-2, np.zeros((0, 0))
     count = len(lumps) * LUMP_COLUMNS
     if not len(lumps):
@@ -361,7 +369,6 @@ def _settled(likelihood: BlockLikelihood, region: Region, lumps: Floats, shift: 
         for number in range(len(lumps)):
             part = slice(number * LUMP_COLUMNS, (number + 1) * LUMP_COLUMNS)
             spread[number] = np.linalg.inv(hessian[part, part])
-    del middle
     return Fit(lumps=lumps, shift_mm=shift, kind=kind, sd=sd, log_evidence=evidence, spread=spread, log_weight=weights)
 
 
@@ -597,9 +604,20 @@ class Sampler:
 
     def _with_kernel_error(self) -> Floats:
         """The lumps with the error of the kernel that all presses share, so that no number of presses averages it."""
-        lumps = self.lumps.copy()
-        lumps[:, DEPTH] += self.rng.normal(0.0, DEPTH_ERROR_MM, len(lumps))
-        lumps[:, LOG_DIAMETER] += self.rng.normal(0.0, SIZE_ERROR, len(lumps))
+        lumps, rng, count = self.lumps.copy(), self.rng, len(self.lumps)
+        lumps[:, :2] += rng.normal(0.0, PLACE_ERROR_MM, (count, 2))
+        lumps[:, DEPTH] += rng.normal(0.0, DEPTH_ERROR_MM, count)
+        by = rng.normal(0.0, RIDGE_ERROR, count)
+        factor = eshelby_factor(np.exp(lumps[:, LOG_CONTRAST])) * np.exp(
+            -3 * by + rng.normal(0.0, STRENGTH_ERROR, count)
+        )
+        low, high = self.region.low[LOG_CONTRAST], self.region.high[LOG_CONTRAST]
+        # the contrast of a factor f is 1 + f / (1 - b f), up to the prior's ends
+        least, most = eshelby_factor(np.exp(low)), eshelby_factor(np.exp(high))
+        factor = np.clip(factor, least, most)
+        share = (1 - (np.exp(high) - 1) / float(most)) / (1 - np.exp(high))
+        lumps[:, LOG_CONTRAST] = np.log(1 + factor / (1 - share * factor))
+        lumps[:, LOG_DIAMETER] += by
         return lumps
 
 

@@ -45,7 +45,7 @@ class MapPrior:
     thickness_mm: float = 30.0
     thickness_sd: float = 0.05
     poisson: float = 0.49
-    diameter_mm: tuple[float, float] = (4.0, 18.0)
+    diameter_mm: tuple[float, float] = (5.0, 18.0)
     depth_mm: tuple[float, float] = (2.5, 20.0)
     contrast: tuple[float, float] = (2.0, 30.0)
     heterogeneity_sd: float = 0.45

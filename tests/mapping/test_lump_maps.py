@@ -1,0 +1,309 @@
+"""The map on presses that the model itself makes: symmetries, blanks, withheld numbers. Solved scans judge it elsewhere."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+import tsis
+from tsis.errors import InputError, NotCalibratedError, UntrustedError
+from tsis.inclusion.frames import OUTER_FRACTION
+from tsis.inclusion.posterior.rings import ring_means
+from tsis.mapping import LumpMap, MapPrior, Scan, ScanPress, estimate_map
+from tsis.mapping.answers import clusters
+from tsis.mapping.observation import observe
+from tsis.mapping.posterior import BlockLikelihood, Region, Sampler, greedy_fit
+from tsis.mapping.scan import Indenter
+from tsis.mechanics.lump_kernel import lump_kernel
+
+if TYPE_CHECKING:
+    from tsis.mapping.signals import Floats
+
+PROBE = tsis.load_probe("tsis-2011")
+RINGS, SECTORS = 8, 12
+PLACES = [(x, y) for y in (-10.0, 0.0, 10.0) for x in (-10.0, 0.0, 10.0)]
+LUMP = (3.0, -2.0, 9.0, 9.0, 8.0)  # x, y, depth of the centre, diameter, contrast
+
+
+def pressures(place: tuple[float, float], angle_deg: float, lumps: list[tuple[float, ...]]) -> Floats:
+    """Sector means by the kernel itself, harmonic by harmonic, in the probe's frame."""
+    kernel = lump_kernel(PROBE)
+    rows = ring_means(kernel.radius_mm, np.linspace(0.0, OUTER_FRACTION * PROBE.radius_mm, RINGS + 1))
+    bare = observe_bare(RINGS)
+    means = np.repeat(bare[:, None], SECTORS, axis=1)
+    middle = 2 * np.pi * (np.arange(SECTORS) + 0.5) / SECTORS
+    for x, y, centre, diameter, contrast in lumps:
+        dx, dy = x - place[0], y - place[1]
+        change = kernel.response(
+            distance_mm=float(np.hypot(dx, dy)), centre_mm=centre, diameter_mm=diameter, contrast=contrast
+        )
+        turn = middle - np.arctan2(dy, dx) + np.radians(angle_deg)
+        for order, profile in enumerate(change):
+            means += np.outer(rows @ profile, np.cos(order * turn) * np.sinc(order / SECTORS))
+    return means
+
+
+def observe_bare(rings: int) -> Floats:
+    from tsis.mechanics.tissue_field import FieldMesh, TissueFieldResponse
+
+    slab = TissueFieldResponse(PROBE, young_kpa=5.0, thickness_mm=30.0, poisson=0.49, mesh=FieldMesh(points=25))
+    rows = ring_means(slab.radius_mm, np.linspace(0.0, OUTER_FRACTION * PROBE.radius_mm, rings + 1))
+    return np.asarray(rows @ slab.press()[0][0])
+
+
+def scan_of(lumps: list[tuple[float, ...]], *, seed: int = 1, turned: float = 0.0, noise: float = 0.004) -> Scan:
+    """A scan whose world and probe are turned together by an angle in degrees."""
+    rng = np.random.default_rng(seed)
+    cosine, sine = np.cos(np.radians(turned)), np.sin(np.radians(turned))
+    presses = []
+    for x, y in PLACES:
+        values = pressures((x, y), 0.0, lumps) + rng.normal(0.0, noise, (RINGS, SECTORS))
+        place = (cosine * x - sine * y, sine * x + cosine * y)
+        presses.append(ScanPress(place_mm=place, angle_deg=turned, force_n=1.0, pressure_kpa=values, noise_kpa=noise))
+    return Scan(presses=tuple(presses))
+
+
+@pytest.fixture(scope="module")
+def found() -> LumpMap:
+    return estimate_map(scan_of([LUMP]), probe=PROBE, steps=3000, voxel_mm=3.0)
+
+
+def evidence(scan: Scan, lumps: Floats) -> float:
+    likelihood = BlockLikelihood(observe(scan, PROBE, None, MapPrior()), MapPrior())
+    shift = np.zeros((len(scan.presses), 2))
+    weights = likelihood.log_weights(likelihood.observation.values - likelihood.signal(lumps, shift))
+    return float(np.logaddexp.reduce(weights.ravel()))
+
+
+def as_row(lump: tuple[float, ...]) -> Floats:
+    return np.array([[*lump[:3], np.log(lump[3]), np.log(lump[4])]])
+
+
+def test_a_lump_is_found_at_its_place_and_depth(found: LumpMap) -> None:
+    assert found.trusted
+    assert len(found.lumps) == 1
+    inside = found.lumps[0].estimate.interval(0.99)
+    for name, value in zip(("x_mm", "y_mm", "centre_depth_mm", "diameter_mm", "contrast"), LUMP, strict=True):
+        assert inside[name][0] - 0.1 <= value <= inside[name][1] + 0.1, name
+    assert found.lumps[0].probability > 0.95
+
+
+def test_probabilities_of_numbers_voxels_and_areas_fit_each_other(found: LumpMap) -> None:
+    assert found.count_probability.sum() == pytest.approx(1.0)
+    assert found.probability.min() >= 0
+    assert found.probability.max() <= 1
+    numbers = found.numbers
+    z = int(np.abs(numbers.depth_mm - LUMP[2]).argmin())
+    y, x = int(np.abs(numbers.y_mm - LUMP[1]).argmin()), int(np.abs(numbers.x_mm - LUMP[0]).argmin())
+    assert found.probability[z, y, x] > 0.9
+    assert found.area_probability[y, x] > 0.9
+    assert numbers.modulus_kpa[z, y, x] > 2 * numbers.modulus_kpa[z, 0, 0]
+    assert np.isfinite(numbers.modulus_sd_kpa).all()
+
+
+def test_deep_lumps_must_be_larger_to_be_seen(found: LumpMap) -> None:
+    numbers = found.numbers
+    middle = found.blind_diameter_mm[:, len(numbers.y_mm) // 2, len(numbers.x_mm) // 2]
+    shown = middle[(numbers.depth_mm > 3) & np.isfinite(middle)]
+    assert (np.diff(shown) >= -1e-9).all()
+    assert shown[0] < 8
+
+
+def test_the_order_of_presses_does_not_matter() -> None:
+    scan = scan_of([LUMP])
+    mixed = Scan(presses=scan.presses[::-1])
+    assert evidence(mixed, as_row(LUMP)) == pytest.approx(evidence(scan, as_row(LUMP)), abs=1e-5)
+
+
+def test_turning_world_and_probe_does_not_matter() -> None:
+    angle = np.radians(37.0)
+    x, y = LUMP[0] * np.cos(angle) - LUMP[1] * np.sin(angle), LUMP[0] * np.sin(angle) + LUMP[1] * np.cos(angle)
+    turned = evidence(scan_of([LUMP], turned=37.0), as_row((x, y, *LUMP[2:])))
+    assert turned == pytest.approx(evidence(scan_of([LUMP]), as_row(LUMP)), abs=1e-4)
+
+
+def test_the_field_of_a_press_has_the_covariance_of_the_round_model() -> None:
+    """Harmonic 0 of one press against features of the round model, which know nothing of places."""
+    from tsis.mechanics.tissue_field import FieldMesh, TissueFieldResponse, field_features
+
+    observation = observe(scan_of([]), PROBE, None, MapPrior())
+    length = 5.0
+    found = observation.field.covariance(length, np.zeros((1, 2)), np.zeros(1), np.ones(1), np.zeros(1))
+    slab = TissueFieldResponse(PROBE, young_kpa=5.0, thickness_mm=30.0, poisson=0.49, mesh=FieldMesh(points=25))
+    rows = ring_means(slab.radius_mm, np.linspace(0.0, OUTER_FRACTION * PROBE.radius_mm, RINGS + 1))
+    start = 0
+    for order in range(3):
+        response = slab.response(order)
+        basis = observation.table.shapes.basis[order]
+        reduced = basis.T @ rows @ response.pressure_kpa[0]
+        across, along = field_features(order, length, response.radius_mm, response.depth_mm)
+        features = np.concatenate([(reduced * wave) @ along.T for wave in across], axis=1)
+        block = found[start : start + basis.shape[1], start : start + basis.shape[1]]
+        assert np.abs(block - features @ features.T).max() < 0.03 * np.abs(block).max()
+        start += basis.shape[1] * (1 if order == 0 else 2)
+
+
+@pytest.mark.parametrize("sd", [0.0, 0.2])
+def test_uneven_tissue_without_lump_has_none(sd: float) -> None:
+    prior = MapPrior()
+    scan = scan_of([], seed=3)
+    observation = observe(scan, PROBE, None, prior)
+    field = observation.field.covariance(
+        6.0, observation.places_mm, observation.angle, observation.force_n, observation.place_sd_mm
+    )
+    root = np.linalg.cholesky(sd**2 * field + observation.noise)
+    false = []
+    for seed in range(3):
+        values = (root @ np.random.default_rng(seed).normal(size=len(root))).reshape(observation.values.shape)
+        likelihood = BlockLikelihood(replace(observation, values=values), prior)
+        region = Region.of(observation, prior, expected=1.0)
+        fit, candidates, gain = greedy_fit(likelihood, region)
+        samples = Sampler(likelihood, region, fit, candidates, gain, np.random.default_rng(seed)).run(1500)
+        false.append(sum(cluster.probability > 0.5 for cluster in clusters(samples.lumps)))
+    assert sum(false) == 0
+
+
+@pytest.mark.slow
+def test_the_sampler_is_calibrated_on_worlds_of_its_own_prior() -> None:
+    """Simulation-based calibration (Talts and others 2018): ranks of the truth among samples are uniform."""
+    prior = MapPrior(diameter_mm=(6.0, 12.0), depth_mm=(3.0, 10.0), contrast=(3.0, 20.0))
+    observation = observe(scan_of([], seed=3), PROBE, None, prior)
+    base = BlockLikelihood(observation, prior)
+    region = Region.of(observation, prior, expected=1.0)
+    field = observation.field.covariance(
+        6.0, observation.places_mm, observation.angle, observation.force_n, observation.place_sd_mm
+    )
+    root = np.linalg.cholesky(0.08**2 * field + observation.noise)
+    inside, rng = [], np.random.default_rng(8)
+    while len(inside) < 40:
+        lump = region.drawn(rng)
+        if not region.allows(lump[None], 0) or np.abs(lump[:2]).max() > 12:
+            continue
+        signal = base.signal(lump[None], np.zeros((9, 2)))
+        values = signal + (root @ rng.normal(size=len(root))).reshape(signal.shape)
+        likelihood = BlockLikelihood(replace(observation, values=values), prior)
+        fit, candidates, gain = greedy_fit(likelihood, region)
+        samples = Sampler(likelihood, region, fit, candidates, gain, rng).run(6000)
+        near = [one for one in clusters(samples.lumps) if np.linalg.norm(np.median(one.samples, 0)[:3] - lump[:3]) < 5]
+        if near:
+            low, high = np.quantile(near[0].samples, [0.05, 0.95], axis=0)
+            inside.append((lump >= low) & (lump <= high))
+    share = np.mean(inside, axis=0)
+    assert (share > 0.76).all()  # 0.9 less three standard errors of forty
+    assert share.mean() > 0.84
+
+
+def test_states_give_a_cluster_one_lump_each() -> None:
+    rng = np.random.default_rng(1)
+    first, second = np.array([0.0, 0.0, 9.0, 2.0, 2.0]), np.array([12.0, 0.0, 9.0, 2.0, 2.0])
+    states = tuple(
+        np.array([first + rng.normal(0, 0.2, 5), *([second + rng.normal(0, 0.2, 5)] if number % 4 else [])])
+        for number in range(100)
+    )
+    found = clusters(states)
+    assert [round(one.probability, 2) for one in found] == [1.0, 0.75]
+    assert found[0].samples[:, 0].mean() == pytest.approx(0.0, abs=0.1)
+
+
+def test_an_interrupted_estimate_continues_with_the_same_answer(tmp_path: Path) -> None:
+    scan, file = scan_of([LUMP]), tmp_path / "resume.npz"
+    first = estimate_map(scan, probe=PROBE, steps=600, voxel_mm=5.0, resume=file)
+    again = estimate_map(scan, probe=PROBE, steps=600, voxel_mm=5.0, resume=file)
+    assert np.array_equal(first.probability, again.probability)
+    with pytest.raises(InputError, match="resume"):
+        estimate_map(scan, probe=PROBE, steps=700, voxel_mm=5.0, resume=file)
+
+
+def test_a_wrong_scale_is_withheld() -> None:
+    scan = scan_of([LUMP])
+    rng = np.random.default_rng(2)
+    broken = tuple(
+        replace(press, pressure_kpa=rng.permutation(press.pressure_kpa.ravel()).reshape(RINGS, SECTORS) + 3)
+        for press in scan.presses
+    )
+    result = estimate_map(Scan(presses=broken), probe=PROBE, steps=500, voxel_mm=5.0)
+    assert "map_does_not_fit" in result.flags
+    with pytest.raises(UntrustedError):
+        _ = result.lumps
+    assert result.untrusted.probability.shape
+
+
+def test_presses_without_contact_and_repeats_are_left_out_by_name() -> None:
+    scan = scan_of([])
+    idle = replace(scan.presses[0], force_n=0.0, name="idle")
+    again = replace(scan.presses[1], name="again")
+    observation = observe(Scan(presses=(idle, *scan.presses[1:], again)), PROBE, None, MapPrior())
+    assert len(observation.values) == 8
+    assert [text.split()[0] for text in observation.left_out] == ["idle", "again"]
+
+
+def test_a_stiff_ball_or_punch_without_image_finds_a_lump() -> None:
+    """Forces by the punch's own kernel, whose sum over the tissue is tested in mechanics."""
+    from tsis.mapping.stiffness import stiffness_kernel
+
+    indenter = Indenter(shape="punch", radius_mm=4.0)
+    kernel, even = stiffness_kernel(indenter, (2.0,), (5.0, 30.0, 0.49))
+    rng, presses = np.random.default_rng(4), []
+    for x in np.arange(-16.0, 17.0, 4.0):
+        for y in np.arange(-16.0, 17.0, 4.0):
+            change = kernel.response(
+                distance_mm=float(np.hypot(x - 2, y - 1)), centre_mm=8.0, diameter_mm=9.0, contrast=10.0
+            )[0, 0]
+            force = even[0] * np.exp(change + rng.normal(0, 0.005))
+            curve = np.column_stack([np.linspace(0.0, 2.0, 9), np.linspace(0.0, force, 9)])
+            presses.append(ScanPress(place_mm=(float(x), float(y)), travel_force=curve))
+    result = estimate_map(Scan(presses=tuple(presses), indenter=indenter), steps=1500, voxel_mm=4.0)
+    assert len(result.lumps) == 1
+    mean = result.lumps[0].estimate.mean
+    assert np.hypot(mean["x_mm"] - 2, mean["y_mm"] - 1) < 1.0
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"place_mm": (np.nan, 0.0)}, "place_mm"),
+        ({"place_sd_mm": -1.0}, "place_sd_mm"),
+        ({"pressure_kpa": np.ones((2, 3))}, "pressure_kpa"),
+        ({"pressure_kpa": np.full((8, 12), np.inf)}, "finite"),
+        ({"force_n": 1000.0}, "force_n"),
+        ({"noise_kpa": -1.0}, "noise_kpa"),
+        ({"pressure_kpa": None}, "exactly one"),
+        ({"travel_force": np.array([[1.0, 1.0], [0.5, 2.0]]), "pressure_kpa": None}, "ascend"),
+    ],
+)
+def test_a_bad_press_is_refused_in_one_sentence(change: dict[str, object], message: str) -> None:
+    given = {"place_mm": (0.0, 0.0), "pressure_kpa": np.ones((8, 12)), "force_n": 1.0, **change}
+    with pytest.raises(InputError, match=message):
+        ScanPress(**given)  # type: ignore[arg-type]
+
+
+def test_bad_scans_are_refused_in_one_sentence() -> None:
+    press = ScanPress(place_mm=(0.0, 0.0), pressure_kpa=np.ones((8, 12)), force_n=1.0)
+    other = replace(press, place_mm=(10.0, 0.0))
+    curve = ScanPress(place_mm=(5.0, 0.0), travel_force=np.array([[0.0, 0.0], [1.0, 1.0]]))
+    for presses, message in (((press,), "at least two"), ((press, press), "all at one"), ((press, curve), "the same")):
+        with pytest.raises(InputError, match=message):
+            Scan(presses=presses)
+    with pytest.raises(InputError, match="indenter"):
+        Scan(presses=(curve, replace(curve, place_mm=(9.0, 0.0))))
+    scan = Scan(presses=(press, other))
+    with pytest.raises(InputError, match="probe"):
+        estimate_map(scan)
+    with pytest.raises(InputError, match="strain"):
+        estimate_map(scan, probe=PROBE, strain="finite")
+    with pytest.raises(InputError, match="one shape"):
+        estimate_map(Scan(presses=(press, replace(other, pressure_kpa=np.ones(8)))), probe=PROBE)
+    frames = Scan(
+        presses=tuple(
+            ScanPress(place_mm=(x, 0.0), frame=tsis.TactileImage(grey=np.ones((8, 8)), mm_per_pixel=(3.0, 3.0)))
+            for x in (0.0, 5.0)
+        )
+    )
+    with pytest.raises(NotCalibratedError):
+        estimate_map(frames, probe=PROBE)
+    with pytest.raises(InputError, match="contrast"):
+        MapPrior(contrast=(1.2, 5.0))
