@@ -2,9 +2,10 @@
 
     python -m benchmarks.mapping.judged_scans --folder FOLDER --lines FILE --seeds 107 108 --place-sd 0.1
 
-Lumps count as found where the map has one nearer than 5 mm; others of the map are false. Intervals have a probability of
-90 %. Lumps are counted towards the first goal where their diameter is at least 8 mm, the top at most 10 mm deep, the
-contrast at least 3, the tissue uneven by at most 15 % and the centre within the presses.
+Lumps count as found where the map has one nearer than 5 mm; others of the map are false. Intervals have a
+probability of 90 %. Lumps are counted towards the first goal where their diameter is at least 8 mm,
+the top at most 10 mm deep, the contrast at least 3, the tissue uneven by at most 15 % and the centre within the
+presses.
 """
 
 from __future__ import annotations

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from benchmarks.mapping.solved_scans import PROBE, World
@@ -13,6 +12,8 @@ from tsis.inclusion.frames import OUTER_FRACTION
 from tsis.mapping.scan import Scan, ScanPress
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from numpy.typing import NDArray
 
 RINGS, SECTORS = 10, 16
@@ -21,10 +22,11 @@ FORCE_N = 1.0
 
 def truth_of(path: Path) -> World:
     with np.load(path) as stored:
-        return World(**{name: _tuples(value) for name, value in json.loads(str(stored["truth"])).items()})
+        values: dict[str, Any] = json.loads(str(stored["truth"]))
+    return World(**{name: _tuples(value) for name, value in values.items()})
 
 
-def _tuples(value: object) -> object:
+def _tuples(value: Any) -> Any:
     return tuple(_tuples(item) for item in value) if isinstance(value, list) else value
 
 
@@ -50,7 +52,7 @@ def read_solved(path: Path, *, place_sd_mm: float = 0.1, seed: int = 0, noise_kp
         means *= FORCE_N * np.exp(rng.normal(0.0, 0.01))
         presses.append(
             ScanPress(
-                place_mm=tuple((np.array(place) + rng.normal(0.0, place_sd_mm, 2)).tolist()),  # type: ignore[arg-type]
+                place_mm=tuple((np.array(place) + rng.normal(0.0, place_sd_mm, 2)).tolist()),
                 place_sd_mm=place_sd_mm,
                 force_n=FORCE_N,
                 pressure_kpa=means + rng.normal(0.0, noise_kpa, means.shape),

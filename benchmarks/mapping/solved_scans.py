@@ -80,7 +80,7 @@ def world(seed: int) -> World:
         uneven_sd=sd,
         uneven_mm=float(np.exp(rng.uniform(np.log(3.0), np.log(10.0)))),
         heavy_tail=bool(rng.random() < 0.5),
-        places_mm=places,  # type: ignore[arg-type]
+        places_mm=places,
     )
 
 
@@ -133,8 +133,8 @@ class SolvedSlab:
         outside.mat("outside")
         whole = occ.Glue([outside, scanned, *caps, *bodies])
         for face in whole.faces:
-            low, high = face.bounding_box
-            face.name = "wall" if high[2] < -thickness + 1e-4 else "other"
+            top = face.bounding_box[1][2]
+            face.name = "wall" if top < -thickness + 1e-4 else "other"
         self.mesh = ng.Mesh(occ.OCCGeometry(whole).GenerateMesh(maxh=LARGEST_MM, grading=0.6))
         self.mesh.Curve(3)
         self.scalar = ng.H1(self.mesh, order=3, dirichlet="wall")

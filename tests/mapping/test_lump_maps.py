@@ -1,9 +1,8 @@
-"""The map on presses that the model itself makes: symmetries, blanks, withheld numbers. Solved scans judge it elsewhere."""
+"""The map on presses that the model itself makes; solved scans judge it in `benchmarks.mapping`."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +20,8 @@ from tsis.mapping.scan import Indenter
 from tsis.mechanics.lump_kernel import lump_kernel
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from tsis.mapping.signals import Floats
 
 PROBE = tsis.load_probe("tsis-2011")

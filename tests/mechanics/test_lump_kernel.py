@@ -47,16 +47,12 @@ def test_a_small_deep_sphere_follows_eshelby(kernel: LumpKernel, contrast: float
     assert ratio == pytest.approx(float(eshelby_factor(contrast) / eshelby_factor(1.05)), rel=0.02)
 
 
-def test_the_kernel_sums_to_the_derivative_by_the_modulus_of_the_whole_tissue(kernel: LumpKernel) -> None:
+def test_the_response_sums_to_the_derivative_by_the_modulus_of_the_whole_tissue(kernel: LumpKernel) -> None:
     slab = TissueFieldResponse(PROBE, young_kpa=5.0, thickness_mm=30.0, poisson=0.49, mesh=FieldMesh(points=25))
     whole = slab.response(0).pressure_kpa[0].sum(axis=1)
     stiffer, softer = (press(PROBE, replace(PLAIN, young_kpa=5.0 * np.exp(h)), force_n=1.0) for h in (0.05, -0.05))
     derivative = np.interp(kernel.radius_mm, stiffer.radius_mm, stiffer.pressure_kpa - softer.pressure_kpa) / 0.1
     assert np.abs(whole[:12] - derivative[:12]).max() < 0.01 * np.abs(derivative).max()
-    # the grid of the kernel holds what lies near the probe
-    ring = 2 * np.pi * kernel.distance_mm * np.gradient(kernel.distance_mm)
-    gridded = np.einsum("rnk,n->r", kernel.pressure_kpa[0, 0], ring) * 0.5
-    assert np.abs(gridded[:INNER] - whole[:INNER]).max() < 0.1 * np.abs(whole[:INNER]).max()
 
 
 def test_forces_are_kept_at_every_place(kernel: LumpKernel) -> None:

@@ -1,4 +1,4 @@
-"""From sampled lumps to the map: lumps with intervals, probabilities, modulus, the blind zone, and where to press next."""
+"""From sampled lumps to the map: lumps with intervals, probabilities, modulus, blind zone, and where to press next."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import numpy as np
 from tsis.compiled import one_blas_thread
 from tsis.mapping.flags import CONTRAST_NOT_IDENTIFIED
 from tsis.mapping.lump_map import Lump, NextPlace
-from tsis.mapping.posterior import PLACE_MATTERS_MM
 from tsis.mapping.signals import DEPTH, LOG_CONTRAST, LOG_DIAMETER, LUMP_COLUMNS, X, Y
 from tsis.model.estimate import Estimate
 
@@ -91,7 +90,11 @@ def lump_of(cluster: Cluster, number: int, prior: MapPrior, rng: np.random.Gener
         "contrast": (prior.contrast[1] - prior.contrast[0]) / np.sqrt(12),
         "young_kpa": prior.tissue_young_kpa * (prior.contrast[1] - prior.contrast[0]) / np.sqrt(12),
     }
-    name, findings, flags, notes, above = f"lump {number}", [], (), (), None
+    name = f"lump {number}"
+    findings: list[Finding] = []
+    flags: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    above: float | None = None
     low, high = np.quantile(contrast, [0.05, 0.95])
     if high / low > LOOSE_CONTRAST or high > 0.9 * prior.contrast[1]:
         above = float(low)
@@ -116,10 +119,10 @@ class Voxels:
     @classmethod
     def of(cls, low: Floats, high: Floats, thickness_mm: float, voxel_mm: float) -> Voxels:
         """Voxels of a region down to the slab's support."""
-        axes = []
+        axes: list[Floats] = []
         for start, end in ((low[0], high[0]), (low[1], high[1]), (0.0, thickness_mm)):
             count = max(2, int(np.ceil((end - start) / voxel_mm)))
-            axes.append((start + end) / 2 + voxel_mm * (np.arange(count) - (count - 1) / 2))
+            axes.append(np.asarray((start + end) / 2 + voxel_mm * (np.arange(count) - (count - 1) / 2)))
         return cls(x_mm=axes[0], y_mm=axes[1], depth_mm=axes[2])
 
     @property
@@ -130,7 +133,7 @@ class Voxels:
 
 def painted(states: tuple[Floats, ...], voxels: Voxels) -> tuple[Floats, Floats, Floats]:
     """Probability that a voxel lies in a lump, and the first two moments of the contrast there, zero elsewhere."""
-    probability, first, second = (np.zeros(voxels.shape) for _ in range(3))
+    probability, first, second = (np.zeros(voxels.shape, dtype=float) for _ in range(3))
     chosen = states[:: max(1, len(states) // PAINTED)]
     for lumps in chosen:
         here = np.zeros(voxels.shape)
@@ -201,7 +204,10 @@ def _ends(axis: Floats, step: float) -> Floats:
 
 def _refined(values: Floats, coarse: list[Floats], voxels: Voxels) -> Floats:
     for number, (knots, axis) in enumerate(zip(coarse, (voxels.depth_mm, voxels.y_mm, voxels.x_mm), strict=True)):
-        values = np.apply_along_axis(lambda line, k=knots, a=axis: np.interp(a, k, line), number, values)
+        cell = np.clip(np.searchsorted(knots, axis) - 1, 0, len(knots) - 2)
+        part = np.clip((axis - knots[cell]) / (knots[cell + 1] - knots[cell]), 0.0, 1.0)
+        part = part.reshape([-1 if one == number else 1 for one in range(values.ndim)])
+        values = (1 - part) * np.take(values, cell, number) + part * np.take(values, cell + 1, number)
     return values
 
 
@@ -256,9 +262,9 @@ def next_places(
 ) -> list[NextPlace]:
     """Places of the largest expected gain of information on the lumps, seen and not yet seen.
 
-    The gain is that of a linear Gaussian model: half the log determinant of what the posterior's lumps would change at a
-    place over the noise and the uneven tissue there. Lumps of the prior that the scan would not have shown count with
-    their probability.
+    The gain is that of a linear Gaussian model: half the log determinant of what the posterior's lumps would change at
+    a place over the noise and the uneven tissue there. Lumps of the prior that the scan would not have shown count
+    with their probability.
     """
     seen = likelihood.observation
     sd = float(likelihood.sds[fit.sd])
@@ -297,8 +303,3 @@ def next_places(
         if len(best) == PLACES:
             break
     return [NextPlace(x_mm=float(grid[k, 0]), y_mm=float(grid[k, 1]), gain_nats=float(gains[k])) for k in best]
-
-
-def places_matter(place_sd_mm: Floats) -> bool:
-    """Whether places are so uncertain that their shifts are sampled."""
-    return bool((place_sd_mm > PLACE_MATTERS_MM).any())

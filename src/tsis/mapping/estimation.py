@@ -328,7 +328,8 @@ def _map(
     states = _combined(blocks)
     whole = Region.of(observation, prior, expected=prior.lumps_per_scan)
     voxels = Voxels.of(whole.low[:2], whole.high[:2], prior.thickness_mm, voxel_mm)
-    lumps, findings = [], []
+    lumps: list[Lump] = []
+    findings: list[Finding] = []
     for cluster in clusters(states):
         if cluster.probability >= PRESENT:
             lump, said = lump_of(cluster, len(lumps) + 1, prior, rng)
@@ -401,7 +402,7 @@ def _fields(
         if not len(x) or not len(y):
             continue
         own = Voxels(x_mm=voxels.x_mm[x], y_mm=voxels.y_mm[y], depth_mm=voxels.depth_mm)
-        box = np.ix_(range(voxels.shape[0]), y, x)
+        box = np.ix_(np.arange(voxels.shape[0]), y, x)
         mean, spread = uneven_modulus(block.likelihood, block.fit.lumps, block.fit.shift_mm, own)
         even[box], variance[box] = mean, spread
         sd = float(np.mean(block.samples.sd))

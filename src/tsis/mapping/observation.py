@@ -152,10 +152,10 @@ def observe(scan: Scan, probe: Probe, calibration: Calibration | None, prior: Ma
         blocks.append(shapes.noise(variance + level**2))
         forces.append(force)
         force_sds.append(sd)
-    force = np.array(forces)
+    pushes: Floats = np.array(forces)
     noise = scipy.linalg.block_diag(*blocks)
     white = np.array([np.diag(block) for block in blocks])
-    columns = _nuisances(slab, force, np.array(force_sds), calibration, prior, rings)
+    columns = _nuisances(slab, pushes, np.array(force_sds), calibration, prior, rings)
     return Observation(
         table=slab.table,
         field=slab.field,
@@ -165,17 +165,19 @@ def observe(scan: Scan, probe: Probe, calibration: Calibration | None, prior: Ma
         places_mm=np.array([press.place_mm for press in presses]),
         place_sd_mm=np.array([max(press.place_sd_mm, LEAST_PLACE_SD_MM) for press in presses]),
         angle=np.radians([press.angle_deg for press in presses]),
-        force_n=force,
+        force_n=pushes,
         reference=np.array([press.reference for press in presses]),
         radius_mm=probe.radius_mm,
         index=np.array(used),
         left_out=tuple(left_out),
-        scale_kpa=float(np.abs(force.mean() * slab.bare[0] + slab.bare[1]).mean()),
+        scale_kpa=float(np.abs(pushes.mean() * slab.bare[0] + slab.bare[1]).mean()),
     )
 
 
 def _usable(scan: Scan) -> tuple[list[int], list[str]]:
-    used, left_out, seen = [], [], set()
+    used: list[int] = []
+    left_out: list[str] = []
+    seen: set[tuple[object, ...]] = set()
     for index, press in enumerate(scan.presses):
         name = press.name or f"press {index + 1}"
         force = press.measured_force_n
@@ -247,8 +249,8 @@ def _of_frame(press: ScanPress, probe: Probe, calibration: Calibration, harmonic
     if not sectors.usable.all():
         ring = int(np.flatnonzero(~sectors.usable)[0])
         raise InputError(
-            f"frame must show all rings without clipping; ring {ring + 1} of {RINGS} of {press.name or press.place_mm!r} "
-            "does not: check mm_per_pixel, axis_px and the exposure"
+            f"frame must show all rings without clipping; ring {ring + 1} of {RINGS} of "
+            f"{press.name or press.place_mm!r} does not: check mm_per_pixel, axis_px and the exposure"
         )
     top = calibration.gain_grey_per_kpa * calibration.saturation_kpa
     share = np.clip(sectors.grey / top, -0.98, 0.98)
@@ -299,8 +301,10 @@ def _nuisances(
     by_thickness = numbers(slab.by_thickness[0])
     shared.append(np.concatenate([prior.thickness_sd * push * by_thickness for push in force]))
     if calibration is not None:
-        for one in _pattern(calibration, rings):
-            shared.append(np.concatenate([numbers(one * (push * slab.bare[0] + slab.bare[1])) for push in force]))
+        shared += [
+            np.concatenate([numbers(one * (push * slab.bare[0] + slab.bare[1])) for push in force])
+            for one in _pattern(calibration, rings)
+        ]
     for press, push in enumerate(force):
         mean = float((push * slab.bare[0] + slab.bare[1]).mean())
         parts = [

@@ -32,7 +32,7 @@ MARGIN = 0.5  # of the face's radius: how far beyond the presses lumps are sough
 CLEAR_OF_REFERENCE = 0.6  # of the face's radius: no lump's centre is nearer to a reference press
 FIELD_ERROR = 0.07  # of the field's effect on each number: second order, and meshes
 SIGNAL_ERROR = 0.04  # of a lump's signal: error of the model that differs between numbers
-# Errors of the kernel that all presses share: place, depth, logarithm of the diameter at equal strength, and of strength
+# Errors of the kernel that all presses share: place, depth, log diameter at equal strength, log strength
 PLACE_ERROR_MM, DEPTH_ERROR_MM, RIDGE_ERROR, STRENGTH_ERROR = 0.12, 0.25, 0.05, 0.03
 PLACE_MATTERS_MM = 0.05  # standard deviation of a place from which its shift is sampled
 MOST_LUMPS = 12
@@ -191,10 +191,10 @@ class BlockLikelihood:
 
     def log_weights(self, residual: Floats) -> Floats:
         """Logarithm of the probability of each kind and standard deviation of the field times the likelihood."""
-        result = np.empty((len(self.kinds), len(self.sds)))
+        result: Floats = np.empty((len(self.kinds), len(self.sds)))
         for number, kind in enumerate(self.kinds):
             result[number] = self.log_likelihoods(kind, kind.turn @ residual.ravel())
-        return result + self.log_sd_weight
+        return np.asarray(result + self.log_sd_weight)
 
     def log_likelihoods(self, kind: FieldKind, turned: Floats) -> Floats:
         """For all standard deviations."""

@@ -97,8 +97,8 @@ class SignalTable:
     Attributes
     ----------
     values
-        Mean of the kernel over spheres, per mm**3 of volume and relative modulus, by part of a press, diameter, distance
-        from the axis, depth and shape; shape (parts, diameters, n, k, shapes).
+        Mean of the kernel over spheres, per mm**3 of volume and relative modulus, by part of a press, diameter,
+        distance from the axis, depth and shape; shape (parts, diameters, n, k, shapes).
     order
         Harmonic of each shape.
     kernel
@@ -126,7 +126,7 @@ class SignalTable:
         basis = []
         for order in range(harmonics):
             size = (volume * table.sum(axis=0)[:, :, deep, order]).reshape(-1, len(rows))
-            values, vectors = np.linalg.eigh(size.T @ size)
+            _, vectors = np.linalg.eigh(size.T @ size)
             vectors = vectors[:, ::-1][:, : SHAPES[order]]
             reach = np.abs(size @ vectors).max(axis=0)
             basis.append(np.array(vectors[:, : max(1, int((reach > LEAST_KPA).sum()))]))

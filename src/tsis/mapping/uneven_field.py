@@ -126,7 +126,7 @@ class FieldResponses:
         outputs = self.shapes.outputs
         starts = np.concatenate([[0], np.cumsum([part.shape[1] for part in self.shapes.basis])])
         presses, count = len(places_mm), len(outputs)
-        total = np.zeros((presses, count, presses, count))
+        each, total = np.arange(presses), np.zeros((presses, count, presses, count))
         place = {(m, side): np.flatnonzero([(o[0], o[1]) == (m, side) for o in outputs]) for m, side, _ in outputs}
         for m, side in place:
             for n, other in place:
@@ -135,17 +135,15 @@ class FieldResponses:
                 block = inner[:, starts[m] : starts[m + 1], starts[n] : starts[n + 1]]
                 geometry = _around(m, side, n, other, bearing, angle, around)
                 values = np.einsum("kpq,kst->psqt", geometry, block, optimize=True)
-                total[np.ix_(range(presses), place[m, side], range(presses), place[n, other])] = values
+                total[np.ix_(each, place[m, side], each, place[n, other])] = values
                 if (m, side) != (n, other):
-                    total[np.ix_(range(presses), place[n, other], range(presses), place[m, side])] = values.transpose(
-                        2, 3, 0, 1
-                    )
+                    total[np.ix_(each, place[n, other], each, place[m, side])] = values.transpose(2, 3, 0, 1)
         total *= force[:, None, None, None] * force[None, None, :, None]
         result = total.reshape(presses * count, presses * count)
         return (result + result.T) / 2
 
     def with_points(self, length_mm: float, at_mm: Floats, places_mm: Floats, angle: Floats, force: Floats) -> Floats:
-        """Covariance of the field of unit variance at points (n, 3) with the numbers of presses, (n, presses * numbers).
+        """Covariance of the field of unit variance at points (n, 3) with all numbers, (n, presses * numbers).
 
         It is tabulated over distance and depth.
         """
@@ -185,7 +183,7 @@ def _around(m: int, side: int, n: int, other: int, bearing: Floats, angle: Float
         # product of cos(m b - pa) cos(n b - pb) = (cos(diff) + cos(sum)) / 2, phases pa, pb of each side
         phase = side * np.pi / 2 + m * angle[:, None] + sign * (other * np.pi / 2 + n * angle[None])
         harmonic = m + sign * n
-        # mean over b of i^(m-n) e^{i k d cos(b - bearing)} cos(h b - phase) = i^(m-n) i^|h| J_|h| cos(h bearing - phase)
+        # mean over b: i^(m-n) e^{i k d cos(b - bearing)} cos(h b - phase) = i^(m-n+|h|) J_|h| cos(h bearing - phase)
         power = (m - n + abs(harmonic)) % 4  # even: the answer is real
         total += (1.0 if power == 0 else -1.0) * np.cos(harmonic * bearing - phase) * bessel[abs(harmonic)]
     return gain * total / 2

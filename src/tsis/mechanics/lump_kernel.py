@@ -1,4 +1,4 @@
-"""What a lump anywhere under the probe does to a press: a kernel by first order, and what makes it right for real lumps.
+"""What a lump anywhere under the probe does to a press: a kernel of first order, and its correction for real lumps.
 
 A small volume whose modulus differs changes the press in proportion to its volume (Born). The kernel is that change by
 a unit of volume and of relative modulus, harmonic by harmonic around the probe's axis, at each distance from the axis
@@ -67,8 +67,8 @@ class LumpKernel:
         Change per mm**3, shape (parts, harmonics, radii, n, k), of `PARTS`: harmonic m is the factor of
         ``cos m (angle - angle of the lump)``.
     correction
-        Shift of the depth in mm and logarithm of the factor, at `EXACT_DIAMETERS`, `EXACT_TOPS` and Eshelby's factors of
-        `EXACT_CONTRASTS`, shape (2, diameters, tops, contrasts); zeros correct nothing.
+        Shift of the depth in mm and logarithm of the factor, at `EXACT_DIAMETERS`, `EXACT_TOPS` and Eshelby's factors
+        of `EXACT_CONTRASTS`, shape (2, diameters, tops, contrasts); zeros correct nothing.
     poisson, thickness_mm
         Of the slab.
     """
