@@ -10,14 +10,20 @@ import pytest
 
 import tsis
 from tsis.errors import InputError, NotCalibratedError, UntrustedError
+from tsis.imaging.sensor import Sensor
 from tsis.inclusion.frames import OUTER_FRACTION
 from tsis.inclusion.posterior.rings import ring_means
 from tsis.mapping import LumpMap, MapPrior, Scan, ScanPress, estimate_map
 from tsis.mapping.answers import clusters
+from tsis.mapping.estimation import BLOCK, block_areas
 from tsis.mapping.observation import observe
 from tsis.mapping.posterior import BlockLikelihood, Region, Sampler, greedy_fit
 from tsis.mapping.scan import Indenter
+from tsis.mapping.stiffness import stiffness_kernel
 from tsis.mechanics.lump_kernel import lump_kernel
+from tsis.mechanics.tissue_field import FieldMesh, TissueFieldResponse, field_features
+from tsis.model.calibration import LightMap
+from tsis.virtual.probe import VirtualProbe, nominal_calibration
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -49,8 +55,6 @@ def pressures(place: tuple[float, float], angle_deg: float, lumps: list[tuple[fl
 
 
 def observe_bare(rings: int) -> Floats:
-    from tsis.mechanics.tissue_field import FieldMesh, TissueFieldResponse
-
     slab = TissueFieldResponse(PROBE, young_kpa=5.0, thickness_mm=30.0, poisson=0.49, mesh=FieldMesh(points=25))
     rows = ring_means(slab.radius_mm, np.linspace(0.0, OUTER_FRACTION * PROBE.radius_mm, rings + 1))
     return np.asarray(rows @ slab.press()[0][0])
@@ -129,8 +133,6 @@ def test_turning_world_and_probe_does_not_matter() -> None:
 
 def test_the_field_of_a_press_has_the_covariance_of_the_round_model() -> None:
     """Harmonic 0 of one press against features of the round model, which know nothing of places."""
-    from tsis.mechanics.tissue_field import FieldMesh, TissueFieldResponse, field_features
-
     observation = observe(scan_of([]), PROBE, None, MapPrior())
     length = 5.0
     found = observation.field.covariance(length, np.zeros((1, 2)), np.zeros(1), np.ones(1), np.zeros(1))
@@ -244,8 +246,6 @@ def test_presses_without_contact_and_repeats_are_left_out_by_name() -> None:
 
 def test_a_stiff_ball_or_punch_without_image_finds_a_lump() -> None:
     """Forces by the punch's own kernel, whose sum over the tissue is tested in mechanics."""
-    from tsis.mapping.stiffness import stiffness_kernel
-
     indenter = Indenter(shape="punch", radius_mm=4.0)
     kernel, even = stiffness_kernel(indenter, (2.0,), (5.0, 30.0, 0.49))
     rng, presses = np.random.default_rng(4), []
@@ -308,3 +308,35 @@ def test_bad_scans_are_refused_in_one_sentence() -> None:
         estimate_map(frames, probe=PROBE)
     with pytest.raises(InputError, match="contrast"):
         MapPrior(contrast=(1.2, 5.0))
+
+
+def test_frames_of_the_virtual_probe_show_a_lump_under_one_place() -> None:
+    """Frames of exact presses: over the lump, and on plain tissue at places out of its reach."""
+    light, sensor = LightMap.uniform(), Sensor()
+    lump = tsis.Inclusion(diameter_mm=10.0, depth_mm=5.0, young_kpa=50.0)
+    phantom = tsis.Phantom(young_kpa=5.0, thickness_mm=30.0, inclusion=lump)
+    probe = VirtualProbe(PROBE, rng=np.random.default_rng(5), sensor=sensor, light=light, strain="small")
+    presses = [ScanPress(place_mm=(0.0, 0.0), frame=probe.press(phantom, force_n=1.0))]
+    presses += [
+        ScanPress(place_mm=place, frame=probe.press(phantom.without_inclusion(), force_n=1.0))
+        for place in ((40.0, 0.0), (-40.0, 0.0), (0.0, 40.0))
+    ]
+    result = estimate_map(
+        Scan(presses=tuple(presses)),
+        probe=PROBE,
+        calibration=nominal_calibration(sensor, light),
+        steps=1500,
+        voxel_mm=5.0,
+    )
+    assert [one.name for one in result.lumps] == ["lump 1"]
+    inside = result.lumps[0].estimate.interval(0.98)
+    for name, value in {"x_mm": 0.0, "y_mm": 0.0, "centre_depth_mm": 10.0, "diameter_mm": 10.0}.items():
+        assert inside[name][0] <= value <= inside[name][1], name
+
+
+def test_a_scan_of_many_presses_is_sampled_in_blocks() -> None:
+    places = np.array([(x, y) for x in np.arange(0.0, 200.0, 10.0) for y in np.arange(0.0, 200.0, 10.0)])
+    areas = block_areas(places)
+    counts = [int(((places >= low) & (places < high)).all(axis=1).sum()) for low, high in areas]
+    assert sum(counts) == len(places)
+    assert max(counts) <= BLOCK

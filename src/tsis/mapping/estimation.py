@@ -65,8 +65,8 @@ if TYPE_CHECKING:
     from tsis.model.flag import Finding
 
 
-BLOCK = 30  # most presses that share a block; with its neighbours a block has about twice as many
-NEIGHBOURS = 1.3  # of the face's radius: presses this near to a block's area are sampled with it
+BLOCK = 25  # most presses that share a block; with its neighbours a block has about twice as many
+NEIGHBOURS = 0.9  # of the face's radius: presses this near to a block's area are sampled with it
 STRAINS = ("small", "finite")
 LARGEST_RESUME_BYTES = 2**28
 HARD_MISFIT = 1.35  # mean square of the whitened residual above which no model error of a few per cent explains it
@@ -160,7 +160,7 @@ def estimate_map(
             raise InputError("probe must be given for frames and pressures; got None")
         require_type("probe", probe, Probe)
         observation = observe(scan, probe, calibration, prior)
-    areas = _areas(observation.places_mm)
+    areas = block_areas(observation.places_mm)
     done, total = 0, len(areas) * (34 + steps // 500)
 
     def report() -> None:
@@ -180,8 +180,8 @@ def estimate_map(
     return result
 
 
-def _areas(places: Floats) -> list[tuple[Floats, Floats]]:
-    """Halve the plane until no part has more than `BLOCK` presses; low and high corner of each part."""
+def block_areas(places: Floats) -> list[tuple[Floats, Floats]]:
+    """Halve the plane until no part has more than `BLOCK` of the places (n, 2); low and high corner of each part."""
     parts = [(np.full(2, -np.inf), np.full(2, np.inf), places)]
     done = []
     while parts:

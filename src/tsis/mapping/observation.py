@@ -88,7 +88,7 @@ class Observation:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Slab:
+class EvenSlab:
     """One probe on even tissue, seen in rings."""
 
     table: SignalTable
@@ -99,7 +99,7 @@ class Slab:
 
 
 @lru_cache(maxsize=4)
-def _slab(probe: Probe, young_kpa: float, thickness_mm: float, poisson: float, rings: int, harmonics: int) -> Slab:
+def _slab(probe: Probe, young_kpa: float, thickness_mm: float, poisson: float, rings: int, harmonics: int) -> EvenSlab:
     kernel = lump_kernel(probe, young_kpa=young_kpa, thickness_mm=thickness_mm, poisson=poisson)
     rows = ring_means(kernel.radius_mm, np.linspace(0.0, OUTER_FRACTION * probe.radius_mm, rings + 1))
     key = content_key(
@@ -121,7 +121,7 @@ def _slab(probe: Probe, young_kpa: float, thickness_mm: float, poisson: float, r
     slab = of(thickness_mm)
     bare = slab.press()[0] @ rows.T
     by_thickness = (of(thickness_mm * np.exp(STEP)).press()[0] @ rows.T - bare) / STEP
-    return Slab(
+    return EvenSlab(
         table=table,
         field=FieldResponses(slab, table.shapes, rows, displacement_rows=None, force_n=1.0),
         bare=bare,
@@ -264,7 +264,7 @@ def _of_frame(press: ScanPress, probe: Probe, calibration: Calibration, harmonic
     return np.array(values), np.array(noise)
 
 
-def _force(press: ScanPress, calibration: Calibration | None, round_kpa: Floats, slab: Slab) -> tuple[float, float]:
+def _force(press: ScanPress, calibration: Calibration | None, round_kpa: Floats, slab: EvenSlab) -> tuple[float, float]:
     """Force in newtons and its relative standard deviation; read off the mean pressure where it is unknown."""
     force = press.measured_force_n
     if force is not None:
@@ -276,7 +276,7 @@ def _force(press: ScanPress, calibration: Calibration | None, round_kpa: Floats,
 
 
 def _nuisances(
-    slab: Slab,
+    slab: EvenSlab,
     force: Floats,
     force_sd: Floats,
     calibration: Calibration | None,

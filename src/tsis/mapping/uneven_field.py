@@ -24,7 +24,7 @@ TAIL_FREEDOM = 4.0  # degrees of freedom of the rougher spectrum
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Waves:
+class WaveAnswers:
     """Answer of a press at the origin to plane waves of one length.
 
     Attributes
@@ -77,7 +77,7 @@ class FieldResponses:
         result[: len(part)] = part
         return result
 
-    def waves(self, length_mm: float, extent_mm: float) -> Waves:
+    def waves(self, length_mm: float, extent_mm: float) -> WaveAnswers:
         """Answers to waves; ``extent_mm`` is the largest distance of two presses, which sets the wave numbers' step."""
         reach = extent_mm + 2 * float(min(self._radius[0].max(), 30.0))
         count = int(np.clip(np.ceil(LONGEST_WAVE / length_mm * reach / np.pi * 1.3), 12, 120))
@@ -97,7 +97,7 @@ class FieldResponses:
                 by_radius = np.zeros((len(values), *product.shape[::2]))
                 np.add.at(by_radius, inverse, np.moveaxis(product, 1, 0))
                 target.append(np.einsum("kr,rsh->khs", bessel, by_radius, optimize=True) * root)
-        return Waves(
+        return WaveAnswers(
             number=number,
             weight=weight / weight.sum(),
             cosine=np.concatenate(cosine, axis=2),
