@@ -23,6 +23,7 @@ from benchmarks.mapping.solved_scans import PROBE
 from tsis.mapping import estimate_map
 
 NEAR_MM = 5.0
+LEAST_CELLS = 20  # of the map of areas from which a frequency is told
 NAMES = ("x_mm", "y_mm", "centre_depth_mm", "diameter_mm", "contrast")
 
 
@@ -118,16 +119,23 @@ def goals(lines: list[dict[str, Any]]) -> list[Goal]:
         )
     if pairs:
         result.append(Goal(name="pairs of 8 mm told apart", value=float(np.mean(pairs)), least=0.95))
+    area = np.array([cell for line in exact for cell in line["area"]])
+    for low_end, high_end in zip((0.0, 0.1, 0.5, 0.9), (0.1, 0.5, 0.9, 1.01), strict=True):
+        some = area[(area[:, 0] >= low_end) & (area[:, 0] < high_end)]
+        if len(some) >= LEAST_CELLS:
+            gap = float(some[:, 1].mean() - some[:, 0].mean())
+            name = f"areas of probability {low_end:g} to {min(high_end, 1.0):g}: frequency less probability"
+            result.append(Goal(name=name, value=gap, least=-0.05, most=0.05))
     result.append(Goal(name="seconds a scan", value=float(np.median([line["seconds"] for line in exact])), most=60.0))
     result.append(Goal(name="memory, MB", value=float(max(line["memory_mb"] for line in exact)), most=1024.0))
     for sd in sorted({line["place_sd_mm"] for line in lines} - {line["place_sd_mm"] for line in exact}):
-        some = [line for line in lines if line["place_sd_mm"] == sd]
-        hits = [lump for line in some for lump in line["lumps"] if lump["found"]]
+        erring = [line for line in lines if line["place_sd_mm"] == sd]
+        hits = [lump for line in erring for lump in line["lumps"] if lump["found"]]
         error = [np.hypot(lump["mean"][0] - lump["truth"][0], lump["mean"][1] - lump["truth"][1]) for lump in hits]
         result.append(
             Goal(
                 name=f"false lumps a scan, places err by {sd:g} mm",
-                value=float(np.mean([len(line["false"]) for line in some])),
+                value=float(np.mean([len(line["false"]) for line in erring])),
                 most=0.1,
             )
         )

@@ -117,6 +117,7 @@ class SolvedSlab:
             body.maxh = 0.3 * diameter
             slab, scanned = slab - body, scanned - body
             bodies.append(body)
+        for x, y, depth, diameter, _ in truth.lumps:  # after all lumps: none may be cut by a cap
             top, reach = depth - diameter / 2, depth
             cap = occ.Cylinder(occ.Pnt(x, y, -0.9 * top), occ.Z, reach, 0.9 * top)
             for other in bodies:

@@ -181,7 +181,8 @@ def test_the_sampler_is_calibrated_on_worlds_of_its_own_prior() -> None:
         6.0, observation.places_mm, observation.angle, observation.force_n, observation.place_sd_mm
     )
     root = np.linalg.cholesky(0.08**2 * field + observation.noise)
-    inside, rng = [], np.random.default_rng(8)
+    inside: list[Floats] = []
+    rng = np.random.default_rng(8)
     while len(inside) < 40:
         lump = region.drawn(rng)
         if not region.allows(lump[None], 0) or np.abs(lump[:2]).max() > 12:
@@ -225,7 +226,7 @@ def test_a_wrong_scale_is_withheld() -> None:
     scan = scan_of([LUMP])
     rng = np.random.default_rng(2)
     broken = tuple(
-        replace(press, pressure_kpa=rng.permutation(press.pressure_kpa.ravel()).reshape(RINGS, SECTORS) + 3)
+        replace(press, pressure_kpa=rng.permutation(np.asarray(press.pressure_kpa).ravel()).reshape(RINGS, SECTORS) + 3)
         for press in scan.presses
     )
     result = estimate_map(Scan(presses=broken), probe=PROBE, steps=500, voxel_mm=5.0)

@@ -247,10 +247,11 @@ def blind_diameter(seen: Floats, grid: tuple[Floats, Floats], voxels: Voxels) ->
                 part = np.log(SEEN / line[first - 1]) / np.log(line[first] / line[first - 1])
                 least[i, j] = np.exp(sizes[first - 1] + part * (sizes[first] - sizes[first - 1]))
     least = least.reshape(len(TOPS_MM), len(y), len(x))
-    i = np.abs(np.array(TOPS_MM)[:, None] - voxels.depth_mm).argmin(axis=0)
-    j = np.abs(y[:, None] - voxels.y_mm).argmin(axis=0)
-    k = np.abs(x[:, None] - voxels.x_mm).argmin(axis=0)
-    return np.asarray(least[np.ix_(i, j, k)])
+    levels, rows, columns = (
+        np.abs(knots[:, None] - axis).argmin(axis=0)
+        for knots, axis in ((np.array(TOPS_MM), voxels.depth_mm), (y, voxels.y_mm), (x, voxels.x_mm))
+    )
+    return np.asarray(least[np.ix_(levels, rows, columns)])
 
 
 def next_places(

@@ -24,6 +24,7 @@ from tsis.mechanics.tissue_field import FieldMesh, TissueFieldResponse
 from tsis.optics.angles import ERF_SLOPE
 
 if TYPE_CHECKING:
+    from tsis.inclusion.prior import Booleans, Complexes, Integers
     from tsis.mapping.prior import MapPrior
     from tsis.mapping.scan import Scan, ScanPress
     from tsis.mapping.signals import Floats
@@ -80,9 +81,9 @@ class Observation:
     place_sd_mm: Floats
     angle: Floats
     force_n: Floats
-    reference: np.ndarray
+    reference: Booleans
     radius_mm: float
-    index: np.ndarray
+    index: Integers
     left_out: tuple[str, ...]
     scale_kpa: float
 
@@ -228,7 +229,7 @@ def _resolution(scan: Scan, used: list[int]) -> tuple[int, int, int]:
 
 def _harmonics(
     press: ScanPress, probe: Probe, calibration: Calibration | None, harmonics: int, sectors: int
-) -> tuple[np.ndarray, Floats]:
+) -> tuple[Complexes, Floats]:
     """Harmonics of the pressure in kPa, complex (harmonics, rings), and the variance of each part."""
     if press.frame is not None:
         return _of_frame(press, probe, calibration, harmonics)  # type: ignore[arg-type]
@@ -242,7 +243,7 @@ def _harmonics(
     return values, variance
 
 
-def _of_frame(press: ScanPress, probe: Probe, calibration: Calibration, harmonics: int) -> tuple[np.ndarray, Floats]:
+def _of_frame(press: ScanPress, probe: Probe, calibration: Calibration, harmonics: int) -> tuple[Complexes, Floats]:
     if press.frame is None:
         raise AssertionError("only called for frames")
     sectors = sector_means(press.frame, probe=probe, calibration=calibration)

@@ -132,7 +132,7 @@ class ScanPress(ContentValue):
             self._check_curve()
 
     def _check_pressure(self) -> None:
-        axes = 1 if np.ndim(self.pressure_kpa) == 1 else 2
+        axes = 1 if np.asarray(self.pressure_kpa).ndim == 1 else 2
         values = require_array("pressure_kpa", self.pressure_kpa, ndim=axes)
         rings, sectors = len(values), 1 if axes == 1 else values.shape[1]
         if rings < 3 or (axes == 2 and sectors < 4):

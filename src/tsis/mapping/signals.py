@@ -152,7 +152,7 @@ class SignalTable:
         return cls(values=values, order=shapes.order, kernel=kernel, shapes=shapes)
 
     @cached_property
-    def numbers(self) -> tuple[object, ...]:
+    def numbers(self) -> tuple[Any, ...]:
         """What `add_signals` needs of the table."""
         kernel = self.kernel
         return (

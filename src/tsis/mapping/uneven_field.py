@@ -86,7 +86,8 @@ class FieldResponses:
         along, along_weight = np.polynomial.hermite_e.hermegauss(2 * HEIGHTS)
         along, along_weight = along[HEIGHTS:], 2 * along_weight[HEIGHTS:] / along_weight.sum()
         root = np.sqrt(along_weight)[None, :, None]
-        cosine, sine = [], []
+        cosine: list[Floats] = []
+        sine: list[Floats] = []
         for order, response in enumerate(self._response):
             radius, depth = self._radius[order], self._depth[order]
             values, inverse = np.unique(radius.round(9), return_inverse=True)
@@ -98,7 +99,7 @@ class FieldResponses:
                 np.add.at(by_radius, inverse, np.moveaxis(product, 1, 0))
                 target.append(np.einsum("kr,rsh->khs", bessel, by_radius, optimize=True) * root)
         return WaveAnswers(
-            number=number,
+            number=np.asarray(number, dtype=float),
             weight=weight / weight.sum(),
             cosine=np.concatenate(cosine, axis=2),
             sine=np.concatenate(sine, axis=2),
@@ -133,7 +134,7 @@ class FieldResponses:
                 if (n, other) < (m, side):
                     continue
                 block = inner[:, starts[m] : starts[m + 1], starts[n] : starts[n + 1]]
-                geometry = _around(m, side, n, other, bearing, angle, around)
+                geometry = _around(m, side, n, other, bearing, angle, np.asarray(around, dtype=float))
                 values = np.einsum("kpq,kst->psqt", geometry, block, optimize=True)
                 total[np.ix_(each, place[m, side], each, place[n, other])] = values
                 if (m, side) != (n, other):

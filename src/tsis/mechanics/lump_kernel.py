@@ -261,7 +261,9 @@ def _solve(
             density = np.zeros((len(PARTS), mesh.points, len(r), len(z)))
             density[:, :, at[0], at[1]] = source / response.volume_mm3
             flat = np.moveaxis(density, (2, 3), (0, 1)).reshape(len(r), len(z), -1)
-            by_depth = scipy.interpolate.interp1d(z, flat, axis=1, fill_value="extrapolate")(depth)
+            by_depth = np.asarray(
+                scipy.interpolate.interp1d(z, flat, axis=1, fill_value="extrapolate")(depth), dtype=float
+            )
             values = scipy.interpolate.interp1d(r, by_depth, axis=0, fill_value="extrapolate")(distance)
             target[:, order] = np.moveaxis(values.reshape(len(distance), len(depth), len(PARTS), -1), (0, 1), (2, 3))
     correction = np.zeros((2, len(EXACT_DIAMETERS), len(EXACT_TOPS), len(EXACT_CONTRASTS)))
@@ -275,7 +277,10 @@ def _solve(
     if corrected:
         bare = LumpKernel(**found, correction=correction, poisson=poisson, thickness_mm=thickness_mm)
         correction = _fitted(bare, probe, Phantom(young_kpa=young_kpa, thickness_mm=thickness_mm, poisson=poisson))
-    store = {name: values.astype(np.float32) if values.ndim > 1 else values for name, values in found.items()}
+    store: dict[str, Floats] = {
+        name: values.astype(np.float32) if values.ndim > 1 else values  # type: ignore[misc]
+        for name, values in found.items()
+    }
     return {**store, "correction": correction}
 
 
