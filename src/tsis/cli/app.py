@@ -69,6 +69,7 @@ COMMANDS = {
     "login": CommandEntry(
         "tsis.cli.console", "login", summary="Names and passwords for a console that listens on a network."
     ),
+    "map": CommandEntry("tsis.cli.map", "map_lumps", example="tsis map scan --tissue-kpa 5 --out map"),
     "match": CommandEntry(
         "tsis.cli.match", "match", example="tsis match before.csv after.ply --out moved.csv --figure moved.png"
     ),
@@ -102,7 +103,7 @@ HELP = f"""Usage: tsis COMMAND [ARGUMENTS] [OPTIONS]        Start with: tsis dem
 Open software for optical tactile imaging.
 {RESEARCH_USE_ONLY}
 
-  measure    acquire, examine, contacts, compare, hardness, depth, force, track, match, detect, network
+  measure    acquire, examine, map, contacts, compare, hardness, depth, force, track, match, detect, network
              Frames from a camera; inclusions and hardness with intervals; point matching.
   calibrate  calibrate, sensor
              The calibration of a probe: step by step, from saved frames, or sealed; files of gel sensors.

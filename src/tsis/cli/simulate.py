@@ -1,4 +1,4 @@
-"""``tsis simulate``: pressure and displacement of a press, or frames of a virtual gel sensor with their truth apart."""
+"""``tsis simulate``: pressure and displacement of a press, frames of a virtual gel sensor, or a virtual scan."""
 
 from __future__ import annotations
 
@@ -15,13 +15,17 @@ import tsis
 from tsis.cli.options import AsJson, DepthMm, DiameterMm, ForceN, PhantomName, ProbeOption, YoungKpa, chosen_probe
 from tsis.cli.output import RESULT, npy_bytes, plain_json_bytes, print_json, result_bytes
 from tsis.cli.progress import waiting
+from tsis.errors import InputError
 from tsis.present.page import Column, Table
 from tsis.present.terminal import print_tables
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from numpy.typing import NDArray
+
     from tsis.model.press import PressField
+    from tsis.model.probe import Probe
     from tsis.virtual.gel_frames import RenderedPress
     from tsis.virtual.gel_sensor import VirtualGelSensor
 
@@ -119,6 +123,57 @@ def _truth(virtual: VirtualGelSensor, made: dict[str, RenderedPress], ball_kpa: 
 
 SHOWN_RADII = 13
 GEL = "Frames of a virtual gel sensor (--sensor)"
+SCAN = "Presses of a virtual scan (--scan)"
+THREE_LUMPS = ("-9,-6,5,9,60", "10,-4,7,8,40", "1,11,4,8,80")
+
+
+def _lumps(given: list[str] | None) -> list[tsis.virtual.scan.VirtualLump]:
+    """The lumps of --lump, or three."""
+    names = ("x_mm", "y_mm", "depth_mm", "diameter_mm", "young_kpa")
+    lumps = []
+    for text in given or THREE_LUMPS:
+        try:
+            values = dict(zip(names, map(float, text.split(",")), strict=True))
+        except ValueError as error:
+            raise InputError(f"--lump must be five numbers, X,Y,DEPTH,DIAMETER,KPA; got {text!r}") from error
+        lumps.append(tsis.virtual.scan.VirtualLump(**values))
+    return lumps
+
+
+def write_scan(
+    probe: Probe,
+    lumps: list[tsis.virtual.scan.VirtualLump],
+    places_mm: NDArray[np.float64],
+    out: Path,
+    seed: int,
+    force_n: float,
+    place_sd_mm: float,
+    *,
+    as_json: bool,
+) -> None:
+    """Write the folder of a virtual scan, with the truth apart."""
+    from numpy.random import default_rng
+
+    with waiting(f"pressing at {len(places_mm)} places"):
+        made = tsis.virtual.scan.virtual_scan(
+            probe, lumps, places_mm, rng=default_rng(seed), force_n=force_n, place_sd_mm=place_sd_mm
+        )
+    truth = {"lumps": [asdict(each) for each in lumps], "seed": seed, "place_sd_mm": place_sd_mm}
+    files = {
+        **tsis.mapping.scan_folder.scan_files(made, probe=probe.name),
+        "truth.json": plain_json_bytes(truth),
+    }
+    folder = tsis.files.result_folder.write_folder(tsis.files.result_folder.free_folder(out), files)
+    if as_json:
+        print_json(tsis.present.document.envelope("simulate", "scan", **truth, folder=str(folder)))
+        return
+    units = {"x": "mm", "y": "mm", "depth of the top": "mm", "diameter": "mm", "modulus": "kPa"}
+    table = Table(
+        title=f"{len(places_mm)} presses of {probe.name} over these lumps",
+        columns=tuple(Column(label=label, unit=unit) for label, unit in units.items()),
+        values=tuple(tuple(asdict(each).values()) for each in lumps),
+    )
+    print_tables([table], ["The kernel of tsis map made these presses: they do not judge it."], where=f"Scan: {folder}")
 
 
 class Strain(StrEnum):
@@ -164,11 +219,33 @@ def simulate(
     out: Annotated[
         Path, typer.Option(help="Folder to write; a number is added when it exists.", rich_help_panel=GEL)
     ] = Path("virtual-gel"),
+    scan: Annotated[
+        Path | None, typer.Option(help="Folder of a virtual scan over lumps, for tsis map.", rich_help_panel=SCAN)
+    ] = None,
+    lump: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="X,Y,DEPTH,DIAMETER,KPA",
+            help="A lump under the scan, in mm and kPa; the depth is that of its top. Repeat it for several.",
+            rich_help_panel=SCAN,
+            show_default="three lumps",
+        ),
+    ] = None,
+    places: Annotated[int, typer.Option(help="Presses along x and along y.", min=2, max=30, rich_help_panel=SCAN)] = 5,
+    spacing_mm: Annotated[float, typer.Option(help="Distance of the presses.", rich_help_panel=SCAN)] = 10.0,
+    place_sd_mm: Annotated[float, typer.Option(help="Standard deviation of each place.", rich_help_panel=SCAN)] = 0.3,
     as_json: AsJson = False,
 ) -> None:
-    """Press a probe on a phantom, or with --sensor balls on a gel sensor, by finite elements."""
+    """Press a probe on a phantom, or with --sensor balls on a gel sensor, by finite elements.
+
+    With --scan, press it at many places over lumps, by the kernel that tsis map uses.
+    """
     if show_catalog:
         _catalog(as_json=as_json)
+        return
+    if scan is not None:
+        grid = tsis.virtual.scan.grid_places(places, spacing_mm)
+        write_scan(chosen_probe(probe), _lumps(lump), grid, scan, seed, force_n, place_sd_mm, as_json=as_json)
         return
     if sensor is not None:
         order = GelOrder(ball_mm, ball_kpa, force_n, presses, calibration_presses, seed, drag)

@@ -27,6 +27,7 @@ _RESULTS = {
     "force": ("",),
     "hardness": ("", "contacts"),
     "logins": ("",),
+    "map": ("",),
     "match": ("",),
     "network": ("apply", "train"),
     "optics": ("angles", "modes", "propagate", "trace"),
@@ -34,7 +35,7 @@ _RESULTS = {
     "records": ("backup", "edit", "export", "import", "list", "recompute", "restore", "show", "verify"),
     "sensor": ("check", "frames", "new", "show"),
     "session": ("",),
-    "simulate": ("", "gel", "list"),
+    "simulate": ("", "gel", "list", "scan"),
     "study": (
         "analyse",
         "card",

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from tsis.mapping import lump_map as lump_map
     from tsis.mapping import prior as prior
     from tsis.mapping import scan as scan
+    from tsis.mapping import scan_folder as scan_folder
     from tsis.mapping.estimation import estimate_map as estimate_map
     from tsis.mapping.lump_map import LumpMap as LumpMap
     from tsis.mapping.prior import MapPrior as MapPrior
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 if not TYPE_CHECKING:  # modules and names load when they are first used
     __getattr__, __dir__, _ = lazy_loader.attach(
         __name__,
-        submodules=["estimation", "flags", "lump_map", "prior", "scan"],
+        submodules=["estimation", "flags", "lump_map", "prior", "scan", "scan_folder"],
         submod_attrs={
             "estimation": ["estimate_map"],
             "lump_map": ["LumpMap"],

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from tsis.present import images as images
     from tsis.present import inclusion as inclusion
     from tsis.present import kit as kit
+    from tsis.present import lump_map as lump_map
     from tsis.present import matching as matching
     from tsis.present import page as page
     from tsis.present import pdf as pdf
@@ -41,6 +42,7 @@ if not TYPE_CHECKING:  # modules load when they are first used
             "images",
             "inclusion",
             "kit",
+            "lump_map",
             "matching",
             "page",
             "pdf",

@@ -15,13 +15,14 @@ if TYPE_CHECKING:
     from tsis.virtual import loading_machine as loading_machine
     from tsis.virtual import planned_probe as planned_probe
     from tsis.virtual import probe as probe
+    from tsis.virtual import scan as scan
     from tsis.virtual.probe import VirtualProbe as VirtualProbe
 else:  # modules load when they are first used
     __getattr__, __dir__, _ = lazy_loader.attach(
         __name__,
         submodules=[
             *("calibration_bench", "camera", "direct_contact", "examinations", "gel_frames", "gel_sensor", "gige"),
-            *("loading_machine", "planned_probe", "probe"),
+            *("loading_machine", "planned_probe", "probe", "scan"),
         ],
         submod_attrs={"probe": ["VirtualProbe"]},
     )

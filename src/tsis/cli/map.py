@@ -1,0 +1,144 @@
+"""``tsis map``: lumps under an area, from presses at many places."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+import tsis
+from tsis.__about__ import CALIBRATION_FILE, LARGEST_SEED, RESEARCH_USE_ONLY, __version__
+from tsis.cli.options import AsJson, ScaleMm, chosen_probe, chosen_scale
+from tsis.cli.output import CommandOutcome, publish
+from tsis.cli.progress import progress_bar
+from tsis.errors import InputError
+
+if TYPE_CHECKING:
+    from tsis.mapping.scan_folder import StoredScan
+    from tsis.model.probe import Probe
+
+
+DEFAULT_PROBE = "tsis-2011"
+
+
+def map_lumps(
+    scan: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FOLDER|TABLE",
+            help="A folder with poses.csv (file, x_mm, y_mm) beside its presses; or a table of an indenter: press, "
+            "x_mm, y_mm, travel_mm, force_n.",
+        ),
+    ],
+    *,
+    probe: Annotated[
+        str | None,
+        typer.Option(
+            help="Name in the catalog, or a file of your own.", show_default=f"that of poses.csv, else {DEFAULT_PROBE}"
+        ),
+    ] = None,
+    calibration: Annotated[
+        Path | None,
+        typer.Option(help="Calibration file of the probe, for frames.", show_default="calibration.json of the folder"),
+    ] = None,
+    scale_mm: ScaleMm = None,
+    ball_mm: Annotated[
+        float | None, typer.Option(help="Radius of the ball that pressed, for travel and force.")
+    ] = None,
+    punch_mm: Annotated[
+        float | None, typer.Option(help="Radius of the flat punch that pressed, for travel and force.")
+    ] = None,
+    tissue_kpa: Annotated[float, typer.Option(help="Modulus of the tissue.")] = 5.0,
+    tissue_sd: Annotated[float, typer.Option(help="Relative standard deviation of that modulus.")] = 0.1,
+    thickness_mm: Annotated[float, typer.Option(help="Thickness of the tissue on its support.")] = 30.0,
+    voxel_mm: Annotated[float, typer.Option(help="Width of the map's voxels.", min=0.5, max=10.0)] = 2.0,
+    steps: Annotated[int, typer.Option(help="Steps of the sampler.", min=1000, max=10_000_000)] = 20_000,
+    seed: Annotated[int, typer.Option(help="Seed of the sampler.", min=0, max=LARGEST_SEED)] = 0,
+    resume: Annotated[
+        Path | None, typer.Option(help="File in which an interrupted estimate goes on; it is written meanwhile.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path("tsis-map"),
+    as_json: AsJson = False,
+) -> None:
+    """Map several lumps in three dimensions, each with intervals, and what the scan could not have seen.
+
+    The folder gets a page, result.json, map.vti for ParaView or 3D Slicer, and NIfTI files where the extra map is
+    installed.
+    """
+    usable = _calibration(scan, calibration)
+    stored = tsis.mapping.scan_folder.read_scan(
+        scan, mm_per_pixel=chosen_scale(usable, scale_mm), indenter=_indenter(ball_mm, punch_mm)
+    )
+    pressed, response = stored.scan, None
+    if pressed.kind == "frame":
+        if usable is None:
+            raise InputError("frames need --calibration, the calibration file of the probe that pressed")
+        frames, response = usable.pressed([press.frame for press in pressed.presses], on_tissue=True)
+        pressed = tsis.mapping.scan_folder.with_frames(pressed, frames)
+    prior = tsis.mapping.MapPrior(tissue_young_kpa=tissue_kpa, tissue_young_sd=tissue_sd, thickness_mm=thickness_mm)
+    chosen = _probe(stored, probe)
+    with progress_bar(f"mapping {len(pressed.presses)} presses") as advance:
+        found = tsis.mapping.estimate_map(
+            pressed,
+            probe=chosen,
+            calibration=response,
+            prior=prior,
+            voxel_mm=voxel_mm,
+            seed=seed,
+            steps=steps,
+            progress=advance,
+            resume=resume,
+        )
+    provenance = {
+        "notice": RESEARCH_USE_ONLY,
+        "tsis": __version__,
+        "scan": tsis.mapping.scan_folder.described(pressed),
+        "calibration": None if usable is None else usable.citation(),
+    }
+    by = f"by {chosen.name}" if chosen is not None else f"by a {pressed.indenter.shape if pressed.indenter else ''}"
+    outcome = CommandOutcome(
+        document=tsis.present.document.envelope(
+            "map", **tsis.present.lump_map.lump_map_document(found), inputs=provenance
+        ),
+        page=tsis.present.lump_map.lump_map_page(
+            found,
+            title=f"Map of {pressed.name or 'a scan'}",
+            subtitle=f"{len(found.places_mm)} presses {by}",
+            notes=tuple(f"Left out: {reason}." for reason in stored.left_out),
+            provenance=provenance,
+        ),
+        files={} if not found.trusted else _volumes(found.untrusted),
+        trusted=found.trusted,
+    )
+    publish(outcome, out, as_json=as_json)
+
+
+def _volumes(numbers: tsis.mapping.lump_map.MapNumbers) -> dict[str, bytes]:
+    files = {"map.vti": tsis.present.lump_map.vtk_bytes(numbers)}
+    return files | (tsis.present.lump_map.nifti_files(numbers) if find_spec("nibabel") else {})
+
+
+def _calibration(scan: Path, given: Path | None) -> tsis.calibration.frames.UsableCalibration | None:
+    beside = scan / CALIBRATION_FILE
+    if given is None and not beside.is_file():
+        return None
+    return tsis.calibration.frames.load_calibration(given or beside)
+
+
+def _indenter(ball_mm: float | None, punch_mm: float | None) -> tsis.mapping.scan.Indenter | None:
+    if ball_mm is not None and punch_mm is not None:
+        raise InputError("--ball-mm and --punch-mm must not be given together: one indenter pressed")
+    if ball_mm is None and punch_mm is None:
+        return None
+    shape = "punch" if ball_mm is None else "ball"
+    return tsis.mapping.scan.Indenter(shape=shape, radius_mm=ball_mm or punch_mm or 0.0)
+
+
+def _probe(stored: StoredScan, given: str | None) -> Probe | None:
+    if stored.scan.kind == "travel_force":
+        if given is not None:
+            raise InputError("--probe is not used with travel and force; leave it out")
+        return None
+    return chosen_probe(given or stored.probe or DEFAULT_PROBE)

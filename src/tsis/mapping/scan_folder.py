@@ -1,0 +1,226 @@
+"""A scan on disk: a folder with ``poses.csv`` beside its presses, or one table of presses by an indenter.
+
+``poses.csv`` has a row a press: the file that it measured, and its place. The file is a frame, or a table of the mean
+pressure of each ring or sector, or a table of travel and force. One table of travel and force serves many presses.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tsis.calibration.frames import PICTURES, read_press_image
+from tsis.errors import FileInputError, InputError
+from tsis.files.reading import as_path, file_error, own_file
+from tsis.files.tables import read_csv_rows, table_bytes
+from tsis.mapping.scan import Scan, ScanPress
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Iterable, Mapping, Sequence
+    from pathlib import Path
+
+    from tsis.files.tables import CsvRow
+    from tsis.mapping.scan import Indenter
+
+
+POSES_FILE = "poses.csv"
+KINDS = ("press", "reference")
+POSE_COLUMNS = ("angle_deg", "place_sd_mm", "force_n", "force_sd", "noise_kpa", "kind", "probe", "name")
+NUMBERS = ("angle_deg", "place_sd_mm", "force_n", "force_sd", "noise_kpa")
+MOST_PRESSES = 1000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class StoredScan:
+    """A scan as it was read.
+
+    Attributes
+    ----------
+    scan
+        The presses with a place.
+    probe
+        Name of the probe that the folder states; empty where it states none.
+    left_out
+        A sentence for each press that has no place.
+    """
+
+    scan: Scan
+    probe: str = ""
+    left_out: tuple[str, ...] = ()
+
+
+def read_scan(
+    path: str | os.PathLike[str],
+    *,
+    mm_per_pixel: tuple[float, float] | None = None,
+    indenter: Indenter | None = None,
+) -> StoredScan:
+    """Read a scan from a folder with ``poses.csv``, or from one table of presses by an indenter.
+
+    Parameters
+    ----------
+    path
+        The folder, whose ``poses.csv`` has the columns file, x_mm and y_mm, and if known angle_deg, place_sd_mm,
+        force_n, force_sd, noise_kpa, kind (press or reference), probe and name. Or a table with the columns press,
+        x_mm, y_mm, travel_mm and force_n, and if known place_sd_mm.
+    mm_per_pixel
+        Size of a pixel of the frames along x and y in mm.
+    indenter
+        What pressed, for travel and force.
+
+    Raises
+    ------
+    FileInputError
+        When the folder, a table or a press cannot be read, or several probes pressed.
+    InputError
+        When a value lies outside its range, or fewer than two presses have a place.
+    """
+    source = as_path(path)
+    if source.is_file():
+        return _of_table(source, indenter)
+    poses = source / POSES_FILE
+    if not source.is_dir() or not poses.is_file():
+        raise file_error(source, f"must be a folder with {POSES_FILE}, or a table of travel and force")
+    rows = list(read_csv_rows(poses, ("file", "x_mm", "y_mm"), POSE_COLUMNS))
+    if len(rows) > MOST_PRESSES:
+        raise file_error(poses, f"must list at most {MOST_PRESSES} presses; got {len(rows)}")
+    probes = sorted({row.text("probe") for row in rows} - {""})
+    if len(probes) > 1:
+        raise file_error(poses, f"must be of one probe; got {' and '.join(probes)}: map each probe's presses by itself")
+    presses, left_out = [], []
+    for row in rows:
+        name = row.text("name") or row.text("file")
+        if row.number("x_mm") is None or row.number("y_mm") is None:
+            left_out.append(f"{name} has no place")
+            continue
+        presses.append(_press(source, row, name, mm_per_pixel))
+    try:
+        scan = Scan(presses=tuple(presses), indenter=indenter, name=source.name)
+    except InputError as error:
+        raise FileInputError(f"{error} ({POSES_FILE} of {source.name!r})") from error
+    return StoredScan(scan=scan, probe=probes[0] if probes else "", left_out=tuple(left_out))
+
+
+def _press(folder: Path, row: CsvRow, name: str, mm_per_pixel: tuple[float, float] | None) -> ScanPress:
+    file = own_file(folder, row.text("file"))
+    kind = row.text("kind") or KINDS[0]
+    if kind not in KINDS:
+        raise row.refused("kind", " or ".join(KINDS), kind)
+    given: dict[str, Any] = {key: value for key in NUMBERS if (value := row.number(key)) is not None}
+    if file.suffix.lower() in PICTURES:
+        given["frame"] = read_press_image(file, mm_per_pixel=mm_per_pixel)
+    else:
+        given |= _measured(file)
+    try:
+        return ScanPress(
+            place_mm=(float(row.number("x_mm") or 0.0), float(row.number("y_mm") or 0.0)),
+            reference=kind == KINDS[1],
+            name=name,
+            **given,
+        )
+    except InputError as error:
+        raise FileInputError(f"{error} ({row.where})") from error
+
+
+def _measured(file: Path) -> dict[str, Any]:
+    """Pressures of rings or sectors, or travel and force, as the headings of the table say."""
+    columns = ("ring", "sector", "pressure_kpa", "travel_mm", "force_n")
+    rows = list(read_csv_rows(file, (), columns))
+    cells = {name: [row.number(name) for row in rows] for name in columns}
+    if rows and None not in (*cells["travel_mm"], *cells["force_n"]):
+        return {"travel_force": np.array([cells["travel_mm"], cells["force_n"]]).T}
+    if not rows or None in (*cells["ring"], *cells["pressure_kpa"]):
+        raise file_error(file, "must have the columns travel_mm and force_n, or ring, sector and pressure_kpa")
+    order = {
+        (int(ring or 0), int(sector or 1)): float(value or 0.0)
+        for ring, sector, value in zip(cells["ring"], cells["sector"], cells["pressure_kpa"], strict=True)
+    }
+    rings, sectors = (max(key[axis] for key in order) for axis in (0, 1))
+    if sorted(order) != [(ring, sector) for ring in range(1, rings + 1) for sector in range(1, sectors + 1)]:
+        raise file_error(file, "must have each ring from 1 on, and each sector from 1 on, once")
+    values = np.array([order[key] for key in sorted(order)]).reshape(rings, sectors)
+    return {"pressure_kpa": values[:, 0] if sectors == 1 else values}
+
+
+def _of_table(table: Path, indenter: Indenter | None) -> StoredScan:
+    """Presses of a robot's force sensor: a row for each pair of travel and force."""
+    rows = read_csv_rows(table, ("press", "x_mm", "y_mm", "travel_mm", "force_n"), ("place_sd_mm",))
+    grouped: dict[str, list[CsvRow]] = {}
+    for row in rows:
+        grouped.setdefault(row.text("press"), []).append(row)
+    presses, left_out = [], []
+    for name, group in grouped.items():
+        place = group[0].number("x_mm"), group[0].number("y_mm")
+        if place[0] is None or place[1] is None:
+            left_out.append(f"press {name} has no place")
+            continue
+        pairs = [(row.number("travel_mm"), row.number("force_n")) for row in group]
+        if any(None in pair for pair in pairs):
+            raise FileInputError(
+                f"travel_mm and force_n must be numbers in each row of press {name} ({group[0].where})"
+            )
+        try:
+            presses.append(
+                ScanPress(
+                    place_mm=(place[0], place[1]),
+                    place_sd_mm=group[0].number("place_sd_mm") or 0.0,
+                    travel_force=np.array(pairs, dtype=float),
+                    name=name,
+                )
+            )
+        except InputError as error:
+            raise FileInputError(f"{error} ({group[0].where})") from error
+    try:
+        scan = Scan(presses=tuple(presses), indenter=indenter, name=table.stem)
+    except InputError as error:
+        raise FileInputError(f"{error} ({table.name})") from error
+    return StoredScan(scan=scan, left_out=tuple(left_out))
+
+
+def scan_files(scan: Scan, *, probe: str = "") -> dict[str, bytes]:
+    """The files of a folder that `read_scan` reads, of presses with pressures or with travel and force.
+
+    Raises `InputError` for a scan of frames, whose files are kept as they are.
+    """
+    if scan.kind == "frame":
+        raise InputError("scan must hold pressures, or travel and force; frames stay in their own files")
+    files: dict[str, bytes] = {}
+    poses: list[Sequence[Any]] = [("file", "x_mm", "y_mm", *POSE_COLUMNS)]
+    for number, press in enumerate(scan.presses, start=1):
+        file = f"press-{number:03d}.csv"
+        files[file] = table_bytes(_rows(press))
+        kind = KINDS[1] if press.reference else KINDS[0]
+        numbers = (getattr(press, name) for name in NUMBERS)
+        poses.append((file, *press.place_mm, *numbers, kind, probe, press.name or file))
+    return {**files, POSES_FILE: table_bytes(poses)}
+
+
+def _rows(press: ScanPress) -> list[Sequence[Any]]:
+    if press.travel_force is not None:
+        return [("travel_mm", "force_n"), *press.travel_force.tolist()]
+    values = np.asarray(press.pressure_kpa)
+    values = values.reshape(len(values), -1)
+    cells = [
+        (ring, sector, value)
+        for ring, row in enumerate(values.tolist(), start=1)
+        for sector, value in enumerate(row, start=1)
+    ]
+    return [("ring", "sector", "pressure_kpa"), *cells]
+
+
+def with_frames(scan: Scan, frames: Iterable[Any]) -> Scan:
+    """The scan with other frames, such as those that a calibration corrected, in the order of its presses."""
+    pairs = zip(scan.presses, frames, strict=True)
+    return replace(scan, presses=tuple(replace(press, frame=frame) for press, frame in pairs))
+
+
+def described(scan: Scan) -> Mapping[str, Any]:
+    """Names and places of the presses, for a result."""
+    return {
+        "name": scan.name,
+        "kind": scan.kind,
+        "presses": [{"name": press.name, "place_mm": list(press.place_mm)} for press in scan.presses],
+    }

@@ -1,0 +1,306 @@
+"""Page, figures, document and volumes of a map of lumps."""
+
+from __future__ import annotations
+
+import base64
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.patches import Circle
+
+from tsis.mapping.flags import MAP_FLAGS
+from tsis.model.estimate import INTERVAL_LEVEL, NO_UNIT, label_of, probability_text, unit_of
+from tsis.present.document import estimate_document
+from tsis.present.page import Card, Column, Page, Picture, Table, flags_table
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from numpy.typing import NDArray
+
+    from tsis.mapping.lump_map import Lump, LumpMap, MapNumbers
+    from tsis.model.estimate import Estimate
+
+
+SHOWN = ("x_mm", "y_mm", "depth_mm", "diameter_mm", "contrast", "young_kpa")
+BLIND_TOPS_MM = (5.0, 10.0)  # depths of the drawn blind zones
+MOST_SECTIONS = 4
+LUMP_COLOUR, PRESS_COLOUR, NEXT_COLOUR = "tab:red", "black", "tab:green"
+VOLUMES = {
+    "probability": "probability of a lump",
+    "modulus_kpa": "mean of Young's modulus in kPa",
+    "modulus_sd_kpa": "standard deviation of Young's modulus in kPa",
+}
+
+
+def lump_map_page(
+    found: LumpMap,
+    *,
+    title: str,
+    subtitle: str,
+    notes: Sequence[str] = (),
+    provenance: Mapping[str, Any] | None = None,
+) -> Page:
+    """The page of a map: cards, plan view, sections, blind zone and tables; an untrusted map shows its flags alone."""
+    provenance = {**found.provenance, **(provenance or {})}
+    said = (*found.notes, *(f"Left out: {reason}." for reason in found.left_out), *notes)
+    flags = flags_table(found.flags, MAP_FLAGS)
+    if not found.trusted:
+        card = Card(title="Lumps", value="withheld", detail="a check failed: see the flags", doubtful=True)
+        return Page(title=title, subtitle=subtitle, cards=(card,), notes=said, tables=flags, provenance=provenance)
+    numbers = found.numbers
+    return Page(
+        title=title,
+        subtitle=subtitle,
+        cards=_cards(numbers),
+        notes=said,
+        pictures=(_plan(found), *_sections(numbers), _blind(found)),
+        tables=(_lumps_table(numbers), _counts_table(numbers), *_next_table(numbers), *flags),
+        provenance=provenance,
+    )
+
+
+def _cards(numbers: MapNumbers) -> tuple[Card, ...]:
+    likeliest = int(np.argmax(numbers.count_probability))
+    share = float(numbers.count_probability[likeliest])
+    low, high = numbers.unevenness.interval(INTERVAL_LEVEL)["sd"]
+    return (
+        Card(
+            title="Lumps",
+            value=str(likeliest),
+            detail=f"with a probability of {probability_text(share)}",
+            doubtful=share < INTERVAL_LEVEL,
+        ),
+        Card(title="Unevenness of the tissue", value=f"{100 * low:.0f} to {100 * high:.0f} %", detail="90 % interval"),
+    )
+
+
+def _interval_text(estimate: Estimate, name: str) -> str:
+    low, high = estimate.interval(INTERVAL_LEVEL)[name]
+    return f"{low:.3g} to {high:.3g}"
+
+
+def _lump_row(lump: Lump) -> tuple[str | float, ...]:
+    cells = [_interval_text(lump.estimate, name) for name in SHOWN]
+    if lump.contrast_above is not None:
+        cells[SHOWN.index("contrast")] = f"above {lump.contrast_above:.2g}"
+    return (lump.name, lump.probability, *cells)
+
+
+def _lumps_table(numbers: MapNumbers) -> Table:
+    headings = [label_of(name) + ("" if unit_of(name) == NO_UNIT else f" / {unit_of(name)}") for name in SHOWN]
+    columns = ("lump", Column(label="probability", form=probability_text), *headings)
+    return Table(title="Lumps, 90 % intervals", columns=columns, values=tuple(map(_lump_row, numbers.lumps)))
+
+
+def _counts_table(numbers: MapNumbers) -> Table:
+    columns = ("number of lumps", Column(label="probability", form=probability_text))
+    shown = [(str(count), float(share)) for count, share in enumerate(numbers.count_probability) if share >= 1e-3]
+    return Table(title="How many lumps", columns=columns, values=tuple(shown))
+
+
+def _next_table(numbers: MapNumbers) -> tuple[Table, ...]:
+    if not numbers.next_places:
+        return ()
+    columns = tuple(
+        Column(label=label, unit=unit, form=form)
+        for label, unit, form in (("x", "mm", ".1f"), ("y", "mm", ".1f"), ("expected gain", "nat", ".2g"))
+    )
+    rows = tuple((place.x_mm, place.y_mm, place.gain_nats) for place in numbers.next_places)
+    return (Table(title="Where to press next", columns=columns, values=rows),)
+
+
+def _extent(across: NDArray[np.float64], along: NDArray[np.float64]) -> tuple[float, float, float, float]:
+    """Edges of the cells around centres: left, right, first and last of the other axis."""
+
+    def edges(centres: NDArray[np.float64]) -> tuple[float, float]:
+        half = (centres[1] - centres[0]) / 2 if len(centres) > 1 else 0.5
+        return float(centres[0] - half), float(centres[-1] + half)
+
+    return (*edges(across), *edges(along))
+
+
+def plan_view(found: LumpMap, ax: Axes) -> Axes:
+    """Draw the probability of a lump under each point, with presses, lumps and the next places."""
+    numbers = found.numbers
+    image = ax.imshow(
+        numbers.area_probability,
+        origin="lower",
+        extent=_extent(numbers.x_mm, numbers.y_mm),
+        cmap="Blues",
+        vmin=0.0,
+        vmax=1.0,
+    )
+    ax.figure.colorbar(image, ax=ax, label="probability of a lump", shrink=0.8)
+    ax.plot(*found.places_mm.T, "+", color=PRESS_COLOUR, markersize=5, label="press")
+    for lump in numbers.lumps:
+        x, y, diameter = (float(np.median(lump.estimate.samples[name])) for name in ("x_mm", "y_mm", "diameter_mm"))
+        ax.add_patch(Circle((x, y), diameter / 2, fill=False, color=LUMP_COLOUR, linewidth=1.5))
+        ax.annotate(lump.name, (x, y), color=LUMP_COLOUR, ha="center", fontsize=8)
+    if numbers.next_places:
+        first = numbers.next_places[0]
+        ax.plot([first.x_mm], [first.y_mm], "*", color=NEXT_COLOUR, markersize=9, label="press next")
+    ax.legend(loc="upper right", fontsize=7)
+    ax.set(xlabel="x / mm", ylabel="y / mm", aspect="equal")
+    return ax
+
+
+def lump_section(numbers: MapNumbers, lump: Lump, ax: Axes) -> Axes:
+    """Draw the probability in the plane of x and depth through a lump, with outlines of samples of its posterior."""
+    samples = lump.estimate.samples
+    row = int(np.argmin(np.abs(numbers.y_mm - np.median(samples["y_mm"]))))
+    ax.imshow(
+        numbers.probability[:, row],
+        origin="upper",
+        extent=(lambda e: (e[0], e[1], e[3], e[2]))(_extent(numbers.x_mm, numbers.depth_mm)),
+        cmap="Blues",
+        vmin=0.0,
+        vmax=1.0,
+    )
+    chosen = np.linspace(0, len(samples["x_mm"]) - 1, min(40, len(samples["x_mm"]))).astype(int)
+    for index in chosen:
+        centre = samples["x_mm"][index], samples["centre_depth_mm"][index]
+        radius = samples["diameter_mm"][index] / 2
+        ax.add_patch(Circle(centre, radius, fill=False, color=LUMP_COLOUR, alpha=0.25, linewidth=0.6))
+    ax.set(xlabel="x / mm", ylabel="depth / mm", title=f"{lump.name}, y {numbers.y_mm[row]:.0f} mm", aspect="equal")
+    return ax
+
+
+def blind_zone(numbers: MapNumbers, top_mm: float, ax: Axes) -> Axes:
+    """Draw the least diameter that the scan would have shown with its top at a depth; blank where none would."""
+    layer = int(np.argmin(np.abs(numbers.depth_mm - top_mm)))
+    least = np.ma.masked_invalid(numbers.blind_diameter_mm[layer])
+    ax.set_facecolor("0.75")
+    image = ax.imshow(least, origin="lower", extent=_extent(numbers.x_mm, numbers.y_mm), cmap="viridis_r")
+    ax.figure.colorbar(image, ax=ax, label="least diameter / mm", shrink=0.8)
+    ax.set(xlabel="x / mm", ylabel="y / mm", title=f"top at {numbers.depth_mm[layer]:.0f} mm", aspect="equal")
+    return ax
+
+
+def _plan(found: LumpMap) -> Picture:
+    return Picture(
+        title="Plan view",
+        draw=lambda figure: plan_view(found, figure.subplots()),
+        size=(6.0, 5.0),
+        alt="Probability of a lump under each point of the skin, with presses and lumps",
+        caption="A circle has the medians of place and diameter.",
+        vector=False,
+    )
+
+
+def _sections(numbers: MapNumbers) -> tuple[Picture, ...]:
+    shown = numbers.lumps[:MOST_SECTIONS]
+    if not shown:
+        return ()
+
+    def draw(figure: Figure) -> None:
+        for lump, ax in zip(shown, figure.subplots(1, len(shown), squeeze=False)[0], strict=True):
+            lump_section(numbers, lump, ax)
+
+    return (
+        Picture(
+            title="Sections",
+            draw=draw,
+            size=(3.6 * len(shown), 3.2),
+            alt="Probability of a lump in a vertical plane through each lump",
+            caption="Each thin circle is one sample of the posterior: their spread is the uncertainty.",
+            wide=len(shown) > 1,
+            vector=False,
+        ),
+    )
+
+
+def _blind(found: LumpMap) -> Picture:
+    numbers = found.numbers
+
+    def draw(figure: Figure) -> None:
+        for top, ax in zip(BLIND_TOPS_MM, figure.subplots(1, len(BLIND_TOPS_MM)), strict=True):
+            blind_zone(numbers, top, ax)
+
+    return Picture(
+        title="Blind zone",
+        draw=draw,
+        size=(8.0, 3.6),
+        alt="Least diameter of a lump that the scan would have shown, at two depths",
+        caption="Of lumps of contrast 5, nine in ten would have been seen. Grey: none that the prior allows.",
+        wide=True,
+        vector=False,
+    )
+
+
+def lump_map_document(found: LumpMap) -> dict[str, Any]:
+    """A map as a JSON document without its volumes; numbers of an untrusted map are left out."""
+    numbers = found.untrusted if found.trusted else None
+    return {
+        "trusted": found.trusted,
+        "flags": list(found.flags),
+        "notes": list(found.notes),
+        "left_out": list(found.left_out),
+        "lumps": None
+        if numbers is None
+        else [
+            {
+                "name": lump.name,
+                "probability": lump.probability,
+                "contrast_above": lump.contrast_above,
+                "estimate": estimate_document(lump.estimate),
+            }
+            for lump in numbers.lumps
+        ],
+        "count_probability": None if numbers is None else numbers.count_probability.tolist(),
+        "unevenness": None if numbers is None else estimate_document(numbers.unevenness),
+        "next_places": None if numbers is None else [asdict(place) for place in numbers.next_places],
+        "places_mm": found.places_mm.tolist(),
+        "place_shift_mm": None if numbers is None else found.place_shift_mm.tolist(),
+        "provenance": dict(found.provenance),
+    }
+
+
+def vtk_bytes(numbers: MapNumbers) -> bytes:
+    """The volumes as ImageData of VTK (.vti), for ParaView, 3D Slicer and PyVista: x, y and z in mm, z upwards."""
+    steps = [_step(axis) for axis in (numbers.x_mm, numbers.y_mm, numbers.depth_mm)]
+    shape = [len(axis) for axis in (numbers.x_mm, numbers.y_mm, numbers.depth_mm)]
+    whole = " ".join(f"0 {count - 1}" for count in shape)
+    origin = f"{numbers.x_mm[0]} {numbers.y_mm[0]} {-numbers.depth_mm[-1]}"
+    blocks = {name: _vtk_block(getattr(numbers, name)[::-1]) for name in VOLUMES}
+    arrays = "".join(
+        f'<DataArray type="Float64" Name="{name}" format="binary">{block}</DataArray>' for name, block in blocks.items()
+    )
+    return (
+        '<?xml version="1.0"?>\n'
+        '<VTKFile type="ImageData" version="1.0" byte_order="LittleEndian" header_type="UInt64">'
+        f'<ImageData WholeExtent="{whole}" Origin="{origin}" Spacing="{" ".join(map(str, steps))}">'
+        f'<Piece Extent="{whole}"><PointData Scalars="probability">{arrays}</PointData></Piece>'
+        "</ImageData></VTKFile>\n"
+    ).encode()
+
+
+def _vtk_block(values: NDArray[np.float64]) -> str:
+    """Values in base64 after their count of bytes; x runs fastest, then y, then z."""
+    content = np.ascontiguousarray(values, dtype="<f8").tobytes()
+    return base64.b64encode(np.array([len(content)], dtype="<u8").tobytes() + content).decode()
+
+
+def _step(centres: NDArray[np.float64]) -> float:
+    return float(centres[1] - centres[0]) if len(centres) > 1 else 1.0
+
+
+def nifti_files(numbers: MapNumbers) -> dict[str, bytes]:
+    """The volumes as NIfTI files by name: x, y and z in mm, z upwards from the skin.
+
+    Raises `ImportError` without nibabel, of the extra ``map``.
+    """
+    import nibabel as nib  # of the extra map
+
+    affine = np.diag([*(_step(axis) for axis in (numbers.x_mm, numbers.y_mm, numbers.depth_mm)), 1.0])
+    affine[:3, 3] = numbers.x_mm[0], numbers.y_mm[0], -numbers.depth_mm[-1]
+    files = {}
+    for name, what in VOLUMES.items():
+        image = nib.Nifti1Image(np.moveaxis(getattr(numbers, name)[::-1], (0, 1, 2), (2, 1, 0)), affine)
+        image.header.set_xyzt_units("mm")
+        image.header["descrip"] = f"{what}; research use only"[:79]
+        files[f"{name.replace('_', '-')}.nii"] = image.to_bytes()
+    return files

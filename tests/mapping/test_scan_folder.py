@@ -1,0 +1,95 @@
+"""A scan read from a folder or a table."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from tsis.errors import TsisError
+from tsis.files.result_folder import write_folder
+from tsis.mapping.scan import Indenter, Scan, ScanPress
+from tsis.mapping.scan_folder import read_scan, scan_files
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+BALL = Indenter(shape="ball", radius_mm=1.6)
+
+
+def scan_of(rng: np.random.Generator) -> Scan:
+    presses = tuple(
+        ScanPress(
+            place_mm=(10.0 * number, -3.25),
+            place_sd_mm=0.5,
+            angle_deg=30.0 * number,
+            force_n=1.0 + 0.1 * number,
+            pressure_kpa=rng.normal(2.0, 0.1, size=(12, 24)),
+            reference=number == 2,
+            name=f"press {number}",
+        )
+        for number in range(3)
+    )
+    return Scan(presses=presses, name="one")
+
+
+def test_a_written_scan_is_read_bit_for_bit(tmp_path: Path) -> None:
+    made = scan_of(np.random.default_rng(7))
+    read = read_scan(write_folder(tmp_path / "one", scan_files(made, probe="tsis-2011")))
+    assert read.probe == "tsis-2011"
+    assert read.left_out == ()
+    for was, now in zip(made.presses, read.scan.presses, strict=True):
+        for name in ("place_mm", "place_sd_mm", "angle_deg", "force_n", "reference", "name"):
+            assert getattr(was, name) == getattr(now, name)
+        np.testing.assert_array_equal(np.asarray(was.pressure_kpa), np.asarray(now.pressure_kpa))
+
+
+def test_a_press_without_place_is_named_and_left_out(tmp_path: Path) -> None:
+    folder = write_folder(tmp_path / "one", scan_files(scan_of(np.random.default_rng(8))))
+    poses = folder / "poses.csv"
+    lines = poses.read_text().splitlines()
+    cells = lines[2].split(",")
+    cells[1] = ""
+    poses.write_text("\n".join([lines[0], lines[1], ",".join(cells), lines[3]]))
+    read = read_scan(folder)
+    assert read.left_out == ("press 1 has no place",)
+    assert [press.name for press in read.scan.presses] == ["press 0", "press 2"]
+
+
+def test_a_table_of_an_indenter_gives_one_press_a_name(tmp_path: Path) -> None:
+    table = tmp_path / "robot.csv"
+    table.write_text(
+        "press,x_mm,y_mm,travel_mm,force_n\na,0,0,0,0\na,0,0,1,0.2\nb,5,0,0,0\nb,5,0,1,0.3\nc,,,0,0\nc,,,1,0.1\n"
+    )
+    read = read_scan(table, indenter=BALL)
+    assert [press.place_mm for press in read.scan.presses] == [(0.0, 0.0), (5.0, 0.0)]
+    np.testing.assert_array_equal(np.asarray(read.scan.presses[1].travel_force), [[0, 0], [1, 0.3]])
+    assert read.left_out == ("press c has no place",)
+
+
+@pytest.mark.parametrize(
+    ("poses", "sentence"),
+    [
+        (None, "must be a folder with poses.csv"),
+        ("file,x_mm\na.csv,1\n", "missing: y_mm"),
+        ("file,x_mm,y_mm\n../a.csv,1,2\nb.csv,1,3\n", "a.csv"),
+        ("file,x_mm,y_mm\ngone.csv,1,2\nb.csv,1,3\n", "gone.csv"),
+        ("file,x_mm,y_mm,probe\nb.csv,1,2,tsis-2011\nb.csv,1,3,tsis-domed\n", "must be of one probe"),
+        ("file,x_mm,y_mm\nb.csv,nan,2\nb.csv,1,3\n", "x_mm must be a finite number"),
+        ("file,x_mm,y_mm\nb.csv,1,2\n", "at least two presses"),
+        ("file,x_mm,y_mm,kind\nb.csv,1,2,bone\nb.csv,1,3,press\n", "kind must be press or reference"),
+        ("file,x_mm,y_mm,force_n\nb.csv,1,2,-1\nb.csv,1,3,1\n", "force_n must lie in"),
+        ("file,x_mm,y_mm\nc.csv,1,2\nb.csv,1,3\n", "each ring from 1 on"),
+    ],
+)
+def test_wrong_input_is_one_sentence(tmp_path: Path, poses: str | None, sentence: str) -> None:
+    (tmp_path / "b.csv").write_text("ring,sector,pressure_kpa\n1,1,2\n2,1,2\n3,1,2\n")
+    (tmp_path / "c.csv").write_text("ring,sector,pressure_kpa\n1,1,2\n3,1,2\n")
+    if poses is not None:
+        (tmp_path / "poses.csv").write_text(poses)
+    with pytest.raises(TsisError) as stop:
+        read_scan(tmp_path)
+    assert sentence in str(stop.value)
+    assert "\n" not in str(stop.value)
