@@ -44,7 +44,7 @@ COMMANDS = {
         example="tsis track press-1 --reference first-press/untouched.png --scale-mm 0.0336,0.0392",
     ),
     "simulate": CommandEntry(
-        "tsis.cli.simulate", "simulate", example="tsis simulate --phantom depth-8 --force-n 0.7 --json"
+        "tsis.cli.simulate", "simulate", example="tsis simulate --scan scan --lump 3,-2,5,9,40 --places 3 --json"
     ),
     "design": CommandEntry(
         "tsis.cli.design",
@@ -69,7 +69,7 @@ COMMANDS = {
     "login": CommandEntry(
         "tsis.cli.console", "login", summary="Names and passwords for a console that listens on a network."
     ),
-    "map": CommandEntry("tsis.cli.map", "map_lumps", example="tsis map scan --tissue-kpa 5 --out map"),
+    "map": CommandEntry("tsis.cli.map", "map_lumps", example="tsis map scan --tissue-kpa 5 --steps 6000 --out map"),
     "match": CommandEntry(
         "tsis.cli.match", "match", example="tsis match before.csv after.ply --out moved.csv --figure moved.png"
     ),

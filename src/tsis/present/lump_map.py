@@ -27,7 +27,9 @@ if TYPE_CHECKING:
 
 SHOWN = ("x_mm", "y_mm", "depth_mm", "diameter_mm", "contrast", "young_kpa")
 BLIND_TOPS_MM = (5.0, 10.0)  # depths of the drawn blind zones
+LARGEST_DRAWN_MM = 20.0  # least diameter at the end of the blind zone's colours
 MOST_SECTIONS = 4
+SECTION_MM = 15.0  # drawn to either side of a lump
 LUMP_COLOUR, PRESS_COLOUR, NEXT_COLOUR = "tab:red", "black", "tab:green"
 VOLUMES = {
     "probability": "probability of a lump",
@@ -47,7 +49,7 @@ def lump_map_page(
     """The page of a map: cards, plan view, sections, blind zone and tables; an untrusted map shows its flags alone."""
     provenance = {**found.provenance, **(provenance or {})}
     said = (*found.notes, *(f"Left out: {reason}." for reason in found.left_out), *notes)
-    flags = flags_table(found.flags, MAP_FLAGS)
+    flags = flags_table(dict.fromkeys(found.flags), MAP_FLAGS)
     if not found.trusted:
         card = Card(title="Lumps", value="withheld", detail="a check failed: see the flags", doubtful=True)
         return Page(title=title, subtitle=subtitle, cards=(card,), notes=said, tables=flags, provenance=provenance)
@@ -74,7 +76,7 @@ def _cards(numbers: MapNumbers) -> tuple[Card, ...]:
             detail=f"with a probability of {probability_text(share)}",
             doubtful=share < INTERVAL_LEVEL,
         ),
-        Card(title="Unevenness of the tissue", value=f"{100 * low:.0f} to {100 * high:.0f} %", detail="90 % interval"),
+        Card(title="Unevenness of the tissue", value=f"{100 * low:.2g} to {100 * high:.2g} %", detail="90 % interval"),
     )
 
 
@@ -165,7 +167,9 @@ def lump_section(numbers: MapNumbers, lump: Lump, ax: Axes) -> Axes:
         centre = samples["x_mm"][index], samples["centre_depth_mm"][index]
         radius = samples["diameter_mm"][index] / 2
         ax.add_patch(Circle(centre, radius, fill=False, color=LUMP_COLOUR, alpha=0.25, linewidth=0.6))
+    middle = float(np.median(samples["x_mm"]))
     ax.set(xlabel="x / mm", ylabel="depth / mm", title=f"{lump.name}, y {numbers.y_mm[row]:.0f} mm", aspect="equal")
+    ax.set(xlim=(middle - SECTION_MM, middle + SECTION_MM))
     return ax
 
 
@@ -174,7 +178,14 @@ def blind_zone(numbers: MapNumbers, top_mm: float, ax: Axes) -> Axes:
     layer = int(np.argmin(np.abs(numbers.depth_mm - top_mm)))
     least = np.ma.masked_invalid(numbers.blind_diameter_mm[layer])
     ax.set_facecolor("0.75")
-    image = ax.imshow(least, origin="lower", extent=_extent(numbers.x_mm, numbers.y_mm), cmap="viridis_r")
+    image = ax.imshow(
+        least,
+        origin="lower",
+        extent=_extent(numbers.x_mm, numbers.y_mm),
+        cmap="viridis_r",
+        vmin=0.0,
+        vmax=LARGEST_DRAWN_MM,
+    )
     ax.figure.colorbar(image, ax=ax, label="least diameter / mm", shrink=0.8)
     ax.set(xlabel="x / mm", ylabel="y / mm", title=f"top at {numbers.depth_mm[layer]:.0f} mm", aspect="equal")
     return ax
