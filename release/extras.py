@@ -31,6 +31,7 @@ FIRST = {  # code or command that uses the extra
     "console": "import tsis.console.pages, tsis.console.api, tsis.records, tsis.present.pdf",
     "dicom": "import tsis.records.dicom; import highdicom, pydicom",
     "fem3d": "import tsis.mechanics.solid; import ngsolve, netgen.occ",
+    "map": "import tsis.present.lump_map; import nibabel",
     "postgres": "import tsis.records.store; import psycopg; assert psycopg.pq.__impl__ == 'binary'",
     "records": ["demo", "--save", "--store", "store", "--out", "saved-press"],
     "report": "from tsis.present.pdf import pdf",
