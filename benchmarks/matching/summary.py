@@ -12,7 +12,7 @@ import scipy
 from benchmarks.matching.trials import matching_error
 
 from tsis.matching.methods import NormalFrame
-from tsis.matching.posterior import RELIABLE, probability_right, trust_features
+from tsis.matching.posterior import least_confidence, probability_right, trust_features
 from tsis.matching.registration import fit_and_measures
 from tsis.model.require import require_number
 
@@ -175,8 +175,9 @@ def _summary(
     )
 
 
+MOST_WRONG = 0.001  # share of wrong answers among the reliable ones, the default of `tsis.matching.register`
 RIDGE = 0.02  # on the weights but the constant
-FREE = (0, 4)  # columns whose weight may be negative: the constant and the noise
+FREE = (0,)  # column whose weight may be negative: the constant
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -197,7 +198,7 @@ class TrustCase:
     def rated(self) -> TrustCase:
         """The answer with the confidence that the present weights give its measures."""
         confidence = probability_right(np.array(self.measures))
-        return replace(self, confidence=confidence, reliable=confidence >= RELIABLE)
+        return replace(self, confidence=confidence, reliable=confidence >= least_confidence(MOST_WRONG))
 
 
 def trust_cases(trial: Trial, methods: Sequence[str], *, rotation_sd_deg: float | None = None) -> Iterator[TrustCase]:
@@ -224,7 +225,7 @@ def trust_cases(trial: Trial, methods: Sequence[str], *, rotation_sd_deg: float 
             error=matching_error(trial, there.outward(moved)),
             unmoved_error=matching_error(trial, trial.source + centre),
             confidence=confidence,
-            reliable=confidence >= RELIABLE,
+            reliable=confidence >= least_confidence(MOST_WRONG),
             second=1 - poses[0].probability if poses else 1.0,
             seconds=seconds,
             measures=tuple(measures.tolist()),
@@ -234,7 +235,7 @@ def trust_cases(trial: Trial, methods: Sequence[str], *, rotation_sd_deg: float 
 def fit_trust(measures: Floats, right: Floats) -> Floats:
     """Weights, shape (k,), of the logistic regression of being right, shape (n,), on measures, shape (n, 9).
 
-    A weak ridge on standardised columns bounds the weights, which are not negative but for the constant and the noise.
+    A weak ridge on standardised columns bounds the weights, which are not negative but for the constant.
     """
     features = trust_features(measures)
     scale = np.maximum(np.std(features, axis=0), 1e-9)
@@ -252,3 +253,16 @@ def fit_trust(measures: Floats, right: Floats) -> Floats:
         loss, np.zeros(len(scale)), jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": 2000}
     )
     return np.asarray(result.x / scale)
+
+
+def threshold(chance: Floats, share: float) -> float:
+    """The least probability of being right from which on at most a ``share`` of answers, shape (n,), is wrong.
+
+    Examples
+    --------
+    >>> threshold(np.array([0.99, 0.97, 0.5]), 0.02)
+    0.97
+    """
+    falling = np.sort(chance)[::-1]
+    wrong = np.cumsum(1 - falling) / np.arange(1, len(falling) + 1)
+    return float(falling[max(np.count_nonzero(wrong <= share + 1e-12) - 1, 0)])

@@ -26,7 +26,7 @@ import numpy as np
 from benchmarks.harness import Bench, Choice
 from benchmarks.matching import fresh_shapes
 from benchmarks.matching.methods import BenchmarkMethod
-from benchmarks.matching.summary import TrustCase, fit_trust, ratio_of_means, trust_cases
+from benchmarks.matching.summary import TrustCase, fit_trust, ratio_of_means, threshold, trust_cases
 from benchmarks.matching.trials import matching_error
 from benchmarks.matching.trust_shapes import DEGRADATIONS, FAMILIES, clutter_trial, trust_trial
 from matplotlib.figure import Figure
@@ -34,7 +34,7 @@ from scipy.optimize import minimize
 from scipy.stats import beta
 
 from tsis.compiled import one_blas_thread
-from tsis.matching.posterior import trust_features, trust_log_odds
+from tsis.matching.posterior import THRESHOLDS, WIDEST, trust_features, trust_log_odds
 from tsis.matching.registration import METHODS
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 WRONG, RIGHT, RIVALRY = 0.1, 0.02, 0.01  # errors, and the probability of other poses above which withholding is right
 OURS = "tprl"
-FOLDS, LEVELS = 5, (4.5, 5.0, 5.5, 5.6, 6.0, 6.5)  # of the cross-validation, and log odds of being right
+FOLDS, LEVELS = 5, (3.0, 3.5, 4.0, 4.5, 5.0, 6.0)  # of the cross-validation, and log odds of being right
 
 
 def run_cases(
@@ -221,20 +221,21 @@ def best_peers(cases: list[TrustCase]) -> dict[tuple[str, str], str]:
 
 
 def calibration(cases: list[TrustCase]) -> list[str]:
-    """The weights of all cases, and the wrong answers above each of `LEVELS` with weights of the other trials."""
-    sound = [case for case in cases if case.measures and case.measures[-1]]
+    """The weights of all cases, thresholds, and wrong answers above `LEVELS` with weights of the other trials."""
+    sound = [case for case in cases if case.measures and case.measures[-1] and case.measures[6] <= WIDEST]
     measures, right = np.array([case.measures for case in sound]), np.array([case.error <= WRONG for case in sound])
     fold = np.array([int(case.trial.rsplit("/", 1)[1]) % FOLDS for case in sound])
     logit = np.empty(len(sound))
     for number in range(FOLDS):
         weights = fit_trust(measures[fold != number], right[fold != number].astype(float))
         logit[fold == number] = trust_features(measures[fold == number]) @ weights
-    odds = np.minimum(measures[:, 0], 0.5 * measures[:, 1])
-    logit[odds < np.log(999)] = -np.inf
     counts = [(level, (logit >= level).sum(), ((logit >= level) & ~right).sum()) for level in LEVELS]
     printed = ", ".join(f"{weight:.4g}" for weight in fit_trust(measures, right.astype(float)))
+    chance = 1 / (1 + np.exp(-logit))
+    levels = ", ".join(f"{share:g}: {threshold(chance, share):.4f}" for share, _ in THRESHOLDS)
     return [
         printed,
+        f"least confidence by share of wrong answers: {levels}",
         _recalibrated(trust_log_odds(measures), right),
         *(f"log odds >= {level}: {count} answers, {wrong} wrong" for level, count, wrong in counts),
     ]

@@ -386,3 +386,13 @@ def test_a_registration_pickles(method: str) -> None:
     for again in (pickle.loads(pickle.dumps(registration)), copy.deepcopy(registration)):
         np.testing.assert_array_equal(again.transform(source), registration.transform(source))
         np.testing.assert_array_equal(again.matches, registration.matches)
+
+
+def test_the_accepted_share_of_wrong_answers_sets_the_threshold() -> None:
+    shape = even_texture(30, rng=np.random.default_rng(5))
+    noisy = shape + 0.05 * np.random.default_rng(6).normal(size=shape.shape)
+    found = [register(shape, noisy, most_wrong=share) for share in (0.001, 0.003, 0.01, 0.03)]
+    assert len({item.confidence for item in found}) == 1
+    assert [item.reliable for item in found] == sorted(item.reliable for item in found)
+    with pytest.raises(InputError, match="most_wrong must lie in"):
+        register(shape, noisy, most_wrong=0.5)

@@ -1,8 +1,8 @@
 """Probabilities of the poses that the data allow, the fit of the likeliest, and the trust in any answer.
 
 The posterior over poses is a model's; it does not know of the poses that a search missed, nor of deformations that its
-prior does not hold. A logistic regression on its log odds and on how well the best map explains the sets turns it into
-a frequency. `benchmarks.matching.trust --calibrate` fits the weights on the calibration generator.
+prior does not hold. A logistic regression on its log odds turns it into a frequency.
+`benchmarks.matching.trust --calibrate` fits the weights and the thresholds.
 """
 
 from __future__ import annotations
@@ -318,23 +318,21 @@ def _interpolated(source: Floats, moved: Floats, target: Floats, spacing: float)
 
 STEP = 1e-3  # of the numerical gradient of a map
 MOST_FOLDED, MOST_STRETCH = 0.2, 1.4  # fraction of folded points, and log ratio of singular values, of a sound map
-RELIABLE = 0.999  # least probability of a reliable answer
 MOST_RESEMBLANCE = 1e4
-MOST_NOISE, LEAST_NOISE = 0.5, -3.0  # log of the standard deviation in spacings, in the calibration
+MOST_NOISE = 0.5  # log of the standard deviation in spacings, of an answer without a map
 COLLAPSED = -0.05  # unpaired fraction below which points of one set share partners
-SELF_RESEMBLANCE = 0.3  # log odds count up to this fraction of the loss of a wrong alignment of the outline with itself
+# Without noise, log odds count up to this fraction of the loss of a wrong alignment of the outline with itself; under
+# noise up to that loss.
+SELF_RESEMBLANCE = 0.3
 # Log odds are divided by 1 + HIDDEN h + STRAY s + BOTH min(h, s), where h and s are the fractions of source and target
-# without partners: a search misses more poses there, and has stopped early where both sets have such.
-HIDDEN, STRAY, BOTH = 2.0, 3.0, 80.0
-# Divided log odds beyond which they count by their logarithm, and do not count: a missed pose is likelier than a rival.
-LINEAR_SUPPORT, MOST_SUPPORT = 12.0, 30.0
-CONTRADICTED = 3.0  # log odds against an answer beyond which its distance from the best map counts
-LEAST_SHEAR = 0.3  # log ratio of the affine map's singular values from which it counts
-MOST_UNSUPPORTED, MOST_UNSOUND = 0.99, 0.5
-WIDEST = 0.9  # log ratio of singular values: no reliable answer of the calibration had more
-# Fitted to seed 70011, then all times 0.893 and the constant plus 0.423, as fits seed 90001.
-WEIGHTS = (5.24, 0.0, 2.322, 0.0, 1.466, 1.86, 0.0)
-SURE, SURE_CASES = 5.42, 504  # log odds of being right above which none of so many answers was wrong
+# without partners: a search misses more poses there.
+HIDDEN, STRAY, BOTH = 2.0, 3.0, 10.0
+CONTRADICTED = 3.0  # log odds against an answer beyond which more say no more
+MOST_UNSOUND = 0.5
+WIDEST, MOST_SHEARED = 0.9, 0.9  # log ratio of singular values from which an answer has at most this confidence
+WEIGHTS = (0.64, 2.14, 0.1)
+# Accepted share of wrong answers among reliable ones, and the least confidence that keeps it, as calibrated
+THRESHOLDS = ((0.001, 0.985), (0.003, 0.96), (0.01, 0.87), (0.03, 0.7))
 
 
 def trust_measures(posterior: PosePosterior, moved: Floats, *, sound: bool, related: bool = True) -> Floats:
@@ -357,22 +355,13 @@ def trust_measures(posterior: PosePosterior, moved: Floats, *, sound: bool, rela
 
 
 def trust_features(measures: Floats) -> Floats:
-    """Columns of the regression, shape (..., 7), from `trust_measures`, shape (..., 9)."""
-    odds, resemblance, hidden, stray, noise, far, stretch, *_ = np.moveaxis(np.asarray(measures), -1, 0)
-    support = np.maximum(np.minimum(odds, SELF_RESEMBLANCE * resemblance), 0.0)
+    """Columns of the regression, shape (..., 3), from `trust_measures`, shape (..., 9)."""
+    odds, resemblance, hidden, stray, noise, *_ = np.moveaxis(np.asarray(measures), -1, 0)
+    alike = np.where(noise < math.log(LEAST_SPACINGS), SELF_RESEMBLANCE, 1.0) * np.maximum(resemblance, 0.0)
     hidden, stray = np.maximum(hidden, 0.0), np.maximum(stray, 0.0)
     unpaired = HIDDEN * hidden + STRAY * stray + BOTH * np.minimum(hidden, stray)
-    support = support / (1 + unpaired)
-    columns = [
-        np.ones_like(odds),
-        np.minimum(support, LINEAR_SUPPORT),
-        np.log1p(np.minimum(support, MOST_SUPPORT)),
-        -np.log1p(np.maximum(-odds, 0.0)),
-        np.clip(noise, LEAST_NOISE, MOST_NOISE),
-        -np.clip(-odds, 0.0, CONTRADICTED) / CONTRADICTED * np.log(np.maximum(far, 1.0)),
-        -np.maximum(stretch - LEAST_SHEAR, 0.0),
-    ]
-    return np.stack(columns, axis=-1)
+    support = np.maximum(np.minimum(odds, alike), 0.0) / (1 + unpaired)
+    return np.stack([np.ones_like(odds), np.log1p(support), np.clip(odds, -CONTRADICTED, 0.0)], axis=-1)
 
 
 def trust_log_odds(measures: Floats) -> Floats:
@@ -401,15 +390,23 @@ def is_sound(move: Move, source: Floats) -> bool:
 def probability_right(measures: Floats) -> float:
     """Probability that an answer with `trust_measures`, shape (9,), is right: its error is at most 0.1 of the unit box.
 
-    It is at most the probability that the sets are related. It is at most `MOST_UNSUPPORTED` without posterior odds of
-    `RELIABLE`, or where the source's outline could as well lie on itself in another way, as that of a symmetric shape.
-    Otherwise, above `SURE`, it is one less the mean rate of errors (Jeffreys' prior) after `SURE_CASES` without any.
+    It is at most the probability that the sets are related, and small for maps that are not sound or sheared widely.
     """
-    logit = float(trust_log_odds(measures))
-    chance = 1 / (1 + math.exp(-float(np.clip(logit, -50.0, 50.0))))
-    odds = min(float(measures[0]), 0.5 * float(measures[1]))
+    logit = float(np.clip(trust_log_odds(measures), -50.0, 50.0))
     stretch, unrelated, sound = measures[6:]
-    supported = sound and stretch <= WIDEST and odds >= math.log(RELIABLE / (1 - RELIABLE)) and logit >= SURE
-    chance = max(chance, 1 - 0.5 / (SURE_CASES + 1)) if supported else min(chance, MOST_UNSUPPORTED)
+    chance = 1 / (1 + math.exp(-logit))
     chance = chance if sound else min(chance, MOST_UNSOUND)
+    chance = chance if stretch <= WIDEST else min(chance, MOST_SHEARED)
     return float(chance * (1 - math.exp(min(float(unrelated), 0.0))))
+
+
+def least_confidence(most_wrong: float) -> float:
+    """The least confidence of a reliable answer where a share of wrong ones among these is accepted.
+
+    Examples
+    --------
+    >>> least_confidence(0.001) > least_confidence(0.01)
+    True
+    """
+    shares, levels = np.array(THRESHOLDS).T
+    return float(np.interp(np.log(most_wrong), np.log(shares), levels))

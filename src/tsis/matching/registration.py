@@ -38,10 +38,11 @@ from tsis.matching.posterior import (
     LARGEST_ODDS,
     LEAST_PROBABILITY,
     MOST_ALTERNATIVES,
-    RELIABLE,
+    THRESHOLDS,
     WIDEST_DEG,
     is_collapsed,
     is_sound,
+    least_confidence,
     log_prior_of_side,
     pose_posterior,
     probability_right,
@@ -126,7 +127,7 @@ class Registration:
     method: str  #: name of the method
     #: calibrated probability that the root-mean-square error is at most 0.1 of a unit box about the shape, in [0, 1]
     confidence: float
-    reliable: bool  #: whether the confidence is at least 0.999: at most one answer in a thousand is wrong
+    reliable: bool  #: whether the confidence suffices that of such answers at most one in a thousand is wrong
     flags: tuple[str, ...]  #: names of doubts, of `tsis.matching.flags.MATCHING_FLAGS`
     notes: tuple[str, ...]  #: a message for each flag
     untrusted: PointMatch  #: the most probable match, reliable or not
@@ -187,6 +188,7 @@ def register(
     method: str = "tprl",
     rng: np.random.Generator | None = None,
     rotation_sd_deg: float | None = None,
+    most_wrong: float = 0.001,
 ) -> Registration:
     """Match two point sets that differ by a smooth deformation; points of either may be missing in the other.
 
@@ -209,6 +211,9 @@ def register(
         Standard deviation of the rotation between the sets that is expected before they are compared, in (0, 1000]; at
         1000 all rotations are equally likely. By default four of five pairs of sets are the same way up within 20
         degrees, and the fifth is rotated by any angle.
+    most_wrong
+        Share of wrong answers among the reliable ones that their cost allows, in [0.001, 0.03]; by default one in a
+        thousand. It sets the least confidence of a reliable answer.
 
     Examples
     --------
@@ -232,8 +237,11 @@ def register(
     require_type("rng", rng, np.random.Generator)
     if rotation_sd_deg is not None:
         require_number("rotation_sd_deg", rotation_sd_deg, SHARPEST_DEG, WIDEST_DEG)
+    require_number(
+        "most_wrong", most_wrong, THRESHOLDS[0][0], THRESHOLDS[-1][0], hint="a share of the reliable answers"
+    )
     with one_blas_thread():
-        return _match(method, source, target, rng, rotation_sd_deg)
+        return _match(method, source, target, rng, rotation_sd_deg, least_confidence(most_wrong))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -254,7 +262,7 @@ class _Answer:
 
 
 def _match(
-    method: str, source: Floats, target: Floats, rng: np.random.Generator, rotation_sd_deg: float | None
+    method: str, source: Floats, target: Floats, rng: np.random.Generator, rotation_sd_deg: float | None, least: float
 ) -> Registration:
     here, there = Copies.of(source), Copies.of(target)
     first, second = source[here.first], target[there.first]
@@ -265,10 +273,10 @@ def _match(
         answer = _answered_in_planes(method, first, second, planes, rng, rotation_sd_deg)
     confidence = probability_right(answer.measures)
     findings = list(answer.flags)
-    reliable = confidence >= RELIABLE
+    reliable = confidence >= least
     if not reliable:
         rivals = 1 - answer.poses[0].probability if answer.poses else 1.0
-        findings = [*doubts(answer.measures, rivals=rivals, most=1 - RELIABLE), *findings]
+        findings = [*doubts(answer.measures, rivals=rivals, most=1 - least), *findings]
     matches, trust = copied_matches(answer.fit.matches, answer.fit.trust, here, there)
     return Registration(
         method=method,
