@@ -19,6 +19,7 @@ from tsis.present.calibration import (
     calibration_page,
     calibration_rows,
     content_rows,
+    line_card,
     specification_rows,
 )
 from tsis.present.html import html_bytes
@@ -75,8 +76,10 @@ def test_the_rows_hold_what_was_measured(made: tuple[ProbeCalibration, SessionRe
     assert known.force_line is not None
     slope = known.force_line.slope_grey_per_n
     value, interval = rows["force line, slope"]
-    assert float(value.split()[0]) == pytest.approx(slope.value, rel=1e-4)
-    assert [float(part) for part in interval.split(" to ")] == pytest.approx(slope.interval(), rel=1e-4)
+    assert float(value.split()[0].replace(",", "")) == pytest.approx(slope.value, rel=1e-4)
+    assert [float(part) for part in interval.replace(",", "").split(" to ")] == pytest.approx(
+        slope.interval(), rel=1e-4
+    )
     assert rows["setting gain"][0] == "3"
     assert rows["made"][0] == "2026-11-22 10:00"
     assert rows["good until"][0] == "2026-12-02"
@@ -89,6 +92,33 @@ def test_the_rows_hold_what_was_measured(made: tuple[ProbeCalibration, SessionRe
     assert set(content_rows(known)) < set(calibration_rows(known, findings))
     simulated = dict(row[:2] for row in content_rows(replace(known, made=None, expires=None)))
     assert (simulated["made"], simulated["good until"]) == ("simulated", "does not age")
+
+
+def test_the_interval_column_holds_intervals_alone(made: tuple[ProbeCalibration, SessionResult]) -> None:
+    for name, value, interval in calibration_rows(*made):
+        assert interval == "" or " to " in interval, name
+        assert "e+" not in value + interval, name
+
+
+def test_the_page_shows_the_calibration_that_was_saved(made: tuple[ProbeCalibration, SessionResult]) -> None:
+    known, findings = made
+    saved = replace(known, settings={"gain": 7.5}, force_line=None)
+    first, second, *_ = calibration_page(known, findings, provenance={}, saved=saved).tables
+    rows, session = ({row[0]: row[1] for row in table.rows} for table in (first, second))
+    assert rows["identity"] == calibration_sha256(saved)[:12]
+    assert rows["setting gain"] == "7.5"
+    assert session["setting gain"] == "3"
+    assert "identity" not in session
+
+
+def test_the_fit_of_the_line_has_a_verdict(made: tuple[ProbeCalibration, SessionResult]) -> None:
+    known, findings = made
+    line = known.force_line
+    assert line is not None
+    good = line_card(line, findings.loadings)
+    assert not good.doubtful
+    bent = [replace(item, total_grey=item.total_grey * 1.3) for item in findings.loadings]
+    assert line_card(line, bent).doubtful
 
 
 def test_programs_read_the_same(made: tuple[ProbeCalibration, SessionResult]) -> None:

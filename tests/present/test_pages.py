@@ -22,7 +22,7 @@ from tsis.present.document import estimate_document, sd_text
 from tsis.present.figures import ring_profile
 from tsis.present.html import html_bytes
 from tsis.present.images import contact_page, finding_notes
-from tsis.present.inclusion import estimate_table, inclusion_page
+from tsis.present.inclusion import estimate_table, inclusion_cards, inclusion_page
 from tsis.present.terminal import rich_table
 
 if TYPE_CHECKING:
@@ -117,14 +117,23 @@ def test_the_page_shows_interval_truth_and_doubt(an_estimate: Estimate) -> None:
 
 
 @pytest.mark.usefixtures("rough")
-def test_the_page_shows_presence_prior_and_bound(an_estimate: Estimate) -> None:
+def test_the_page_shows_presence_prior_and_sd(an_estimate: Estimate) -> None:
     page = the_page(an_estimate).decode()
     assert "<b>0.875</b>" in page
     assert "Probability of an inclusion: 0.875." in page
     assert "Diameter and depth are told." in page
     assert "Prior: anything goes." in page
-    assert "(prior 4, Cramér-Rao bound 0.25)" in page
-    assert "(prior 23)" in page, "no bound is shown where there is none"
+    assert "least sd without prior" in page
+    assert "none known" in page, "no bound is shown where there is none"
+    for card in inclusion_cards(an_estimate):
+        assert "sd" not in card.detail, "a card has the value and its interval; the table has the rest"
+
+
+def test_an_estimate_at_an_end_of_the_prior_makes_its_cards_doubtful(an_estimate: Estimate) -> None:
+    calm = [card.doubtful for card in inclusion_cards(an_estimate) if "Diameter" in card.title]
+    piled = replace(an_estimate, flags=(*an_estimate.flags, "diameter_mm_at_prior_end"))
+    assert calm == [False]
+    assert all(card.doubtful for card in inclusion_cards(piled))
 
 
 @pytest.mark.usefixtures("rough")

@@ -122,7 +122,7 @@ def test_the_table_holds_every_reading_beside_the_truth(analysis: StudyAnalysis,
 def test_a_small_study_says_that_it_says_little(tmp_path: Path) -> None:
     page = study_page(analyse(unblind(read_study(tmp_path, present=3, blank=2), by="Ada")))
     assert any("fewer than 5 of a class a study says little" in note for note in page.notes)
-    assert all(card.doubtful for card in page.cards if "Sensitivity" in card.title)
+    assert not any(card.doubtful for card in page.cards if "Sensitivity" in card.title), "few targets are no fault"
 
 
 def test_a_study_of_one_class_has_a_page(tmp_path: Path) -> None:

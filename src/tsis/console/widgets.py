@@ -333,6 +333,12 @@ class NumberField:
     def _accepted(self) -> None:
         self._refused, self._typing, self.element.error = None, False, None
 
+    async def taken(self) -> None:
+        """Wait until what was typed has reached the instrument."""
+        await self._done()
+        async with self._sending:
+            pass
+
     async def _done(self) -> None:
         text = self._text()
         if not self._typing or text == self._refused:  # the field is left, or Enter is pressed again

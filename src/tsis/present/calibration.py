@@ -7,24 +7,27 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.calibration.file import calibration_sha256
+from tsis.calibration.measured import MeasuredValue
 from tsis.files.json_values import to_json_value
 from tsis.model.calibration import BEND_TERMS, GROWTH_TERMS
 from tsis.present.document import envelope
 from tsis.present.figures import dot_board, force_residuals, force_sums, hysteresis_loops
+from tsis.present.labels import plain_number
 from tsis.present.page import Card, Page, Picture, Table, on_axes
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from matplotlib.figure import Figure
 
     from tsis.calibration.dents import DentLight
     from tsis.calibration.file import ProbeCalibration
-    from tsis.calibration.measured import MeasuredValue
+    from tsis.calibration.force_line import ForceLine, Loading
     from tsis.calibration.session import SessionResult
 
 
 PER_CENT = 100.0
+LEAST_HELD = 0.9  # share of the presses in the 95 % interval of a force line that is as good as it says
 Row = tuple[str, str, str]
 MEASURED = ("quantity", "value", "95 % interval")
 
@@ -54,12 +57,15 @@ def measured_values(calibration: ProbeCalibration) -> dict[str, dict[str, Any]]:
     }
 
 
-def calibration_rows(calibration: ProbeCalibration, findings: SessionResult) -> tuple[Row, ...]:
-    """Quantity, value and 95 % interval of all measurements."""
+def calibration_rows(
+    calibration: ProbeCalibration, findings: SessionResult, *, identified: bool = True
+) -> tuple[Row, ...]:
+    """Quantity, value and 95 % interval of all measurements; the identity only of a calibration that is a file."""
     saturation = findings.response.saturation
     low, high = saturation.interval()
     upper = f"{high:.4g} kPa" if saturation.identified else "open above"
-    rows = (*content_rows(calibration), ("saturation", f"{saturation.value_kpa:.4g} kPa", f"{low:.4g} to {upper}"))
+    content = (row for row in content_rows(calibration) if identified or row[0] != "identity")
+    rows = (*content, ("saturation", f"{saturation.value_kpa:.4g} kPa", f"{low:.4g} to {upper}"))
     fractions = {
         "largest departure of the mean of tips from the line": findings.line.linearity,
         "hysteresis": findings.line.hysteresis,
@@ -76,16 +82,14 @@ def light_rows(dents: DentLight) -> tuple[Row, ...]:
     middle = len(light.x_mm) // 2
     growth_sd, flux_sd = (float(np.linalg.norm(light.factor[row])) for row in (0, GROWTH_TERMS + BEND_TERMS))
     return (
-        ("gain on tissue over that of the tips", f"{dents.gain_ratio:.4g}", f"sd {dents.gain_sd:.1%}"),
-        (
-            "growth of the light, middle of the face",
-            f"{light.growth_per_mm[middle, middle]:.3g} per mm",
-            f"mean sd {growth_sd:.2g}",
+        _spread_row("gain on tissue over that of the tips", dents.gain_ratio, dents.gain_ratio * dents.gain_sd, ""),
+        _spread_row(
+            "growth of the light, middle of the face", float(light.growth_per_mm[middle, middle]), growth_sd, "per mm"
         ),
-        ("flux of the light, rim of the pads", f"{light.flux_x[middle, -1]:.3g}", f"mean sd {flux_sd:.2g}"),
-        ("light of the strongest press on a pad", "", f"sd {dents.product_sd:.1%}"),
-        ("dents up to", f"{dents.displacement_mm:.2f} mm", f"{dents.presses} presses on pads"),
-        ("misfit of the pads", f"{dents.misfit:.2f}", "1 or less expected"),
+        _spread_row("flux of the light, rim of the pads", float(light.flux_x[middle, -1]), flux_sd, ""),
+        ("standard deviation of the light of the strongest press on a pad", f"{dents.product_sd:.1%}", ""),
+        (f"dents by {dents.presses} presses on pads, up to", f"{dents.displacement_mm:.2f} mm", ""),
+        ("misfit of the pads, 1 or less expected", f"{dents.misfit:.2f}", ""),
     )
 
 
@@ -103,7 +107,8 @@ def content_rows(calibration: ProbeCalibration, *, cited: str = "") -> tuple[Row
     if (line := calibration.force_line) is not None:
         rows.append(("range of force", f"{line.least_n:.2f} to {line.most_n:.2f} N", ""))
     if (response := calibration.response) is not None:
-        rows.append(("gain", f"{response.gain_grey_per_kpa:.4g} grey/kPa", f"sd {response.gain_sd:.1%}"))
+        gain = response.gain_grey_per_kpa
+        rows.append(_spread_row("gain", gain, gain * response.gain_sd, "grey/kPa"))
     if (tissue := calibration.tissue) is not None:
         rows.append(("gain on tissue, fitted with the light", f"{tissue.gain_grey_per_kpa:.4g} grey/kPa", ""))
     return tuple(rows)
@@ -163,8 +168,36 @@ def calibration_notes(calibration: ProbeCalibration, findings: SessionResult) ->
     return tuple(notes)
 
 
-def calibration_page(calibration: ProbeCalibration, findings: SessionResult, *, provenance: Mapping[str, Any]) -> Page:
-    """The report of a calibration: numbers, notes, figures of the residuals, tables."""
+def line_card(line: ForceLine, loadings: Sequence[Loading]) -> Card:
+    """Whether the presses lie as near the force line as its uncertainty says."""
+    load_n = np.concatenate([loading.load_n for loading in loadings])
+    sums = np.concatenate([loading.total_grey for loading in loadings])
+    slope = line.slope_grey_per_n.value
+    departure_n = (sums - line.intercept_grey.value) / slope - load_n
+    half_n = np.array([np.ptp(line.with_uncertainty(float(force)).interval()) / 2 for force in load_n])
+    share = float(np.mean(np.abs(departure_n) <= half_n))
+    low, high = PER_CENT * departure_n.min() / line.most_n, PER_CENT * departure_n.max() / line.most_n
+    return Card(
+        title="Fit of the force line",
+        value="as good as it says" if share >= LEAST_HELD else "worse than it says",
+        detail=f"{share:.0%} of {len(load_n)} presses lie in its 95 % interval; they depart by {low:+.1f} to "
+        f"{high:+.1f} % of the range",
+        doubtful=share < LEAST_HELD,
+    )
+
+
+def calibration_page(
+    calibration: ProbeCalibration,
+    findings: SessionResult,
+    *,
+    provenance: Mapping[str, Any],
+    saved: ProbeCalibration | None = None,
+) -> Page:
+    """The report of a calibration: numbers, notes, figures of the residuals, tables.
+
+    ``saved`` is the calibration in the file, where it is not the measured one: at another exposure, for another use.
+    """
+    other = saved is not None and saved != calibration
     line, scale = calibration.force_line, calibration.scale
     assert line is not None  # a session measures both
     assert scale is not None
@@ -178,7 +211,8 @@ def calibration_page(calibration: ProbeCalibration, findings: SessionResult, *, 
     force = line.slope_grey_per_n
     cards = (
         Card(title="Scale", value=f"{x:.5f} x {y:.5f} mm", detail=f"a pixel, from {scale.count} dots"),
-        Card(title="Force", value=f"{force.value:.4g} grey/N", detail=f"sd {force.sd / force.value:.2%}"),
+        Card(title="Force", value=f"{plain_number(force.value)} grey/N", detail=f"sd {force.sd / force.value:.2%}"),
+        line_card(line, findings.loadings),
         Card(title="Good until", value=_expiry(calibration)),
     )
     pictures = (
@@ -209,7 +243,12 @@ def calibration_page(calibration: ProbeCalibration, findings: SessionResult, *, 
         notes=(*calibration_notes(calibration, findings), *specification_notes(calibration)),
         pictures=pictures,
         tables=(
-            Table(title="Measured", columns=MEASURED, values=calibration_rows(calibration, findings)),
+            *((Table(title=f"Saved: {saved.name}", columns=MEASURED, values=content_rows(saved)),) if other else ()),
+            Table(
+                title="Measured at the settings of the session" if other else "Measured",
+                columns=MEASURED,
+                values=calibration_rows(calibration, findings, identified=not other),
+            ),
             *specification_tables(calibration),
         ),
         provenance={**provenance, "line": to_json_value(findings.line)},
@@ -234,7 +273,16 @@ def _measured(calibration: ProbeCalibration) -> dict[str, MeasuredValue]:
 
 def _row(name: str, value: MeasuredValue) -> Row:
     low, high = value.interval()
-    return name, f"{value.value:.5g} {value.unit}".strip(), f"{low:.5g} to {high:.5g}"
+    return name, f"{plain_number(value.value, 5)} {value.unit}".strip(), _interval(low, high)
+
+
+def _interval(low: float, high: float) -> str:
+    return f"{plain_number(low, 5)} to {plain_number(high, 5)}"
+
+
+def _spread_row(name: str, value: float, sd: float, unit: str) -> Row:
+    """A value with the 95 % interval of its standard deviation."""
+    return _row(name, MeasuredValue(value=value, sd=sd, unit=unit))
 
 
 def _fraction_row(name: str, value: MeasuredValue) -> Row:

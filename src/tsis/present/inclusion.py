@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.imaging.corrections import subtract_background
-from tsis.inclusion.flags import INCLUSION_FLAGS
+from tsis.inclusion.flags import AT_PRIOR_END, INCLUSION_FLAGS
 from tsis.model.estimate import INTERVAL_LEVEL, NO_UNIT, label_of, probability_text
 from tsis.present.document import estimate_messages, sd_text
 from tsis.present.figures import marginal, posterior, tissue_section, trade_off
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from tsis.present.page import Value
 
 
+_AT_PRIOR_ENDS = frozenset(flag.name for flag in AT_PRIOR_END.values())
 LIKELY = 0.95  # probability from which an inclusion is shown as certain
 
 
@@ -116,13 +117,14 @@ def _shown(
 def estimate_table(estimate: Estimate, *, title: str = "Result", truth: Mapping[str, float] | None = None) -> Table:
     """Mean and interval of each parameter, what the data narrowed and could at best narrow, and the truth if known.
 
-    Of an estimate that is not to be trusted it has only what was believed before.
+    An sd may lie below the least sd of an unbiased estimate (Cramér-Rao), which uses no prior. Of an estimate that is
+    not to be trusted the table has only what was believed before.
     """
     columns: tuple[str | Column, ...] = (
         "quantity",
         Column(label="mean", form=".3g"),
         f"{INTERVAL_LEVEL:.0%} interval".replace("%", " %"),
-        *(Column(label=label, form=sd_text) for label in ("sd", "prior sd", "least sd (Cramér-Rao)")),
+        *(Column(label=label, form=sd_text) for label in ("sd", "prior sd", "least sd without prior")),
     )
     names = dict.fromkeys((*estimate.names, *(truth or ())))
     rows = [(*_estimate_row(estimate, name), *(() if not truth else (truth.get(name, "not known"),))) for name in names]
@@ -217,17 +219,9 @@ def _card(estimate: Estimate, name: str, truth: Mapping[str, float]) -> Card:
     low, high = estimate.interval(INTERVAL_LEVEL)[name]
     interval = f"{low:.3g} to {high:.3g} {unit}"
     value = interval if withheld else f"{estimate.mean[name]:.3g} {unit}"
-    shown, spreads = withheld or f"90 % interval {interval};", _spreads(estimate, name, unit)
-    detail = [f"{shown} {spreads}", *true]
-    return Card(title=heading, value=value, detail="; ".join(detail), doubtful=bool(withheld))
-
-
-def _spreads(estimate: Estimate, name: str, unit: str) -> str:
-    """Standard deviations of posterior and prior, and the Cramér-Rao bound."""
-    bound = estimate.cramer_rao_sd.get(name, float("inf"))
-    limit = f", Cramér-Rao bound {sd_text(bound)}" if np.isfinite(bound) else ""
-    sd = f"sd {sd_text(estimate.sd[name])} {unit} " if estimate.identified(name) else ""
-    return f"{sd}(prior {sd_text(estimate.prior_sd[name])}{limit})"
+    detail = [withheld or f"90 % interval {interval}", *true]
+    doubtful = bool(withheld) or not _AT_PRIOR_ENDS.isdisjoint(estimate.flags)  # which makes all intervals wrong
+    return Card(title=heading, value=value, detail="; ".join(detail), doubtful=doubtful)
 
 
 def _presence_card(estimate: Estimate) -> tuple[Card, ...]:

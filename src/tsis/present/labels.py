@@ -37,6 +37,18 @@ class QuantityLabel:
         return f"{name} / {self.unit}" if self.unit else name
 
 
+def plain_number(value: float, digits: int = 4) -> str:
+    """A number rounded to so many digits, in full where it is large.
+
+    Examples
+    --------
+    >>> plain_number(2_518_734.0), plain_number(12.3456), plain_number(2_518_734.0, 3)
+    ('2,519,000', '12.35', '2,520,000')
+    """
+    text = f"{value:.{digits}g}"
+    return f"{float(text):,.0f}" if 1e3 <= abs(value) < 1e15 and "e" in text else text
+
+
 KNOWN = {
     "diameter_mm": QuantityLabel(label="diameter", symbol="d", unit="mm"),
     "depth_mm": QuantityLabel(label="depth", symbol="h", unit="mm"),

@@ -796,7 +796,7 @@ def _record_card(analysis: StudyAnalysis) -> Card:
 
 def _cards(device_analysis: DeviceAnalysis, *, several: bool) -> tuple[Card, ...]:
     of = f", {device_analysis.results.device}" if several else ""
-    counts, few, cards = device_analysis.counts, device_analysis.few, []
+    counts, cards = device_analysis.counts, []
     rates = {}
     if counts is not None and counts.present:
         rates["Sensitivity"] = counts.sensitivity
@@ -804,11 +804,11 @@ def _cards(device_analysis: DeviceAnalysis, *, several: bool) -> tuple[Card, ...
         rates["Specificity"] = counts.specificity
     for name, rate in rates.items():
         detail = f"{rate.successes} of {rate.trials}; {interval_text(rate)}, Wilson"
-        cards.append(Card(title=f"{name}{of}", value=f"{100 * rate.value:.3g} %", detail=detail, doubtful=few))
+        cards.append(Card(title=f"{name}{of}", value=f"{100 * rate.value:.3g} %", detail=detail))
     if device_analysis.curve is not None:
         detail = f"{ends(device_analysis.auc_interval)}, {method_of(device_analysis.auc_interval)}"
         area = f"{device_analysis.curve.auc:.3f}"
-        cards.append(Card(title=f"Area under the curve{of}", value=area, detail=detail, doubtful=few))
+        cards.append(Card(title=f"Area under the curve{of}", value=area, detail=detail))
     if device_analysis.reliability is not None:
         interval = device_analysis.brier_interval
         detail = "no interval" if interval is None else f"{ends(interval)}, {method_of(interval)}"

@@ -195,6 +195,8 @@ def test_what_stands_in_the_way_is_named() -> None:
     assert missing_text(state(virtual), scaled=False, responds=True) == lay
     assert missing_text(state(sphere, running=False), scaled=False, responds=True) == lay
     assert missing_text(state(sphere), scaled=False, responds=True) == ()
+    (inactive,) = missing_text(state(sphere, calibration=""), scaled=False, responds=False)
+    assert inactive.startswith("activate a calibration")  # before the first press, as the banner says
     assert missing_text(state(real), scaled=True, responds=True) == ()
     (stopped,) = missing_text(state(real, running=False), scaled=True, responds=True)
     assert stopped == "start the camera, on the page Examine; it is stopped."

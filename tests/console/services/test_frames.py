@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from contextlib import contextmanager
 from dataclasses import asdict, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import pytest
@@ -14,9 +14,10 @@ from hypothesis import strategies as st
 from tests.console.live.feed import Feed
 from tests.waiting import until
 
+from tsis.calibration.guard.limits import GuardFlag
 from tsis.calibration.guard.reading import FrameShape, GuardReference
 from tsis.calibration.guard.watch import PressWatch, WatchState
-from tsis.calibration.settling import UNKNOWN
+from tsis.calibration.settling import UNKNOWN, Settling
 from tsis.console.services.choice import PressForce
 from tsis.console.services.frames import (
     BINS,
@@ -171,6 +172,27 @@ def test_flags_that_are_up_leave_no_contact_where_there_is_none() -> None:
 )
 def test_stillness_in_words(verdict: str, wait_s: float | None, message: str) -> None:
     assert replace(UNKNOWN, verdict=verdict, wait_s=wait_s).text == message
+
+
+def test_a_settled_press_is_not_asked_to_hold_still() -> None:
+    class Watch:
+        """Raises the flag for a moment after the press has settled, as the guard's hysteresis does."""
+
+        def __init__(self, settling: Settling) -> None:
+            self.settling = settling
+
+        def step(self, *_: object) -> tuple[tuple[GuardFlag, ...], WatchState]:
+            flag = GuardFlag(name="moving", value=0.009, limit=0.01, advice="hold still for 0 s")
+            return (flag,), WatchState(settling=self.settling)
+
+    names = {}
+    for verdict in ("settled", "settling"):
+        watch = cast("PressWatch", Watch(replace(UNKNOWN, verdict=verdict, wait_s=0.0)))
+        analysis, _ = analyse_frame(
+            watch, WatchState(), frame(np.full((48, 64), 9.0)), number=1, force=None, untouched=None
+        )
+        names[verdict] = [flag.name for flag in analysis.flags]
+    assert names == {"settled": [], "settling": ["moving"]}
 
 
 SHAPE = (120, 160)

@@ -231,7 +231,7 @@ class CalibrationResultPanel:
 
     async def _show_result(self, result: CalibrationResult) -> None:
         provenance = {"session": str(self._session.folder.path), "terms": to_json_value(self._session.terms)}
-        page = calibration_page(result.measured, result.findings, provenance=provenance)
+        page = calibration_page(result.measured, result.findings, provenance=provenance, saved=result.saved)
         sources = await self._viewer.attempt(widgets.drawings, page)
         if sources is not None:
             self.identity = result.identity

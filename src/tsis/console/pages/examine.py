@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
 from dataclasses import dataclass
 from functools import partial
@@ -686,7 +687,7 @@ class PressPanel:
     """Controls of a press."""
 
     def __init__(self, instrument: Instrument, viewer: Viewer, controls: widgets.OperatorControls) -> None:
-        self._instrument, self._viewer, self._saving = instrument, viewer, False
+        self._instrument, self._viewer, self._saving = instrument, viewer, asyncio.Lock()
         with ui.element("div").classes("row snapshot-row"):
             self._run = widgets.RunButton(instrument, viewer)
             self._save = widgets.button("Snapshot", self.snapshot, icon="photo_camera", look="unelevated")
@@ -719,14 +720,10 @@ class PressPanel:
         self._force.show(state.force_n)
 
     async def snapshot(self) -> None:
-        """Save the press; a second key during saving does nothing."""
-        if self._saving:
-            return
-        self._saving = True
-        try:
+        """Save the press, after a force that was just typed and the snapshots that were asked for before."""
+        async with self._saving:
+            await self._force.taken()
             press: SavedPress | None = await self._viewer.attempt(self._instrument.snapshot, by=self._viewer.identity)
-        finally:
-            self._saving = False
         if press is not None:
             self._viewer.notify(snapshot_text(press))
 

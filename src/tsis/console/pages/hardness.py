@@ -80,15 +80,15 @@ def missing_text(state: InstrumentState, *, scaled: bool, responds: bool) -> tup
     ``scaled`` and ``responds`` say whether the active calibration has the size of a pixel and the response to pressure.
     """
     camera = state.camera
-    if camera.choice.is_virtual:
-        return () if camera.choice.is_sphere and camera.running else ("place an object under the virtual probe.",)
+    if camera.choice.is_virtual and not (camera.choice.is_sphere and camera.running):
+        return ("place an object under the virtual probe.",)
     stopped = "start the camera, on the page Examine; it is stopped."
     results = [] if camera.running else [f"wait; the console is {state.busy}." if state.busy else stopped]
     if camera.running and camera.lost:
         results.append("wait until the camera is back; it is away.")
     if not state.calibration_identity:
         results.append("activate a calibration, on the page Camera; there is none (the page Calibrate makes one).")
-    elif not (responds and scaled):
+    elif not responds or not (scaled or camera.choice.is_virtual):  # whose scale is known
         lacking = "size of a pixel" if responds else "response to pressure"
         results.append(f"choose another calibration; {state.calibration!r} lacks the {lacking}.")
     return tuple(results)
@@ -246,6 +246,8 @@ class ObjectPart:
         self._instrument.choose(CameraChoice(probe=BARE, phantom=sphere, seed=seed), by=by)
         self._choose_free_target()
         self._instrument.start(by=by)
+        if self._instrument.calibration is None:  # the chosen one is of tissue; it is back with the tissue
+            self._instrument.use_calibration(None, by=by)
 
     async def _another(self) -> None:
         await self._viewer.attempt(self._choose_free_target)

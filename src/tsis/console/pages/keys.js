@@ -35,7 +35,9 @@ export default {
       if (event.ctrlKey || event.altKey || event.metaKey || event.repeat) return;
       if (event.key === "Escape" && this.shown) this.show(false);
       const at = event.target;
-      if (at.closest?.(FIELDS)) return;
+      const number = event.key === " " && at.closest?.("[inputmode=decimal], [inputmode=numeric]"); // no number has a blank
+      if (number) number.blur(); // the page takes what was typed
+      else if (at.closest?.(FIELDS)) return;
       if (event.key === " " && at.closest?.("button, a, [role=switch]")) return;
       const [does, value] = this.keys[event.key.length === 1 ? event.key.toLowerCase() : event.key] || [];
       if (does === "alone") this.toggle();

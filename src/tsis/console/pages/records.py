@@ -60,6 +60,11 @@ class TargetView:
         return self.target.kind == "subject"
 
     @property
+    def deleted(self) -> bool:
+        """Whether it accepts no change before it is restored."""
+        return self.state is not None and self.state.name == DELETED
+
+    @property
     def sheet(self) -> tuple[object, ...]:
         """Fingerprint of the presses: equal ones have the same view."""
         return self.private, self.offset, self.total, self.presses

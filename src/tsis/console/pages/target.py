@@ -302,7 +302,7 @@ def about_target(page: TargetContext, view: TargetView) -> None:
             _TargetEditing(page, target, dialog, leave="Cancel")
 
     with widgets.title_row("About this target", level=3):
-        widgets.button("Edit", edit, icon="edit", look="outline dense")
+        widgets.button("Edit", edit, icon="edit", look="outline dense").set_enabled(not view.deleted)
         if view.state is None:
             widgets.button("Archive", lambda: _set_state(page, target, ARCHIVED), icon="archive", look="outline dense")
             widgets.button("Delete", lambda: _delete(page, target), icon="delete", look="outline dense")
@@ -634,9 +634,9 @@ def history(view: TargetView) -> None:
 NEWEST = "the newest press of each role and force"
 
 
-def estimate_button(page: TargetContext, view: TargetView) -> None:
+def estimate_button(page: TargetContext, view: TargetView) -> ui.button:
     """A button that asks what to estimate from, and does it."""
-    widgets.button("Estimate", lambda: _ask(page, view), icon="calculate", look="outline dense")
+    return widgets.button("Estimate", lambda: _ask(page, view), icon="calculate", look="outline dense")
 
 
 def _ask(page: TargetContext, view: TargetView) -> None:
@@ -667,12 +667,13 @@ EXPLAINED = (
 )
 
 
-def recompute_button(page: TargetContext, view: TargetView) -> None:
+def recompute_button(page: TargetContext, view: TargetView) -> ui.button:
     """A button that asks whether to store what comes out, and computes."""
     button = widgets.button(
         "Recompute", lambda: _ask_to_recompute(page, view), icon="restart_alt", look="outline dense"
     )
     button.set_enabled(bool(view.record.estimates))
+    return button
 
 
 def _ask_to_recompute(page: TargetContext, view: TargetView) -> None:
@@ -709,8 +710,8 @@ def target_buttons(page: TargetContext, view: TargetView) -> None:
     title = "Subject, target {number}{name}" if view.private else "Target {number}{name}"
     widgets.panel_title(title.format(number=target.number, name=name)).classes("target-title")
     ui.element("div").classes("spring")
-    estimate_button(page, view)
-    recompute_button(page, view)
+    for change in (estimate_button(page, view), recompute_button(page, view)):
+        change.set_enabled(change.enabled and not view.deleted)
     widgets.button("Compare", lambda: ask_to_compare(page, view), icon="compare_arrows", look="outline dense")
     export_button(page, view)
     ui.link("Report", f"/files/report/{target.number}.html", new_tab=True).classes("link button")

@@ -144,11 +144,12 @@ class TypedLoadings:
 class CalibrationResult:
     """A calibration that was made from a session's frames, with what stands behind it.
 
-    ``measured`` is at the exposure of the session, which a report shows; ``file`` holds the one that the rig will use,
-    and ``identity`` is its hash.
+    ``measured`` is at the exposure of the session; ``saved`` is the one that the rig will use, in ``file``, and
+    ``identity`` its hash.
     """
 
     measured: ProbeCalibration
+    saved: ProbeCalibration
     findings: SessionResult
     identity: str
     file: Path
@@ -283,7 +284,7 @@ class CalibrationSession:
             usable = self.rig.finished(measured)
             file = save_calibration(self.folder, usable)
             self.result = CalibrationResult(
-                measured=measured, findings=findings, identity=calibration_sha256(usable), file=file
+                measured=measured, saved=usable, findings=findings, identity=calibration_sha256(usable), file=file
             )
             job.say(f"The calibration is in {file}")
             return self.result

@@ -127,6 +127,8 @@ def analyse_frame(
     ``untouched`` are grey levels of the untouched probe, `reduced`; None when unknown.
     """
     flags, after = watch.step(state, frame, None if force is None else force.value_n)
+    if after.settling is not None and after.settling.settled:  # the flag falls a moment later than the verdict
+        flags = tuple(flag for flag in flags if flag.name != "moving")
     counts = histogram(frame)
     clipped = float(np.count_nonzero(frame.pixels >= frame.full_scale) / frame.pixels.size)
     analysis = FrameAnalysis(
