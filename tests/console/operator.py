@@ -12,7 +12,7 @@ from playwright.sync_api import TimeoutError as Late
 from tests.console.browser import picture
 from tests.waiting import HANGS_S
 
-from tsis.console.pages import PAGES, UNLISTED
+from tsis.console.pages import GROUPS, PAGES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -104,7 +104,7 @@ def follow(page: Page, name: str, address: str) -> None:
 
 
 def go_to(page: Page, title: str) -> None:
-    """Open a page by its link in the navigation, or by that of the header's list.
+    """Open a page by the link of its group, and its own.
 
     A page that was out of touch with the console, on a busy machine, loads anew and loses a click: it is clicked again.
     """
@@ -119,13 +119,12 @@ def go_to(page: Page, title: str) -> None:
 
 
 def _click_link(page: Page, title: str) -> None:
-    if any(PAGES[address][0] == title for address in UNLISTED):
-        link = page.get_by_role("link", name=f"All {title.lower()} and their history")
-        if not link.is_visible():
-            page.get_by_role("button", name=title).click()
-        link.click()
-    else:
-        page.get_by_role("navigation").get_by_role("link", name=title, exact=True).click()
+    group, address = next(
+        (group, address) for group, pages in GROUPS.items() for address in pages if PAGES[address][0] == title
+    )
+    page.get_by_role("navigation", name="Groups of pages").get_by_role("link", name=group, exact=True).click()
+    if address != GROUPS[group][0]:
+        page.get_by_role("navigation", name=f"Pages of {group}").get_by_role("link", name=title, exact=True).click()
 
 
 def press_with(page: Page, force: str) -> None:

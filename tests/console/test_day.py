@@ -92,9 +92,9 @@ def examined(page: Page, target: int) -> None:
 
 
 def compared(page: Page) -> None:
-    follow(page, "Report", "**/records/5")
+    follow(page, "Open the target", "**/records/5")
     page.get_by_role("heading", name="Target 5: hardness-100").wait_for()
-    page.get_by_role("button", name="Compare", exact=True).click()
+    page.get_by_role("button", name="Compare with a target", exact=True).click()
     page.get_by_label("Number of the other target").fill("4")
     page.get_by_role("dialog").get_by_role("button", name="Compare").click()
     page.wait_for_url("**/records/compare/5-4")
@@ -107,7 +107,7 @@ def deleted(page: Page, target: int) -> None:
     page.get_by_role("button", name="Delete").click()
     page.get_by_role("dialog").get_by_role("button", name="Delete").click()
     page.get_by_text(f"Target {target} is deleted.").wait_for()
-    go_to(page, "Records")
+    go_to(page, "Targets")
     page.get_by_text("4 targets").wait_for()
 
 
@@ -124,7 +124,7 @@ def imported(page: Page, image: Path) -> None:
 
 def studied(page: Page, console: RunningConsole) -> None:
     """A blinded study is made, read by the virtual probe, and unblinded."""
-    go_to(page, "Study")
+    go_to(page, "Studies")
     given = {"Name": "day", "Made by": "Ada", "With an inclusion": "2", "Blanks": "2", "Forces": "1", "Seed": "3"}
     for label, text in given.items():
         page.get_by_label(label, exact=True).fill(text)
@@ -145,5 +145,5 @@ def reported(page: Page, console: RunningConsole) -> None:
     page.goto(f"{console.address}/records/1")
     page.get_by_text(re.compile("^Current estimates")).wait_for()
     with page.expect_download() as download:
-        page.get_by_role("link", name="PDF").click()
+        page.get_by_role("button", name="Report", exact=True).click()
     assert Path(download.value.path()).read_bytes().startswith(b"%PDF-")

@@ -256,5 +256,5 @@ def test_the_link_of_the_open_page_is_in_reach_on_a_telephone(
     console: RunningConsole, browser: Browser, desktop: Page
 ) -> None:
     with tab(browser, console, "/records", size=(390, 844), color_scheme="light") as page:
-        link = page.get_by_role("navigation").get_by_role("link", name="Records", exact=True)
+        link = page.get_by_role("navigation").get_by_role("link", name="Targets", exact=True)
         expect(link).to_be_in_viewport(ratio=1)

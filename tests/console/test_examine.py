@@ -286,7 +286,7 @@ def test_press_estimate_and_what_it_tells(console: RunningConsole, browser: Brow
         diameter = reported["parameters"]["diameter_mm"]
         assert f"{diameter['mean']:.3g} mm" in cards
         assert abs(diameter["mean"] - 10.0) < SURE * diameter["sd"]
-        link = page.get_by_role("link", name="Report", exact=True)
+        link = page.get_by_role("link", name="Open the target", exact=True)
         link.hover()
         page.mouse.down()
         page.evaluate(LONGEST)  # a click is lost where the page moves away under the pointer

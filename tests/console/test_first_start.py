@@ -40,13 +40,16 @@ def test_the_filled_button_leads_from_the_first_start_to_the_report(console: Run
         assert page.get_by_role("button", name="Open my images").is_visible()
         picture(page, "first-start")
         assert faults(page) == []
-        page.get_by_role("button", name="Try the virtual probe").click()
-        for name in ("Switch to the reference", "Snapshot", "Switch to the target", "Snapshot", "Estimate"):
+        clicks = ("Try the virtual probe", "Take the presses", "Estimate", "Report")
+        for name in clicks[:-1]:
             wait_for_main(page, name)
             page.locator("main").get_by_role("button", name=name, exact=True).click()
-        wait_for_main(page, "Report")
+        wait_for_main(page, clicks[-1])
         picture(page, "first-report-next")
-        page.get_by_role("link", name="Report", exact=True).click()
+        with page.expect_download() as download:
+            page.get_by_role("button", name=clicks[-1], exact=True).click()
+        assert download.value.suggested_filename == "target-1.pdf"
+        page.get_by_role("link", name="Open the target").click()
         page.wait_for_url("**/records/1")
-        page.get_by_role("link", name="Examine", exact=True).click()
+        page.get_by_role("link", name="Measure", exact=True).click()
         page.get_by_role("region", name="Order of work").wait_for()

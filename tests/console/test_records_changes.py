@@ -193,23 +193,23 @@ def test_a_press_is_seen_at_large_and_changed(console: RunningConsole, browser: 
 
 def test_an_estimate_is_computed_again(console: RunningConsole, browser: Browser) -> None:
     with tab(browser, console, f"/records/{HARD}") as page:
-        page.get_by_role("button", name="Recompute").click()
-        page.get_by_role("dialog").get_by_role("button", name="Recompute").click()
+        page.get_by_role("button", name="Repeat the estimates").click()
+        page.get_by_role("dialog").get_by_role("button", name="Repeat").click()
         page.get_by_text(re.compile("^Hardness: ")).wait_for()
         assert len(estimates_of(console, HARD)) == 1, "it is the same"
         with open_store(console.store) as store:
             press = store.presses(store.target(HARD))[0]
             store.edit_press(press, force_n=0.71)
         page.get_by_text("0.71 N").first.wait_for()
-        page.get_by_role("button", name="Recompute").click()
+        page.get_by_role("button", name="Repeat the estimates").click()
         page.get_by_role("switch", name=re.compile("^dry run")).click()
-        page.get_by_role("dialog").get_by_role("button", name="Recompute").click()
+        page.get_by_role("dialog").get_by_role("button", name="Repeat").click()
         page.get_by_text("Nothing was stored").wait_for()
         assert page.get_by_role("row", name=re.compile("^young_kpa")).count() == 1
         picture(page, "records-recomputed")
         assert len(estimates_of(console, HARD)) == 1
-        page.get_by_role("button", name="Recompute").click()
-        page.get_by_role("dialog").get_by_role("button", name="Recompute").click()
+        page.get_by_role("button", name="Repeat the estimates").click()
+        page.get_by_role("dialog").get_by_role("button", name="Repeat").click()
         page.get_by_text(re.compile("^Stored as ")).wait_for()
     first, second = estimates_of(console, HARD)
     assert second.supersedes == first.id
@@ -221,7 +221,7 @@ def test_an_estimate_is_made_from_the_presses_that_were_chosen(console: RunningC
     with tab(browser, console, f"/records/{HARD}") as page:
         box = page.get_by_role("checkbox", name=re.compile("1.2 N"))
         box.click()
-        page.get_by_role("button", name="Compare two (1 chosen)").wait_for()
+        page.get_by_role("button", name="Compare presses (1 chosen)").wait_for()
         clicked = box.element_handle()
         with open_store(console.store) as store:
             store.edit_target(store.target(HARD), note="written meanwhile")
@@ -245,7 +245,7 @@ def test_an_estimate_is_made_from_the_presses_that_were_chosen(console: RunningC
 def test_an_estimate_that_cannot_be_made_says_why(console: RunningConsole, browser: Browser) -> None:
     with tab(browser, console, f"/records/{ESTIMATED}") as page:
         page.get_by_role("checkbox", name=re.compile(r"reference \(no inclusion\), 0.7 N")).click()
-        page.get_by_role("button", name="Compare two (1 chosen)").wait_for()
+        page.get_by_role("button", name="Compare presses (1 chosen)").wait_for()
         page.get_by_role("button", name="Estimate", exact=True).click()
         page.get_by_role("dialog").get_by_role("button", name="Estimate").click()
         page.get_by_role("alert").get_by_text("at least one press on the target").wait_for()

@@ -116,10 +116,10 @@ def test_a_deep_link_shows_the_numbers_in_force(console: RunningConsole, browser
 def test_two_presses_are_compared_in_one_scale(console: RunningConsole, browser: Browser) -> None:
     with tab(browser, console, f"/records/{ESTIMATED}") as page:
         all_shown(page, 4)
-        assert page.get_by_role("button", name="Compare two").is_disabled()
+        assert page.get_by_role("button", name="Compare presses").is_disabled()
         page.get_by_role("checkbox", name=re.compile("on the target, 1 N")).click()
         page.get_by_role("checkbox", name=re.compile(r"reference \(no inclusion\), 1 N")).click()
-        page.get_by_role("button", name="Compare two (2 chosen)").click()
+        page.get_by_role("button", name="Compare presses (2 chosen)").click()
         views = page.locator(".compared-frame:visible")
         expect(views).to_have_count(2)
         expect(views.locator("canvas")).to_have_count(2)
@@ -158,7 +158,7 @@ def test_two_presses_are_compared_in_one_scale(console: RunningConsole, browser:
 def test_report_and_paper(console: RunningConsole, browser: Browser, tmp_path: Path) -> None:
     with tab(browser, console, f"/records/{ESTIMATED}") as page:
         with page.context.expect_page() as opened:
-            page.get_by_role("link", name="Report", exact=True).click()
+            page.get_by_role("link", name="Read the report", exact=True).click()
         report = opened.value
         report.get_by_role("heading", name="Target 3: size-10").wait_for()
         notice = report.locator(".notice")
@@ -166,7 +166,7 @@ def test_report_and_paper(console: RunningConsole, browser: Browser, tmp_path: P
         assert report.locator("figure img").first.evaluate("each => each.naturalWidth") > 0
         picture(report, "records-report")
         with page.expect_download() as loaded:
-            page.get_by_role("link", name="PDF", exact=True).click()
+            page.get_by_role("button", name="Report", exact=True).click()
         assert loaded.value.suggested_filename == "target-3.pdf"
         loaded.value.save_as(tmp_path / "a.pdf")
         assert (tmp_path / "a.pdf").read_bytes().startswith(b"%PDF-1.")

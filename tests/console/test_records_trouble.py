@@ -79,7 +79,7 @@ def test_what_is_damaged_is_said_and_hides_nothing_else(browser: Browser, tmp_pa
             page.get_by_role("dialog").wait_for(state="hidden")
             page.get_by_role("checkbox", name=re.compile("on the target, 0.7 N")).click()
             page.get_by_role("checkbox", name=re.compile("on the target, 1 N")).click()
-            page.get_by_role("button", name="Compare two (2 chosen)").click()
+            page.get_by_role("button", name="Compare presses (2 chosen)").click()
             page.locator(".q-notification").get_by_text("must be as it was stored").wait_for()
             still(page)
             assert [item for item in texts(page) if item.contrast < item.least] == []
@@ -88,8 +88,8 @@ def test_what_is_damaged_is_said_and_hides_nothing_else(browser: Browser, tmp_pa
             page.get_by_role("dialog").get_by_role("button", name="Export").click()
             page.locator(".q-notification").get_by_text("must be as it was stored").wait_for()
             page.get_by_role("dialog").get_by_role("button", name="Cancel").click()
-            page.get_by_role("button", name="Recompute").click()
-            page.get_by_role("dialog").get_by_role("button", name="Recompute").click()
+            page.get_by_role("button", name="Repeat the estimates").click()
+            page.get_by_role("dialog").get_by_role("button", name="Repeat").click()
             page.get_by_role("alert").get_by_text("must be as it was stored").last.wait_for()
         with tab(browser, console, "/records") as page:
             page.get_by_role("button", name="Verify the store").click()

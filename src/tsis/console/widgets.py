@@ -124,7 +124,7 @@ class RunButton:
     def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
         self._instrument, self._viewer = instrument, viewer
         self._runs: bool | None = None  # as the button says; None before anything is known
-        self.element = ui.button("Start", on_click=self._clicked).props("outline").classes("run")
+        self.element = ui.button("Start", on_click=self.click).props("outline").classes("run")
 
     def show(self, camera: CameraState, *, main: bool = True) -> None:
         """Say what a click would do; filled when starting is the ``main`` thing to do."""
@@ -133,7 +133,8 @@ class RunButton:
         self.element.set_icon("stop" if self._runs else "play_arrow")
         set_filled(self.element, main and not self._runs)
 
-    async def _clicked(self) -> None:
+    async def click(self) -> None:
+        """Start the camera, or stop it."""
         if self._runs is None:
             return
         with loading(self.element):  # a second click on Start starts nothing more

@@ -44,7 +44,7 @@ def test_a_deleted_target_offers_no_change_but_its_return(lit: Instrument) -> No
 
     async def script(operator: Operator) -> None:
         await operator.sees("Deleted on")
-        for change in ("Estimate", "Recompute", "Edit"):
+        for change in ("Estimate", "Repeat the estimates", "Edit"):
             assert not operator.enabled(change)
         await operator.clicks("Restore", ui.button)
         await operator.misses("Deleted on")

@@ -107,14 +107,14 @@ def test_a_target_that_is_not_there_is_said(filled: Instrument, number: str, mes
 
 def test_presses_come_a_sheet_at_a_time_and_two_are_compared(filled: Instrument) -> None:
     async def script(operator: Operator) -> None:
-        await operator.sees(f"1 to 24 of {PRESSES}", "Compare two (0 chosen)", "No estimate yet.")
+        await operator.sees(f"1 to 24 of {PRESSES}", "Compare presses (0 chosen)", "No estimate yet.")
         assert not operator.enabled("Earlier")
         saved = (await operator.requested(f"/targets/{MANY}/presses?limit=100"))["presses"]
         assert len(operator.named("Open the press ")) == 24
         for name in operator.named("Choose the press ")[:2]:
             await operator.clicks(name)
-        await operator.sees("Compare two (2 chosen)")
-        await operator.clicks("Compare two (2 chosen)")
+        await operator.sees("Compare presses (2 chosen)")
+        await operator.clicks("Compare presses (2 chosen)")
         await operator.sees("match brightness", "centroid")
         await operator.clicks("Close the comparison")
         await operator.misses("match brightness")
@@ -207,10 +207,10 @@ def test_a_hardness_is_recomputed_to_the_stored_number(filled: Instrument) -> No
     async def script(operator: Operator) -> None:
         (before,) = (await operator.requested(f"/targets/{HARD}/estimates"))["estimates"]
         await operator.sees(f"{before['parameters']['young_kpa']['mean']:.3g} kPa")
-        await operator.clicks("Recompute")
+        await operator.clicks("Repeat the estimates")
         await operator.sees("The current estimates are recomputed from the stored frames.")
         await operator.clicks("dry run: show changes, store nothing")
-        await operator.clicks("Recompute")
+        await operator.clicks("Repeat")
         await operator.sees("Hardness: ")
         assert len((await operator.requested(f"/targets/{HARD}/estimates"))["estimates"]) == 1
         await operator.clicks("Close")
@@ -350,7 +350,7 @@ def test_a_store_is_backed_up_from_its_page(filled: Instrument, tmp_path: Path) 
 
 def test_two_targets_are_compared(filled: Instrument) -> None:
     async def script(operator: Operator) -> None:
-        await operator.clicks("Compare")
+        await operator.clicks("Compare with a target")
         await operator.types("Number of the other target", "two")
         await operator.beside("Number of the other target", "Enter the number of the other target.")
         await operator.types("Number of the other target", f"{MANY}", enter=False)

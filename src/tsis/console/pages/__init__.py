@@ -10,25 +10,24 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-__all__ = ["PAGES", "UNLISTED", "load_pages"]
-_PAGES = (
-    ("/", "Examine", "examine", "examine_page"),
-    ("/camera", "Camera", "camera", "camera_page"),
-    ("/gel", "Gel sensor", "gel", "GelPage"),
-    ("/calibrate", "Calibrate", "calibrate", "calibrate_page"),
-    ("/calibrate/{name}", "Calibrate", "calibrate", "session_page"),
-    ("/images", "My images", "images", "images_page"),
-    ("/hardness", "Hardness", "hardness", "HardnessPage"),
-    ("/study", "Study", "study", "study_listing"),
-    ("/study/{name}", "Study", "study", "show_study"),
-    ("/records", "Records", "records", "target_listing"),
-    ("/records/compare/{pair}", "Records", "target", "compare_targets"),
-    ("/records/{number}", "Records", "target", "show_target"),
-    ("/design", "Design", "design", "design_tab"),
-    ("/jobs", "Jobs", "jobs", "jobs_page"),
-    ("/about", "About", "about", "about_page"),
+MEASURE, CALIBRATE, RECORDS, TOOLS = "Measure", "Calibrate", "Records", "Tools"
+_PAGES = (  # the next way to measure, as a map of lumps, is a line of the first group
+    (MEASURE, "/", "Examine", "examine", "examine_page"),
+    (MEASURE, "/hardness", "Hardness", "hardness", "HardnessPage"),
+    (MEASURE, "/gel", "Gel sensor", "gel", "GelPage"),
+    (MEASURE, "/images", "My images", "images", "images_page"),
+    (CALIBRATE, "/calibrate", "Calibrate", "calibrate", "calibrate_page"),
+    (CALIBRATE, "/calibrate/{name}", "Calibrate", "calibrate", "session_page"),
+    (RECORDS, "/records", "Targets", "records", "target_listing"),
+    (RECORDS, "/records/compare/{pair}", "Targets", "target", "compare_targets"),
+    (RECORDS, "/records/{number}", "Targets", "target", "show_target"),
+    (RECORDS, "/study", "Studies", "study", "study_listing"),
+    (RECORDS, "/study/{name}", "Studies", "study", "show_study"),
+    (TOOLS, "/camera", "Camera", "camera", "camera_page"),
+    (TOOLS, "/design", "Design", "design", "design_tab"),
+    (TOOLS, "/jobs", "Jobs", "jobs", "jobs_page"),
+    (TOOLS, "/about", "About", "about", "about_page"),
 )
-UNLISTED = ("/jobs",)  # reached by a button of the header
 
 
 def _page(address: str, module: str, name: str) -> Callable[..., object]:
@@ -50,12 +49,16 @@ LIBRARIES = ("scipy.interpolate", "scipy.ndimage", "scipy.stats")  # parts that 
 
 def load_pages() -> None:
     """Load the modules of all pages and what their work needs: the first time then is as quick as later ones."""
-    for _, _, module, _ in _PAGES:
+    for _, _, _, module, _ in _PAGES:
         import_module(f"{__name__}.{module}")
     for name in LIBRARIES:
         import_module(name)
 
 
 PAGES: dict[str, tuple[str, Callable[..., object]]] = {
-    address: (title, _page(address, module, name)) for address, title, module, name in _PAGES
+    address: (title, _page(address, module, name)) for _, address, title, module, name in _PAGES
+}
+GROUPS: dict[str, tuple[str, ...]] = {
+    group: tuple(address for of, address, *_ in _PAGES if of == group and "{" not in address)
+    for group in (MEASURE, CALIBRATE, RECORDS, TOOLS)
 }

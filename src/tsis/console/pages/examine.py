@@ -17,6 +17,7 @@ from tsis.console.live.panel import FramePanel
 from tsis.console.live.press_curve import PressCurve
 from tsis.console.live.view import LiveView, SurfaceView
 from tsis.console.messages import FORCE, field_messages, plain_message
+from tsis.console.pages.records import ReportButton
 from tsis.console.services.captures import MOST_SEQUENCE_FRAMES
 from tsis.console.services.choice import CameraChoice
 from tsis.console.services.jobs import FAILED, tissue_title
@@ -32,7 +33,7 @@ from tsis.records.importing import target_by_number
 from tsis.records.values import ESTIMATES, ROLE_NAMES
 
 if TYPE_CHECKING:
-    from collections.abc import Awaitable, Callable, Sequence
+    from collections.abc import Awaitable, Callable, Mapping, Sequence
 
     from nicegui.events import GenericEventArguments, ValueChangeEventArguments
 
@@ -252,8 +253,7 @@ def work_steps(state: InstrumentState, saved: SavedTarget) -> tuple[WorkStep, ..
             name="report",
             title="Report",
             done=False,
-            cure="Open the report.",
-            address=f"/records/{saved.number}" if saved.target is not None else "",
+            cure="Save the report.",
         ),
     )
 
@@ -290,7 +290,10 @@ class WorkOrder:
                 self._cure = widgets.status()
                 self._choose = widgets.button("Switch to the target", self._choose_role, look="unelevated dense")
                 self._choose.set_visibility(False)
-                controls.add(self._choose)
+                self._take = widgets.button("Take the presses", self._take_presses, look="unelevated dense")
+                with self._take:
+                    ui.tooltip("The virtual probe presses target and reference with two forces, and saves each press.")
+                controls.add(self._choose, self._take)
 
     def saved(self, saved: SavedTarget) -> None:
         """Take what is stored of the target."""
@@ -312,10 +315,12 @@ class WorkOrder:
             with self._first.element:
                 self._say_what_this_is()
         self._role = step.role if step.role and step.role != state.role else ""
-        self._choose.set_visibility(bool(self._role))
         self._choose.text = "Switch to the target" if self._role == "target" else "Switch to the reference"
         self._cure.text = f"Next: {step.cure}"
-        self.main = "first" if first else "role" if self._role else step.name
+        by_itself = state.camera.choice.is_virtual and not state.camera.choice.is_sphere and bool(step.role)
+        self._take.set_visibility(by_itself)
+        self._choose.set_visibility(bool(self._role) and not by_itself)
+        self.main = "first" if first else "take" if by_itself else "role" if self._role else step.name
 
     def _say_what_this_is(self) -> None:
         with widgets.panel("What this is"):
@@ -337,6 +342,12 @@ class WorkOrder:
         if not self._instrument.camera_controller.choice.is_virtual:
             self._instrument.choose(CameraChoice(), by=self._viewer.identity)
         self._instrument.start(by=self._viewer.identity)
+
+    async def _take_presses(self) -> None:
+        with widgets.loading(self._take):
+            saved = await self._viewer.attempt(self._instrument.take_presses, by=self._viewer.identity)
+        if saved:
+            self._viewer.notify(f"Saved {widgets.count_text(len(saved), 'press')} of target {saved[0].target.number}.")
 
     async def _choose_role(self) -> None:
         role = self._role
@@ -409,9 +420,10 @@ class EstimatePanel:
         with ui.element("div").classes("row"):
             self._title = widgets.panel_title("Target")
             ui.element("div").classes("spring")
-            self._report = ui.link("Report", "/records")
+            self._target = ui.link("Open the target", "/records")
+            self._report = ReportButton(viewer)
             self._hardness = ui.link("Hardness of this object", "/hardness")
-            self._begin = widgets.button("Estimate", self._estimate, icon="analytics")
+            self._begin = widgets.button("Estimate", self.estimate, icon="analytics")
         self._bar = widgets.ProgressBar("Progress of the estimate")
         self._message = widgets.status("muted wordy")
         self._record = widgets.Redrawn(ui.element("div").classes("stack"))
@@ -426,13 +438,18 @@ class EstimatePanel:
         self._begin.set_visibility(not sphere)
         self._begin.set_enabled(job is None or not job.running)
         widgets.set_filled(self._begin, main == "estimate")
-        widgets.set_class(self._report, "filled", main == "report")
+        widgets.set_filled(self._report.element, main == "report")
         self._bar.show(job)
         self._message.text = job_text(job)
         widgets.set_class(self._message, "doubtful", job is not None and job.status == FAILED)
 
-    async def _estimate(self) -> None:
+    async def estimate(self) -> None:
+        """Estimate the present target."""
         await self._viewer.attempt(self._instrument.estimate, self._instrument.state().target)
+
+    async def report(self) -> None:
+        """Save the report of the present target."""
+        await self._report.save()
 
     async def _refresh(self) -> None:
         """Read the store after a possible change, also by another tab or a script."""
@@ -460,8 +477,9 @@ class EstimatePanel:
     def _show_recorded(self, saved: SavedTarget) -> None:
         name = f": {saved.target.name}" if saved.target is not None and saved.target.name else ""
         self._title.text = f"Target {saved.number}" + name
-        self._report.set_visibility(saved.target is not None)
-        self._report.props["href"] = f"/records/{saved.number}"
+        self._target.set_visibility(saved.target is not None)
+        self._target.props["href"] = f"/records/{saved.number}"
+        self._report.show(saved.number if saved.target is not None else None)
         self._on_saved(saved)
         with self._record.element:
             for stored in saved.estimates:
@@ -564,21 +582,39 @@ SHORTCUTS = (  # the page's keys and its help are made from these
     Shortcut(" ", "Space", "save a snapshot", "snapshot"),
     Shortcut("ArrowLeft", "←", "previous target", "step", -1),
     Shortcut("ArrowRight", "→", "next target", "step", 1),
+    Shortcut("n", "N", "type the force; Space then saves", "force"),
+    Shortcut("1", "1", "press the target", "role", 0),
+    Shortcut("2", "2", "press the reference", "role", 1),
+    Shortcut("s", "S", "start or stop the camera", "run"),
+    Shortcut("e", "E", "estimate", "estimate"),
+    Shortcut("r", "R", "save the report", "report"),
     Shortcut("f", "F", "live image alone, and back", "alone"),
 )
 
 
 class Keys(Element, component="keys.js"):
-    """Receives keys while the page has the focus outside its fields; F shows ``alone`` over the whole screen."""
+    """Receives keys while the page has the focus outside its fields; F shows ``alone``, N goes to the field ``force``.
 
-    def __init__(
-        self, *, snapshot: Callable[[], Awaitable[Any]], step: Callable[[int], Awaitable[Any]], alone: Element
-    ) -> None:
+    ``acts`` are called for the other events, with the value of the key where it has one.
+    """
+
+    def __init__(self, *, alone: Element, force: Element, acts: Mapping[str, Callable[..., Awaitable[Any]]]) -> None:
         super().__init__()
-        self._props["alone"] = alone.html_id
+        self._props["alone"], self._props["force"] = alone.html_id, force.html_id
         self._props["keys"] = {item.key: [item.event, item.value] for item in SHORTCUTS}
-        self.on("snapshot", lambda: snapshot())
-        self.on("step", lambda event: step(1 if event.args == 1 else -1))
+        values = {item.event: {each.value for each in SHORTCUTS if each.event == item.event} for item in SHORTCUTS}
+
+        def on(event: str, act: Callable[..., Awaitable[Any]]) -> None:
+            async def received(message: GenericEventArguments) -> None:
+                if values[event] == {None}:
+                    await act()
+                elif message.args in values[event]:  # a browser may send anything
+                    await act(message.args)
+
+            self.on(event, received)
+
+        for event, act in acts.items():
+            on(event, act)
 
 
 MEASURE_EVERY_S = 0.3  # the newest frame
@@ -664,7 +700,18 @@ def examine_page(instrument: Instrument, viewer: Viewer) -> None:
                         settings = SettingsPanel(instrument, viewer, controls)
                     with ui.tab_panel(recorded):
                         sequence = SequencePanel(instrument, viewer, controls)
-    Keys(snapshot=press.snapshot, step=press.step, alone=live.single)
+    Keys(
+        alone=live.single,
+        force=press.force.element,
+        acts={
+            "snapshot": press.snapshot,
+            "step": press.step,
+            "role": press.choose_role,
+            "run": press.run.click,
+            "estimate": estimate.estimate,
+            "report": estimate.report,
+        },
+    )
 
     def show(state: InstrumentState) -> None:
         nonlocal latest
@@ -689,7 +736,7 @@ class PressPanel:
     def __init__(self, instrument: Instrument, viewer: Viewer, controls: widgets.OperatorControls) -> None:
         self._instrument, self._viewer, self._saving = instrument, viewer, asyncio.Lock()
         with ui.element("div").classes("row snapshot-row"):
-            self._run = widgets.RunButton(instrument, viewer)
+            self.run = widgets.RunButton(instrument, viewer)
             self._save = widgets.button("Snapshot", self.snapshot, icon="photo_camera", look="unelevated")
             with ui.element("div").classes("stepper"):
                 back = self._stepper("remove", "Previous target", -1)
@@ -702,30 +749,35 @@ class PressPanel:
                 viewer, choice, lambda role: instrument.hold(role=role, by=viewer.identity)
             )
         with ui.element("div").classes("row") as self.force_row:
-            self._force = widgets.NumberField(
+            self.force = widgets.NumberField(
                 viewer,
                 "Force",
                 self._hold,
                 unit="N",
                 emptied=lambda: instrument.forget_force(by=viewer.identity),
             )
-        controls.add(self._run.element, self._save, back, on, self._target.element, choice, self._force.element)
+        controls.add(self.run.element, self._save, back, on, self._target.element, choice, self.force.element)
 
     def show(self, state: InstrumentState, *, main: str) -> None:
         """Show the instrument's press; ``main`` as of `WorkOrder`."""
-        self._run.show(state.camera, main=main == "camera")
+        self.run.show(state.camera, main=main == "camera")
         widgets.set_filled(self._save, main in TO_PRESS)
         self._target.show(state.target)
         self._role.show(state.role, {role: ROLE_NAMES[role] for role in state.roles})
-        self._force.show(state.force_n)
+        self.force.show(state.force_n)
 
     async def snapshot(self) -> None:
         """Save the press, after a force that was just typed and the snapshots that were asked for before."""
         async with self._saving:
-            await self._force.taken()
+            await self.force.taken()
             press: SavedPress | None = await self._viewer.attempt(self._instrument.snapshot, by=self._viewer.identity)
         if press is not None:
             self._viewer.notify(snapshot_text(press))
+
+    async def choose_role(self, position: int) -> None:
+        """Press the target, or what it is compared with."""
+        role = self._instrument.state().roles[position]
+        await self._viewer.attempt(lambda: self._instrument.hold(role=role, by=self._viewer.identity))
 
     async def step(self, by: int) -> None:
         """Go to the previous or the next target."""

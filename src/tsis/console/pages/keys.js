@@ -6,9 +6,10 @@ export default {
   template: "<span hidden></span>",
   props: {
     alone: String, // id of the element that can be shown alone
+    force: String, // id of the field of the force
     keys: Object, // by the key: the event and its value
   },
-  emits: ["snapshot", "step"],
+  emits: ["snapshot", "step", "role", "run", "estimate", "report"],
   mounted() {
     this.down = (event) => this.pressed(event);
     this.clicked = (event) => {
@@ -41,9 +42,16 @@ export default {
       if (event.key === " " && at.closest?.("button, a, [role=switch]")) return;
       const [does, value] = this.keys[event.key.length === 1 ? event.key.toLowerCase() : event.key] || [];
       if (does === "alone") this.toggle();
+      else if (does === "force") this.type();
       else if (does) this.$emit(does, value);
       else return;
       event.preventDefault();
+    },
+    type() {
+      const place = document.getElementById(this.force);
+      const field = place?.matches("input") ? place : place?.querySelector("input");
+      field?.focus();
+      field?.select();
     },
     show(alone) {
       this.shown = alone;

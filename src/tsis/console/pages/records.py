@@ -152,6 +152,26 @@ async def fetch_file(viewer: Viewer, address: str) -> bool:
     return not message
 
 
+class ReportButton:
+    """Saves the report of a target as PDF, and shows that it is being made."""
+
+    def __init__(self, viewer: Viewer, number: int | None = None) -> None:
+        self._viewer, self._number = viewer, number
+        self.element = widgets.button("Report", self.save, icon="picture_as_pdf", look="outline dense")
+        self.show(number)
+
+    def show(self, number: int | None) -> None:
+        """Say of which target; None where there is none."""
+        self._number = number
+        self.element.set_visibility(number is not None)
+
+    async def save(self) -> None:
+        """Save the report, where there is one."""
+        if self._number is not None:
+            with widgets.loading(self.element):
+                await fetch_file(self._viewer, f"/files/report/{self._number}.pdf")
+
+
 EVERY_S = 0.3
 
 

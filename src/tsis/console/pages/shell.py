@@ -16,7 +16,7 @@ from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.console import widgets
 from tsis.console.auth import LOGOUT
 from tsis.console.live.hub import FIRST_MAP, packed_colours
-from tsis.console.pages import PAGES, UNLISTED, load_pages
+from tsis.console.pages import GROUPS, PAGES, load_pages
 from tsis.console.pages.examine import SHORTCUTS
 from tsis.console.pages.jobs import JobList
 from tsis.console.viewer import StatePoller, Tabs, Viewer
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from matplotlib.figure import Figure
-    from nicegui.elements.label import Label
     from nicegui.events import GenericEventArguments, KeyEventArguments
 
     from tsis.console.services.control import Owner
@@ -101,44 +100,45 @@ def set_lost_connection_text() -> None:
 
 
 NOWHERE = "No such page"
-IN_REACH = "getHtmlElement(%d)?.scrollIntoView({ block: 'nearest', inline: 'center' })"  # where links scroll sideways
 
 
 class Navigation:
-    """Links to the pages, of which the one that is open is marked."""
+    """Links to the groups of pages in the header, and to the pages of the group that is open above the page."""
 
     def __init__(self) -> None:
         router = ui.context.client.sub_pages_router
-        self._heading: Label | None = None
-        with ui.element("nav").props('aria-label="Pages"').classes("tabs"):
-            self._links = {
-                address: ui.link(title, address).classes("tab")
-                for address, (title, _) in PAGES.items()
-                if "{" not in address and address not in UNLISTED
-            }
         self._path = router.current_path
+        with ui.element("nav").props('aria-label="Groups of pages"').classes("tabs"):
+            self._groups = {group: ui.link(group, pages[0]).classes("tab") for group, pages in GROUPS.items()}
         router.on_path_changed(self._navigated)
-        self._mark()
 
-    def heading(self) -> None:
-        """The page's first heading: readers of the screen begin with it, the eye has the marked link."""
-        self._heading = ui.label(title_of(self._path)).props('role="heading" aria-level="1"').classes("unseen")
+    def pages(self) -> None:
+        """Place the links to the pages of the group, and the page's first heading, which the eye has in the link."""
+        self._nav = ui.element("nav").classes("tabs of-group")
+        self._heading = ui.label().props('role="heading" aria-level="1"').classes("unseen")
+        self._navigated(self._path)
 
     def _navigated(self, path: str) -> None:
-        self._path = path
-        self._mark()
-        if self._heading is not None:
-            self._heading.text = title_of(path)
+        here = widgets.address_of(path)
+        group = next((name for name, pages in GROUPS.items() if here in pages), "")
+        for name, link in self._groups.items():
+            _mark(link, name == group)
+        self._nav.clear()
+        self._nav.props["aria-label"] = f"Pages of {group}"
+        pages = GROUPS.get(group, ())
+        self._nav.set_visibility(len(pages) > 1)
+        with self._nav:
+            for address in pages:
+                _mark(ui.link(PAGES[address][0], address).classes("tab"), address == here)
+        self._heading.text = title_of(path)
+        ui.page_title(f"{title_of(path)} · tsis console")
 
-    def _mark(self) -> None:
-        here = widgets.address_of(self._path)
-        for place, link in self._links.items():
-            if place == here:
-                link.classes(add="here").props('aria-current="page"')
-                ui.run_javascript(IN_REACH % link.id)
-            else:
-                link.classes(remove="here").props(remove="aria-current")
-        ui.page_title(f"{title_of(self._path)} · tsis console")
+
+def _mark(link: ui.link, here: bool) -> None:
+    if here:
+        link.classes(add="here").props('aria-current="page"')
+    else:
+        link.classes(remove="here").props(remove="aria-current")
 
 
 def title_of(path: str) -> str:
@@ -348,7 +348,7 @@ class Shell:
             ThemeChoice()
         notices = Notices(viewer)
         with ui.element("div").classes("content").props(f'id="{MAIN}" tabindex="-1"'):
-            navigation.heading()
+            navigation.pages()
             Subpages({address: partial(build, self._instrument, viewer) for address, (_, build) in PAGES.items()})
         with ui.footer(elevated=False).classes("foot"):
             ui.label(RESEARCH_USE_ONLY)

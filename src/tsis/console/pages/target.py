@@ -18,6 +18,7 @@ from tsis.console.live.panel import still_panel
 from tsis.console.messages import FORCE, field_messages
 from tsis.console.pages.records import (
     AT_ONCE,
+    ReportButton,
     TargetView,
     export_button,
     flags_of,
@@ -413,7 +414,7 @@ class Presses:
                 widgets.muted(_range(view))
                 ui.element("div").classes("spring")
                 self._compare = widgets.button(
-                    "Compare two", lambda: self._page.compare(view), icon="compare", look="outline dense"
+                    "Compare presses", lambda: self._page.compare(view), icon="compare", look="outline dense"
                 )
                 if view.total > AT_ONCE:
                     for text, icon, by in (("Earlier", "chevron_left", -AT_ONCE), ("Later", "chevron_right", AT_ONCE)):
@@ -463,7 +464,7 @@ class Presses:
     def _show_count(self) -> None:
         if self._compare is not None:
             self._compare.set_enabled(len(self.chosen) == TWO)
-            self._compare.text = f"Compare two ({len(self.chosen)} chosen)"
+            self._compare.text = f"Compare presses ({len(self.chosen)} chosen)"
 
 
 def _range(view: TargetView) -> str:
@@ -670,7 +671,7 @@ EXPLAINED = (
 def recompute_button(page: TargetContext, view: TargetView) -> ui.button:
     """A button that asks whether to store what comes out, and computes."""
     button = widgets.button(
-        "Recompute", lambda: _ask_to_recompute(page, view), icon="restart_alt", look="outline dense"
+        "Repeat the estimates", lambda: _ask_to_recompute(page, view), icon="restart_alt", look="outline dense"
     )
     button.set_enabled(bool(view.record.estimates))
     return button
@@ -678,7 +679,7 @@ def recompute_button(page: TargetContext, view: TargetView) -> ui.button:
 
 def _ask_to_recompute(page: TargetContext, view: TargetView) -> None:
     target = view.target
-    with widgets.open_dialog(page.dialogs, f"Recompute target {target.number}") as dialog:
+    with widgets.open_dialog(page.dialogs, f"Repeat the estimates of target {target.number}") as dialog:
         ui.label(EXPLAINED)
         dry = ui.switch("dry run: show changes, store nothing", value=False)
 
@@ -687,7 +688,7 @@ def _ask_to_recompute(page: TargetContext, view: TargetView) -> None:
             recompute = partial(page.instrument.recompute, target, dry_run=dry.value)
             await follow_job(page.viewer, page.below, recompute, partial(_show_recomputation, page))
 
-        widgets.dialog_buttons(dialog, "Recompute", begin)
+        widgets.dialog_buttons(dialog, "Repeat", begin)
 
 
 def _show_recomputation(page: TargetContext, recomputations: tuple[Recomputation, ...]) -> None:
@@ -712,10 +713,12 @@ def target_buttons(page: TargetContext, view: TargetView) -> None:
     ui.element("div").classes("spring")
     for change in (estimate_button(page, view), recompute_button(page, view)):
         change.set_enabled(change.enabled and not view.deleted)
-    widgets.button("Compare", lambda: ask_to_compare(page, view), icon="compare_arrows", look="outline dense")
+    widgets.button(
+        "Compare with a target", lambda: ask_to_compare(page, view), icon="compare_arrows", look="outline dense"
+    )
     export_button(page, view)
-    ui.link("Report", f"/files/report/{target.number}.html", new_tab=True).classes("link button")
-    ui.link("PDF", f"/files/report/{target.number}.pdf").classes("link button").props("download")
+    ReportButton(page.viewer, target.number)
+    ui.link("Read the report", f"/files/report/{target.number}.html", new_tab=True).classes("link button")
 
 
 def show_target(instrument: Instrument, viewer: Viewer, number: str) -> None:

@@ -22,7 +22,7 @@ from tsis.console.services.captures import (
     gauge_force,
     save_press,
 )
-from tsis.console.services.choice import PLAIN
+from tsis.console.services.choice import PLAIN, TARGET
 from tsis.console.services.control import Commands, ControlLock
 from tsis.console.services.frames import GelAnalysis, Watcher
 from tsis.console.services.jobs import Jobs, estimate_title, tissue_title
@@ -66,6 +66,7 @@ if TYPE_CHECKING:
     from tsis.records.values import StoredEstimate, StoredPress, Target, TargetRecord
 
 
+FIRST_FORCES_N = (0.5, 1.0)
 NO_PRESS = "target {} must have a press on the target to be estimated; it has none (press it, save a snapshot)"
 
 
@@ -427,6 +428,24 @@ class Instrument:
                 store=self.store,
                 map_name=map_name,
             )
+
+    def take_presses(self, *, by: str) -> tuple[SavedPress, ...]:
+        """Have the virtual probe press target and reference, each with two forces, and save every press.
+
+        The forces are those of the target's tissue where it was read. Raises as `hold` and `snapshot`, and
+        `ControlError` for another camera.
+        """
+        choice = self.camera_controller.choice
+        if not choice.is_virtual or choice.is_sphere:
+            raise ControlError("only the virtual probe presses tissue by itself; press it, and save a snapshot")
+        tissue = self._tissues.of(self._target)
+        forces_n = FIRST_FORCES_N if tissue is None else tissue.forces_n
+        saved = []
+        for role in (TARGET, PLAIN):
+            for force_n in forces_n:
+                self.hold(role=role, force_n=force_n, by=by)
+                saved.append(self.snapshot(by=by))
+        return tuple(saved)
 
     def read_tissue(self, *, by: str) -> Job:
         """Save the present light press on tissue without an inclusion, and read the tissue from it in the background.
