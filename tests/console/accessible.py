@@ -67,8 +67,10 @@ FAULTS = r"""() => {
     if (level > before + 1) faults.push(`heading "${text}" of level ${level} follows one of level ${before}`);
     before = level;
   }
-  for (const landmark of ["main", "nav"])
-    if (all(landmark).length !== 1) faults.push(`there must be one ${landmark}; got ${all(landmark).length}`);
+  if (all("main").length !== 1) faults.push(`there must be one main; got ${all("main").length}`);
+  const navigation = all("nav").map((each) => each.getAttribute("aria-label"));
+  if (!navigation.length || navigation.some((name) => !name) || new Set(navigation).size !== navigation.length)
+    faults.push(`each nav must have a name of its own; got ${navigation}`);
   return faults;
 }"""
 

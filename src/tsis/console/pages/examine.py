@@ -317,7 +317,8 @@ class WorkOrder:
         self._role = step.role if step.role and step.role != state.role else ""
         self._choose.text = "Switch to the target" if self._role == "target" else "Switch to the reference"
         self._cure.text = f"Next: {step.cure}"
-        by_itself = state.camera.choice.is_virtual and not state.camera.choice.is_sphere and bool(step.role)
+        choice = state.camera.choice
+        by_itself = choice.is_virtual and not choice.is_sphere and bool(step.role) and not first
         self._take.set_visibility(by_itself)
         self._choose.set_visibility(bool(self._role) and not by_itself)
         self.main = "first" if first else "take" if by_itself else "role" if self._role else step.name
