@@ -8,7 +8,7 @@ import logging
 import threading
 from concurrent.futures import CancelledError
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
@@ -126,17 +126,22 @@ def share_memory_among_threads() -> None:
     The GNU C library gives each thread its own heap, which never shrinks below its largest estimate or figure: memory
     would grow for hours. Other libraries have no such setting and no such behaviour.
     """
-    try:
+    with suppress(AttributeError, OSError, TypeError):
         ctypes.CDLL(None).mallopt(ARENA_MAX, ARENAS)
-    except (AttributeError, OSError, TypeError):
-        return
+
+
+def give_memory_back() -> None:
+    """Return freed memory to the system, where the C library is GNU's."""
+    with suppress(AttributeError, OSError, TypeError):
+        ctypes.CDLL(None).malloc_trim(0)
 
 
 @contextmanager
 def collecting_garbage(every_s: float = EVERY_S) -> Iterator[None]:
     """Collect garbage at intervals; to be entered once everything is loaded, which is excluded from collection.
 
-    Python collects by the number of objects, not by their size, so pictures of several reports could accumulate.
+    Python collects by the number of objects, not by their size, so pictures of several reports could accumulate. The
+    GNU C library keeps what was freed between pieces in use, and gives it back when asked.
     A collection over all loaded modules would stop every thread.
     """
     ended = threading.Event()
@@ -144,6 +149,7 @@ def collecting_garbage(every_s: float = EVERY_S) -> Iterator[None]:
     def tidy() -> None:
         while not ended.wait(every_s):
             gc.collect()
+            give_memory_back()
 
     gc.collect()
     gc.freeze()

@@ -19,7 +19,7 @@ from tsis.records.audit import AuditChange, last_content
 from tsis.records.values import StoredPress, Target, estimate_from_json, estimate_to_json
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Callable, Iterable, Iterator, Mapping
 
     import numpy as np
     from numpy.typing import NDArray
@@ -172,7 +172,7 @@ EDITABLE = {"target": ("name", "note", "truth"), "press": ("role", "force_n", "f
 
 def target_edit(target: Target, changes: Mapping[str, Any]) -> Callable[[Connection], tuple[Target, list[AuditChange]]]:
     """A function that applies changes to a target; `InputError` when a value is invalid or cannot be changed."""
-    changed = _columns(target_row(_edited(target, "target", changes)), changes)
+    changed = _columns(target_row(_edited(target, "target", changes, EDITABLE["target"])), changes)
 
     def enter(connection: Connection) -> tuple[Target, list[AuditChange]]:
         change = update_row(connection, tables.target_table, target, changed)
@@ -182,10 +182,13 @@ def target_edit(target: Target, changes: Mapping[str, Any]) -> Callable[[Connect
 
 
 def press_edit(
-    press: StoredPress, changes: Mapping[str, Any]
+    press: StoredPress, changes: Mapping[str, Any], *, editable: tuple[str, ...] = EDITABLE["press"]
 ) -> Callable[[Connection], tuple[StoredPress, list[AuditChange]]]:
     """A function that applies changes to a press; errors as `target_edit`."""
-    changed = _columns(press_row(_edited(press, "press", changes)), changes)
+    edited = press_row(_edited(press, "press", changes, editable))
+    names = [name for name in changes if name != "mm_per_pixel"]
+    scale = ("mm_per_pixel_x", "mm_per_pixel_y") if "mm_per_pixel" in changes else ()
+    changed = _columns(edited, (*names, *scale))
 
     def enter(connection: Connection) -> tuple[StoredPress, list[AuditChange]]:
         change = update_row(connection, tables.press_table, press, changed)
@@ -195,14 +198,14 @@ def press_edit(
     return enter
 
 
-def _edited(record: Any, kind: str, changes: Mapping[str, Any]) -> Any:
+def _edited(record: Any, kind: str, changes: Mapping[str, Any], editable: tuple[str, ...]) -> Any:
     if not changes:
-        raise InputError(f"an edit of a {kind} must change something; got nothing (name {', '.join(EDITABLE[kind])})")
+        raise InputError(f"an edit of a {kind} must change something; got nothing (name {', '.join(editable)})")
     for name in changes:
-        require_one_of(f"field of a {kind} that may be changed", name, EDITABLE[kind])
+        require_one_of(f"field of a {kind} that may be changed", name, editable)
     return replace(record, **changes, version=record.version + 1)
 
 
-def _columns(row: Row, changes: Mapping[str, Any]) -> Row:
+def _columns(row: Row, changes: Iterable[str]) -> Row:
     """The changed columns only: the caller may have altered the other fields."""
     return {name: row[name] for name in (*changes, "version")}

@@ -403,6 +403,28 @@ class Store(StoreReader):
         """Change ``role``, ``force_n``, ``flags`` or ``note`` of a press; errors as `edit_target`."""
         return self._write(press_edit(press, changes))
 
+    def calibrate_press(self, press: StoredPress, calibration: ProbeCalibration) -> StoredPress:
+        """Say under which calibration a press was taken that names none; the calibration is saved too.
+
+        The calibration gives probe and scale where the press has none. Errors as `edit_target`, and `InputError` for a
+        press that has a calibration.
+        """
+        if press.calibration is not None:
+            raise InputError(f"a press must have no calibration to be given one; it has {press.calibration[:12]}")
+        changes: dict[str, Any] = {"calibration": calibration_sha256(calibration)}
+        if not press.probe and calibration.probe:
+            changes["probe"] = calibration.probe
+        if press.mm_per_pixel is None and calibration.scale is not None:
+            changes["mm_per_pixel"] = calibration.scale.mm_per_pixel
+        row, edit = self._calibration_row(calibration), rows.press_edit(press, changes, editable=tuple(changes))
+
+        def enter(connection: Connection) -> tuple[StoredPress, list[AuditChange]]:
+            added = insert_row_once(connection, tables.calibration_table, row)
+            stored, entries = edit(connection)
+            return stored, [*added, *entries]
+
+        return self._write(enter)
+
     # Removal: hidden first, and for good only after some weeks
 
     def set_state(self, target: Target, state: str) -> TargetState | None:

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import pytest
 from nicegui import ui
 from tests.console.pages.simulated import at_console
+from tests.console.services.instruments import ANN
 from tests.records.sample import sample_record
+from tests.waiting import HANGS_S
 
+from tsis.calibration.file import calibration_sha256
+from tsis.errors import InputError
 from tsis.records.reader import DELETED
+from tsis.records.store import verify_store
 
 if TYPE_CHECKING:
     from tests.console.pages.simulated import Operator
@@ -51,3 +58,34 @@ def test_a_deleted_target_offers_no_change_but_its_return(lit: Instrument) -> No
         assert operator.enabled("Estimate")
 
     at_console(lit, script, f"/records/{target.number}")
+
+
+def test_presses_that_were_saved_without_a_calibration_are_given_one_later(lit: Instrument) -> None:
+    record = sample_record()
+    target = lit.store.add_target(number=8)
+    calibration = next(iter(record.calibrations.values()))
+    image = replace(record.image(record.presses[0]), mm_per_pixel=None)
+    bare = lit.store.add_press(target, image, taken=record.presses[0].taken)
+    known = lit.store.calibrate_press(bare, calibration)
+    assert known.calibration == calibration_sha256(calibration)
+    assert lit.store.press(target, bare.id) == known
+    assert set(lit.store.record(target).calibrations) == {known.calibration}
+    assert verify_store(lit.store).sound
+    with pytest.raises(InputError, match="must have no calibration"):
+        lit.store.calibrate_press(known, calibration)
+
+
+def test_a_sequence_of_a_target_without_a_snapshot_is_found_on_its_page(lit: Instrument) -> None:
+    lit.control.take(ANN, "Ann")
+    lit.set_target(12, by=ANN)
+    lit.start(by=ANN)
+    job = lit.begin_sequence(frames=3, by=ANN)
+    assert job.wait(HANGS_S)
+    lit.control.release(ANN)
+
+    async def script(operator: Operator) -> None:
+        await operator.sees("Target 12", "sequence", "3")
+        await operator.clicks("Play sequence")
+        await operator.sees("Frame 1 of 3")
+
+    at_console(lit, script, "/records/12")

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import base64
 import shutil
 import tempfile
-from dataclasses import replace
+import weakref
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
@@ -13,17 +15,18 @@ from nicegui import ui
 from tsis.__about__ import LARGEST_TARGET
 from tsis.calibration.frames import read_press_image
 from tsis.console import widgets
+from tsis.console.files import thumbnail_png
 from tsis.console.live.panel import still_panel
 from tsis.console.services.captures import (
     IMAGE_ROLES,
     MOST_OWN_FRAMES,
     OPENABLE,
+    SIDECAR,
     OwnImage,
     measure_images,
     open_images,
     save_images,
 )
-from tsis.errors import InputError
 from tsis.model.image import require_pixel_scale
 from tsis.model.require import require_number
 from tsis.present.images import finding_notes, finding_rows
@@ -32,16 +35,17 @@ from tsis.records.sources import ImportOptions
 from tsis.records.values import ROLE_NAMES
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from nicegui.events import UploadEventArguments
 
     from tsis.console.services.instrument import Instrument
     from tsis.console.viewer import Viewer
+    from tsis.imaging.contact import ImageFinding
 
 
 SAYS = (
-    "Drop images (PNG, BMP, TIFF, JPEG), videos and the sidecars of tsis acquire here: at most {frames} frames, "
+    "Drop images (PNG, BMP, TIFF, JPEG), videos and sidecars of snapshots here: at most {frames} frames, "
     "{most} MiB a file. They stay on the console's computer; nothing is stored before you save them."
 )
 
@@ -52,13 +56,59 @@ def images_page(instrument: Instrument, viewer: Viewer) -> None:
         OwnImagesPage(instrument, viewer)
 
 
+THUMBNAIL_PX = 120
+
+
+@dataclass(slots=True, kw_only=True)
+class OpenedFrame:
+    """A frame of the user, with what was chosen and typed for it, and its picture as a data address."""
+
+    image: OwnImage
+    picture: str
+    role: str
+    force: str
+
+
+class OpenedFrames:
+    """The frames that a tab has opened: they stay while other pages are shown, in a folder that goes with them."""
+
+    def __init__(self) -> None:
+        self.folder = Path(tempfile.mkdtemp(prefix="tsis-images-"))
+        weakref.finalize(self, shutil.rmtree, self.folder, ignore_errors=True)
+        self.frames: dict[Path, OpenedFrame] = {}
+        self.scale = ""
+
+    def open(self, paths: Sequence[Path]) -> tuple[str, ...]:
+        """Open files and folders; gives a message for each that cannot be opened.
+
+        A sidecar tells of the frames that lie beside it already.
+        """
+        beside = [file for file in self.frames if any(path.suffix == SIDECAR for path in paths)]
+        opened = open_images([*paths, *beside], frames_in=self.folder)
+        for image in opened.images:
+            if image.path in self.frames or len(self.frames) < MOST_OWN_FRAMES:
+                before = self.frames.get(image.path)
+                if before is not None and before.image == image:  # what was typed for it stays
+                    continue
+                force = widgets.number_text_of_field(image.force_n)
+                picture = _picture(image) if before is None else before.picture
+                self.frames[image.path] = OpenedFrame(image=image, picture=picture, role=image.role, force=force)
+        self.frames = dict(sorted(self.frames.items(), key=lambda item: item[1].image.order))
+        return opened.refused
+
+
+def _picture(image: OwnImage) -> str:
+    frame = read_press_image(image.path)
+    content = thumbnail_png(frame.grey, full_scale=frame.full_scale, size=THUMBNAIL_PX, name="viridis")
+    return f"data:image/png;base64,{base64.b64encode(content).decode()}"
+
+
 class OwnImagesPage:
     """The opened frames with their roles and forces, what they measure, and the button that saves them."""
 
     def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
         self._instrument, self._viewer = instrument, viewer
-        self._folder = Path(tempfile.mkdtemp(prefix="tsis-images-"))
-        ui.context.client.on_delete(lambda: shutil.rmtree(self._folder, ignore_errors=True))
+        self._opened = viewer.saved(OpenedFrames)
         self.rows: list[FrameRow] = []
         with widgets.panel("My images"):
             widgets.muted(SAYS.format(frames=MOST_OWN_FRAMES, most=widgets.LARGEST_MIB))
@@ -81,21 +131,26 @@ class OwnImagesPage:
             self._refused = widgets.message_list()
         with widgets.panel("Frames") as self._panel:
             with ui.element("div").classes("scroll"):
-                self._rows = widgets.rows_under(("File", "Size", "Pressed on", "Force", ""), label="Frames")
+                headings = ("Picture", "File", "Size", "Pressed on", "Force", "")
+                self._rows = widgets.rows_under(headings, label="Frames")
             with ui.element("div").classes("row"):
-                self.scale_field = widgets.unit_field("Scale, or x,y", "", unit="mm/pixel")
+                self.scale_field = widgets.unit_field("Scale, or x,y", self._opened.scale, unit="mm/pixel")
+                self.scale_field.on_value_change(lambda event: setattr(self._opened, "scale", event.value or ""))
                 self._invert = ui.switch("Light falls where pressed", value=False)
+                active = instrument.calibration is not None
                 self._calibrated = ui.switch("Taken with the active calibration", value=False)
+                self._calibrated.set_enabled(active)
+            widgets.muted("" if active else "No calibration is active: it can be named later, on the target's page.")
             with ui.element("div").classes("row"):
                 self._measure = widgets.button("Measure contact", self.measure, icon="straighten")
                 self.number_field = widgets.unit_field("Target (empty: a new one)", "").classes("long-label")
                 self._save = widgets.button("Save as target", self.save, icon="save", look="unelevated")
-        self._panel.set_visibility(False)
-        self._results = ui.element("section").classes("stack").props('role="status"')
+        self._results = ui.element("section").classes("stack").props("role=status")
+        self._show()
 
     async def uploaded(self, event: UploadEventArguments) -> None:
         """Open an uploaded file, which keeps its name without any folder."""
-        file = self._folder / (PurePosixPath(event.file.name.replace("\\", "/")).name or "unnamed")
+        file = self._opened.folder / (PurePosixPath(event.file.name.replace("\\", "/")).name or "unnamed")
         try:
             await event.file.save(file)
         except OSError as error:
@@ -113,16 +168,16 @@ class OwnImagesPage:
             await self._open(Path(self.path_field.value).expanduser())
 
     async def _open(self, path: Path) -> None:
-        opened = await self._viewer.attempt(open_images, [path], frames_in=self._folder)
-        if opened is None:
-            return
+        refused = await self._viewer.attempt(self._opened.open, [path])
         with self._refused:
-            for message in opened.refused:
+            for message in refused or ():
                 widgets.list_message(message, "flag")
+        self._show()
+
+    def _show(self) -> None:
+        self._rows.clear()
         with self._rows:
-            self.rows += [
-                FrameRow(image, self._remove, self.view) for image in opened.images[: MOST_OWN_FRAMES - len(self.rows)]
-            ]
+            self.rows = [FrameRow(frame, self._remove, self.view) for frame in self._opened.frames.values()]
         self._panel.set_visibility(bool(self.rows))
 
     async def view(self, row: FrameRow) -> None:
@@ -138,9 +193,8 @@ class OwnImagesPage:
                 widgets.button("Close", dialog.close)
 
     def _remove(self, row: FrameRow) -> None:
-        self.rows.remove(row)
-        row.element.delete()
-        self._panel.set_visibility(bool(self.rows))
+        del self._opened.frames[row.path]
+        self._show()
 
     def scale(self) -> tuple[float, float] | None:
         """The typed scale (x, y) in millimetres per pixel; `InputError` when it is no scale."""
@@ -152,7 +206,7 @@ class OwnImagesPage:
         return {"mm_per_pixel": self.scale_field, "target": self.number_field, **forces}
 
     async def measure(self) -> None:
-        """Measure the contact in each frame, and show the features and their limits."""
+        """Measure the contact in each frame, and show the features, a row a frame, and their limits."""
         with widgets.loading(self._measure):
             findings = await widgets.submit(
                 self._viewer,
@@ -165,11 +219,8 @@ class OwnImagesPage:
             return
         self._results.clear()
         with self._results, ui.element("div").classes("panel stack"):
+            widgets.table(findings_table(findings[0]))
             for finding in findings[0]:
-                name = finding.image.name
-                widgets.table(
-                    Table(title=f"Contact in {name}", columns=("quantity", "value"), values=finding_rows(finding))
-                )
                 widgets.message_list(finding_notes(finding))
             for message in findings[1]:
                 ui.label(message).classes("flag")
@@ -179,16 +230,11 @@ class OwnImagesPage:
 
         def saved() -> tuple[int, int]:
             active = self._instrument.calibration if self._calibrated.value else None
-            if self._calibrated.value and active is None:
-                raise InputError("no calibration is active; choose one on the page Camera, or leave the switch off")
             calibration = None if active is None else active.calibration
             own_scale = calibration is not None and calibration.scale is not None
             options = ImportOptions(mm_per_pixel=None if own_scale else self.scale(), calibration=calibration)
-            number = (
-                widgets.typed_integer("target", self.number_field.value, 1, LARGEST_TARGET)
-                if self.number_field.value
-                else None
-            )
+            typed = self.number_field.value
+            number = widgets.typed_integer("target", typed, 1, LARGEST_TARGET) if typed else None
             images = [row.frame() for row in self.rows]
             return save_images(self._instrument.store, images, number=number, options=options)
 
@@ -201,21 +247,37 @@ class OwnImagesPage:
                 ui.link(f"Open target {number}: estimate and report", f"/records/{number}").classes("link")
 
 
-class FrameRow:
-    """One opened frame: what was pressed, and the force; removed by ``remove``."""
+def findings_table(findings: Sequence[ImageFinding]) -> Table:
+    """What was measured, a row a frame."""
+    rows = {finding.image.name: dict(finding_rows(finding)) for finding in findings}
+    names = tuple(dict.fromkeys(name for row in rows.values() for name in row))
+    values = tuple((file, *(row.get(name, "") for name in names)) for file, row in rows.items())
+    return Table(title="Contact in each frame", columns=("file", *names), values=values)
 
-    def __init__(self, image: OwnImage, remove: Callable[[FrameRow], None], view: Callable[[FrameRow], object]) -> None:
-        self._image, self.name = image, image.name
+
+class FrameRow:
+    """One opened frame: its picture, what was pressed, and the force; shown by ``view``, removed by ``remove``."""
+
+    def __init__(
+        self, opened: OpenedFrame, remove: Callable[[FrameRow], None], view: Callable[[FrameRow], object]
+    ) -> None:
+        self._opened, self.path, self.name = opened, opened.image.path, opened.image.name
+        image = opened.image
         with ui.element("tr") as self.element:
+            with ui.element("td"):
+                picture = ui.element("img").classes("thumbnail")
+                widgets.show_drawing(picture, opened.picture, f"Frame {image.name}")
             widgets.cell(image.name)
             widgets.cell(f"{image.columns} x {image.rows}")
             with ui.element("td"):
-                self.role = ui.select({role: ROLE_NAMES[role] for role in IMAGE_ROLES}, value=image.role)
+                self.role = ui.select({role: ROLE_NAMES[role] for role in IMAGE_ROLES}, value=opened.role)
                 self.role.props("dense outlined").props["aria-label"] = f"Pressed on, {image.name}"
+                self.role.on_value_change(lambda event: setattr(opened, "role", event.value))
                 widgets.explain(self.role, "Pressed on")
             with ui.element("td"):
-                self.force = widgets.unit_field("", unit="N")
+                self.force = widgets.unit_field("", opened.force, unit="N")
                 self.force.props["aria-label"] = f"Force in newtons, {image.name}"
+                self.force.on_value_change(lambda event: setattr(opened, "force", event.value or ""))
                 widgets.explain(self.force, "Force in newtons")
             with ui.element("td"):
                 button = ui.button(icon="visibility", on_click=lambda: view(self)).props("flat dense round")
@@ -225,9 +287,8 @@ class FrameRow:
 
     def frame(self) -> OwnImage:
         """The frame as its fields say; `InputError` when the force is no number."""
-        force = self.force.value
-        called = f"force of {self.name}"
-        force_n = (
+        force, called = self._opened.force, f"force of {self.name}"
+        typed = (
             require_number(called, widgets.typed_number(called, force), 0.0, 100.0, hint="newtons") if force else None
         )
-        return replace(self._image, role=self.role.value, force_n=force_n)
+        return replace(self._opened.image, role=self._opened.role, force_n=typed)

@@ -54,6 +54,7 @@ if TYPE_CHECKING:
 
     from nicegui.events import ValueChangeEventArguments
 
+    from tsis.calibration.file import ProbeCalibration
     from tsis.console.pages.records import TargetContext
     from tsis.console.services.instrument import Instrument
     from tsis.console.viewer import Viewer
@@ -648,14 +649,31 @@ def _ask(page: TargetContext, view: TargetView) -> None:
         kind.props("outlined dense")
         way = ui.radio(ways, value="chosen" if chosen else "newest").props("dense")
         widgets.muted("All presses must be of one probe under one calibration.")
+        active = page.instrument.calibration
+        bare = active is not None and any(press.calibration is None for press in view.presses)
+        name = "" if active is None else active.calibration.name
+        calibrated = ui.switch(f"presses without a calibration were taken under {name}", value=False)
+        calibrated.set_visibility(bare)
 
         async def begin() -> None:
             dialog.close()
+            if calibrated.value and active is not None:
+                named = await page.viewer.attempt(_calibrate, page.instrument.store, view.target, active.calibration)
+                if named is None:
+                    return
             presses = chosen if way.value == "chosen" else None
             estimate = partial(page.instrument.estimate, number, kind=kind.value, presses=presses)
             await follow_job(page.viewer, page.below, estimate, _show)
 
         widgets.dialog_buttons(dialog, "Estimate", begin)
+
+
+def _calibrate(store: Store, target: Target, calibration: ProbeCalibration) -> int:
+    """Say that the presses without a calibration were taken under this one; gives how many."""
+    bare = [press for press in store.presses(target) if press.calibration is None]
+    for press in bare:
+        store.calibrate_press(press, calibration)
+    return len(bare)
 
 
 def _show(_: StoredEstimate) -> None:

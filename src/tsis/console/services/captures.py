@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime, timedelta
@@ -17,7 +18,7 @@ from tsis.errors import CameraError, ControlError, FileInputError, GaugeError, I
 from tsis.files.atomic import write_durably
 from tsis.files.frame_names import target_folder
 from tsis.files.images import encode_picture
-from tsis.files.reading import file_error, printable_name
+from tsis.files.reading import file_error, printable_name, read_object
 from tsis.files.result_folder import free_folder
 from tsis.imaging.colour import colour_map
 from tsis.imaging.contact import analyse_image
@@ -27,7 +28,7 @@ from tsis.instrument.recording import FrameFolder, FurtherColumns, record
 from tsis.instrument.snapshot import save_snapshot
 from tsis.model.require import require_integer, require_number, require_one_of
 from tsis.records.importing import import_batches, new_target, target_by_number, truth_note
-from tsis.records.sources import ImportOptions, find_import_batches
+from tsis.records.sources import ImportOptions, find_import_batches, sidecar_of
 from tsis.virtual.camera import FORCE_SETTING
 
 if TYPE_CHECKING:
@@ -273,6 +274,13 @@ def save_press(press: PressToSave, *, number: int, workspace: Path, store: Store
     return SavedPress(files=files, target=target, press=stored, flags=flags, notes=notes)
 
 
+def enter_target(store: Store, received: ReceivedFrame, subject: VirtualSubject | None, number: int) -> Target:
+    """The target of that number, which is created when absent; errors as `save_press`."""
+    if subject is not None:
+        _require_same_phantom(store, subject, number)
+    return _target(store, received.frame.tactile_image(), subject, number)[0]
+
+
 def _target(
     store: Store, image: TactileImage, subject: VirtualSubject | None, number: int
 ) -> tuple[Target, tuple[str, ...]]:
@@ -335,6 +343,11 @@ class OwnImage:
         """The file's name."""
         return printable_name(self.path)
 
+    @property
+    def order(self) -> tuple[object, ...]:
+        """Place among others: by role, force and name, whichever was opened first."""
+        return IMAGE_ROLES.index(self.role), self.force_n is None, self.force_n or 0.0, self.name
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OpenedImages:
@@ -342,6 +355,32 @@ class OpenedImages:
 
     images: tuple[OwnImage, ...] = ()
     refused: tuple[str, ...] = ()
+
+
+ROLE_IN_NAME = re.compile(r"(target|plain|reference|untouched)(?![a-z])", re.IGNORECASE)
+FORCE_IN_NAME = re.compile(r"(?<![\d.])(\d+(?:\.\d+)?) ?N(?![a-z])")
+ROLE_WORDS = {"reference": "plain"}
+
+
+def written_press(file: Path) -> tuple[str, float | None]:
+    """What was pressed and how hard, as a sidecar beside the file says, else as its name does; else the first role.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> written_press(Path("reference-0.5N.png")), written_press(Path("untouched.png")), written_press(Path("a.png"))
+    (('plain', 0.5), ('untouched', None), ('target', None))
+    """
+    sidecar = sidecar_of(file)
+    document = {} if sidecar is None else read_object(sidecar)
+    role, force = document.get("role"), document.get("force")
+    named, newtons = ROLE_IN_NAME.search(file.stem), FORCE_IN_NAME.search(file.stem)
+    if role not in IMAGE_ROLES:
+        word = IMAGE_ROLES[0] if named is None else named[1].lower()
+        role = ROLE_WORDS.get(word, word)
+    if isinstance(force, dict) and isinstance(force.get("force_n"), float):
+        return role, max(0.0, force["force_n"])
+    return role, None if newtons is None else float(newtons[1])
 
 
 def open_images(paths: Sequence[Path], *, frames_in: Path) -> OpenedImages:
@@ -359,11 +398,13 @@ def open_images(paths: Sequence[Path], *, frames_in: Path) -> OpenedImages:
                     raise file_error(file, f"is left out: at most {MOST_OWN_FRAMES} frames are opened at once")
                 try:
                     rows, columns = read_press_image(file).grey.shape
-                    images.append(OwnImage(path=file, rows=rows, columns=columns))
+                    role, force_n = written_press(file)
+                    images.append(OwnImage(path=file, rows=rows, columns=columns, role=role, force_n=force_n))
                 except TsisError as error:
                     refused.append(str(error))
         except (TsisError, OSError) as error:  # a folder may be closed to us, a disk full
             refused.append(str(error))
+    images.sort(key=lambda image: image.order)
     within = f"{frames_in}/"  # the folder of uploads says nothing to a user
     return OpenedImages(images=tuple(images), refused=tuple(message.replace(within, "") for message in refused))
 

@@ -18,6 +18,7 @@ from tsis.console.services.captures import (
     PressToSave,
     SequenceRequest,
     begin_sequence,
+    enter_target,
     force_at,
     gauge_force,
     save_press,
@@ -475,13 +476,17 @@ class Instrument:
     def begin_sequence(self, *, seconds: float | None = None, frames: int | None = None, by: str) -> Job:
         """Record every frame for a number of frames or seconds; it continues when the browser closes.
 
-        Errors as `SequenceRequest` and `begin_sequence`; `ControlError` while a sequence runs.
+        Its target is entered in the store, so that the sequence has a page. Errors as `SequenceRequest`,
+        `begin_sequence` and `save_press`; `ControlError` while a sequence runs.
         """
         with self._commands.run(by, "beginning a sequence", instead="another sequence can begin"):
+            request = SequenceRequest(target=self._target, seconds=seconds, frames=frames)
+            if (received := self._newest()) is not None:
+                enter_target(self.store, received, self.camera_controller.subject, self._target)
             self._commands.sequence = sequence = begin_sequence(
                 self.jobs,
                 self.camera_controller.acquisition,
-                SequenceRequest(target=self._target, seconds=seconds, frames=frames),
+                request,
                 workspace=self.terms.workspace,
                 gauge=self._gauge,
                 typed_n=lambda: self.camera_controller.force_n,
