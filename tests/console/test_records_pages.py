@@ -69,7 +69,7 @@ def test_a_list_is_searched_sorted_and_opens_a_target(console: RunningConsole, b
         page.get_by_role("columnheader", name="Presses").click()
         page.locator(".targets tbody tr", has_text="many").and_(page.locator(":first-child")).wait_for()
         assert names(page) == ["many presses", "size-10", "cl2000x"]
-        page.get_by_label("Search number or name").fill("CL2")
+        page.get_by_label("Search number, name, note or #tag").fill("CL2")
         page.get_by_text("size-10").wait_for(state="hidden")
         assert names(page) == ["cl2000x"]
         page.get_by_role("link", name="cl2000x").click()

@@ -21,11 +21,13 @@ from tsis.console.worker import WorkerProcess
 from tsis.errors import FileInputError, InputError, TsisError
 from tsis.files.frame_names import target_folder
 from tsis.files.images import encode_picture
+from tsis.files.tables import table_bytes
 from tsis.imaging.colour import COLOUR_MAPS, colour_map
 from tsis.imaging.pixels import block_means
 from tsis.model.image import TactileImage
 from tsis.model.require import require_integer, require_one_of
 from tsis.present.records import ENDINGS, MASKED, PAGE_FORMS, StoreAddress, report_of_stored_target, write_form
+from tsis.present.target import result_rows
 from tsis.records.export import export_file
 
 if TYPE_CHECKING:
@@ -173,6 +175,14 @@ def files_router(
         kind = form_of("form of export", form, ENDINGS)
         owner = target_of(store, target)
         return _Sent(write_export(store, owner, kind, identified=identified, reports=reports), shown=False)
+
+    @router.get("/targets.csv")
+    @_errors_as_text
+    def results() -> Response:
+        records = (store.record(item.target, limit=0) for item in store.targets())
+        content = table_bytes(result_rows(records))
+        headers = {"cache-control": NO_CACHE, "content-disposition": 'attachment; filename="targets.csv"'}
+        return Response(content, media_type="text/csv; charset=utf-8", headers=headers)
 
     @router.get("/sequence/{target}/{name}.zip")
     @_errors_as_text

@@ -12,6 +12,33 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
 
+PLACES = {  # where a page does what a command of the terminal does
+    "acquire": "the page Examine",
+    "calibrate": "the page Calibrate",
+    "console": "the console",
+    "depth": "whoever calibrates the sensor",
+    "design": "the page Design",
+    "examine": "the page My images",
+    "hardness": "the page Hardness",
+    "records": "the page Targets",
+    "study": "the page Studies",
+}
+COMMAND = re.compile(r"\btsis (\w+)((?: (?:--?[\w-]+|[a-z]+(?=[).,;:]| -)|[A-Z][A-Z.]*|\d[\d.,]*|/\S+))*)")
+
+
+def on_pages(text: str) -> str:
+    """A message with the page in place of a command of the terminal.
+
+    Examples
+    --------
+    >>> on_pages("measure it on soft pads: tsis calibrate --pad-kpa 5 --pad-kpa 10")
+    'measure it on soft pads: the page Calibrate'
+    >>> on_pages("the store is damaged (tsis records verify)")
+    'the store is damaged (the page Targets)'
+    """
+    return COMMAND.sub(lambda found: PLACES.get(found[1], found[0]), text)
+
+
 UNITS = {"millimetres": "mm", "newtons": "N", "kilopascals": "kPa", "seconds": "s", "degrees": "°", "pixels": "pixels"}
 LONGEST_SIGN = 3  # letters of a unit's sign, as dB
 ENTERED = {"": "", "''": "nothing was entered", "none": "nothing was entered", "inf": "what you entered is too large"}
@@ -38,6 +65,7 @@ def plain_message(error: Exception | str) -> str:
             text = f"{error.name} {error.requirement}{behind}" + (f"; {error.hint}" if error.hint else "")
         else:
             text = f"{error.name} must be {_range(*error.bounds)}{_unit(error.hint)}{behind}"
+    text = on_pages(text)
     if re.match(r"[a-z]+[ ,]", text):
         text = text[0].upper() + text[1:]
     return text if text.endswith((".", "!", "?", ":")) else f"{text}."

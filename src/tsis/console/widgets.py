@@ -16,7 +16,7 @@ from urllib.parse import urlsplit
 from nicegui import ui
 from nicegui.elements.upload import Upload
 
-from tsis.console.messages import labelled, plain_message
+from tsis.console.messages import labelled, on_pages, plain_message
 from tsis.console.services.jobs import estimate_title
 from tsis.errors import InputError
 from tsis.model.require import require_integer
@@ -624,7 +624,7 @@ def message_list(messages: Iterable[str] = ()) -> Element:
 def list_message(message: str, style: str = "") -> None:
     """Place a message in a list."""
     with ui.element("li"):
-        ui.label(message).classes(style)
+        ui.label(on_pages(message)).classes(style)
 
 
 def rows_under(headings: Iterable[str], *, caption: str = "", label: str = "", style: str = "table") -> Element:

@@ -9,7 +9,7 @@ from tsis.hardness.shore import shore
 from tsis.model.estimate import INTERVAL_LEVEL
 from tsis.present.document import estimate_messages
 from tsis.present.figures import contact_growth, modulus, tactile_image
-from tsis.present.inclusion import inclusion_cards
+from tsis.present.inclusion import estimate_table, inclusion_cards
 from tsis.present.page import Card, Page, Picture, Table, flags_table, on_axes
 
 if TYPE_CHECKING:
@@ -131,6 +131,13 @@ def estimate_cards(stored: StoredEstimate, truth: Mapping[str, float]) -> tuple[
     if stored.kind == HARDNESS:
         return (hardness_card(stored.estimate, truth.get("young_kpa")),)
     return inclusion_cards(stored.estimate, truth)
+
+
+def estimate_table_of(stored: StoredEstimate, truth: Mapping[str, float]) -> Table:
+    """All numbers of an estimate of either kind, with the truth where known."""
+    if stored.kind == HARDNESS:
+        return hardness_table(stored.estimate, title="All numbers", truth_kpa=truth.get("young_kpa"))
+    return estimate_table(stored.estimate, title="All numbers", truth=truth)
 
 
 def estimate_messages_of(stored: StoredEstimate) -> tuple[str, ...]:

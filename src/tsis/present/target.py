@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -24,7 +25,7 @@ from tsis.present.labels import quantity_of
 from tsis.present.page import Card, Page, Table
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
     from datetime import datetime
 
     from tsis.model.estimate import Estimate
@@ -394,16 +395,68 @@ def history_tables(record: TargetRecord) -> tuple[Table, ...]:
 
 
 def _history_row(stored: StoredEstimate) -> tuple[str, ...]:
-    estimate = stored.estimate
     return (
         time_text(stored.made),
         stored.id[:SHORT],
         stored.kind,
         str(stored.environment.get("tsis", "not known")),
-        "; ".join(_value_text(estimate, name) for name in estimate.names) if estimate.trusted else "not to be trusted",
+        result_text(stored),
         str(len(stored.presses)),
         stored.supersedes[:SHORT] if stored.supersedes else "none",
     )
+
+
+def result_text(stored: StoredEstimate) -> str:
+    """An estimate in one line: mean and 90 % interval of each parameter, unless they are withheld."""
+    estimate = stored.estimate
+    if not estimate.trusted:
+        return "not to be trusted"
+    return "; ".join(_value_text(estimate, name) for name in estimate.names)
+
+
+TAG = re.compile(r"(?<!\S)#([\w-]+)")
+
+
+def tags_of(note: str) -> tuple[str, ...]:
+    """Words of a note that begin with a number sign.
+
+    Examples
+    --------
+    >>> tags_of("second day #pilot, with #gel-2")
+    ('pilot', 'gel-2')
+    """
+    return tuple(dict.fromkeys(TAG.findall(note)))
+
+
+RESULT_COLUMNS = ("mean", "90 % interval, low", "90 % interval, high")
+
+
+def result_rows(records: Iterable[TargetRecord]) -> list[tuple[object, ...]]:
+    """A table of targets, headings first: an estimate in force a row, or a row without numbers.
+
+    Numbers that are withheld stay empty; of a subject there is no note.
+    """
+    names = ("diameter_mm", "depth_mm", "young_kpa")
+    head = ("target", "kind", "name", "tags", "note", "estimate", "made (UTC)", "flags")
+    rows: list[tuple[object, ...]] = [(*head, *(f"{name}, {what}" for name in names for what in RESULT_COLUMNS))]
+    for record in records:
+        target = record.target
+        note = "" if target.kind == "subject" else target.note
+        about = (target.number, target.kind, target.name, " ".join(tags_of(note)), note)
+        for stored in newest_first(record):
+            numbers = [cell for name in names for cell in _numbers(stored.estimate, name)]
+            made = (stored.kind, time_text(stored.made), " ".join(stored.estimate.flags))
+            rows.append((*about, *made, *numbers))
+        if not record.active_estimates:
+            rows.append((*about, *("",) * (len(rows[0]) - len(about))))
+    return rows
+
+
+def _numbers(estimate: Estimate, name: str) -> tuple[object, ...]:
+    if name not in estimate.names or not estimate.trusted:
+        return "", "", ""
+    low, high = estimate.interval(INTERVAL_LEVEL)[name]
+    return "" if estimate.withheld_reason(name) else estimate.mean[name], low, high
 
 
 def _value_text(estimate: Estimate, name: str) -> str:

@@ -89,3 +89,26 @@ def test_a_sequence_of_a_target_without_a_snapshot_is_found_on_its_page(lit: Ins
         await operator.sees("Frame 1 of 3")
 
     at_console(lit, script, "/records/12")
+
+
+def test_the_list_has_results_notes_and_tags_and_is_saved_as_a_table(lit: Instrument) -> None:
+    target = lit.store.import_target(sample_record()).target
+    lit.store.edit_target(lit.store.target(target.number), note="second day #pilot")
+
+    async def script(operator: Operator) -> None:
+        await operator.until(lambda: bool(operator.rows), "no row")
+        (row,) = operator.rows
+        (current,) = (await operator.requested(f"/targets/{target.number}/estimates"))["estimates"]
+        mean = current["parameters"]["diameter_mm"]["mean"]
+        assert f"Diameter d {mean:.3g} mm" in row[5]
+        assert row[6] == "second day #pilot"
+        await operator.types("Search number, name, note or #tag", "#pilot")
+        await operator.until(lambda: len(operator.rows) == 1, "a tag is not found")
+        await operator.types("Search number, name, note or #tag", "#other")
+        await operator.until(lambda: not operator.rows, "another tag is found")
+        answer = (await operator.http.get("/files/targets.csv")).raise_for_status().text.splitlines()
+        assert answer[0].startswith("target,kind,name,tags,note,estimate")
+        assert len(answer) == 2
+        assert ",pilot,second day #pilot,inclusion," in answer[1]
+
+    at_console(lit, script, "/records")

@@ -347,7 +347,7 @@ LIST_EVERY_S, SESSION_EVERY_S = 2.0, 0.3  # between two readings
 def calibrate_page(instrument: Instrument, viewer: Viewer) -> None:
     """Build the page."""
     controls = widgets.OperatorControls(viewer)
-    with ui.element("div").classes("split calibrate-choosing"):
+    with ui.element("div").classes("split calibrate-choosing") as columns:
         with widgets.panel("Sessions", style="panel"):
             listed = widgets.Redrawn(ui.element("div").classes("stack"))
         with widgets.panel("Begin a calibration"):
@@ -357,6 +357,7 @@ def calibrate_page(instrument: Instrument, viewer: Viewer) -> None:
     async def refresh() -> None:
         sessions = await run.io_bound(instrument.calibrating.listed)
         if sessions is not None and listed.changes_to(sessions):
+            widgets.set_class(columns, "no-sessions", not sessions)
             with listed.element:
                 session_list(sessions)
 

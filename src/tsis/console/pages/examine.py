@@ -17,7 +17,7 @@ from tsis.console.live.panel import FramePanel
 from tsis.console.live.press_curve import PressCurve
 from tsis.console.live.view import LiveView, SurfaceView
 from tsis.console.messages import FORCE, field_messages, plain_message
-from tsis.console.pages.records import ReportButton
+from tsis.console.pages.records import ReportButton, flag_text
 from tsis.console.services.captures import MOST_SEQUENCE_FRAMES
 from tsis.console.services.choice import CameraChoice
 from tsis.console.services.jobs import FAILED, tissue_title
@@ -25,7 +25,7 @@ from tsis.console.services.memory import LIGHT_N
 from tsis.errors import TsisError
 from tsis.instrument.camera import PRESETS
 from tsis.model.require import require_integer
-from tsis.present.hardness import estimate_cards, estimate_messages_of
+from tsis.present.hardness import estimate_cards, estimate_messages_of, estimate_table_of
 from tsis.present.inclusion import estimate_pictures
 from tsis.present.page import address
 from tsis.present.target import time_text
@@ -484,7 +484,10 @@ class EstimatePanel:
         self._on_saved(saved)
         with self._record.element:
             for stored in saved.estimates:
-                widgets.cards(estimate_cards(stored, {} if saved.target is None else saved.target.truth))
+                truth = {} if saved.target is None else saved.target.truth
+                widgets.cards(estimate_cards(stored, truth))
+                with ui.expansion("All numbers").props("dense"):
+                    widgets.table(estimate_table_of(stored, truth))
                 with ui.element("div").classes("estimate-figures"):
                     for item in self._drawn.get(stored.id, ()):
                         widgets.figure(*item)
@@ -503,7 +506,7 @@ def presses(saved: SavedTarget) -> None:
     count = widgets.count_text(saved.count, "press")
     with widgets.rows_under(("Pressed", "Force", "Saved at (UTC)", "Flags"), caption=count + more):
         for press in saved.presses:
-            flags = ", ".join(press.flags)
+            flags = "; ".join(map(flag_text, press.flags))
             widgets.row((ROLE_NAMES[press.role], widgets.force_text(press.force_n), time_text(press.taken), flags))
 
 
@@ -801,7 +804,7 @@ class PressPanel:
 def snapshot_text(saved: SavedPress) -> str:
     """Text of a snapshot."""
     press = saved.press
-    against = f"; flagged {', '.join(press.flags)}" if press.flags else ""
+    against = f"; {'; '.join(map(flag_text, press.flags))}" if press.flags else ""
     notes = "".join(f" {note}." for note in saved.notes)
     role, force = ROLE_NAMES[press.role], widgets.force_text(press.force_n)
     return f"Saved for target {saved.target.number}: {role}, {force}{against}." + notes

@@ -128,5 +128,5 @@ def reading_facts(reading: GelReading, setup: GelSetup) -> tuple[tuple[str, str]
         force = f"{reading.force_n:.3g} N " + "({:.3g} … {:.3g} N)".format(*reading.force_interval_n)
         facts += [("Deepest point", f"{reading.deepest_mm:.3f} mm"), ("Force", force)]
     elif setup.calibration is None:
-        facts += [("Depth and force", "need a depth calibration: tsis depth calibrate writes one")]
+        facts += [("Depth and force", "need a depth calibration, a file of this sensor")]
     return (*facts, *(("Note", problem) for problem in reading.problems))

@@ -14,6 +14,7 @@ from tsis.console import widgets
 from tsis.console.live.view import LiveView
 from tsis.console.messages import with_field_labels
 from tsis.console.pages.examine import snapshot_text
+from tsis.console.pages.records import flag_text
 from tsis.console.services.choice import BALL_MM, CameraChoice
 from tsis.console.services.instrument import newest_presses
 from tsis.console.services.jobs import FAILED
@@ -337,7 +338,7 @@ class PressPart:
 def press_text(press: StoredPress) -> str:
     """A press in a line."""
     where = "Object" if press.role == TARGET else "Rigid ball"
-    against = f"; warnings: {', '.join(press.flags)}" if press.flags else ""
+    against = f"; {'; '.join(map(flag_text, press.flags))}" if press.flags else ""
     return f"{where}, {widgets.force_text(press.force_n)}, saved at {widgets.time_label(press.taken)}{against}"
 
 

@@ -20,7 +20,7 @@ from tsis.console.files import target_of
 from tsis.console.services.jobs import DONE
 from tsis.errors import FileInputError, InputError, TsisError
 from tsis.present.records import FORM_LABELS, MASKED, import_message, verdict, verification_notes
-from tsis.present.target import time_text, without_identity
+from tsis.present.target import newest_first, result_text, time_text, without_identity
 from tsis.records.reader import ARCHIVED, DELETED
 from tsis.records.store import back_up_store, verify_store
 from tsis.records.target import read_bundle
@@ -100,6 +100,11 @@ def flags_of(press: StoredPress, *, private: bool) -> tuple[str, ...]:
     return tuple(flag if not private or flag in GUARD_FLAGS else UNKNOWN_FLAG for flag in press.flags)
 
 
+def flag_text(name: str) -> str:
+    """What a flag of the press guard means; one that somebody wrote down stays as it is."""
+    return GUARD_FLAGS[name].means if name in GUARD_FLAGS else name
+
+
 class ChosenPresses(Protocol):
     """The presses that the person has ticked."""
 
@@ -138,7 +143,7 @@ FETCH = """
     setTimeout(() => URL.revokeObjectURL(link.href), 60000);
     return "";
 """
-CUT = "the download failed: the connection was lost or it took too long; try again, or use tsis records export"
+CUT = "the download failed: the connection was lost or it took too long; try again"
 
 
 async def fetch_file(viewer: Viewer, address: str) -> bool:
@@ -336,7 +341,8 @@ def _is_requested(summary: TargetSummary, search: str, kind: str) -> bool:
         return False
     if kind in (ESTIMATED, NOT_ESTIMATED) and (summary.estimates > 0) != (kind == ESTIMATED):
         return False
-    return search in summary.target.name.casefold() or str(summary.target.number).startswith(search)
+    words = f"{summary.target.name} {'' if summary.target.kind == 'subject' else summary.target.note}".casefold()
+    return search in words or str(summary.target.number).startswith(search)
 
 
 COLUMNS = (
@@ -345,11 +351,13 @@ COLUMNS = (
     ("presses", "Presses", "right"),
     ("estimates", "Estimates", "right"),
     ("last", "Last press (UTC)", "left"),
+    ("result", "Result", "left"),
+    ("note", "Tags and note", "left"),
 )
 LINK = '<q-td :props="props"><a class="link" :href="props.row.address">{{ props.value }}</a></q-td>'
 BEGIN = (
     "Nothing is saved yet. Start the camera on the page Examine and take a snapshot: it becomes the first press of a "
-    "target. A bundle of another store can be imported here. On the command line, tsis demo --save fills a store."
+    "target. A bundle of another store can be imported here."
 )
 
 
@@ -366,6 +374,8 @@ def target_listing(instrument: Instrument, viewer: Viewer) -> None:
             verify_button(instrument, viewer, below)
             backup_button(instrument, viewer, below)
             import_button(instrument, viewer, below)
+            save = partial(fetch_file, viewer, "/files/targets.csv")
+            widgets.button("Save as CSV", save, icon="table_view", look="outline dense")
         targets = _TargetTable(instrument, viewer, count)
     follow_store(viewer, targets.load)
 
@@ -378,7 +388,7 @@ class _TargetTable:
         self._targets: tuple[TargetSummary, ...] = ()
         self._order = Order()
         with ui.element("div").classes("row") as self._request:
-            self._search = widgets.text_field("Search number or name", on_change=self._requested).props(
+            self._search = widgets.text_field("Search number, name, note or #tag", on_change=self._requested).props(
                 "clearable debounce=200"
             )
             self._kind = (
@@ -390,7 +400,7 @@ class _TargetTable:
         self._table = ui.table(
             rows=[],
             columns=[
-                {"name": name, "label": label, "field": name, "align": align, "sortable": True}
+                {"name": name, "label": label, "field": name, "align": align, "sortable": name in KEYS}
                 for name, label, align in COLUMNS
             ],
             row_key="number",
@@ -419,22 +429,24 @@ class _TargetTable:
         self._empty.set_visibility(not everything)
         self._request.set_visibility(bool(everything))
         self._table.set_visibility(bool(everything))
-        self._show()
+        await self._show()
 
-    def _requested(self) -> None:
+    async def _requested(self) -> None:
         self._order = replace(self._order, search=self._search.value or "", kind=self._kind.value, sheet=1)
-        self._show()
+        await self._show()
 
-    def _page_changed(self, event: GenericEventArguments) -> None:
+    async def _page_changed(self, event: GenericEventArguments) -> None:
         pagination = event.args.get("pagination") if isinstance(event.args, dict) else None
         requested: dict[str, Any] = pagination if isinstance(pagination, dict) else {}
         self._order = Order.requested(requested, search=self._order.search, kind=self._order.kind)
-        self._show()
+        await self._show()
 
-    def _show(self) -> None:
-        sheet = sheet_of(self._targets, self._order)
-        self._table.rows = [_row(target) for target in sheet.targets]
-        self._table.pagination = self._pages(sheet)
+    async def _show(self) -> None:
+        order, sheet = self._order, sheet_of(self._targets, self._order)
+        rows = await self._viewer.attempt(lambda: [_row(self._instrument.store, item) for item in sheet.targets])
+        if rows is not None and order == self._order:  # else another sheet was asked for meanwhile
+            self._table.rows = rows
+            self._table.pagination = self._pages(sheet)
 
     def _pages(self, sheet: Sheet) -> dict[str, Any]:
         """Pagination for the browser's table."""
@@ -447,8 +459,18 @@ class _TargetTable:
         }
 
 
-def _row(summary: TargetSummary) -> dict[str, Any]:
+def _row(store: Store, summary: TargetSummary) -> dict[str, Any]:
+    """A target with its newest estimate and, of a phantom, its note; one that cannot be read says why."""
+    target, private = summary.target, summary.target.kind == "subject"
+    result = ""
+    try:
+        if summary.estimates:
+            result = result_text(newest_first(store.record(target, limit=0))[0])
+    except (TsisError, IndexError) as error:
+        result = str(error)
     return {
+        "result": result,
+        "note": "" if private else target.note,
         "number": summary.target.number,
         "name": summary.target.name or "(no name)",
         "presses": summary.presses,
@@ -463,7 +485,7 @@ EXPLAINED = (
     "A bundle is the zip file that a target's export creates. Existing targets, presses and estimates are not "
     "changed, and nothing is imported twice."
 )
-TOO_LARGE = f"a bundle must be one zip file of at most {widgets.LARGEST_MIB} MiB here; larger ones: tsis records import"
+TOO_LARGE = f"a bundle must be one zip file of at most {widgets.LARGEST_MIB} MiB here"
 
 
 def import_button(instrument: Instrument, viewer: Viewer, place: ui.element) -> None:
@@ -535,7 +557,7 @@ def verify_button(instrument: Instrument, viewer: Viewer, place: ui.element) -> 
 
 BACKUP = (
     "Copies the whole store to a new folder on the console's computer and verifies the copy, which is a store itself. "
-    "To restore: tsis records restore FOLDER --store NEW, then tsis console --store NEW."
+    "Whoever runs the console can restore a store from it."
 )
 
 
@@ -593,7 +615,7 @@ def _show_verification(place: ui.element, verification: StoreVerification) -> No
             for fault in verification.faults[:MOST_SHOWN]:
                 widgets.list_message(fault, "doubtful")
         if len(verification.faults) > MOST_SHOWN:
-            ui.label(f"and {len(verification.faults) - MOST_SHOWN} more faults (tsis records verify shows all)")
+            ui.label(f"and {len(verification.faults) - MOST_SHOWN} more faults")
         for note in verification_notes(verification):
             ui.label(note).classes("muted identity")
         widgets.button("Close", place.clear, look="flat dense")

@@ -302,7 +302,7 @@ def verify_button(page: StudyContext, place: ui.element) -> None:
                 for fault in verification.faults[:MOST_FAULTS_SHOWN]:
                     widgets.list_message(str(fault), "doubtful")
             if len(verification.faults) > MOST_FAULTS_SHOWN:
-                ui.label(f"and {len(verification.faults) - MOST_FAULTS_SHOWN} more (tsis study verify shows all)")
+                ui.label(f"and {len(verification.faults) - MOST_FAULTS_SHOWN} more")
             ui.label(f"Head of the log: {verification.head}").classes("muted identity")
             with ui.element("div").classes("row"):
                 saved_head = widgets.unit_field("Log head saved elsewhere", head, keys="text").classes("study-head")
@@ -426,7 +426,7 @@ EXPLAINED = (
     "A CSV file with the columns {columns}. A higher score means that an inclusion is more likely; an empty score "
     "means undecided. The last three columns may be empty. A file is imported completely or not at all."
 )
-TOO_LARGE = f"readings must be one CSV file of at most {widgets.LARGEST_MIB} MiB here; larger ones: tsis study import"
+TOO_LARGE = f"readings must be one CSV file of at most {widgets.LARGEST_MIB} MiB here"
 CUT = "The upload is incomplete: try again."
 
 

@@ -21,16 +21,20 @@ from tsis.console.pages.records import (
     ReportButton,
     TargetView,
     export_button,
+    flag_text,
     flags_of,
     follow_job,
     follow_store,
     read_target,
 )
 from tsis.errors import StaleRecordError, TsisError
+from tsis.hardness.flags import HARDNESS_FLAGS
+from tsis.inclusion.flags import INCLUSION_FLAGS
 from tsis.model.image import TactileImage
-from tsis.present.hardness import estimate_messages_of
+from tsis.present.hardness import HARDNESS, estimate_messages_of
 from tsis.present.images import comparison, difference
 from tsis.present.labels import in_order, quantity_of
+from tsis.present.page import flags_table
 from tsis.present.records import recomputation_message, recomputation_notes, shift_table
 from tsis.present.target import (
     IDENTITY_NOTE,
@@ -58,7 +62,7 @@ if TYPE_CHECKING:
     from tsis.console.pages.records import TargetContext
     from tsis.console.services.instrument import Instrument
     from tsis.console.viewer import Viewer
-    from tsis.present.page import Page
+    from tsis.present.page import Page, Table
     from tsis.records.recomputation import Recomputation
     from tsis.records.store import Store
     from tsis.records.values import StoredEstimate, StoredPress, Target
@@ -246,7 +250,7 @@ def _facts(view: TargetView, press: StoredPress) -> None:
         else "{:.4g} × {:.4g} mm per pixel".format(*press.mm_per_pixel),
         "probe": "not shown of a subject" if view.private else press.probe or "not named",
         "calibration": calibration if given is None or view.private else f"{given.name} ({calibration})",
-        "flags": ", ".join(flags_of(press, private=view.private)) or "none",
+        "flags": "; ".join(map(flag_text, flags_of(press, private=view.private))) or "none",
         "version": f"{press.version}",
     }
     widgets.FactList().show(rows.items())
@@ -452,7 +456,7 @@ class Presses:
                     ui.label(widgets.force_text(press.force_n))
                 widgets.muted(widgets.time_label(press.taken))
                 for flag in flags:
-                    ui.label(flag).classes("press-flag")
+                    ui.label(flag_text(flag)).classes("press-flag")
                 choose = ui.checkbox(
                     "choose", value=press.id in self.chosen, on_change=lambda event: self._choose(press, event)
                 )
@@ -599,6 +603,11 @@ async def compare_targets(instrument: Instrument, viewer: Viewer, pair: str) -> 
                             ui.label(widgets.press_label(press))
 
 
+def flag_tables(stored: StoredEstimate) -> tuple[Table, ...]:
+    """The flags of an estimate with what each means and what to do."""
+    return flags_table(stored.estimate.flags, HARDNESS_FLAGS if stored.kind == HARDNESS else INCLUSION_FLAGS)
+
+
 NONE_YET = "Nothing was estimated yet. Estimate needs presses that were taken under a calibration."
 
 
@@ -615,8 +624,9 @@ def estimates(view: TargetView) -> None:
             for message in (*estimate_messages_of(stored), origin(stored)):
                 of_kind = f"Of the {stored.kind}: {message}"
                 widgets.list_message(of_kind if len(current) > 1 else message)
-            if stored.estimate.flags:
-                widgets.list_message(f"Flags: {', '.join(stored.estimate.flags)}", "doubtful")
+            for table in flag_tables(stored):
+                for _, means, cure, _ in table.rows:
+                    widgets.list_message(f"{means[:1].upper()}{means[1:]}{f': {cure}' if cure else ''}.", "doubtful")
         for message in view.record.damaged:
             widgets.list_message(f"Left out: {message}", "flag")
     if view.private:

@@ -269,7 +269,7 @@ def save_press(press: PressToSave, *, number: int, workspace: Path, store: Store
     except TsisError as error:
         raise RecordsError(
             f"the files are in {files.raw.parent}, but the press could not be saved in the store: {error} "
-            f"(when that is fixed, import it with: tsis records import {files.sidecar})"
+            "(when that is fixed, open it on the page My images and save it)"
         ) from error
     return SavedPress(files=files, target=target, press=stored, flags=flags, notes=notes)
 
