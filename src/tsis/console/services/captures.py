@@ -256,7 +256,7 @@ def save_press(press: PressToSave, *, number: int, workspace: Path, store: Store
         },
     )
     try:
-        target, notes = _target(store, image, press.subject, number)
+        target, notes = _target(store, [image], press.subject, number)
         stored = store.add_press(
             target,
             image,
@@ -274,22 +274,22 @@ def save_press(press: PressToSave, *, number: int, workspace: Path, store: Store
     return SavedPress(files=files, target=target, press=stored, flags=flags, notes=notes)
 
 
-def enter_target(store: Store, received: ReceivedFrame, subject: VirtualSubject | None, number: int) -> Target:
+def enter_target(store: Store, subject: VirtualSubject | None, number: int) -> Target:
     """The target of that number, which is created when absent; errors as `save_press`."""
     if subject is not None:
         _require_same_phantom(store, subject, number)
-    return _target(store, received.frame.tactile_image(), subject, number)[0]
+    return _target(store, (), subject, number)[0]
 
 
 def _target(
-    store: Store, image: TactileImage, subject: VirtualSubject | None, number: int
+    store: Store, first: Sequence[TactileImage], subject: VirtualSubject | None, number: int
 ) -> tuple[Target, tuple[str, ...]]:
-    """The target of that number, created when absent, and notes about it."""
+    """The target of that number, created when absent with its ``first`` frames on the disk, and notes about it."""
     name, truth = ("", {}) if subject is None else (subject.name, subject.truth if store.kind == "phantom" else {})
     target = target_by_number(store, number)
     if target is None:
         try:
-            return new_target(store, [image], number=number, name=name, truth=truth), ()
+            return new_target(store, first, number=number, name=name, truth=truth), ()
         except InputError:
             target = target_by_number(store, number)  # somebody else has entered it this moment
             if target is None:

@@ -481,8 +481,8 @@ class Instrument:
         """
         with self._commands.run(by, "beginning a sequence", instead="another sequence can begin"):
             request = SequenceRequest(target=self._target, seconds=seconds, frames=frames)
-            if (received := self._newest()) is not None:
-                enter_target(self.store, received, self.camera_controller.subject, self._target)
+            if self.camera_controller.running:
+                enter_target(self.store, self.camera_controller.subject, self._target)
             self._commands.sequence = sequence = begin_sequence(
                 self.jobs,
                 self.camera_controller.acquisition,
