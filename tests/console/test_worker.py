@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import pytest
 from tests.waiting import HANGS_S, until
 
-from tsis.console.worker import WorkerProcess, collecting_garbage, share_memory_among_threads
+from tsis.console.worker import WorkerProcess, collecting_garbage, give_memory_back, share_memory_among_threads
 from tsis.errors import ControlError, InputError, UnknownNameError
 from tsis.model.require import require_integer, require_one_of
 
@@ -154,3 +154,18 @@ def test_what_holds_each_other_is_found_while_nothing_else_is_made() -> None:
 def test_memory_is_shared_wherever_that_can_be_asked_for() -> None:
     share_memory_among_threads()
     share_memory_among_threads()  # as often as one likes
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="memory is measured as Linux tells it")
+def test_memory_that_was_freed_between_pieces_in_use_goes_back() -> None:
+    def resident_mib() -> float:
+        with open("/proc/self/statm") as status:
+            return int(status.read().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
+
+    pieces = [bytearray(1500) for _ in range(60_000)]
+    used = pieces[::100]  # which keep the C library from giving the rest back by itself
+    full = resident_mib()
+    del pieces
+    give_memory_back()
+    assert resident_mib() < full - 50
+    assert len(used) == 600
