@@ -11,6 +11,7 @@ import threading
 import time
 import weakref
 from contextlib import closing
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
@@ -22,7 +23,6 @@ from tsis.model.require import require_integer, require_one_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from pathlib import Path
 
 
 @pytest.fixture
@@ -159,8 +159,8 @@ def test_memory_is_shared_wherever_that_can_be_asked_for() -> None:
 @pytest.mark.skipif(sys.platform != "linux", reason="memory is measured as Linux tells it")
 def test_memory_that_was_freed_between_pieces_in_use_goes_back() -> None:
     def resident_mib() -> float:
-        with open("/proc/self/statm") as status:
-            return int(status.read().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
+        resident = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+        return resident * os.sysconf("SC_PAGE_SIZE") / 2**20
 
     pieces = [bytearray(1500) for _ in range(60_000)]
     used = pieces[::100]  # which keep the C library from giving the rest back by itself
