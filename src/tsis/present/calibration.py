@@ -197,7 +197,7 @@ def calibration_page(
 
     ``saved`` is the calibration in the file, where it is not the measured one: at another exposure, for another use.
     """
-    other = saved is not None and saved != calibration
+    other = None if saved == calibration else saved
     line, scale = calibration.force_line, calibration.scale
     assert line is not None  # a session measures both
     assert scale is not None
@@ -243,11 +243,11 @@ def calibration_page(
         notes=(*calibration_notes(calibration, findings), *specification_notes(calibration)),
         pictures=pictures,
         tables=(
-            *((Table(title=f"Saved: {saved.name}", columns=MEASURED, values=content_rows(saved)),) if other else ()),
+            *((Table(title=f"Saved: {other.name}", columns=MEASURED, values=content_rows(other)),) if other else ()),
             Table(
                 title="Measured at the settings of the session" if other else "Measured",
                 columns=MEASURED,
-                values=calibration_rows(calibration, findings, identified=not other),
+                values=calibration_rows(calibration, findings, identified=other is None),
             ),
             *specification_tables(calibration),
         ),

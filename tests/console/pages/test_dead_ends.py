@@ -96,6 +96,7 @@ def test_the_list_has_results_notes_and_tags_and_is_saved_as_a_table(lit: Instru
     lit.store.edit_target(lit.store.target(target.number), note="second day #pilot")
 
     async def script(operator: Operator) -> None:
+        await operator.sees("1 target (phantoms)")  # the table is there with it
         await operator.until(lambda: bool(operator.rows), "no row")
         (row,) = operator.rows
         (current,) = (await operator.requested(f"/targets/{target.number}/estimates"))["estimates"]
