@@ -31,7 +31,7 @@ def signed(change: TactileImage) -> tuple[TactileImage, float]:
     return image, -most
 
 
-class Comparison:
+class FrameComparison:
     """The two frames, and their difference where they can be subtracted, all measured by one choice of tool each."""
 
     def __init__(self, images: Sequence[TactileImage], change: TactileImage | None) -> None:

@@ -13,7 +13,7 @@ from nicegui import run, ui
 from tsis.calibration.guard.limits import GUARD_FLAGS
 from tsis.console import widgets
 from tsis.console.files import sequence_folders
-from tsis.console.live.comparison import Comparison
+from tsis.console.live.comparison import FrameComparison
 from tsis.console.live.panel import still_panel
 from tsis.console.messages import FORCE, field_messages
 from tsis.console.pages.records import (
@@ -508,7 +508,7 @@ async def compare(page: TargetContext, view: TargetView, *, match_light: bool = 
             ui.button(icon="close", on_click=lambda: compared.set_visibility(False)).props(
                 'flat dense round aria-label="Close the comparison"'
             )
-        Comparison(images, change)
+        FrameComparison(images, change)
         for note in content.notes:
             ui.label(note)
         for item in content.tables:
