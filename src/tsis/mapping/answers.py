@@ -236,8 +236,8 @@ def blind_diameter(seen: Floats, grid: tuple[Floats, Floats], voxels: Voxels) ->
     """Least visible diameter with the top at each voxel's depth, from `visibility` over a grid of (x, y)."""
     x, y = grid
     sizes = np.log(np.array(SIZES_MM))
-    least = np.full(seen.shape[:2], np.inf)
-    for i, j in np.ndindex(*least.shape):
+    least: Floats = np.full(seen.shape[:2], np.inf)
+    for i, j in np.ndindex(seen.shape[0], seen.shape[1]):
         line = np.maximum.accumulate(seen[i, j])
         if line[-1] >= SEEN:
             first = int(np.argmax(line >= SEEN))
@@ -246,12 +246,12 @@ def blind_diameter(seen: Floats, grid: tuple[Floats, Floats], voxels: Voxels) ->
             else:
                 part = np.log(SEEN / line[first - 1]) / np.log(line[first] / line[first - 1])
                 least[i, j] = np.exp(sizes[first - 1] + part * (sizes[first] - sizes[first - 1]))
-    least = least.reshape(len(TOPS_MM), len(y), len(x))
+    by_place = least.reshape(len(TOPS_MM), len(y), len(x))
     levels, rows, columns = (
         np.abs(knots[:, None] - axis).argmin(axis=0)
         for knots, axis in ((np.array(TOPS_MM), voxels.depth_mm), (y, voxels.y_mm), (x, voxels.x_mm))
     )
-    return np.asarray(least[np.ix_(levels, rows, columns)])
+    return np.asarray(by_place[np.ix_(levels, rows, columns)])
 
 
 def next_places(

@@ -278,8 +278,7 @@ def _solve(
         bare = LumpKernel(**found, correction=correction, poisson=poisson, thickness_mm=thickness_mm)
         correction = _fitted(bare, probe, Phantom(young_kpa=young_kpa, thickness_mm=thickness_mm, poisson=poisson))
     store: dict[str, Floats] = {
-        name: values.astype(np.float32) if values.ndim > 1 else values  # type: ignore[misc]
-        for name, values in found.items()
+        name: values.astype(np.float32) if values.ndim > 1 else values for name, values in found.items()
     }
     return {**store, "correction": correction}
 
