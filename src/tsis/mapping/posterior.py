@@ -32,7 +32,8 @@ MARGIN = 0.5  # of the face's radius: how far beyond the presses lumps are sough
 CLEAR_OF_REFERENCE = 0.6  # of the face's radius: no lump's centre is nearer to a reference press
 FIELD_ERROR = 0.07  # of the field's effect on each number: second order, and meshes
 SIGNAL_ERROR = 0.04  # of a lump's signal: error of the model that differs between numbers
-# Errors of the kernel that all presses share, as solved scans show them: place, depth, log diameter at equal strength, log strength
+# Errors of the kernel that all presses share, as solved scans show them: place, depth, logarithms of the diameter at
+# equal strength and of the strength
 PLACE_ERROR_MM, DEPTH_ERROR_MM, RIDGE_ERROR, STRENGTH_ERROR = 0.12, 0.5, 0.05, 0.03
 PLACE_MATTERS_MM = 0.05  # standard deviation of a place from which its shift is sampled
 MOST_LUMPS = 12
