@@ -74,7 +74,7 @@ def _scaled(points: Floats) -> Floats:
 
 def _turned(points: Floats, degrees: float) -> Floats:
     angle = np.radians(degrees)
-    return points @ np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    return np.asarray(points @ np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]]))
 
 
 def _bent(points: Floats, strength: float, rng: np.random.Generator) -> Floats:

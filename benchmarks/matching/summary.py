@@ -265,4 +265,4 @@ def threshold(chance: Floats, share: float) -> float:
     """
     falling = np.sort(chance)[::-1]
     wrong = np.cumsum(1 - falling) / np.arange(1, len(falling) + 1)
-    return float(falling[max(np.count_nonzero(wrong <= share + 1e-12) - 1, 0)])
+    return float(falling[max(int(np.count_nonzero(wrong <= share + 1e-12)) - 1, 0)])

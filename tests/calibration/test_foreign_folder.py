@@ -1,5 +1,9 @@
 """Folders of other programs become session folders, whose frames have the forces that tables and names tell."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pytest
 
@@ -9,9 +13,12 @@ from tsis.catalog.probes import load_probe
 from tsis.errors import FileInputError
 from tsis.files.images import encode_picture
 
+if TYPE_CHECKING:
+    from pathlib import Path
+
 
 @pytest.fixture
-def folder(tmp_path):
+def folder(tmp_path: Path) -> Path:
     rng = np.random.default_rng(3)
     for name in ("a.png", "b.png", "ref.png"):
         (tmp_path / name).write_bytes(encode_picture(rng.integers(40, 200, (48, 64)).astype(np.uint8)))
@@ -26,7 +33,7 @@ def folder(tmp_path):
         ("No.\tLoad (N)\n1\t0.25\n2\t0.5\n", "utf-8"),
     ],
 )
-def test_a_table_gives_the_forces_and_the_frames_are_read(folder, table, encoding):
+def test_a_table_gives_the_forces_and_the_frames_are_read(folder: Path, table: str, encoding: str) -> None:
     (folder / "forces.csv").write_bytes(table.encode(encoding))
     (folder / "notes.txt").write_text("taken on a Monday\n")
     guessed = guess_session(folder)
@@ -44,7 +51,7 @@ def test_a_table_gives_the_forces_and_the_frames_are_read(folder, table, encodin
         guess_session(folder)
 
 
-def test_names_and_files_beside_frames_give_forces(folder):
+def test_names_and_files_beside_frames_give_forces(folder: Path) -> None:
     (folder / "a.png").rename(folder / "lump_0.75N.png")
     (folder / "b.json").write_text('{"force_n": 0.5}')
     forces = {frame.file: (frame.force_n, frame.source) for frame in guess_session(folder)}
@@ -61,7 +68,7 @@ def test_names_and_files_beside_frames_give_forces(folder):
         ({"f.csv": "file,force_n\na.png,1\na,2\n"}, "each frame once|is none"),
     ],
 )
-def test_what_leaves_two_meanings_is_refused_in_a_sentence(folder, tables, said):
+def test_what_leaves_two_meanings_is_refused_in_a_sentence(folder: Path, tables: dict[str, str], said: str) -> None:
     for name, text in tables.items():
         (folder / name).write_text(text)
     with pytest.raises(FileInputError, match=said):

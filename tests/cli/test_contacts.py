@@ -152,7 +152,7 @@ def test_a_video_is_read_as_a_live_sensor(run_tsis: RunTsis, tmp_path: Path) -> 
     cv2 = pytest.importorskip("cv2")
     frames = [cv2.imread(str(tmp_path / "gel-frames" / f"{name}.png")) for name in ("untouched", "press-1", "press-2")]
     size = frames[0].shape[1::-1]
-    video = cv2.VideoWriter(str(tmp_path / "live.avi"), cv2.VideoWriter_fourcc(*"FFV1"), 10, size)
+    video = cv2.VideoWriter(str(tmp_path / "live.avi"), cv2.VideoWriter.fourcc(*"FFV1"), 10, size)
     for frame in frames:
         video.write(frame)
     video.release()
@@ -411,7 +411,7 @@ def test_other_files_than_pictures_and_depth_maps_are_refused_with_what_to_do(
 def test_a_video_of_a_press_is_read_as_its_frames(run_tsis: RunTsis, tmp_path: Path) -> None:
     press = random_gel_press(load_sensor("gelsight-mini"), np.random.default_rng(31))
     rows, columns = press.frame.shape[:2]
-    writer = cv2.VideoWriter(str(tmp_path / "press.avi"), cv2.VideoWriter_fourcc(*"FFV1"), 10.0, (columns, rows))
+    writer = cv2.VideoWriter(str(tmp_path / "press.avi"), cv2.VideoWriter.fourcc(*"FFV1"), 10.0, (columns, rows))
     for frame in (press.reference, press.frame):
         writer.write(frame[..., ::-1])
     writer.release()

@@ -1,5 +1,9 @@
 """Frames of gel sensors as levels: warped to the face, scaled by their bits, freed of a change of the light."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 import pytest
 from skimage.transform import ProjectiveTransform, warp
@@ -8,13 +12,15 @@ from tsis.catalog.sensors import load_sensor, parse_sensor, sensor_toml
 from tsis.errors import ImageMismatchError, InputError
 from tsis.files.reading import parse_toml
 from tsis.imaging.gel_change import face_view, gel_levels, light_change
-from tsis.model.gel_sensor import GelSensor
 from tsis.virtual.gel_frames import random_gel_press
+
+if TYPE_CHECKING:
+    from tsis.model.gel_sensor import GelSensor
 
 CORNERS = ((90.0, 60.0), (560.0, 75.0), (600.0, 440.0), (50.0, 425.0))
 
 
-def own_wedge(**changes) -> GelSensor:
+def own_wedge(**changes: Any) -> GelSensor:
     document = parse_toml(sensor_toml(load_sensor("gelsight-wedge")), what="a sensor")["gelsight-wedge"]
     document |= {"raw_px": [640, 480], "corners_px": [list(corner) for corner in CORNERS], **changes}
     return parse_sensor("my-wedge", document)
@@ -44,8 +50,8 @@ def test_the_wedge_is_wider_than_high_as_its_frames() -> None:
 def test_a_frame_of_the_camera_is_warped_to_the_face_by_its_corners() -> None:
     sensor, face = own_wedge(), asymmetric_face()
     ends = np.array([(0, 0), (399, 0), (399, 299), (0, 299)], float)
-    to_face = ProjectiveTransform.from_estimate(np.array(CORNERS), ends)
-    raw = warp(face, to_face, output_shape=(480, 640), order=1, preserve_range=True, mode="edge")
+    to_face = ProjectiveTransform.from_estimate(np.array(CORNERS), ends)  # type: ignore[no-untyped-call]
+    raw = warp(face, to_face, output_shape=(480, 640), order=1, preserve_range=True, mode="edge")  # type: ignore[no-untyped-call]
     seen = face_view(np.rint(raw).astype(np.uint8), sensor)
     assert seen.shape == face.shape
     inner = np.s_[4:-4, 4:-4]
@@ -71,7 +77,7 @@ def test_the_order_of_the_corners_turns_the_frame() -> None:
         ({"bits": 40}, "bits must"),
     ],
 )
-def test_corners_that_are_none_are_refused_in_a_sentence(changes, said) -> None:
+def test_corners_that_are_none_are_refused_in_a_sentence(changes: dict[str, Any], said: str) -> None:
     with pytest.raises(InputError, match=said):
         own_wedge(**changes)
 
@@ -89,9 +95,10 @@ def test_a_file_of_sixteen_bits_has_the_levels_of_its_camera_or_asks(bits: int) 
             gel_levels(stored, load_sensor("gelsight-wedge"))
 
 
-def in_other_light(frame: np.ndarray, gain, gamma: float) -> np.ndarray:
+def in_other_light(frame: np.ndarray, gain: tuple[float, ...], gamma: float) -> np.ndarray:
     """The frame as a camera with other gains and another curve stores it."""
-    return np.clip(np.rint(255 * (frame / 255.0 * np.asarray(gain)) ** gamma), 0, 255).astype(np.uint8)
+    stored: np.ndarray = np.clip(np.rint(255 * (frame / 255.0 * np.asarray(gain)) ** gamma), 0, 255).astype(np.uint8)
+    return stored
 
 
 @pytest.mark.parametrize("name", ["gelsight-mini", "9dtact"])
@@ -105,7 +112,9 @@ def in_other_light(frame: np.ndarray, gain, gamma: float) -> np.ndarray:
         ((0.85, 0.95, 1.0), 1.2),
     ],
 )
-def test_a_change_of_the_light_is_told_beside_a_press_and_undone(name: str, gain, gamma: float) -> None:
+def test_a_change_of_the_light_is_told_beside_a_press_and_undone(
+    name: str, gain: tuple[float, ...], gamma: float
+) -> None:
     sensor = load_sensor(name)
     press = random_gel_press(sensor, np.random.default_rng(771))
     frame = in_other_light(press.frame, gain, gamma)

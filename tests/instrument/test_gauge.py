@@ -401,12 +401,11 @@ def test_noise_is_told_from_a_parabola_with_its_degrees_of_freedom() -> None:
         "﻿No.\tForce [cN]\tElapsed time / s\r\n1\t25\t0.5\r\n2\t50\t1.0\r\n".encode(),
     ],
 )
-def test_readings_of_any_program_are_in_seconds_and_newtons(tmp_path, content):
+def test_readings_of_any_program_are_in_seconds_and_newtons(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "force.csv"
     path.write_bytes(content)
     gauge = RecordedGauge(path)
     gauge.open()
-    assert [(reading.time_s, pytest.approx(reading.force_n)) for reading in gauge.readings()] == [
-        (0.5, 0.25),
-        (1.0, 0.5),
-    ]
+    readings = list(gauge.readings())
+    assert [reading.time_s for reading in readings] == [0.5, 1.0]
+    assert [reading.force_n for reading in readings] == pytest.approx([0.25, 0.5])

@@ -75,7 +75,8 @@ def map_lumps(
     if pressed.kind == "frame":
         if usable is None:
             raise InputError("frames need --calibration, the calibration file of the probe that pressed")
-        frames, response = usable.pressed([press.frame for press in pressed.presses], on_tissue=True)
+        raw = [press.frame for press in pressed.presses if press.frame is not None]
+        frames, response = usable.pressed(raw, on_tissue=True)
         pressed = tsis.mapping.scan_folder.with_frames(pressed, frames)
     prior = tsis.mapping.MapPrior(tissue_young_kpa=tissue_kpa, tissue_young_sd=tissue_sd, thickness_mm=thickness_mm)
     chosen = _probe(stored, probe)
@@ -132,8 +133,9 @@ def _indenter(ball_mm: float | None, punch_mm: float | None) -> tsis.mapping.sca
         raise InputError("--ball-mm and --punch-mm must not be given together: one indenter pressed")
     if ball_mm is None and punch_mm is None:
         return None
-    shape = "punch" if ball_mm is None else "ball"
-    return tsis.mapping.scan.Indenter(shape=shape, radius_mm=ball_mm or punch_mm or 0.0)
+    if ball_mm is None:
+        return tsis.mapping.scan.Indenter(shape="punch", radius_mm=punch_mm or 0.0)
+    return tsis.mapping.scan.Indenter(shape="ball", radius_mm=ball_mm)
 
 
 def _probe(stored: StoredScan, given: str | None) -> Probe | None:

@@ -162,8 +162,8 @@ def pose_posterior(
     likely = [number for number in range(len(chosen)) if logs[number] > logs[0] - NEGLIGIBLE_LOG]
     pose = max(likely, key=lambda number: found.log_odds(chosen[number].moved))
     first = int(found._near(chosen[pose].moved).argmax())
-    order = [first, *(number for number in range(len(chosen)) if number != first)]
-    return replace(found, maps=tuple(chosen[number] for number in order), logs=found.logs[order])
+    ranked = [first, *(number for number in range(len(chosen)) if number != first)]
+    return replace(found, maps=tuple(chosen[number] for number in ranked), logs=found.logs[ranked])
 
 
 def _judged(search: PoseSearch, maps: list[PoseEvidence]) -> Floats:

@@ -343,8 +343,8 @@ def _answered_in_planes(
         for pose in some
     ]
     likely = [poses[0], *(pose for pose in poses[1:] if pose.probability >= LEAST_PROBABILITY)]
-    poses = tuple(sorted(likely, key=lambda pose: -pose.probability)[:MOST_ALTERNATIVES])
-    return replace(answer, fit=replace(answer.fit, move=move), poses=poses, measures=measures)
+    ranked = sorted(likely, key=lambda pose: -pose.probability)[:MOST_ALTERNATIVES]
+    return replace(answer, fit=replace(answer.fit, move=move), poses=tuple(ranked), measures=measures)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -298,7 +298,7 @@ class TissueFieldResponse:
         pressure, displacement = self._outputs(harmonic, probe_compliance)
         return ContactAnswer(
             radius_mm=self.face.radius_mm if harmonic == 0 else self.face.radius_mm[1:],
-            force_mn=inverse,
+            force_mn=np.asarray(inverse, dtype=float),
             pressure_kpa=pressure,
             face_displacement_mm=displacement,
         )

@@ -12,7 +12,7 @@ from matplotlib.patches import Circle
 from tsis.mapping.flags import MAP_FLAGS
 from tsis.model.estimate import INTERVAL_LEVEL, NO_UNIT, label_of, probability_text, unit_of
 from tsis.present.document import estimate_document
-from tsis.present.page import Card, Column, Page, Picture, Table, flags_table
+from tsis.present.page import Card, Column, Page, Picture, Table, flags_table, on_axes
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -94,7 +94,7 @@ def _lump_row(lump: Lump) -> tuple[str | float, ...]:
 
 def _lumps_table(numbers: MapNumbers) -> Table:
     headings = [label_of(name) + ("" if unit_of(name) == NO_UNIT else f" / {unit_of(name)}") for name in SHOWN]
-    columns = ("lump", Column(label="probability", form=probability_text), *headings)
+    columns: tuple[str | Column, ...] = ("lump", Column(label="probability", form=probability_text), *headings)
     return Table(title="Lumps, 90 % intervals", columns=columns, values=tuple(map(_lump_row, numbers.lumps)))
 
 
@@ -194,7 +194,7 @@ def blind_zone(numbers: MapNumbers, top_mm: float, ax: Axes) -> Axes:
 def _plan(found: LumpMap) -> Picture:
     return Picture(
         title="Plan view",
-        draw=lambda figure: plan_view(found, figure.subplots()),
+        draw=on_axes(plan_view, found),
         size=(6.0, 5.0),
         alt="Probability of a lump under each point of the skin, with presses and lumps",
         caption="A circle has the medians of place and diameter.",
@@ -310,8 +310,9 @@ def nifti_files(numbers: MapNumbers) -> dict[str, bytes]:
     affine[:3, 3] = numbers.x_mm[0], numbers.y_mm[0], -numbers.depth_mm[-1]
     files = {}
     for name, what in VOLUMES.items():
-        image = nib.Nifti1Image(np.moveaxis(getattr(numbers, name)[::-1], (0, 1, 2), (2, 1, 0)), affine)
-        image.header.set_xyzt_units("mm")
+        volume = np.moveaxis(getattr(numbers, name)[::-1], (0, 1, 2), (2, 1, 0))
+        image = nib.Nifti1Image(volume, affine)  # type: ignore[no-untyped-call]
+        image.header.set_xyzt_units("mm")  # type: ignore[no-untyped-call]
         image.header["descrip"] = f"{what}; research use only"[:79]
         files[f"{name.replace('_', '-')}.nii"] = image.to_bytes()
     return files

@@ -60,7 +60,7 @@ def page(instrument: Instrument, viewer: Viewer) -> None:
                 for name in ENDS:
                     ui.button(f"ends {name}", on_click=lambda _, name=name: _ended((view, surface), *ENDS[name]))
         with ui.element("section").classes("panel stack"):
-            surface = SurfaceView()
+            surface: SurfaceView = SurfaceView()
             curve = PressCurve()
             ui.button("single frame", on_click=partial(_single, ui.element("div").classes("single")))
 

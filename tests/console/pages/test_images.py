@@ -11,6 +11,7 @@ from tests.console.services.instruments import lit_instrument
 from tests.console.services.test_captures import disc
 
 from tsis.console.pages import images
+from tsis.console.services.captures import measure_images
 from tsis.console.widgets import FileField
 
 if TYPE_CHECKING:
@@ -86,9 +87,7 @@ def test_frames_of_a_demo_are_ordered_and_known_by_their_names_and_stay_on_other
             again = images.OwnImagesPage(instrument, viewer)  # as after another page, and Back
             assert [row.force.value for row in again.rows] == ["0.7", "1", "0.5", "1", ""]
             await again.measure()
-            table = images.findings_table(
-                images.measure_images([row.frame() for row in again.rows], mm_per_pixel=None)[0]
-            )
+            table = images.findings_table(measure_images([row.frame() for row in again.rows], mm_per_pixel=None)[0])
             assert [row[0] for row in table.rows] == [row.name for row in again.rows[:4]], "a row a pressed frame"
 
         on_a_page(instrument, done)

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 from nicegui import ui
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from nicegui.elements.echart import EChart
 
 _AXIS = {
@@ -41,7 +43,7 @@ def chart(label: str, options: dict[str, Any], *, style: str) -> EChart:
     return made
 
 
-def line(name: str, places: list[list[float]], **more: Any) -> dict[str, Any]:
+def line(name: str, places: Sequence[Sequence[float | None]], **more: Any) -> dict[str, Any]:
     """A line through places (x, y), without marks on them."""
     drawn = {"type": "line", "name": name, "data": places, "showSymbol": False, "lineStyle": {"width": 1.5}}
     return {**drawn, "emphasis": {"disabled": True}, **more}

@@ -32,6 +32,8 @@ class FramePanel(Generic[View]):
     called with map, ends and gamma when they change. ``switches`` and ``beside`` take what a page adds.
     """
 
+    view: View
+
     def __init__(
         self,
         place: Callable[[str], View],
