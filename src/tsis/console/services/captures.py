@@ -238,7 +238,7 @@ def save_press(press: PressToSave, *, number: int, workspace: Path, store: Store
         them, and ``tsis records import`` enters them.
     """
     if press.subject is not None:  # only the virtual probe can repeat a press that is refused
-        _require_same_phantom(store, press.subject, number)
+        require_same_phantom(store, press.subject, number)
     image, calibration = press.image, press.active.calibration
     when = datetime.now().astimezone() - timedelta(seconds=max(0.0, time.monotonic() - press.received.arrived_s))
     flags = check_press(image, reference=press.active.reference)
@@ -275,9 +275,7 @@ def save_press(press: PressToSave, *, number: int, workspace: Path, store: Store
 
 
 def enter_target(store: Store, subject: VirtualSubject | None, number: int) -> Target:
-    """The target of that number, which is created when absent; errors as `save_press`."""
-    if subject is not None:
-        _require_same_phantom(store, subject, number)
+    """The target of that number, which is created when absent; errors as of the store."""
     return _target(store, (), subject, number)[0]
 
 
@@ -297,7 +295,7 @@ def _target(
     return target, tuple(truth_note(truth, target))
 
 
-def _require_same_phantom(store: Store, subject: VirtualSubject, number: int) -> None:
+def require_same_phantom(store: Store, subject: VirtualSubject, number: int) -> None:
     """Refuse, with `ControlError`, what would mix presses of several phantoms, or of a phantom with those of people."""
     if store.kind != "phantom":
         raise ControlError(

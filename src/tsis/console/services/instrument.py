@@ -21,6 +21,7 @@ from tsis.console.services.captures import (
     enter_target,
     force_at,
     gauge_force,
+    require_same_phantom,
     save_press,
 )
 from tsis.console.services.choice import PLAIN, TARGET
@@ -481,8 +482,9 @@ class Instrument:
         """
         with self._commands.run(by, "beginning a sequence", instead="another sequence can begin"):
             request = SequenceRequest(target=self._target, seconds=seconds, frames=frames)
-            if self.camera_controller.running:
-                enter_target(self.store, self.camera_controller.subject, self._target)
+            subject = self.camera_controller.subject
+            if subject is not None:
+                require_same_phantom(self.store, subject, self._target)
             self._commands.sequence = sequence = begin_sequence(
                 self.jobs,
                 self.camera_controller.acquisition,
@@ -492,6 +494,7 @@ class Instrument:
                 typed_n=lambda: self.camera_controller.force_n,
                 about=self._about,
             )
+            enter_target(self.store, subject, self._target)  # not before the folder was made
             return sequence
 
     def end_sequence(self, *, by: str) -> None:
