@@ -53,6 +53,9 @@ COMMANDS = {
     ),
     "protocol": CommandEntry("tsis.cli.protocol", "protocol", example="tsis protocol --tissue-kpa 10"),
     "hardness": CommandEntry("tsis.cli.hardness", "hardness", example="tsis hardness --demo --out first-touch"),
+    "indent": CommandEntry(
+        "tsis.cli.indent", "indent", example="tsis indent press.csv --radius-mm 3 --thickness-mm 20"
+    ),
     "sensor": CommandEntry(
         "tsis.cli.sensor", "app", summary="Files of gel sensors: GelSight, DIGIT, 9DTact, your own."
     ),
@@ -103,7 +106,7 @@ HELP = f"""Usage: tsis COMMAND [ARGUMENTS] [OPTIONS]        Start with: tsis dem
 Open software for optical tactile imaging.
 {RESEARCH_USE_ONLY}
 
-  measure    acquire, examine, map, contacts, compare, hardness, depth, force, track, match, detect, network
+  measure    acquire, examine, map, contacts, compare, hardness, indent, depth, force, track, match, detect, network
              Frames from a camera; inclusions and hardness with intervals; point matching.
   calibrate  calibrate, sensor
              The calibration of a probe: step by step, from saved frames, or sealed; files of gel sensors.

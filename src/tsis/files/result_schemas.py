@@ -26,6 +26,7 @@ _RESULTS = {
     "examine": ("",),
     "force": ("",),
     "hardness": ("", "contacts"),
+    "indent": ("",),
     "logins": ("",),
     "map": ("",),
     "match": ("",),

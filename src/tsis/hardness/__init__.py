@@ -6,8 +6,10 @@ import lazy_loader
 
 if TYPE_CHECKING:
     from tsis.hardness import contacts as contacts
+    from tsis.hardness import curve_files as curve_files
     from tsis.hardness import estimation as estimation
     from tsis.hardness import flags as flags
+    from tsis.hardness import force_curves as force_curves
     from tsis.hardness import gel as gel
     from tsis.hardness import posterior as posterior
     from tsis.hardness import reading as reading
@@ -16,6 +18,7 @@ if TYPE_CHECKING:
     from tsis.hardness import strain_map as strain_map
     from tsis.hardness import table as table
     from tsis.hardness.estimation import estimate as estimate
+    from tsis.hardness.force_curves import indentation as indentation
     from tsis.hardness.gel import estimate_from_contacts as estimate_from_contacts
 
 if not TYPE_CHECKING:  # modules and names load when they are first used
@@ -23,8 +26,10 @@ if not TYPE_CHECKING:  # modules and names load when they are first used
         __name__,
         submodules=[
             "contacts",
+            "curve_files",
             "estimation",
             "flags",
+            "force_curves",
             "gel",
             "posterior",
             "reading",
@@ -33,5 +38,9 @@ if not TYPE_CHECKING:  # modules and names load when they are first used
             "strain_map",
             "table",
         ],
-        submod_attrs={"estimation": ["estimate"], "gel": ["estimate_from_contacts"]},
+        submod_attrs={
+            "estimation": ["estimate"],
+            "force_curves": ["indentation"],
+            "gel": ["estimate_from_contacts"],
+        },
     )

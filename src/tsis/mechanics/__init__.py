@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from tsis.mechanics import closed_forms as closed_forms
     from tsis.mechanics import finite_strain as finite_strain
     from tsis.mechanics import gel as gel
+    from tsis.mechanics import layer_indentation as layer_indentation
     from tsis.mechanics import lump_kernel as lump_kernel
     from tsis.mechanics import mesh as mesh
     from tsis.mechanics import pressing as pressing
@@ -27,6 +28,7 @@ if not TYPE_CHECKING:  # modules and names load when they are first used
             "closed_forms",
             "finite_strain",
             "gel",
+            "layer_indentation",
             "lump_kernel",
             "mesh",
             "pressing",

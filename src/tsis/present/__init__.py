@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from tsis.present import html as html
     from tsis.present import images as images
     from tsis.present import inclusion as inclusion
+    from tsis.present import indentation as indentation
     from tsis.present import kit as kit
     from tsis.present import lump_map as lump_map
     from tsis.present import matching as matching
@@ -41,6 +42,7 @@ if not TYPE_CHECKING:  # modules load when they are first used
             "html",
             "images",
             "inclusion",
+            "indentation",
             "kit",
             "lump_map",
             "matching",

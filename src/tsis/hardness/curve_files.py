@@ -1,0 +1,153 @@
+"""Files of force curves: tables of any program with units, text of Optics11's Chiaro, and JPK through afmformats.
+
+Mark-10 and Mecmesin export tables whose columns name force, travel and time with their units; lines before the headings
+are left out. A Chiaro file states the tip's radius and the maker's modulus; its indenter's position is that of the
+piezo less the bending of the cantilever.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+import warnings
+import zipfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tsis.errors import FileInputError, InputError, import_extra
+from tsis.files.reading import as_path, file_error, one_line, printable_name, printable_path, read_bytes
+from tsis.files.tables import parse_csv_rows, parse_number, table_text
+from tsis.hardness.force_curves import ForceCurve
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Iterator
+
+LARGEST_BYTES = 256 * 2**20
+MOST_CURVES = 10_000
+AFM_ENDINGS = (".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".h5", ".ibw", ".nid", ".ntmdt", ".tab")
+DEPTHS = ("depth_mm", "displacement_mm")
+_CHIARO = re.compile(r"^(?P<name>[^\t\n]+?)\t(?P<value>[-+\d.]+)\s*$", re.MULTILINE)
+
+
+def read_curves(path: str | os.PathLike[str]) -> tuple[ForceCurve, ...]:
+    """Curves of a file: one of a table or of a Chiaro text, all of a JPK file or map, those of a ZIP archive.
+
+    Parameters
+    ----------
+    path
+        A table with a force and a depth, displacement, travel, position or indentation, each with its unit, and
+        perhaps a time; or a file of another kind, told by its content or ending.
+
+    Raises
+    ------
+    FileInputError
+        When the file is missing, damaged, or has no such curve.
+    MissingExtraError
+        When it needs afmformats, which the extra ``curves`` brings.
+    """
+    file = as_path(path)
+    content = read_bytes(file, most=LARGEST_BYTES)
+    name = printable_name(file)
+    if file.name.lower().endswith(AFM_ENDINGS):
+        return tuple(_afm_curves(file))
+    if content.startswith(b"PK\x03\x04"):
+        return tuple(_zipped(file, content))
+    return (_text_curve(content, name, printable_path(file)),)
+
+
+def _zipped(file: Path, content: bytes) -> Iterator[ForceCurve]:
+    """Curves of the texts in a ZIP archive."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            members = [item for item in archive.infolist() if not item.is_dir()]
+            if not 0 < len(members) <= MOST_CURVES or sum(item.file_size for item in members) > LARGEST_BYTES:
+                raise file_error(file, f"must hold 1 to {MOST_CURVES} curves of at most {LARGEST_BYTES} bytes together")
+            for item in members:
+                with archive.open(item) as opened:  # a false size in the archive must not fill the memory
+                    text = opened.read(LARGEST_BYTES + 1)
+                name = printable_name(Path(item.filename))
+                yield _text_curve(text, name, f"{name} in {printable_path(file)}")
+    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, OSError) as error:
+        raise file_error(file, f"must be a whole ZIP archive; {one_line(error)}") from error
+
+
+def _text_curve(content: bytes, name: str, where: str) -> ForceCurve:
+    text = table_text(content, where)
+    if "Tip radius (um)" in text[:5000] and "Piezo (nm)" in text[:5000]:
+        return _chiaro_curve(text, name, where)
+    rows = list(parse_csv_rows(content, where, ("force_n",), ("time_s",), one_of=DEPTHS, ignore_others=True))
+    if not rows:
+        raise FileInputError(f"{where} must hold a curve below its headings; it has no row")
+    keys = [key for key in ("force_n", "time_s", *DEPTHS) if key in rows[0]]
+    columns = {key: np.array([_cell(row, key) for row in rows]) for key in keys}
+    position = columns[next(key for key in DEPTHS if key in columns)]
+    return _curve(where, name, position, columns["force_n"], columns.get("time_s"), None, {})
+
+
+CHIARO_COLUMNS = ("Time (s)", "Load (uN)", "Cantilever (nm)", "Piezo (nm)")
+
+
+def _chiaro_curve(text: str, name: str, where: str) -> ForceCurve:
+    """A Chiaro text: the position is the piezo's less the cantilever's bending, not its column of indentation."""
+    head, _, table = text.partition("\nTime (s)\t")
+    headings, _, numbers = table.partition("\n")
+    places = [f"Time (s)\t{headings}".strip().split("\t").index(each) for each in CHIARO_COLUMNS if each in f"Time (s)\t{headings}"]
+    stated = {match["name"].strip(): parse_number(match["value"]) for match in _CHIARO.finditer(head)}
+    try:
+        time, load, bent, piezo = np.loadtxt(io.StringIO(numbers.replace(",", ".")), usecols=places, ndmin=2).T
+        radius = 1e-3 * stated["Tip radius (um)"]
+    except (ValueError, KeyError, IndexError) as error:
+        raise FileInputError(
+            f"{where} must be a text of Chiaro with {', '.join(CHIARO_COLUMNS)} and the tip's radius; {one_line(error)}"
+        ) from error
+    recorded: dict[str, float | str] = {}
+    for label, key, unit in (("maker_young_kpa", "E[v=0.500] (Pa)", 1e-3), ("spring_n_per_m", "k (N/m)", 1.0)):
+        if key in stated:
+            recorded[label] = unit * stated[key]
+    return _curve(where, name, 1e-6 * (piezo - bent), 1e-6 * load, time, radius, recorded)
+
+
+def _cell(row: Any, key: str) -> float:
+    value = row.number(key)
+    if value is None:
+        raise row.refused(key, "a number in every row", "")
+    return float(value)
+
+
+def _curve(
+    where: str, name: str, position: Any, force: Any, time: Any, radius_mm: float | None, recorded: dict[str, Any]
+) -> ForceCurve:
+    try:
+        return ForceCurve(
+            position_mm=position, force_n=force, time_s=time, name=name, radius_mm=radius_mm, recorded=recorded
+        )
+    except InputError as error:
+        raise FileInputError(f"{where}: {error}") from error
+
+
+def _afm_curves(file: Path) -> Iterator[ForceCurve]:
+    """Curves of a file that afmformats reads: tip positions are heights plus the bending of the cantilever."""
+    afmformats = import_extra("afmformats", feature="reading this file of an atomic force microscope", extra="curves")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            data = list(afmformats.load_data(file))
+            for number, item in enumerate(data[:MOST_CURVES], start=1):
+                height = next(name for name in ("height (measured)", "height (piezo)", "tip position") if name in item)
+                force = np.array(item["force"], dtype=float)
+                spring = float(item.metadata.get("spring constant", np.inf))
+                bent = 0.0 if height == "tip position" else force / spring
+                # Heights fall towards the sample, and the bending takes the tip back from it.
+                position = -(np.array(item[height], dtype=float) + bent)
+                name = printable_name(file) + (f" {number}" if len(data) > 1 else "")
+                time = np.array(item["time"], dtype=float) if "time" in item else None
+                yield _curve(
+                    printable_path(file), name, 1e3 * position, force, time, None, {"spring_n_per_m": spring}
+                )
+    except (FileInputError, MemoryError):
+        raise
+    except Exception as error:  # whatever a foreign parser raises on a damaged file
+        raise file_error(file, f"must be a force curve that afmformats reads; {one_line(error)}") from error
