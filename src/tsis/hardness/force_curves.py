@@ -102,6 +102,7 @@ YOUNG_KPA, POISSON = (1e-3, 1e7), (0.48, 0.5)
 SAMPLES, DRAWS = 4000, 600
 BINS = 120
 DEEPEST_BALL, DEEPEST_LAYER = 0.5, 0.25  # depth over the ball's radius and over the thickness
+MODEL_SD = (np.log(0.01), np.log(0.002))  # prior median of the model's relative error, and of a foot over the peak
 APPROACH = 2.5  # length of the used approach over the used depth
 FINITE = {"ball": (0.05, 0.03)}  # F falls by this times sqrt(depth / radius): neo-Hookean bodies of nu 0.45-0.49
 
@@ -376,7 +377,7 @@ def _force(depth: Floats, log_depth: Floats, log_force: Floats) -> Floats:
 
 
 class _Likelihood:
-    """Log density of the logarithm of E*, the contact point and the standard deviations of four kinds of residuals."""
+    """Log density of the logarithm of E*, the contact point and the standard deviations of five kinds of residuals."""
 
     def __init__(self, position: Floats, force: Floats, press: Indenter, first: tuple[float, float], noise: float):
         self.position, self.force = position, force
@@ -393,22 +394,33 @@ class _Likelihood:
         # Offset unknown; a slope of up to a third of the curve's own rise.
         self.baseline = self.lines @ np.diag([(10 * self.peak) ** 2, (0.3 * self.peak) ** 2]) @ self.lines.T
         floor = np.log(max(noise, 1e-6 * self.peak))
-        self.best_guess = np.array([np.log(first[0]), first[1] / span, floor, floor, floor, np.log(0.01)])
-        self.means = np.array([floor, floor, floor, np.log(0.01)])
-        self.sds = np.array([1.0, 2.0, 2.0, 0.7])
+        # The approach tells how much drifts; what departs in contact alone is the model's.
+        free = position < first[1] - 0.35 * (position.max() - first[1])  # a foot before contact is no drift
+        wander = floor
+        if free.sum() >= 10:
+            line = np.polynomial.Polynomial.fit(position[free], force[free], 1)
+            wander = max(floor, float(np.log(np.std(force[free] - line(position[free])) + 1e-12 * self.peak)))
+        self.best_guess = np.array([np.log(first[0]), first[1] / span, floor, wander, wander, *MODEL_SD])
+        self.means = np.array([floor, wander, wander, *MODEL_SD])
+        self.sds = np.array([1.0, 0.5, 0.5, 1.0, 1.0]) if free.sum() >= 10 else np.array([1.0, 2.0, 2.0, 1.0, 1.0])
 
     def parts(self, values: Floats) -> tuple[Floats, Floats]:
         """The model's force, and the covariance of the residuals with the baseline's."""
         depth = self.position - values[1] * self.span
         model = np.exp(values[0]) * _force(depth, *self.tables)
-        white, long, short, relative = np.exp(2 * values[2:6])
-        closeness = np.exp(-((np.abs(depth[:, None] - depth) / self.depth_scale) ** 1.0))
-        covariance = long * self.long + short * self.short + relative * np.outer(model, model) * closeness
+        white, long, short, relative, foot = np.exp(2 * values[2:7])
+        apart = np.abs(depth[:, None] - depth) / self.depth_scale
+        near, nearer = np.exp(-apart), np.exp(-8 * apart)
+        # Rough or sticky contact has a foot, and samples slip: from shortly before contact on, the curve departs by more
+        # than its share of a small force.
+        window = self.peak * np.exp(-((np.minimum(depth, 0.0) / (0.4 * self.depth_scale)) ** 2))
+        covariance = long * self.long + short * self.short + relative * np.outer(model, model) * (near + nearer) / 2
+        covariance += foot * np.outer(window, window) * nearer
         covariance[np.diag_indices_from(covariance)] += white
         return model, covariance + self.baseline
 
     def __call__(self, values: Floats) -> float:
-        if np.any(np.abs(values[2:6] - self.means) > 12) or abs(values[0]) > 60:
+        if np.any(np.abs(values[2:7] - self.means) > 12) or abs(values[0]) > 60:
             return -np.inf
         model, covariance = self.parts(values)
         try:
@@ -416,7 +428,7 @@ class _Likelihood:
         except np.linalg.LinAlgError:
             return -np.inf
         white = scipy.linalg.solve_triangular(factor, self.force - model, lower=True, check_finite=False)
-        prior = 0.5 * float(np.sum(((values[2:6] - self.means) / self.sds) ** 2))
+        prior = 0.5 * float(np.sum(((values[2:7] - self.means) / self.sds) ** 2))
         return -0.5 * float(white @ white) - float(np.log(np.diag(factor)).sum()) - prior
 
     def fitted(self, values: Floats) -> tuple[Floats, Floats]:
@@ -427,40 +439,40 @@ class _Likelihood:
 
 
 def _sampled(likelihood: _Likelihood, rng: np.random.Generator) -> tuple[Floats, Floats]:
-    """Equally weighted samples of the six values by importance, and the mode."""
-    scale = np.array([0.02, 0.01, 0.3, 0.5, 0.5, 0.5])
+    """Equally weighted samples of the values by importance, and the mode."""
+    scale = np.array([0.02, 0.01, 0.3, 0.5, 0.5, 0.5, 0.5])
 
     def cost(step: Floats) -> float:
         value = -likelihood(start + scale * step)
         return value if np.isfinite(value) else 1e12
 
     start = likelihood.best_guess
-    found = scipy.optimize.minimize(cost, np.zeros(6), method="Powell", options={"maxfev": 900, "xtol": 1e-2, "ftol": 1e-6})
+    found = scipy.optimize.minimize(cost, np.zeros(7), method="Powell", options={"maxfev": 900, "xtol": 1e-2, "ftol": 1e-6})
     start = start + scale * found.x
-    curvature = np.array([_curvature(cost, axis, other) for axis in range(6) for other in range(6)]).reshape(6, 6)
+    curvature = np.array([_curvature(cost, axis, other) for axis in range(7) for other in range(7)]).reshape(7, 7)
     size, axes = np.linalg.eigh((curvature + curvature.T) / 2)
     spread = axes / np.sqrt(np.clip(size, 0.05, None))
-    centre, root = np.zeros(6), spread
+    centre, root = np.zeros(7), spread
     steps = weight = np.zeros(0)
     for _ in range(3):
-        normal = rng.standard_normal((DRAWS, 6)) * np.sqrt(5 / rng.chisquare(5, (DRAWS, 1)))
+        normal = rng.standard_normal((DRAWS, 7)) * np.sqrt(5 / rng.chisquare(5, (DRAWS, 1)))
         steps = centre + 1.1 * normal @ root.T
         density = np.array([-cost(step) for step in steps])
-        proposal = -5.5 * np.log1p(np.sum(normal**2, axis=1) / 5)
+        proposal = -6.0 * np.log1p(np.sum(normal**2, axis=1) / 5)
         weight = np.exp(density - proposal - np.max(density - proposal))
         weight /= weight.sum()
         flat = weight**0.7 / np.sum(weight**0.7)  # a few heavy ones must not narrow the next round
         centre = flat @ steps
         off = steps - centre
-        root = np.linalg.cholesky((off * flat[:, None]).T @ off + 1e-9 * np.eye(6))
+        root = np.linalg.cholesky((off * flat[:, None]).T @ off + 1e-9 * np.eye(7))
     chosen = rng.choice(DRAWS, SAMPLES, p=weight)
     return start + scale * steps[chosen], start
 
 
 def _curvature(cost: Any, axis: int, other: int, step: float = 0.5) -> float:
-    a, b = np.eye(6)[axis] * step, np.eye(6)[other] * step
+    a, b = np.eye(7)[axis] * step, np.eye(7)[other] * step
     if axis == other:
-        return float((cost(a) - 2 * cost(np.zeros(6)) + cost(-a)) / step**2)
+        return float((cost(a) - 2 * cost(np.zeros(7)) + cost(-a)) / step**2)
     return float((cost(a + b) - cost(a - b) - cost(b - a) + cost(-a - b)) / (4 * step**2))
 
 

@@ -1,0 +1,34 @@
+"""The command ``tsis indent``."""
+
+import json
+
+import numpy as np
+
+
+def curve_file(path, young_kpa):
+    position = np.linspace(-0.3, 0.1, 400)
+    force = 4 / 3 * young_kpa * 1e-3 / 0.76 * np.sqrt(3.0) * np.maximum(position, 0.0) ** 1.5
+    force += 1e-3 * force.max() * np.random.default_rng(4).standard_normal(400)
+    rows = "\n".join(f"{x:.6f},{1e3 * y:.6f}" for x, y in zip(position, force, strict=True))
+    path.write_text(f"Travel [mm],Load [mN]\n{rows}\n")
+
+
+def test_several_files_have_one_row_each(run_tsis, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    curve_file(tmp_path / "soft.csv", 8.0)
+    curve_file(tmp_path / "hard.csv", 80.0)
+    finished = run_tsis("indent", "soft.csv", "hard.csv", "--radius-mm", "3", "--json", "--html", "page.html")
+    found = json.loads(finished.out)
+    means = [each["estimate"]["parameters"]["young_kpa"]["mean"] for each in found["curves"]]
+    assert [each["curve"] for each in found["curves"]] == ["soft.csv", "hard.csv"]
+    assert np.allclose(means, [8.0, 80.0], rtol=0.06)
+    assert "Research use only" in (tmp_path / "page.html").read_text()
+    shown = run_tsis("indent", "soft.csv", "--radius-mm", "3").out
+    assert "soft.csv" in shown
+
+
+def test_a_missing_radius_is_told_in_one_sentence(run_tsis, tmp_path):
+    curve_file(tmp_path / "soft.csv", 8.0)
+    finished = run_tsis("indent", tmp_path / "soft.csv")
+    assert finished.err.startswith("Error: radius_mm must be given")
+    assert finished.code == 2

@@ -1,0 +1,188 @@
+"""Moduli from curves of force over depth, against Hertz's law, Sneddon's solutions and the maker of an indenter."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tsis
+from tsis.errors import FileInputError, InputError
+from tsis.hardness.curve_files import read_curves
+from tsis.hardness.force_curves import INDENTATION_FLAGS, ForceCurve
+
+REAL = Path(__file__).parents[3] / "shared" / "data" / "real" / "force_curves"
+RADIUS_MM, YOUNG_KPA = 3.0, 20.0
+
+
+def pressed(young_kpa=YOUNG_KPA, radius_mm=RADIUS_MM, noise=2e-3, seed=1, contact_mm=0.1, points=600):
+    """A shallow press of a ball on a thick block, by Hertz's law, with noise, an offset and a tilt."""
+    position = np.linspace(-0.2, 0.08, points) * radius_mm / 3
+    below = np.maximum(position - contact_mm * 0.1 * radius_mm / 3, 0.0)
+    force = 4 / 3 * young_kpa * 1e-3 / (1 - 0.49**2) * np.sqrt(radius_mm) * below**1.5
+    peak = force.max()
+    rng = np.random.default_rng(seed)
+    return position, force + peak * (0.3 + 0.02 * position / np.ptp(position) + noise * rng.standard_normal(points))
+
+
+def interval(curve, **options):
+    return tsis.hardness.indentation(curve, **options).interval()["young_kpa"]
+
+
+@pytest.mark.parametrize("radius_mm", [2e-3, 3.0, 40.0])
+@pytest.mark.parametrize("young_kpa", [0.1, 150.0])
+def test_a_ball_of_any_size_tells_the_modulus_of_hertz(radius_mm, young_kpa):
+    position, force = pressed(young_kpa, radius_mm)
+    estimate = tsis.hardness.indentation(ForceCurve(position_mm=position, force_n=force), radius_mm=radius_mm)
+    low, high = estimate.interval()["young_kpa"]
+    assert estimate.trusted
+    assert low < young_kpa < high
+    assert estimate.mean["young_kpa"] == pytest.approx(young_kpa, rel=0.06)
+
+
+def test_signs_and_the_return_do_not_matter():
+    position, force = pressed()
+    there = interval(ForceCurve(position_mm=position, force_n=force), radius_mm=RADIUS_MM)
+    back = ForceCurve(
+        position_mm=-np.concatenate([position, position[::-1]]), force_n=np.concatenate([force, force[::-1]])
+    )
+    assert interval(back, radius_mm=RADIUS_MM) == pytest.approx(there, rel=0.02)
+
+
+@pytest.mark.parametrize(("indenter", "options"), [("punch", {"radius_mm": 2.0}), ("cone", {"half_angle_deg": 40.0})])
+def test_punch_and_cone_tell_the_modulus_of_sneddon(indenter, options):
+    position = np.linspace(-0.5, 0.3, 600)
+    below = np.maximum(position - 0.02, 0.0)
+    reduced = 30e-3 / (1 - 0.49**2)
+    force = 2 * 2.0 * reduced * below if indenter == "punch" else 2 / np.pi * np.tan(np.radians(40)) * reduced * below**2
+    force = force + 1e-3 * force.max() * np.random.default_rng(2).standard_normal(600)
+    low, high = interval(ForceCurve(position_mm=position, force_n=force), indenter=indenter, **options)
+    assert low < 30.0 < high < 1.15 * low
+
+
+def test_the_bending_of_the_machine_is_taken_off():
+    position, force = pressed()
+    bends = 0.2
+    moved = position + bends * (force - force[:50].mean())
+    low, high = interval(
+        ForceCurve(position_mm=moved, force_n=force), radius_mm=RADIUS_MM, compliance_mm_per_n=bends
+    )
+    assert low < YOUNG_KPA < high
+
+
+def test_errors_of_force_and_radius_widen_the_interval():
+    curve = ForceCurve(position_mm=pressed()[0], force_n=pressed()[1])
+    narrow = np.subtract(*interval(curve, radius_mm=RADIUS_MM)[::-1])
+    wide = np.subtract(*interval(curve, radius_mm=RADIUS_MM, force_sd=0.1)[::-1])
+    assert wide > 0.3 * YOUNG_KPA > narrow
+
+
+def test_noise_alone_is_no_contact():
+    rng = np.random.default_rng(3)
+    estimate = tsis.hardness.indentation(
+        ForceCurve(position_mm=np.linspace(0, 1, 500), force_n=rng.standard_normal(500)), radius_mm=3.0
+    )
+    assert not estimate.trusted
+    assert "no_contact" in estimate.flags
+
+
+def test_a_hold_that_relaxes_and_a_pull_on_leaving_are_told():
+    position, force = pressed(noise=1e-3)
+    rise = force.max() - force[:50].mean()
+    rest = np.exp(-np.linspace(0, 3, 200)) * 0.2 * rise + force.max() - 0.2 * rise
+    pull = force[::-1] - 0.3 * rise * np.exp(-(((position[::-1] - position[300]) / 0.03) ** 2))
+    curve = ForceCurve(
+        position_mm=np.concatenate([position, np.full(200, position[-1]), position[::-1]]),
+        force_n=np.concatenate([force, rest, pull]),
+    )
+    flags = tsis.hardness.indentation(curve, radius_mm=RADIUS_MM).flags
+    assert {"hold_relaxes", "adhesion"} <= set(flags)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({}, "radius_mm must be given"),
+        ({"radius_mm": 51.0}, "radius_mm must lie in"),
+        ({"radius_mm": 3.0, "indenter": "needle"}, "no indenter is called 'needle'"),
+        ({"indenter": "cone"}, "half_angle_deg must be given"),
+        ({"radius_mm": 3.0, "poisson": (0.4, 0.6)}, "poisson"),
+        ({"radius_mm": 3.0, "thickness_mm": float("nan")}, "thickness_mm"),
+    ],
+)
+def test_invalid_values_are_refused_in_a_sentence(options, message):
+    position, force = pressed()
+    with pytest.raises(InputError, match=message):
+        tsis.hardness.indentation(ForceCurve(position_mm=position, force_n=force), **options)
+
+
+def test_curves_that_are_none_are_refused():
+    with pytest.raises(InputError, match="of one length"):
+        ForceCurve(position_mm=np.arange(40.0), force_n=np.arange(39.0))
+    with pytest.raises(InputError, match="constant"):
+        ForceCurve(position_mm=np.zeros(40), force_n=np.arange(40.0))
+
+
+TABLES = {
+    "tsis.csv": ("depth_mm,force_n", ",", 1.0, 1.0, "."),
+    "mark-10.csv": ("Reading,Load [N],Travel [mm],Time [s]", ",", 1.0, 1.0, "."),
+    "mecmesin.txt": ("Time (s)\tLoad (mN)\tDisplacement (µm)", "\t", 1e3, 1e3, "."),
+    "deutsch.csv": ("Zeit;Force / N;Position / mm", ";", 1.0, 1.0, ","),
+}
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_exports_are_read_by_name_and_unit(tmp_path, name):
+    heading, delimiter, lengths, forces, mark = TABLES[name]
+    position, force = pressed()
+    places = [
+        ("p" if any(word in part for word in ("epth", "ravel", "isplac", "osition")) else "f" if "o" in part else "n")
+        if "Time" not in part and "Reading" not in part and "Zeit" not in part
+        else "n"
+        for part in heading.split(delimiter)
+    ]
+    lines = [heading]
+    for number, (x, y) in enumerate(zip(position, force, strict=True)):
+        cells = {"p": f"{x * lengths:.6f}", "f": f"{y * forces:.8f}", "n": f"{number}"}
+        lines.append(delimiter.join(cells[place].replace(".", mark) for place in places))
+    path = tmp_path / name
+    path.write_text("\n".join(lines), encoding="utf-8")
+    (curve,) = read_curves(path)
+    assert curve.position_mm == pytest.approx(position, abs=1e-6)
+    assert curve.force_n == pytest.approx(force, abs=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [(b"", "must hold data"), (b"depth,force\n1,2\n", "unit"), (b"PK\x03\x04 broken", "ZIP"), (b"a,b\n1,2\n", "missing")],
+)
+def test_other_files_are_refused_in_a_sentence(tmp_path, content, message):
+    path = tmp_path / "curve.csv"
+    path.write_bytes(content)
+    with pytest.raises(FileInputError, match=message):
+        read_curves(path)
+
+
+def real(name):
+    path = REAL / name
+    if not path.exists():
+        pytest.skip(f"{path} is not there: real curves are not part of the project")
+    return path
+
+
+def test_a_text_of_chiaro_is_read_with_its_radius_and_the_makers_modulus():
+    (curve,) = read_curves(real("fmt-chiaro-txt_AEBP1_Indentation_002.zip"))
+    assert curve.radius_mm == pytest.approx(0.0275)
+    assert curve.recorded["maker_young_kpa"] == pytest.approx(0.117, abs=1e-4)
+    assert curve.force_n.max() == pytest.approx(4.9e-8, rel=0.02)
+
+
+def test_a_map_of_jpk_is_read_with_all_curves():
+    path = real("fmt-jpk-fd_map2x2_extracted.jpk-force-map")
+    pytest.importorskip("afmformats", reason="the extra curves is not installed")
+    curves = read_curves(path)
+    assert len(curves) == 4
+    assert curves[0].force_n.max() == pytest.approx(1.64e-9, rel=0.01)
+
+
+def test_flags_have_a_meaning_and_those_that_withhold_a_cure():
+    assert all(flag.means and (flag.cure or not flag.withholds) for flag in INDENTATION_FLAGS.values())
