@@ -53,7 +53,9 @@ def test_punch_and_cone_tell_the_modulus_of_sneddon(indenter, options):
     position = np.linspace(-0.5, 0.3, 600)
     below = np.maximum(position - 0.02, 0.0)
     reduced = 30e-3 / (1 - 0.49**2)
-    force = 2 * 2.0 * reduced * below if indenter == "punch" else 2 / np.pi * np.tan(np.radians(40)) * reduced * below**2
+    force = (
+        2 * 2.0 * reduced * below if indenter == "punch" else 2 / np.pi * np.tan(np.radians(40)) * reduced * below**2
+    )
     force = force + 1e-3 * force.max() * np.random.default_rng(2).standard_normal(600)
     low, high = interval(ForceCurve(position_mm=position, force_n=force), indenter=indenter, **options)
     assert low < 30.0 < high < 1.15 * low
@@ -63,9 +65,7 @@ def test_the_bending_of_the_machine_is_taken_off():
     position, force = pressed()
     bends = 0.2
     moved = position + bends * (force - force[:50].mean())
-    low, high = interval(
-        ForceCurve(position_mm=moved, force_n=force), radius_mm=RADIUS_MM, compliance_mm_per_n=bends
-    )
+    low, high = interval(ForceCurve(position_mm=moved, force_n=force), radius_mm=RADIUS_MM, compliance_mm_per_n=bends)
     assert low < YOUNG_KPA < high
 
 
@@ -153,7 +153,12 @@ def test_exports_are_read_by_name_and_unit(tmp_path, name):
 
 @pytest.mark.parametrize(
     ("content", "message"),
-    [(b"", "must hold data"), (b"depth,force\n1,2\n", "unit"), (b"PK\x03\x04 broken", "ZIP"), (b"a,b\n1,2\n", "missing")],
+    [
+        (b"", "must hold data"),
+        (b"depth,force\n1,2\n", "unit"),
+        (b"PK\x03\x04 broken", "ZIP"),
+        (b"a,b\n1,2\n", "missing"),
+    ],
 )
 def test_other_files_are_refused_in_a_sentence(tmp_path, content, message):
     path = tmp_path / "curve.csv"

@@ -100,6 +100,9 @@ IN_NEWTONS = {
     "kgf": 9.80665,
     "lbf": 4.4482216152605,
     "ozf": 0.27801385095378125,
+    "cN": 1e-2,
+    "daN": 10.0,
+    "µN": 1e-6,
 }
 
 
@@ -471,3 +474,25 @@ def test_no_stream_of_bytes_raises_anything_but_a_gauge_error(sent: list[tuple[f
     readings = FakePort(unasked=unasked).gauge(poll=None).readings()
     with pytest.raises(GaugeError):  # in the end: the fake falls silent
         list(readings)
+
+
+@pytest.mark.parametrize(
+    ("line", "force_n", "step_n"),
+    [
+        (b"12.5 cN", 0.125, 1e-3),
+        (b"0.5 daN", 5.0, 1.0),
+        ("0.5 µN".encode(), 5e-7, 1e-7),
+        ("0.5 μN".encode(), 5e-7, 1e-7),
+        ("0.5 µN".encode("latin-1"), 5e-7, 1e-7),
+        (b"0.5 uN", 5e-7, 1e-7),
+        (b"@253.4 N", 253.4, 0.1),
+        (b"R-012.34N", -12.34, 0.01),
+    ],
+)
+def test_lines_of_further_families_of_gauges_are_read(line, force_n, step_n):
+    assert newtons(read_reply(line), unit=None) == pytest.approx((force_n, step_n))
+
+
+def test_a_reading_after_the_letter_r_has_the_stated_unit():
+    assert newtons(read_reply(b"R+012.34"), unit="N") == pytest.approx((12.34, 0.01))
+    assert read_reply(b"R").kind is ReplyKind.GARBAGE

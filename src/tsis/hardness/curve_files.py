@@ -94,7 +94,11 @@ def _chiaro_curve(text: str, name: str, where: str) -> ForceCurve:
     """A Chiaro text: the position is the piezo's less the cantilever's bending, not its column of indentation."""
     head, _, table = text.partition("\nTime (s)\t")
     headings, _, numbers = table.partition("\n")
-    places = [f"Time (s)\t{headings}".strip().split("\t").index(each) for each in CHIARO_COLUMNS if each in f"Time (s)\t{headings}"]
+    places = [
+        f"Time (s)\t{headings}".strip().split("\t").index(each)
+        for each in CHIARO_COLUMNS
+        if each in f"Time (s)\t{headings}"
+    ]
     stated = {match["name"].strip(): parse_number(match["value"]) for match in _CHIARO.finditer(head)}
     try:
         time, load, bent, piezo = np.loadtxt(io.StringIO(numbers.replace(",", ".")), usecols=places, ndmin=2).T
@@ -144,9 +148,7 @@ def _afm_curves(file: Path) -> Iterator[ForceCurve]:
                 position = -(np.array(item[height], dtype=float) + bent)
                 name = printable_name(file) + (f" {number}" if len(data) > 1 else "")
                 time = np.array(item["time"], dtype=float) if "time" in item else None
-                yield _curve(
-                    printable_path(file), name, 1e3 * position, force, time, None, {"spring_n_per_m": spring}
-                )
+                yield _curve(printable_path(file), name, 1e3 * position, force, time, None, {"spring_n_per_m": spring})
     except (FileInputError, MemoryError):
         raise
     except Exception as error:  # whatever a foreign parser raises on a damaged file

@@ -447,7 +447,9 @@ def _sampled(likelihood: _Likelihood, rng: np.random.Generator) -> tuple[Floats,
         return value if np.isfinite(value) else 1e12
 
     start = likelihood.best_guess
-    found = scipy.optimize.minimize(cost, np.zeros(7), method="Powell", options={"maxfev": 900, "xtol": 1e-2, "ftol": 1e-6})
+    found = scipy.optimize.minimize(
+        cost, np.zeros(7), method="Powell", options={"maxfev": 900, "xtol": 1e-2, "ftol": 1e-6}
+    )
     start = start + scale * found.x
     curvature = np.array([_curvature(cost, axis, other) for axis in range(7) for other in range(7)]).reshape(7, 7)
     size, axes = np.linalg.eigh((curvature + curvature.T) / 2)
@@ -489,9 +491,11 @@ def _used(loading: _Loading, press: Indenter) -> tuple[Floats, Floats, tuple[flo
         allowed = min(press.deepest_mm(), deepest)
         too_deep = np.flatnonzero(position > contact + 1.02 * allowed)
         end = int(too_deep[0]) if too_deep.size else position.size
-        begin = int(np.flatnonzero(position[:end] < contact - APPROACH * allowed)[-1]) if np.any(
-            position[:end] < contact - APPROACH * allowed
-        ) else 0
+        begin = (
+            int(np.flatnonzero(position[:end] < contact - APPROACH * allowed)[-1])
+            if np.any(position[:end] < contact - APPROACH * allowed)
+            else 0
+        )
         if end - begin < LEAST_POINTS or (begin == 0 and end == position.size):
             break
         if end < position.size:

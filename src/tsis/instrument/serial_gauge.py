@@ -1,6 +1,6 @@
 """Force gauges with ASCII replies on a serial line, as those of Mecmesin and Mark-10, and the ports of this machine.
 
-A reply is a sign, a number and perhaps a unit: ``-0.123 N``, ``+1.20``, ``  18.78 lbF``. Each line has the time of its
+A reply is a sign, a number and perhaps a unit: ``-0.123 N``, ``+1.20``, ``  18.78 lbF``, ``R+012.34``, ``@253.4 N``. Each line has the time of its
 arrival, so that the force at the time of a camera frame can be told.
 """
 
@@ -35,6 +35,9 @@ NEWTONS = {
     "N": 1.0,
     "mN": 1e-3,
     "kN": 1e3,
+    "cN": 1e-2,
+    "daN": 10.0,
+    "µN": 1e-6,
     "gf": 1e-3 * STANDARD_GRAVITY_M_PER_S2,
     "kgf": STANDARD_GRAVITY_M_PER_S2,
     "lbf": _POUND_KG * STANDARD_GRAVITY_M_PER_S2,
@@ -43,8 +46,9 @@ NEWTONS = {
 LONGEST_REPLY_BYTES = 64
 
 # Gauges differ in capitals (lbF, KGF); only a capital M would change the meaning, and no gauge reads meganewtons.
-_BY_LOWER_CASE = {unit.lower(): unit for unit in NEWTONS}
-_NUMBER = re.compile(rb"([+-]?) *(\d{0,9})(?:\.(\d{0,9}))? *([A-Za-z]*)")
+_BY_LOWER_CASE = {unit.lower(): unit for unit in NEWTONS} | {"un": "µN"}
+# Some gauges put R (a reading) or @ before the number; micro comes in UTF-8, as either letter, or in Latin 1.
+_NUMBER = re.compile(rb"(?:[Rr@] *)?([+-]?) *(\d{0,9})(?:\.(\d{0,9}))? *((?:\xc2\xb5|\xce\xbc|\xb5)[Nn]|[A-Za-z]*)")
 _OVERLOAD = re.compile(rb"[+-]? *(?:O\.?L|OVER(?:LOAD| LOAD)?|HELP|-{2,})(?: *[A-Za-z]{1,3})?", re.IGNORECASE)
 _FAULT = re.compile(rb"x{3,}|\*\d\d|ERR.*", re.IGNORECASE)
 
@@ -92,7 +96,9 @@ def _number(text: bytes) -> Reply | None:
     match = _NUMBER.fullmatch(text)
     if match is None:
         return None
-    sign, whole, fraction, letters = (part.decode() for part in match.groups(b""))
+    *numbers, spelled = match.groups(b"")
+    sign, whole, fraction = (part.decode() for part in numbers)
+    letters = spelled.decode() if spelled.isascii() else "µN"
     unit = _unit(letters)
     if not whole + fraction or unit is None:
         return None
