@@ -42,7 +42,7 @@ class IndentationCurve:
     Attributes
     ----------
     depth, contact
-        Depth and contact radius in terms of the ball's or punch's radius; of a cone on a layer in terms of its thickness.
+        Depth and contact radius in terms of the radius of ball or punch; of a cone, of the layer's thickness.
     force
         Force over ``E / (1 - nu²)`` and the square of that length.
     """
