@@ -93,7 +93,8 @@ def test_a_stiff_object_widens_by_the_gels_part() -> None:
     widths = {}
     for young in (20.0, 200.0):
         contacts = [{name: row[name] for name in ("force_n", "radius_mm")} for row in hertz(young)]
-        found = estimate_from_contacts(contacts, sensor=GEL, geometry=ObjectGeometry(radius_mm=R_MM, radius_sd_mm=0.0))
+        ball = ObjectGeometry(radius_mm=R_MM, radius_sd_mm=0.0)
+            found = estimate_from_contacts(contacts, sensor=GEL, geometry=ball, force_zero_sd_n=0.0)
         low, high = found.untrusted.interval(0.9)["young_kpa"]
         widths[young] = np.log(high / low)
     part = {young: ((1 - 0.4725**2) / young) / ((1 - 0.4725**2) / young + (1 - 0.49**2) / 150.0) for young in widths}
@@ -102,11 +103,11 @@ def test_a_stiff_object_widens_by_the_gels_part() -> None:
 
 def test_limits_of_the_gel_widen_and_a_rigid_ball_narrows() -> None:
     unknown = replace(GEL, young_kpa=BoundedValue(low=100.0, high=225.0))
-    known = estimate_from_contacts(by_force(60.0), sensor=GEL, geometry=R_MM)
-    wide = estimate_from_contacts(by_force(60.0), sensor=unknown, geometry=R_MM)
+    known = estimate_from_contacts(by_force(60.0), sensor=GEL, geometry=R_MM, force_zero_sd_n=0.0)
+    wide = estimate_from_contacts(by_force(60.0), sensor=unknown, geometry=R_MM, force_zero_sd_n=0.0)
     ball = by_force(1e9)
     result = estimate_from_contacts(
-        by_force(60.0), sensor=unknown, geometry=R_MM, reference=ball, reference_radius_mm=R_MM
+        by_force(60.0), sensor=unknown, geometry=R_MM, force_zero_sd_n=0.0, reference=ball, reference_radius_mm=R_MM
     )
     sd = {
         name: float(np.log(each.untrusted.samples["young_kpa"]).std())
@@ -320,3 +321,15 @@ def test_a_table_of_any_program_gives_the_same_contacts(tmp_path: Path, table: s
     assert [reading.force_n for reading in readings] == pytest.approx([0.2, 0.4])
     assert [reading.radius_mm for reading in readings] == pytest.approx([2.5, 3.125])
     assert refused == ()
+
+
+@pytest.mark.parametrize("zero_n", [-0.03, 0.02, 0.05])
+def test_a_zero_error_of_the_force_lies_within_the_interval(zero_n: float) -> None:
+    """Two contacts of small force: the interval is wide; four up to ten times as much tell the zero."""
+    found = []
+    for forces in ((0.15, 0.25), (0.15, 0.4, 0.8, 1.5)):
+        contacts = [{**row, "force_n": row["force_n"] + zero_n} for row in hertz(100.0, forces)]
+        low, high = estimate_from_contacts(contacts, sensor=GEL, geometry=R_MM).interval()["young_kpa"]
+        assert low < 100.0 < high
+        found.append(np.log(high / low))
+    assert found[1] < 0.8 * found[0]

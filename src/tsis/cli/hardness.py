@@ -74,6 +74,16 @@ OneSequence = Annotated[
     bool,
     typer.Option("--sequence", help="The contacts are one press in the order of time.", rich_help_panel=PANEL),
 ]
+PressSd = Annotated[
+    float,
+    typer.Option("--press-sd", help="Relative sd of contact radii from press to press.", rich_help_panel=PANEL),
+]
+ForceZeroSd = Annotated[
+    float,
+    typer.Option(
+        "--force-zero-sd-n", help="Sd of the force's zero in N; 0 for a tared gauge.", rich_help_panel=PANEL
+    ),
+]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,6 +99,8 @@ class ContactOptions:
     ball: Path | None
     ball_radius_mm: float | None
     sequence: bool
+    press_sd: float
+    force_zero_sd_n: float
 
 
 def hardness_from_contacts(path: Path, given: ContactOptions, *, prior: HardnessPrior | None, as_json: bool) -> None:
@@ -114,6 +126,8 @@ def hardness_from_contacts(path: Path, given: ContactOptions, *, prior: Hardness
             reference_radius_mm=given.ball_radius_mm,
             prior=prior,
             sequence=given.sequence,
+            press_sd=given.press_sd,
+            force_zero_sd_n=given.force_zero_sd_n,
         )
     if as_json:
         withheld = result.withheld_reason("young_kpa")
@@ -173,6 +187,8 @@ def hardness(
     flat: FlatObject = False,
     ball_contacts: BallContacts = None,
     sequence: OneSequence = False,
+    press_sd: PressSd = 0.02,
+    force_zero_sd_n: ForceZeroSd = 0.03,
     prior: PriorFile = None,
     show_prior: ShowHardnessPrior = False,
     seed: Annotated[int, typer.Option(help="Seed of the virtual rig's errors.", min=0, max=LARGEST_SEED)] = 1,
@@ -206,6 +222,8 @@ def hardness(
             ball=ball_contacts,
             ball_radius_mm=ball_radius_mm,
             sequence=sequence,
+            press_sd=press_sd,
+            force_zero_sd_n=force_zero_sd_n,
         )
         hardness_from_contacts(contacts, stated, prior=own, as_json=as_json)
         return

@@ -150,6 +150,7 @@ class MeasuredTerm:
     sd: float
     reading_sd: float
     is_force: bool
+    by_zero: float = 0.0  # how it grows with the force's zero, 1/N
 
 
 def measured_terms(body: TouchedBody, radius: float, thickness: float, poisson: float) -> Iterator[MeasuredTerm]:
@@ -171,6 +172,7 @@ def measured_terms(body: TouchedBody, radius: float, thickness: float, poisson: 
                     sd=float(np.hypot(reading.force_sd_n / reading.force_n, np.hypot(FORCE_MODEL_SD, model))),
                     reading_sd=own_radius,
                     is_force=True,
+                    by_zero=1 / reading.force_n,
                 )
             if reading.depth_mm is not None and reading.depth_sd_mm is not None:
                 yield MeasuredTerm(
@@ -194,6 +196,7 @@ def measured_terms(body: TouchedBody, radius: float, thickness: float, poisson: 
                 sd=float(np.hypot(reading.force_sd_n / reading.force_n, FORCE_MODEL_SD)),
                 reading_sd=float(np.hypot(reading.depth_sd_mm / reading.depth_mm, DENT_MODEL_SD)),
                 is_force=True,
+                by_zero=1 / reading.force_n,
             )
 
 
@@ -214,12 +217,14 @@ GEL_MODULI, RATIOS, THICKNESSES = 15, 5, 3  # nodes over intervals that leave ro
 class TouchErrors:
     """Errors beyond those of the readings, relative standard deviations of contact radius and depth.
 
-    ``press`` is that from press to press, ``scale`` common to all readings of the sensor.
+    ``press`` is that from press to press, ``scale`` common to all readings of the sensor. ``force_zero_n`` is that of
+    the force's zero in N, one for all contacts of a body.
     """
 
     press: float
     scale: float
     same_press: bool = False  # all readings are of one press
+    force_zero_n: float = 0.0
 
 
 class TouchLikelihood:
@@ -311,7 +316,15 @@ class TouchLikelihood:
                 for term in terms
             ]
         )
-        spread = np.array([np.hypot(term.sd, 3.0 * np.hypot(term.reading_sd, self._errors.press)) for term in terms])
+        spread = np.array(
+            [
+                np.hypot(
+                    np.hypot(term.sd, self._errors.force_zero_n * term.by_zero),
+                    3.0 * np.hypot(term.reading_sd, self._errors.press),
+                )
+                for term in terms
+            ]
+        )
         best = flat[int(np.argmin(((residuals / spread[:, None]) ** 2).sum(axis=0)))]
         factor = np.linalg.cholesky(self._covariance(terms, float(best)))
         white = np.linalg.solve(factor, residuals)
@@ -326,10 +339,12 @@ class TouchLikelihood:
         readings = np.outer(*2 * ([term.reading_sd for term in terms],)) * same
         of_press = self._errors.press**2 * (np.ones_like(same, dtype=float) if self._errors.same_press else same)
         common = np.outer(slopes, slopes) * (readings + of_press + self._errors.scale**2)
-        return np.asarray(common + np.diag([term.sd**2 for term in terms]))
+        zero = self._errors.force_zero_n * np.array([term.by_zero for term in terms])  # log(F - zero), first order
+        return np.asarray(common + np.outer(zero, zero) + np.diag([term.sd**2 for term in terms]))
 
 
 GEL_PRIOR = HardnessPrior(young_kpa=(2.0, 10_000.0), poisson=(0.45, 0.495))
+FORCE_ZERO_SD_N = 0.03  # of a gauge's zero: within 0.05 N nine times of ten
 PRESS_SD = 0.02  # relative standard deviation of a contact radius from press to press
 
 
@@ -344,6 +359,7 @@ def estimate_from_contacts(
     prior: HardnessPrior | None = None,
     sequence: bool = False,
     press_sd: float = PRESS_SD,
+    force_zero_sd_n: float = FORCE_ZERO_SD_N,
 ) -> Estimate:
     """Estimate Young's modulus of an object from its contacts with a gel sensor.
 
@@ -376,6 +392,9 @@ def estimate_from_contacts(
         share the error from press to press.
     press_sd
         Relative standard deviation of a contact radius from press to press, in [0, 0.5].
+    force_zero_sd_n
+        Standard deviation of the force's zero, N, common to all contacts, in [0, 10]: contacts of different forces tell
+        it, a few of one force widen the interval. 0 for a gauge that was tared.
 
     Returns
     -------
@@ -406,13 +425,14 @@ def estimate_from_contacts(
     prior = GEL_PRIOR if prior is None else prior
     require_type("prior", prior, HardnessPrior)
     require_number("press_sd", press_sd, 0.0, 0.5, hint="a fraction")
+    require_number("force_zero_sd_n", force_zero_sd_n, 0.0, 10.0, hint="newtons")
     readings, left_out, stated_mm = as_touch_readings(contacts, force=force)
     shape = as_geometry(geometry, stated_mm)
     readings = loading_part(readings) if sequence else readings
     bodies = [_body(readings, shape)]
     if reference is not None:
         bodies.append(_rigid_ball(reference, reference_radius_mm))
-    errors = TouchErrors(press=press_sd, scale=gel.scale_uncertainty, same_press=sequence)
+    errors = TouchErrors(press=press_sd, scale=gel.scale_uncertainty, same_press=sequence, force_zero_n=force_zero_sd_n)
     reasons = unknowable(readings, shape)
     samples, misfit, count = _explored(bodies, gel, prior, errors, flat=shape.shape == "flat" or bool(reasons))
     flagged = [
