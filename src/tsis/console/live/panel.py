@@ -43,6 +43,7 @@ class FramePanel(Generic[View]):
         map_name: str = FIRST_MAP,
     ) -> None:
         self._map, self._shown = map_name, shown
+        self.view: View
         with ui.element("div").classes("row tools") as self.switches:
             colours = widgets.select_field(sorted(MAPS), value=map_name, label="Colours", on_change=self._colour)
             colours.props("dense outlined").classes("colours")
