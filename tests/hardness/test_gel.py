@@ -94,7 +94,7 @@ def test_a_stiff_object_widens_by_the_gels_part() -> None:
     for young in (20.0, 200.0):
         contacts = [{name: row[name] for name in ("force_n", "radius_mm")} for row in hertz(young)]
         ball = ObjectGeometry(radius_mm=R_MM, radius_sd_mm=0.0)
-            found = estimate_from_contacts(contacts, sensor=GEL, geometry=ball, force_zero_sd_n=0.0)
+        found = estimate_from_contacts(contacts, sensor=GEL, geometry=ball, force_zero_sd_n=0.0)
         low, high = found.untrusted.interval(0.9)["young_kpa"]
         widths[young] = np.log(high / low)
     part = {young: ((1 - 0.4725**2) / young) / ((1 - 0.4725**2) / young + (1 - 0.49**2) / 150.0) for young in widths}

@@ -80,9 +80,7 @@ PressSd = Annotated[
 ]
 ForceZeroSd = Annotated[
     float,
-    typer.Option(
-        "--force-zero-sd-n", help="Sd of the force's zero in N; 0 for a tared gauge.", rich_help_panel=PANEL
-    ),
+    typer.Option("--force-zero-sd-n", help="Sd of the force's zero in N; 0 for a tared gauge.", rich_help_panel=PANEL),
 ]
 
 

@@ -91,9 +91,7 @@ POOR_FIT = Flag(
     withholds=True,
     says="The curve departs from that of this indenter by {percent:.0f} % of the peak: {cure}.",
 )
-INDENTATION_FLAGS = declared(
-    NO_CONTACT, NOT_IDENTIFIED, ADHESION, HOLD_RELAXES, NO_BASELINE, SHALLOW_PART, POOR_FIT
-)
+INDENTATION_FLAGS = declared(NO_CONTACT, NOT_IDENTIFIED, ADHESION, HOLD_RELAXES, NO_BASELINE, SHALLOW_PART, POOR_FIT)
 UNTRUSTED_FLAGS = withholding(INDENTATION_FLAGS)
 
 LEAST_POINTS, MOST_POINTS = 30, 4_000_000
