@@ -1,11 +1,20 @@
 """The command ``tsis indent``."""
 
+from __future__ import annotations
+
 import json
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+if TYPE_CHECKING:
+    from pathlib import Path
 
-def curve_file(path, young_kpa):
+    import pytest
+    from tests.cli.conftest import RunTsis
+
+
+def curve_file(path: Path, young_kpa: float) -> None:
     position = np.linspace(-0.3, 0.1, 400)
     force = 4 / 3 * young_kpa * 1e-3 / 0.76 * np.sqrt(3.0) * np.maximum(position, 0.0) ** 1.5
     force += 1e-3 * force.max() * np.random.default_rng(4).standard_normal(400)
@@ -13,7 +22,7 @@ def curve_file(path, young_kpa):
     path.write_text(f"Travel [mm],Load [mN]\n{rows}\n")
 
 
-def test_several_files_have_one_row_each(run_tsis, tmp_path, monkeypatch):
+def test_several_files_have_one_row_each(run_tsis: RunTsis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     curve_file(tmp_path / "soft.csv", 8.0)
     curve_file(tmp_path / "hard.csv", 80.0)
@@ -27,7 +36,7 @@ def test_several_files_have_one_row_each(run_tsis, tmp_path, monkeypatch):
     assert "soft.csv" in shown
 
 
-def test_a_missing_radius_is_told_in_one_sentence(run_tsis, tmp_path):
+def test_a_missing_radius_is_told_in_one_sentence(run_tsis: RunTsis, tmp_path: Path) -> None:
     curve_file(tmp_path / "soft.csv", 8.0)
     finished = run_tsis("indent", tmp_path / "soft.csv")
     assert finished.err.startswith("Error: radius_mm must be given")

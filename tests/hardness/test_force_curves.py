@@ -1,6 +1,9 @@
 """Moduli from curves of force over depth, against Hertz's law, Sneddon's solutions and the maker of an indenter."""
 
+from __future__ import annotations
+
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -10,11 +13,23 @@ from tsis.errors import FileInputError, InputError
 from tsis.hardness.curve_files import read_curves
 from tsis.hardness.force_curves import INDENTATION_FLAGS, ForceCurve
 
+if TYPE_CHECKING:
+    from typing import Any
+
+    from numpy.typing import NDArray
+
 REAL = Path(__file__).parents[3] / "shared" / "data" / "real" / "force_curves"
 RADIUS_MM, YOUNG_KPA = 3.0, 20.0
 
 
-def pressed(young_kpa=YOUNG_KPA, radius_mm=RADIUS_MM, noise=2e-3, seed=1, contact_mm=0.1, points=600):
+def pressed(
+    young_kpa: float = YOUNG_KPA,
+    radius_mm: float = RADIUS_MM,
+    noise: float = 2e-3,
+    seed: int = 1,
+    contact_mm: float = 0.1,
+    points: int = 600,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """A shallow press of a ball on a thick block, by Hertz's law, with noise, an offset and a tilt."""
     position = np.linspace(-0.2, 0.08, points) * radius_mm / 3
     below = np.maximum(position - contact_mm * 0.1 * radius_mm / 3, 0.0)
@@ -24,13 +39,13 @@ def pressed(young_kpa=YOUNG_KPA, radius_mm=RADIUS_MM, noise=2e-3, seed=1, contac
     return position, force + peak * (0.3 + 0.02 * position / np.ptp(position) + noise * rng.standard_normal(points))
 
 
-def interval(curve, **options):
+def interval(curve: ForceCurve, **options: Any) -> tuple[float, float]:
     return tsis.hardness.indentation(curve, **options).interval()["young_kpa"]
 
 
 @pytest.mark.parametrize("radius_mm", [2e-3, 3.0, 40.0])
 @pytest.mark.parametrize("young_kpa", [0.1, 150.0])
-def test_a_ball_of_any_size_tells_the_modulus_of_hertz(radius_mm, young_kpa):
+def test_a_ball_of_any_size_tells_the_modulus_of_hertz(radius_mm: float, young_kpa: float) -> None:
     position, force = pressed(young_kpa, radius_mm)
     estimate = tsis.hardness.indentation(ForceCurve(position_mm=position, force_n=force), radius_mm=radius_mm)
     low, high = estimate.interval()["young_kpa"]
@@ -39,7 +54,7 @@ def test_a_ball_of_any_size_tells_the_modulus_of_hertz(radius_mm, young_kpa):
     assert estimate.mean["young_kpa"] == pytest.approx(young_kpa, rel=0.06)
 
 
-def test_signs_and_the_return_do_not_matter():
+def test_signs_and_the_return_do_not_matter() -> None:
     position, force = pressed()
     there = interval(ForceCurve(position_mm=position, force_n=force), radius_mm=RADIUS_MM)
     back = ForceCurve(
@@ -49,7 +64,7 @@ def test_signs_and_the_return_do_not_matter():
 
 
 @pytest.mark.parametrize(("indenter", "options"), [("punch", {"radius_mm": 2.0}), ("cone", {"half_angle_deg": 40.0})])
-def test_punch_and_cone_tell_the_modulus_of_sneddon(indenter, options):
+def test_punch_and_cone_tell_the_modulus_of_sneddon(indenter: str, options: dict[str, Any]) -> None:
     position = np.linspace(-0.5, 0.3, 600)
     below = np.maximum(position - 0.02, 0.0)
     reduced = 30e-3 / (1 - 0.49**2)
@@ -61,7 +76,7 @@ def test_punch_and_cone_tell_the_modulus_of_sneddon(indenter, options):
     assert low < 30.0 < high < 1.15 * low
 
 
-def test_the_bending_of_the_machine_is_taken_off():
+def test_the_bending_of_the_machine_is_taken_off() -> None:
     position, force = pressed()
     bends = 0.2
     moved = position + bends * (force - force[:50].mean())
@@ -69,14 +84,14 @@ def test_the_bending_of_the_machine_is_taken_off():
     assert low < YOUNG_KPA < high
 
 
-def test_errors_of_force_and_radius_widen_the_interval():
+def test_errors_of_force_and_radius_widen_the_interval() -> None:
     curve = ForceCurve(position_mm=pressed()[0], force_n=pressed()[1])
     narrow = np.subtract(*interval(curve, radius_mm=RADIUS_MM)[::-1])
     wide = np.subtract(*interval(curve, radius_mm=RADIUS_MM, force_sd=0.1)[::-1])
     assert wide > 0.3 * YOUNG_KPA > narrow
 
 
-def test_noise_alone_is_no_contact():
+def test_noise_alone_is_no_contact() -> None:
     rng = np.random.default_rng(3)
     estimate = tsis.hardness.indentation(
         ForceCurve(position_mm=np.linspace(0, 1, 500), force_n=rng.standard_normal(500)), radius_mm=3.0
@@ -85,7 +100,7 @@ def test_noise_alone_is_no_contact():
     assert "no_contact" in estimate.flags
 
 
-def test_a_hold_that_relaxes_and_a_pull_on_leaving_are_told():
+def test_a_hold_that_relaxes_and_a_pull_on_leaving_are_told() -> None:
     position, force = pressed(noise=1e-3)
     rise = force.max() - force[:50].mean()
     rest = np.exp(-np.linspace(0, 3, 200)) * 0.2 * rise + force.max() - 0.2 * rise
@@ -109,13 +124,13 @@ def test_a_hold_that_relaxes_and_a_pull_on_leaving_are_told():
         ({"radius_mm": 3.0, "thickness_mm": float("nan")}, "thickness_mm"),
     ],
 )
-def test_invalid_values_are_refused_in_a_sentence(options, message):
+def test_invalid_values_are_refused_in_a_sentence(options: dict[str, Any], message: str) -> None:
     position, force = pressed()
     with pytest.raises(InputError, match=message):
         tsis.hardness.indentation(ForceCurve(position_mm=position, force_n=force), **options)
 
 
-def test_curves_that_are_none_are_refused():
+def test_curves_that_are_none_are_refused() -> None:
     with pytest.raises(InputError, match="of one length"):
         ForceCurve(position_mm=np.arange(40.0), force_n=np.arange(39.0))
     with pytest.raises(InputError, match="constant"):
@@ -131,7 +146,7 @@ TABLES = {
 
 
 @pytest.mark.parametrize("name", TABLES)
-def test_exports_are_read_by_name_and_unit(tmp_path, name):
+def test_exports_are_read_by_name_and_unit(tmp_path: Path, name: str) -> None:
     heading, delimiter, lengths, forces, mark = TABLES[name]
     position, force = pressed()
     places = [
@@ -160,28 +175,29 @@ def test_exports_are_read_by_name_and_unit(tmp_path, name):
         (b"a,b\n1,2\n", "missing"),
     ],
 )
-def test_other_files_are_refused_in_a_sentence(tmp_path, content, message):
+def test_other_files_are_refused_in_a_sentence(tmp_path: Path, content: bytes, message: str) -> None:
     path = tmp_path / "curve.csv"
     path.write_bytes(content)
     with pytest.raises(FileInputError, match=message):
         read_curves(path)
 
 
-def real(name):
+def real(name: str) -> Path:
     path = REAL / name
     if not path.exists():
         pytest.skip(f"{path} is not there: real curves are not part of the project")
     return path
 
 
-def test_a_text_of_chiaro_is_read_with_its_radius_and_the_makers_modulus():
+def test_a_text_of_chiaro_is_read_with_its_radius_and_the_makers_modulus() -> None:
     (curve,) = read_curves(real("fmt-chiaro-txt_AEBP1_Indentation_002.zip"))
     assert curve.radius_mm == pytest.approx(0.0275)
+    assert curve.recorded is not None
     assert curve.recorded["maker_young_kpa"] == pytest.approx(0.117, abs=1e-4)
     assert curve.force_n.max() == pytest.approx(4.9e-8, rel=0.02)
 
 
-def test_a_map_of_jpk_is_read_with_all_curves():
+def test_a_map_of_jpk_is_read_with_all_curves() -> None:
     path = real("fmt-jpk-fd_map2x2_extracted.jpk-force-map")
     pytest.importorskip("afmformats", reason="the extra curves is not installed")
     curves = read_curves(path)
@@ -189,5 +205,5 @@ def test_a_map_of_jpk_is_read_with_all_curves():
     assert curves[0].force_n.max() == pytest.approx(1.64e-9, rel=0.01)
 
 
-def test_flags_have_a_meaning_and_those_that_withhold_a_cure():
+def test_flags_have_a_meaning_and_those_that_withhold_a_cure() -> None:
     assert all(flag.means and (flag.cure or not flag.withholds) for flag in INDENTATION_FLAGS.values())

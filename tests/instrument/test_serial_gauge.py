@@ -489,10 +489,10 @@ def test_no_stream_of_bytes_raises_anything_but_a_gauge_error(sent: list[tuple[f
         (b"R-012.34N", -12.34, 0.01),
     ],
 )
-def test_lines_of_further_families_of_gauges_are_read(line, force_n, step_n):
+def test_lines_of_further_families_of_gauges_are_read(line: bytes, force_n: float, step_n: float) -> None:
     assert newtons(read_reply(line), unit=None) == pytest.approx((force_n, step_n))
 
 
-def test_a_reading_after_the_letter_r_has_the_stated_unit():
+def test_a_reading_after_the_letter_r_has_the_stated_unit() -> None:
     assert newtons(read_reply(b"R+012.34"), unit="N") == pytest.approx((12.34, 0.01))
     assert read_reply(b"R").kind is ReplyKind.GARBAGE

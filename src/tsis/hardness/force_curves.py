@@ -212,7 +212,7 @@ class Indenter:
         low, high = self.poisson
         poisson = (low + high) / 2 + (high - low) * shift.get("poisson", 0.0)
         thickness = np.inf if self.thickness_mm is None else self.thickness_mm * np.exp(shift.get("thickness", 0.0))
-        if self.shape == "cone":
+        if self.shape == "cone" and self.half_angle_deg is not None:
             angle = np.degrees(np.arctan(np.tan(np.radians(self.half_angle_deg)) * np.exp(shift.get("radius", 0.0))))
             length = float(thickness) if np.isfinite(thickness) else 1e3
             ratio = 1.0
@@ -562,7 +562,8 @@ def _systematic(press: Indenter, depth: Floats, rise: float, rng: np.random.Gene
 
 
 def _prior_samples(rng: np.random.Generator) -> Floats:
-    return np.exp(rng.uniform(*np.log(YOUNG_KPA), SAMPLES))
+    low, high = np.log(YOUNG_KPA)
+    return np.asarray(np.exp(rng.uniform(low, high, SAMPLES)))
 
 
 def _fit_findings(depth: Floats, rise: float, residual: float, left_out: float) -> Iterator[Finding]:

@@ -109,9 +109,9 @@ def indentation_curve(
     depths, forces = [0.0], [0.0]
     for contact in radii[1:].tolist():
         (edge_flat, flat), (edge_face, shaped) = _solved(contact, thickness, compliance, face)
-        depth = edge_face / edge_flat  # chi(a) = 0
-        depths.append(depth)
-        forces.append(depth * flat - shaped)
+        reached = float(edge_face / edge_flat)  # chi(a) = 0
+        depths.append(reached)
+        forces.append(float(reached * flat - shaped))
     return IndentationCurve(depth=np.array(depths), contact=radii, force=np.array(forces))
 
 
