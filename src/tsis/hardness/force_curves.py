@@ -148,7 +148,7 @@ class ForceCurve(ContentValue):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Indenter:
+class RigidIndenter:
     """The indenter, the layer under it, the machine, and how well they are known.
 
     Attributes
@@ -258,9 +258,9 @@ def indentation(
     curve
         The press; see `tsis.hardness.curve_files.read_curves` for files.
     radius_mm, indenter, half_angle_deg, thickness_mm, base, poisson
-        Indenter and layer, as in `Indenter`; the radius may be that of the curve's file.
+        RigidIndenter and layer, as in `RigidIndenter`; the radius may be that of the curve's file.
     radius_sd, thickness_sd, force_sd, compliance_mm_per_n, compliance_sd
-        How well they are known, and the machine's compliance, as in `Indenter`.
+        How well they are known, and the machine's compliance, as in `RigidIndenter`.
     seed
         Of the samples.
 
@@ -287,7 +287,7 @@ def indentation(
     >>> 18.5 < low < 20 < high < 21.5
     True
     """
-    press = Indenter(
+    press = RigidIndenter(
         shape=indenter,
         radius_mm=curve.radius_mm if radius_mm is None else radius_mm,
         half_angle_deg=half_angle_deg,
@@ -335,7 +335,7 @@ def _binned(values: Floats, count: int) -> Floats:
     return np.asarray(np.add.reduceat(values, edges[:-1]) / np.diff(edges))
 
 
-def _first_fit(position: Floats, force: Floats, press: Indenter) -> tuple[float, float, Floats, float]:
+def _first_fit(position: Floats, force: Floats, press: RigidIndenter) -> tuple[float, float, Floats, float]:
     """Modulus, contact, baseline and residual sd by least squares over a grid of contact points."""
     log_depth, log_force = press.log_force()
     best = (np.inf, 0.0, 0.0, np.zeros(2))
@@ -377,7 +377,7 @@ def _force(depth: Floats, log_depth: Floats, log_force: Floats) -> Floats:
 class _Likelihood:
     """Log density of the logarithm of E*, the contact point and the standard deviations of five kinds of residuals."""
 
-    def __init__(self, position: Floats, force: Floats, press: Indenter, first: tuple[float, float], noise: float):
+    def __init__(self, position: Floats, force: Floats, press: RigidIndenter, first: tuple[float, float], noise: float):
         self.position, self.force = position, force
         self.tables = press.log_force()
         count = position.size
@@ -476,7 +476,7 @@ def _curvature(cost: Any, axis: int, other: int, step: float = 0.5) -> float:
     return float((cost(a + b) - cost(a - b) - cost(b - a) + cost(-a - b)) / (4 * step**2))
 
 
-def _used(loading: _Loading, press: Indenter) -> tuple[Floats, Floats, tuple[float, float], float]:
+def _used(loading: _Loading, press: RigidIndenter) -> tuple[Floats, Floats, tuple[float, float], float]:
     """Bins of the part that the model describes, the first fit, and the depth left out, mm."""
     position, force, left_out = loading.position, loading.force, 0.0
     modulus, contact = 0.0, 0.0
@@ -502,7 +502,7 @@ def _used(loading: _Loading, press: Indenter) -> tuple[Floats, Floats, tuple[flo
     return _binned(position, BINS), _binned(force, BINS), (modulus, contact), left_out
 
 
-def _estimated(curve: ForceCurve, press: Indenter, rng: np.random.Generator) -> Estimate:
+def _estimated(curve: ForceCurve, press: RigidIndenter, rng: np.random.Generator) -> Estimate:
     loading = _Loading.of(curve, press.compliance_mm_per_n)
     if loading.force.size < LEAST_POINTS:
         return _answer(curve, press, _prior_samples(rng), [NO_CONTACT.finding()], {})
@@ -536,7 +536,7 @@ def _estimated(curve: ForceCurve, press: Indenter, rng: np.random.Generator) -> 
     return _answer(curve, press, samples, flagged, points)
 
 
-def _systematic(press: Indenter, depth: Floats, rise: float, rng: np.random.Generator, count: int) -> Floats:
+def _systematic(press: RigidIndenter, depth: Floats, rise: float, rng: np.random.Generator, count: int) -> Floats:
     """Draws of what radius, thickness, finite strain, scale and compliance add to the logarithm of the modulus.
 
     Each acts on the whole curve nearly as a factor: that at 0.8 of the depth, where most of the force is.
@@ -580,7 +580,7 @@ def _fit_findings(depth: Floats, rise: float, residual: float, left_out: float) 
 
 
 def _retreat_findings(
-    curve: ForceCurve, loading: _Loading, press: Indenter, rise: float, noise: float, contact_mm: float
+    curve: ForceCurve, loading: _Loading, press: RigidIndenter, rise: float, noise: float, contact_mm: float
 ) -> Iterator[Finding]:
     """What the curve does after its peak: a hold, and a pull on leaving."""
     force = np.array(curve.force_n[loading.last :])
@@ -604,7 +604,7 @@ def _retreat_findings(
 
 
 def _answer(
-    curve: ForceCurve, press: Indenter, samples: Floats, flagged: list[Finding], points: Mapping[str, Any]
+    curve: ForceCurve, press: RigidIndenter, samples: Floats, flagged: list[Finding], points: Mapping[str, Any]
 ) -> Estimate:
     low, high = np.quantile(samples, [0.05, 0.95])
     causes = UNTRUSTED_FLAGS.intersection(flag for flag, _ in flagged)
