@@ -258,7 +258,7 @@ def indentation(
     curve
         The press; see `tsis.hardness.curve_files.read_curves` for files.
     radius_mm, indenter, half_angle_deg, thickness_mm, base, poisson
-        RigidIndenter and layer, as in `RigidIndenter`; the radius may be that of the curve's file.
+        Indenter and layer, as in `RigidIndenter`; the radius may be that of the curve's file.
     radius_sd, thickness_sd, force_sd, compliance_mm_per_n, compliance_sd
         How well they are known, and the machine's compliance, as in `RigidIndenter`.
     seed
