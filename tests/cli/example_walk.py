@@ -59,6 +59,7 @@ WALK = (
     Step("design", r"frames of each press: 16", ("design/result.json", "design/*.png")),
     Step("protocol", r"Press at 0\.96 N and 1\.9 N"),
     Step("hardness", r"Shore", tuple(f"first-touch/{name}" for name in CALIBRATED)),
+    Step("indent", r"press\.csv"),
     Step("sensor new", r"File: my-gel.toml", ("my-gel.toml",)),
     Step("sensor check", r"0\.0634"),
     Step("sensor show", r"gsrobotics"),
@@ -135,6 +136,11 @@ def prepare(folder: Path) -> None:
     after = before @ np.array([[0.98, 0.17], [-0.17, 0.98]]) + 0.5
     for name, points in (("before.csv", before), ("after.csv", after)):
         np.savetxt(folder / name, points, delimiter=",")
+    travel = np.linspace(-0.3, 0.3, 300)  # of a ball on a block of 20 kPa, by Hertz's law
+    force = 4 / 3 * 20e-3 / 0.75 * np.sqrt(3.0) * np.maximum(travel, 0.0) ** 1.5 + rng.normal(0.0, 2e-5, 300)
+    np.savetxt(
+        folder / "press.csv", np.c_[travel, force], delimiter=",", header="travel_mm,force_n", comments="", fmt="%.7f"
+    )
     vertices = "".join(f"{x} {y} 0\n" for x, y in after)
     properties = "".join(f"property float {axis}\n" for axis in "xyz")
     (folder / "after.ply").write_text(

@@ -11,7 +11,8 @@ import pytest
 import tsis
 from tsis.errors import FileInputError, InputError
 from tsis.hardness.curve_files import read_curves
-from tsis.hardness.force_curves import INDENTATION_FLAGS, ForceCurve
+from tsis.hardness.curve_flags import INDENTATION_FLAGS
+from tsis.hardness.force_curves import ForceCurve
 
 if TYPE_CHECKING:
     from typing import Any

@@ -62,6 +62,11 @@ READS_WITHHELD = {
     "records/arrays.py",  # samples for programs, in a group that is called untrusted
     "virtual/examinations.py",  # whether an interval holds a known truth, and no number of it
     "study/classifier.py",  # evidence on presence, whose trust is its own
+    "mapping/lump_map.py",  # the map's own values
+    "mapping/estimation.py",  # lumps as the flags of their map are raised
+    "matching/registration.py",  # the match's own values
+    "cli/match.py",  # behind --untrusted
+    "hardness/strain_map.py",  # the source's method, which asks for no reliable match
 }
 # Means, spreads and ends of intervals that stand nowhere else: each has its own digits.
 MIDDLE = {"diameter_mm": 8.3717, "depth_mm": 5.6139, "young_kpa": 77.293}

@@ -112,7 +112,7 @@ Open software for optical tactile imaging.
              The calibration of a probe: step by step, from saved frames, or sealed; files of gel sensors.
   simulate   demo, simulate, design, protocol, optics, sweep, serve
              The virtual probe, its mechanics and its light; a probe's design, its forces; many presses.
-  records    records, study
+  records    records, session, study
              Targets with their presses and estimates; blinded studies.
   console    console, login, doctor
              The instrument in a browser; who may use it; what is installed.

@@ -110,7 +110,7 @@ def map_lumps(
             notes=tuple(f"Left out: {reason}." for reason in stored.left_out),
             provenance=provenance,
         ),
-        files={} if not found.trusted else _volumes(found.untrusted),
+        files=_volumes(found.numbers) if found.trusted else {},
         trusted=found.trusted,
     )
     publish(outcome, out, as_json=as_json)

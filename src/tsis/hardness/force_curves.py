@@ -17,11 +17,20 @@ import scipy
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.compiled import one_blas_thread
 from tsis.errors import InputError
+from tsis.hardness.curve_flags import (
+    ADHESION,
+    HOLD_RELAXES,
+    NO_BASELINE,
+    NO_CONTACT,
+    NOT_IDENTIFIED,
+    POOR_FIT,
+    SHALLOW_PART,
+    UNTRUSTED_FLAGS,
+)
 from tsis.hardness.flags import WIDE
 from tsis.mechanics.layer_indentation import BASES, INDENTERS, indentation_curve
 from tsis.model.content import ContentValue
 from tsis.model.estimate import NOT_TRUSTED, Estimate
-from tsis.model.flag import Flag, declared, withholding
 from tsis.model.require import (
     freeze_arrays,
     require_array,
@@ -40,59 +49,6 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-
-NO_CONTACT = Flag(
-    name="no_contact",
-    means="the force does not rise beyond noise and drift",
-    cure="press further, or check that the file holds the loading part",
-    raised="rise below 6 sd of the residuals, or fewer than 7 % of the points in contact",
-    withholds=True,
-    says="The force does not rise beyond noise and drift: {cure}.",
-)
-NOT_IDENTIFIED = Flag(
-    name="young_kpa_not_identified",
-    means="the curve does not determine the modulus",
-    cure="press deeper, with a longer approach before contact",
-    raised=f"ends of the 90 % interval further apart than a factor of {WIDE:g}",
-    says="The modulus is not identifiable from this curve: {low:.3g} to {high:.3g} kPa.",
-)
-ADHESION = Flag(
-    name="adhesion",
-    means="the sample pulls at the indenter as it leaves",
-    cure="wet the surface, or read the modulus from a deeper press",
-    raised="pull below the baseline by more than 10 % of the peak and 6 sd of the noise",
-    says="On leaving, the sample pulls with {percent:.0f} % of the peak force; the model knows no adhesion: {cure}.",
-)
-HOLD_RELAXES = Flag(
-    name="hold_relaxes",
-    means="the force changes while the indenter rests: the sample is viscoelastic",
-    cure="state the speed beside the modulus, or press at several speeds",
-    raised="more than 5 % of the peak force during a hold",
-    says="During the hold the force changes by {percent:.0f} % of its peak: the modulus is that at this speed; {cure}.",
-)
-NO_BASELINE = Flag(
-    name="no_baseline",
-    means="the curve begins in contact, or nearly so",
-    cure="begin further away",
-    raised="fewer than 5 % of the points before contact",
-    says="The curve has nearly no points before contact: {cure}.",
-)
-SHALLOW_PART = Flag(
-    name="shallow_part",
-    means="only the first part of the curve was used",
-    raised="deeper than 0.5 of the ball's radius or 0.25 of the thickness",
-    says="Only the first {depth_um:.3g} µm of {whole_um:.3g} µm were used: the model holds up to there.",
-)
-POOR_FIT = Flag(
-    name="model_does_not_fit",
-    means="the curve is not that of this indenter on a uniform layer",
-    cure="check the indenter's shape and size, the unit of both columns and the compliance of the machine",
-    raised="residuals above 8 % of the peak",
-    withholds=True,
-    says="The curve departs from that of this indenter by {percent:.0f} % of the peak: {cure}.",
-)
-INDENTATION_FLAGS = declared(NO_CONTACT, NOT_IDENTIFIED, ADHESION, HOLD_RELAXES, NO_BASELINE, SHALLOW_PART, POOR_FIT)
-UNTRUSTED_FLAGS = withholding(INDENTATION_FLAGS)
 
 LEAST_POINTS, MOST_POINTS = 30, 4_000_000
 YOUNG_KPA, POISSON = (1e-3, 1e7), (0.48, 0.5)

@@ -47,7 +47,7 @@ def eshelby_factor(contrast: Floats | float, poisson: float = 0.49) -> Floats:
     Examples
     --------
     >>> round(float(eshelby_factor(10.0)), 3)
-    1.938
+    1.937
     """
     share = 2 * (4 - 5 * poisson) / (15 * (1 - poisson))
     return np.asarray((np.asarray(contrast) - 1) / (1 + share * (np.asarray(contrast) - 1)))

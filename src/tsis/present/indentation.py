@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tsis.hardness.force_curves import INDENTATION_FLAGS
+from tsis.hardness.curve_flags import INDENTATION_FLAGS
 from tsis.hardness.shore import shore
 from tsis.present.page import Card, Column, Page, Picture, Table, flags_table, on_axes
 

@@ -244,7 +244,7 @@ def _blind(found: LumpMap) -> Picture:
 
 def lump_map_document(found: LumpMap) -> dict[str, Any]:
     """A map as a JSON document without its volumes; numbers of an untrusted map are left out."""
-    numbers = found.untrusted if found.trusted else None
+    numbers = found.numbers if found.trusted else None
     return {
         "trusted": found.trusted,
         "flags": list(found.flags),
