@@ -26,7 +26,7 @@ def first_report(page: Page, folder: Path) -> Path:
             page.get_by_role("button", name="Snapshot").click()
             page.get_by_text(f"Saved for target 1: {role}, {force} N").wait_for()
     page.get_by_role("button", name="Estimate").click()
-    page.get_by_text("Diameter d").wait_for()
+    page.get_by_text("Diameter d", exact=True).wait_for()
     with page.expect_download() as download:
         page.get_by_role("button", name="Report", exact=True).click()
     saved = folder / "report.pdf"

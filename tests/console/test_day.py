@@ -88,7 +88,7 @@ def examined(page: Page, target: int) -> None:
         page.get_by_role("button", name="Snapshot").click()
         page.get_by_text(f"Saved for target {target}: {role}").wait_for()
     page.get_by_role("button", name="Estimate", exact=True).click()
-    page.get_by_text("Diameter d").wait_for()
+    page.get_by_text("Diameter d", exact=True).wait_for()
 
 
 def compared(page: Page) -> None:

@@ -272,7 +272,7 @@ def test_press_estimate_and_what_it_tells(console: RunningConsole, browser: Brow
         expect(table.get_by_role("row")).to_have_count(5)
         page.evaluate(MOVES)
         page.get_by_role("button", name="Estimate").click()
-        page.get_by_text("Diameter d").wait_for()
+        page.get_by_text("Diameter d", exact=True).wait_for()
         assert page.evaluate("window.tops.size") == 1
         for drawn in (re.compile("^Posterior of .*depth_mm"), "Outlines of the inclusion below the surface"):
             page.get_by_role("img", name=drawn).wait_for()
