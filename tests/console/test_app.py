@@ -73,6 +73,6 @@ def test_a_browser_gets_in_by_the_page(console: RunningConsole, browser: Browser
     page = context.new_page()
     with opened_in_browser(console.entrance, folder=console.folder / "user"):
         page.goto(opened.get(timeout=HANGS_S), wait_until="commit")
-        page.get_by_role("navigation", name="Pages", exact=True).wait_for()
+        page.get_by_role("navigation", name="Groups of pages").wait_for()
         assert page.url == f"{console.address}/"
     context.close()

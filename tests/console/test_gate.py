@@ -298,7 +298,7 @@ def test_every_page_works_under_the_policy(console: RunningConsole, page: Page, 
     page.on("pageerror", lambda error: complaints.append(str(error)))
     page.on("request", lambda request: requested.add(request.url))
     page.goto(console.address + address)
-    page.get_by_role("navigation", name="Pages", exact=True).wait_for()
+    page.get_by_role("navigation", name="Groups of pages").wait_for()
     page.locator("main").locator("*").first.wait_for()
     assert violations(page) == []
     assert complaints == []
@@ -309,7 +309,7 @@ def test_every_page_works_under_the_policy(console: RunningConsole, page: Page, 
 @needs_browser
 def test_scripts_of_others_do_not_run(console: RunningConsole, page: Page) -> None:
     page.goto(console.address + "/about")
-    page.get_by_role("navigation", name="Pages", exact=True).wait_for()
+    page.get_by_role("navigation", name="Groups of pages").wait_for()
     page.evaluate(
         """() => {
         const inline = document.createElement("script");
@@ -340,7 +340,7 @@ def test_no_page_can_be_framed(console: RunningConsole, browser: Browser) -> Non
     context = browser.new_context()
     page = context.new_page()
     page.goto(console.entrance)
-    page.get_by_role("navigation", name="Pages", exact=True).wait_for()
+    page.get_by_role("navigation", name="Groups of pages").wait_for()
     outside = context.new_page()
     reported: list[str] = []
     outside.on("console", lambda message: reported.append(message.text))
@@ -425,7 +425,7 @@ def test_somebody_logs_in_works_and_logs_out(tls: TlsConsole, browser: Browser) 
     page.get_by_label("Password").fill(PASSWORD)
     page.keyboard.press("Enter")
     page.wait_for_url("**/records?sort=name")
-    page.get_by_role("navigation", name="Pages", exact=True).wait_for()
+    page.get_by_role("navigation", name="Groups of pages").wait_for()
     page.goto(named(tls) + "/")
     page.get_by_role("button", name="Release the camera").wait_for()
     watcher = context.new_page()

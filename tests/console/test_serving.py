@@ -382,7 +382,7 @@ def test_it_ends_with_pages_open_and_says_nothing_of_it(
         pages = [browser.new_context().new_page() for _ in range(2)]
         for page in pages:
             page.goto(console.entrance)
-            page.get_by_role("navigation", name="Pages", exact=True).wait_for()
+            page.get_by_role("navigation", name="Groups of pages").wait_for()
         pages[0].get_by_role("button", name="Release the camera").wait_for()
         pages[0].get_by_role("button", name=re.compile("^Start")).first.click()
         pages[0].get_by_text(re.compile(r"^\d+ frames/s, ")).wait_for()

@@ -95,6 +95,8 @@ def main() -> None:
     folder = Path(sys.argv[1])
     directory.PAGES.clear()
     directory.PAGES["/"] = ("Elements", page)
+    directory.GROUPS.clear()
+    directory.GROUPS["Elements"] = ("/",)
     terms = InstrumentSettings(workspace=folder / "workspace", store=folder / "records", probe="tsis-2011")
     serve_console(ConsoleSettings(instrument=terms, port=0), ready=lambda address: print(address, flush=True))  # noqa: T201
 
