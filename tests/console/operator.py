@@ -26,6 +26,10 @@ BY_ITSELF_MS, TRIES = 8_000, 5
 TAKE, RELEASE, OVER = "Take the camera", "Release the camera", "Take over"
 
 
+# NiceGUI 3.18 disposes of a chart that is not drawn yet when its page is left at once; nothing else comes of it.
+EARLY_CHART = r"reading 'dispose'\)[\s\S]*echart\.js"
+
+
 @contextmanager
 def tab(
     browser: Browser,
@@ -45,7 +49,7 @@ def tab(
     try:
         page.goto(f"{console.address}{address}{'&' if '?' in address else '?'}token={console.token}")
         yield page
-        assert [item for item in faults if not re.search(expected, item)] == []
+        assert [item for item in faults if not re.search(f"{expected}|{EARLY_CHART}", item)] == []
     except BaseException as error:
         with suppress(BrowserError):  # which may be what failed
             picture(page, "as-a-test-failed")
