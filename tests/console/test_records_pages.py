@@ -96,7 +96,7 @@ def test_a_target_shows_its_presses_a_sheet_at_a_time(console: RunningConsole, b
             "on the target",
             "reference (no inclusion)",
         ]
-        assert page.locator(".press", has_text="moving").count() == 1  # that of number 27
+        assert page.locator(".press", has_text="has not settled").count() == 1  # that of number 27
         assert page.get_by_role("button", name="Later").is_disabled()
 
 
