@@ -40,7 +40,8 @@ from tsis.matching.registration import METHODS
 if TYPE_CHECKING:
     from benchmarks.matching.distort import Trial
 
-WRONG, RIGHT, RIVALRY = 0.1, 0.02, 0.01  # errors, and the probability of other poses above which withholding is right
+WRONG, RIGHT, CLOSE = 0.1, 0.02, 0.04  # errors
+RIVALRY = 0.01  # probability of other poses above which withholding is right
 OURS = "tprl"
 FOLDS, LEVELS = 5, (3.0, 3.5, 4.0, 4.5, 5.0, 6.0)  # of the cross-validation, and log odds of being right
 
@@ -108,10 +109,10 @@ def _read(rows: Path) -> list[TrustCase]:
 
 
 def trust_table(cases: list[TrustCase]) -> list[str]:
-    """A Markdown row for each method: cases, wrong, confidently wrong, reliable, withheld though right."""
+    """A Markdown row for each method: cases, wrong, confidently wrong, reliable, withheld though right or close."""
     lines = [
-        "| method | cases | wrong | confidently wrong | reliable | withheld though right |",
-        "|---|---|---|---|---|---|",
+        "| method | cases | wrong | confidently wrong | reliable | withheld though right | withheld though close |",
+        "|---|---|---|---|---|---|---|",
     ]
     for method in METHODS:
         own = [case for case in cases if case.method == method]
@@ -119,14 +120,21 @@ def trust_table(cases: list[TrustCase]) -> list[str]:
         right = [case for case in own if case.error < RIGHT and case.second < RIVALRY]
         withheld = sum(not case.reliable for case in right)
         counts = (len(own), len(wrong), sum(case.reliable for case in wrong), sum(case.reliable for case in own))
-        lines.append(f"| {method} | {' | '.join(map(str, counts))} | {withheld} of {len(right)} |")
+        lines.append(f"| {method} | {' | '.join(map(str, counts))} | {withheld} of {len(right)} | {_withheld(own)} |")
     return lines
+
+
+def _withheld(cases: list[TrustCase]) -> str:
+    """How many answers whose error is below `CLOSE` are withheld, whatever other poses there are."""
+    close = [case for case in cases if case.error < CLOSE]
+    return f"{sum(not case.reliable for case in close)} of {len(close)}"
 
 
 def cell_table(cases: list[TrustCase]) -> list[str]:
     """A Markdown row for each family and degradation of our method."""
-    lines = ["| family | degradation | cases | median RMS | wrong | confidently wrong | reliable | median time / ms |"]
-    lines.append("|---|---|---|---|---|---|---|---|")
+    heads = ("family", "degradation", "cases", "median RMS", "wrong", "confidently wrong", "reliable")
+    lines = [f"| {' | '.join((*heads, 'withheld though close', 'median time / ms'))} |"]
+    lines.append("|---|---|---|---|---|---|---|---|---|")
     cells: dict[tuple[str, str], list[TrustCase]] = defaultdict(list)
     for case in cases:
         if case.method == OURS:
@@ -137,7 +145,8 @@ def cell_table(cases: list[TrustCase]) -> list[str]:
         error, seconds = np.median([case.error for case in own]), np.median([case.seconds for case in own])
         counts = (len(wrong), sum(case.reliable for case in wrong), sum(case.reliable for case in own))
         numbers = " | ".join(map(str, counts))
-        lines.append(f"| {family} | {degradation} | {len(own)} | {error:.4f} | {numbers} | {1e3 * seconds:.0f} |")
+        cell = f"{family} | {degradation} | {len(own)} | {error:.4f} | {numbers} | {_withheld(own)}"
+        lines.append(f"| {cell} | {1e3 * seconds:.0f} |")
     return lines
 
 

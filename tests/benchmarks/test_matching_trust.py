@@ -45,7 +45,7 @@ def test_tenths_count_own_answers_and_how_many_were_right() -> None:
 
 
 def test_a_right_answer_that_is_not_reliable_is_withheld() -> None:
-    assert "| tprl | 3 | 1 | 0 | 1 | 1 of 2 |" in trust_table(CASES)
+    assert "| tprl | 3 | 1 | 0 | 1 | 1 of 2 | 1 of 2 |" in trust_table(CASES)
 
 
 def test_errors_are_divided_by_those_of_the_best_peer() -> None:

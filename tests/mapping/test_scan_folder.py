@@ -39,7 +39,7 @@ def test_a_written_scan_is_read_bit_for_bit(tmp_path: Path) -> None:
     made = scan_of(np.random.default_rng(7))
     read = read_scan(write_folder(tmp_path / "one", scan_files(made, probe="tsis-2011")))
     assert read.probe == "tsis-2011"
-    assert read.left_out == ()
+    assert read.scan.left_out == ()
     for was, now in zip(made.presses, read.scan.presses, strict=True):
         for name in ("place_mm", "place_sd_mm", "angle_deg", "force_n", "reference", "name"):
             assert getattr(was, name) == getattr(now, name)
@@ -54,7 +54,7 @@ def test_a_press_without_place_is_named_and_left_out(tmp_path: Path) -> None:
     cells[1] = ""
     poses.write_text("\n".join([lines[0], lines[1], ",".join(cells), lines[3]]))
     read = read_scan(folder)
-    assert read.left_out == ("press 1 has no place",)
+    assert read.scan.left_out == ("press 1 has no place.",)
     assert [press.name for press in read.scan.presses] == ["press 0", "press 2"]
 
 
@@ -66,7 +66,7 @@ def test_a_table_of_an_indenter_gives_one_press_a_name(tmp_path: Path) -> None:
     read = read_scan(table, indenter=BALL)
     assert [press.place_mm for press in read.scan.presses] == [(0.0, 0.0), (5.0, 0.0)]
     np.testing.assert_array_equal(np.asarray(read.scan.presses[1].travel_force), [[0, 0], [1, 0.3]])
-    assert read.left_out == ("press c has no place",)
+    assert read.scan.left_out == ("press c has no place.",)
 
 
 @pytest.mark.parametrize(

@@ -11,10 +11,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from tsis.calibration.frames import MOST_FRAMES, PICTURES, PRESSES_FILE, REFERENCE, TARGET, UNTOUCHED
-from tsis.errors import FileInputError
 from tsis.files.atomic import write_durably
 from tsis.files.reading import as_path, file_error, printable_path, read_bytes, read_object
-from tsis.files.tables import LARGEST_CSV_BYTES, parse_csv_rows, table_bytes
+from tsis.files.tables import LARGEST_CSV_BYTES, OtherTableError, parse_csv_rows, table_bytes
 
 if TYPE_CHECKING:
     import os
@@ -108,10 +107,8 @@ def _of_tables(tables: Sequence[Path], frames: Sequence[Path]) -> dict[str, tupl
         try:
             where, force = printable_path(table), ("force_n",)
             rows = list(parse_csv_rows(content, where, (), FILE_COLUMNS, one_of=force, ignore_others=True))
-        except FileInputError as error:
-            if "must have a header with" in str(error) or "it is empty" in str(error):  # notes, no forces
-                continue
-            raise
+        except OtherTableError:  # notes, no forces
+            continue
         found.append((table, _by_frame(table, rows, frames)))
     if len(found) > 1:
         names = " and ".join(path.name for path, _ in found[:2])

@@ -107,7 +107,6 @@ def map_lumps(
             found,
             title=f"Map of {pressed.name or 'a scan'}",
             subtitle=f"{len(found.places_mm)} presses {by}",
-            notes=tuple(f"Left out: {reason}." for reason in stored.left_out),
             provenance=provenance,
         ),
         files=_volumes(found.numbers) if found.trusted else {},

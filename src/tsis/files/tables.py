@@ -26,7 +26,7 @@ FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r", "＝", "＋", "－", "＠", "'
 
 DELIMITERS = (",", ";", "\t", "|")
 STANDARD_GRAVITY = 9.80665  # m/s², of a force in grams
-POUND_KG, INCH_MM = 0.45359237, 25.4
+POUND_KG, INCH_MM = 0.45359237, 25.4  # exact, of 1959
 # Units of one dimension in terms of one of them.
 UNITS: dict[str, dict[str, float]] = {
     "force": {
@@ -103,6 +103,10 @@ INDEX_HEADINGS = frozenset(
     ("", "#", "index", "idx", "no", "no.", "nr", "nr.", "number", "row", "line", "unnamed: 0", "s/n")
 )
 ENDS = ("sd", "low", "high")  # may follow the unit in a name, as in depth_mm_sd
+
+
+class OtherTableError(FileInputError):
+    """A text that has none of the columns that are asked for: another table, or none."""
 
 
 class CsvRow:
@@ -373,7 +377,7 @@ def _headings(
     if best is None:
         if failure is not None:
             raise failure
-        raise FileInputError(f"{name} must begin with the headings {', '.join(needed)}; it is empty")
+        raise OtherTableError(f"{name} must begin with the headings {', '.join(needed)}; it is empty")
     _, delimiter, number, cells, following = best
     where = f"{name}, line {number}"
     columns = _columns(cells, asked)
@@ -384,7 +388,7 @@ def _headings(
         raise FileInputError(f"the headings must hold {', '.join(needed)}; missing: {', '.join(lost)} ({where})")
     if one_of and not set(one_of) & set(columns.values()):
         got = ", ".join(cell.strip() for cell in cells)
-        raise FileInputError(
+        raise OtherTableError(
             f"{name} must have a header with {', '.join(one_of[:-1])} or {one_of[-1]}; got {got!r:.120} ({where})"
         )
     _require_single(cells, columns, asked, where, ignore_others=ignore_others)

@@ -1,8 +1,7 @@
 """Force gauges with ASCII replies on a serial line, as those of Mecmesin and Mark-10, and the ports of this machine.
 
-A reply is a sign, a number and perhaps a unit: ``-0.123 N``, ``+1.20``, ``  18.78 lbF``, ``R+012.34``,
-``@253.4 N``. Each line has the time of its
-arrival, so that the force at the time of a camera frame can be told.
+A reply is a sign, a number and perhaps a unit: ``-0.123 N``, ``+1.20``, ``  18.78 lbF``, ``R+012.34``, ``@253.4 N``.
+Each line has the time of its arrival, so that the force at the time of a camera frame can be told.
 """
 
 from __future__ import annotations
@@ -22,6 +21,7 @@ import serial
 from serial.tools import list_ports
 
 from tsis.errors import GaugeError, InputError
+from tsis.files.tables import UNITS
 from tsis.instrument.gauge import LARGEST_FORCE_N, ForceReading
 from tsis.model.require import require_integer, require_number, require_type
 
@@ -29,21 +29,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
 
-STANDARD_GRAVITY_M_PER_S2 = 9.80665
-_POUND_KG = 0.45359237  # exact, international pound of 1959
-
-NEWTONS = {
-    "N": 1.0,
-    "mN": 1e-3,
-    "kN": 1e3,
-    "cN": 1e-2,
-    "daN": 10.0,
-    "µN": 1e-6,
-    "gf": 1e-3 * STANDARD_GRAVITY_M_PER_S2,
-    "kgf": STANDARD_GRAVITY_M_PER_S2,
-    "lbf": _POUND_KG * STANDARD_GRAVITY_M_PER_S2,
-    "ozf": _POUND_KG / 16 * STANDARD_GRAVITY_M_PER_S2,
-}
+NEWTONS = {unit: UNITS["force"][unit] for unit in ("N", "mN", "kN", "cN", "daN", "µN", "gf", "kgf", "lbf", "ozf")}
 LONGEST_REPLY_BYTES = 64
 
 # Gauges differ in capitals (lbF, KGF); only a capital M would change the meaning, and no gauge reads meganewtons.

@@ -362,7 +362,9 @@ def _map(
         blind_diameter_mm=blind,
         next_places=tuple(gains),
     )
-    findings += _findings(observation, blocks, states, lumps, prior, blind, voxels, sd, len(scan.presses))
+    findings += _findings(
+        observation, blocks, states, lumps, prior, blind, voxels, sd, len(scan.presses) + len(scan.left_out)
+    )
     flags = tuple(flag for flag, _ in findings)
     shift = np.zeros((len(observation.values), 2))
     for block in blocks:

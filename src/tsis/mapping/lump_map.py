@@ -23,9 +23,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-LUMP_PARAMETERS = ("x_mm", "y_mm", "centre_depth_mm", "depth_mm", "diameter_mm", "contrast", "young_kpa")
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Lump(ContentValue):
     """One lump of the map.

@@ -177,7 +177,7 @@ def observe(scan: Scan, probe: Probe, calibration: Calibration | None, prior: Ma
 
 def _usable(scan: Scan) -> tuple[list[int], list[str]]:
     used: list[int] = []
-    left_out: list[str] = []
+    left_out = list(scan.left_out)
     seen: set[tuple[object, ...]] = set()
     for index, press in enumerate(scan.presses):
         name = press.name or f"press {index + 1}"

@@ -106,7 +106,7 @@ class Region:
     def moved_inside(self, lump: Floats) -> Floats:
         """The nearest lump of the region, neighbours apart."""
         top = np.clip(self.top_form(lump), self.low + 1e-6, self.high - 1e-6)
-        most = 2 * (self.thickness_mm - 0.4 - top[DEPTH]) / 2
+        most = self.thickness_mm - 0.4 - top[DEPTH]
         top[LOG_DIAMETER] = min(top[LOG_DIAMETER], np.log(max(most, np.exp(self.low[LOG_DIAMETER]) + 1e-6)))
         top[DEPTH] += np.exp(top[LOG_DIAMETER]) / 2
         return np.asarray(top)

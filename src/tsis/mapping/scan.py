@@ -170,6 +170,8 @@ class Scan(ContentValue):
         What pressed, for pairs of travel and force; None for frames and pressures of a probe.
     name
         Name in reports.
+    left_out
+        A sentence for each press that could not become one of the presses, such as one without a place.
 
     Raises
     ------
@@ -180,9 +182,11 @@ class Scan(ContentValue):
     presses: tuple[ScanPress, ...]
     indenter: Indenter | None = None
     name: str = ""
+    left_out: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "presses", tuple(self.presses))
+        for name in ("presses", "left_out"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
         require_type("name", self.name, str)
         for press in self.presses:
             require_type("presses", press, ScanPress)

@@ -40,16 +40,13 @@ class StoredScan:
     Attributes
     ----------
     scan
-        The presses with a place.
+        The presses with a place; those without are named in its ``left_out``.
     probe
         Name of the probe that the folder states; empty where it states none.
-    left_out
-        A sentence for each press that has no place.
     """
 
     scan: Scan
     probe: str = ""
-    left_out: tuple[str, ...] = ()
 
 
 def read_scan(
@@ -94,14 +91,14 @@ def read_scan(
     for row in rows:
         name = row.text("name") or row.text("file")
         if row.number("x_mm") is None or row.number("y_mm") is None:
-            left_out.append(f"{name} has no place")
+            left_out.append(f"{name} has no place.")
             continue
         presses.append(_press(source, row, name, mm_per_pixel))
     try:
-        scan = Scan(presses=tuple(presses), indenter=indenter, name=source.name)
+        scan = Scan(presses=tuple(presses), indenter=indenter, name=source.name, left_out=tuple(left_out))
     except InputError as error:
         raise FileInputError(f"{error} ({POSES_FILE} of {source.name!r})") from error
-    return StoredScan(scan=scan, probe=probes[0] if probes else "", left_out=tuple(left_out))
+    return StoredScan(scan=scan, probe=probes[0] if probes else "")
 
 
 def _press(folder: Path, row: CsvRow, name: str, mm_per_pixel: tuple[float, float] | None) -> ScanPress:
@@ -155,7 +152,7 @@ def _of_table(table: Path, indenter: Indenter | None) -> StoredScan:
     for name, group in grouped.items():
         place = group[0].number("x_mm"), group[0].number("y_mm")
         if place[0] is None or place[1] is None:
-            left_out.append(f"press {name} has no place")
+            left_out.append(f"press {name} has no place.")
             continue
         pairs = [(row.number("travel_mm"), row.number("force_n")) for row in group]
         if any(None in pair for pair in pairs):
@@ -174,10 +171,10 @@ def _of_table(table: Path, indenter: Indenter | None) -> StoredScan:
         except InputError as error:
             raise FileInputError(f"{error} ({group[0].where})") from error
     try:
-        scan = Scan(presses=tuple(presses), indenter=indenter, name=table.stem)
+        scan = Scan(presses=tuple(presses), indenter=indenter, name=table.stem, left_out=tuple(left_out))
     except InputError as error:
         raise FileInputError(f"{error} ({table.name})") from error
-    return StoredScan(scan=scan, left_out=tuple(left_out))
+    return StoredScan(scan=scan)
 
 
 def scan_files(scan: Scan, *, probe: str = "") -> dict[str, bytes]:

@@ -66,11 +66,11 @@ class _GriddedField:
         return self._response
 
 
-def _punch(radius_mm: float, prior_key: tuple[float, float, float]) -> tuple[TissueFieldResponse, Probe]:
-    young, thickness, poisson = prior_key
+def _punch(radius_mm: float, tissue: tuple[float, float, float]) -> TissueFieldResponse:
+    young, thickness, poisson = tissue
     probe = Probe(radius_mm=max(radius_mm, 1.0), layers=(RIGID,))
     mesh = FieldMesh(points=5, finest=0.06, largest=0.2)
-    return TissueFieldResponse(probe, young_kpa=young, thickness_mm=thickness, poisson=poisson, mesh=mesh), probe
+    return TissueFieldResponse(probe, young_kpa=young, thickness_mm=thickness, poisson=poisson, mesh=mesh)
 
 
 @lru_cache(maxsize=4)
@@ -90,7 +90,7 @@ def stiffness_kernel(
     depth = np.arange(SHALLOWEST_MM, 0.98 * tissue[1], STEP_MM)
     grids, stiffness = [], []
     for radius in radii.tolist():
-        slab, _ = _punch(radius, tissue)
+        slab = _punch(radius, tissue)
         change = slab.stiffness_change()
         plain = slab.response(0)
         grids.append(_gridded(plain, change / plain.volume_mm3, distance, depth))
@@ -137,7 +137,7 @@ def observe_stiffness(scan: Scan, prior: MapPrior) -> Observation:
     """Numbers of presses of an indenter: logarithms of the force at a few travels over those on even tissue."""
     if scan.indenter is None:
         raise AssertionError("a scan of pairs has an indenter")
-    used, left_out = [], []
+    used, left_out = [], list(scan.left_out)
     for index, press in enumerate(scan.presses):
         curve = press.travel_force
         if curve is None or len(curve) < 2 or curve[:, 1].max() < LEAST_FORCE_N:

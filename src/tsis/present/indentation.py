@@ -40,9 +40,9 @@ def indentation_table(estimates: Sequence[Estimate]) -> Table:
     """Modulus, interval, Shore reading, depth and flags of each curve."""
     columns = (
         "curve",
-        Column(label="modulus", unit="kPa", form=".4g"),
-        Column(label="90 % from", unit="kPa", form=".4g"),
-        Column(label="to", unit="kPa", form=".4g"),
+        Column(label="modulus", unit="kPa", form=".3g"),
+        Column(label="90 % from", unit="kPa", form=".3g"),
+        Column(label="to", unit="kPa", form=".3g"),
         Column(label="Shore 00", form=".0f"),
         Column(label="depth", unit="µm", form=".3g"),
         "flags",

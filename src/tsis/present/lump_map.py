@@ -10,12 +10,13 @@ import numpy as np
 from matplotlib.patches import Circle
 
 from tsis.mapping.flags import MAP_FLAGS
-from tsis.model.estimate import INTERVAL_LEVEL, NO_UNIT, label_of, probability_text, unit_of
+from tsis.model.estimate import INTERVAL_LEVEL, probability_text
 from tsis.present.document import estimate_document
+from tsis.present.labels import quantity_of
 from tsis.present.page import Card, Column, Page, Picture, Table, flags_table, on_axes
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -43,22 +44,22 @@ def lump_map_page(
     *,
     title: str,
     subtitle: str,
-    notes: Sequence[str] = (),
     provenance: Mapping[str, Any] | None = None,
 ) -> Page:
     """The page of a map: cards, plan view, sections, blind zone and tables; an untrusted map shows its flags alone."""
     provenance = {**found.provenance, **(provenance or {})}
-    said = (*found.notes, *(f"Left out: {reason}." for reason in found.left_out), *notes)
     flags = flags_table(dict.fromkeys(found.flags), MAP_FLAGS)
     if not found.trusted:
         card = Card(title="Lumps", value="withheld", detail="a check failed: see the flags", doubtful=True)
-        return Page(title=title, subtitle=subtitle, cards=(card,), notes=said, tables=flags, provenance=provenance)
+        return Page(
+            title=title, subtitle=subtitle, cards=(card,), notes=found.notes, tables=flags, provenance=provenance
+        )
     numbers = found.numbers
     return Page(
         title=title,
         subtitle=subtitle,
         cards=_cards(numbers),
-        notes=said,
+        notes=found.notes,
         pictures=(_plan(found), *_sections(numbers), _blind(found)),
         tables=(_lumps_table(numbers), _counts_table(numbers), *_next_table(numbers), *flags),
         provenance=provenance,
@@ -93,8 +94,8 @@ def _lump_row(lump: Lump) -> tuple[str | float, ...]:
 
 
 def _lumps_table(numbers: MapNumbers) -> Table:
-    headings = [label_of(name) + ("" if unit_of(name) == NO_UNIT else f" / {unit_of(name)}") for name in SHOWN]
-    columns: tuple[str | Column, ...] = ("lump", Column(label="probability", form=probability_text), *headings)
+    probability = Column(label="probability", form=probability_text)
+    columns: tuple[str | Column, ...] = ("lump", probability, *(quantity_of(name).axis for name in SHOWN))
     return Table(title="Lumps, 90 % intervals", columns=columns, values=tuple(map(_lump_row, numbers.lumps)))
 
 
@@ -154,10 +155,11 @@ def lump_section(numbers: MapNumbers, lump: Lump, ax: Axes) -> Axes:
     """Draw the probability in the plane of x and depth through a lump, with outlines of samples of its posterior."""
     samples = lump.estimate.samples
     row = int(np.argmin(np.abs(numbers.y_mm - np.median(samples["y_mm"]))))
+    left, right, top, bottom = _extent(numbers.x_mm, numbers.depth_mm)
     ax.imshow(
         numbers.probability[:, row],
         origin="upper",
-        extent=(lambda e: (e[0], e[1], e[3], e[2]))(_extent(numbers.x_mm, numbers.depth_mm)),
+        extent=(left, right, bottom, top),
         cmap="Blues",
         vmin=0.0,
         vmax=1.0,
