@@ -8,7 +8,7 @@ PINNED := --constraint constraints.txt --build-constraint constraints.txt
 PYTHON ?=
 PYTEST_FLAGS ?= -n 2 --dist loadfile --no-loadscope-reorder  # in order: doctests, which are quick, come last
 # extras that tests use; fem3d, which has no wheels on some machines, is in the group dev
-EXTRAS := analysis,camera,cluster,console,dicom,postgres,study
+EXTRAS := analysis,camera,cluster,console,curves,dicom,map,postgres,study
 MANIFESTS := pyproject.toml constraints.txt
 
 .DEFAULT_GOAL := help

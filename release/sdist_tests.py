@@ -21,7 +21,7 @@ from pathlib import Path
 
 from release.extras import PLAIN, installed
 
-EXTRAS = "analysis,camera,cluster,console,dicom,postgres,study"
+EXTRAS = "analysis,camera,cluster,console,curves,dicom,map,postgres,study"
 CORE = tuple(
     f"tests/{name}" for name in ("model", "files", "mechanics", "optics", "imaging", "inclusion", "cli", "matching")
 )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-HANGS_S = 600.0  # a wait of this length is a hang
+HANGS_S = 240.0  # a wait of this length is a hang
 
 
 def until(happened: Callable[[], bool]) -> None:

@@ -39,11 +39,7 @@ def test_a_press_is_outlined_and_read_in_millimetres_and_newtons(
         page.get_by_text("The contact is good.").wait_for()
         page.get_by_text("Deepest point").wait_for()
         page.get_by_text("N (").wait_for()
-        page.wait_for_function("""() => {
-          const over = document.querySelector("canvas.live-over");
-          const drawn = over.getContext("2d").getImageData(0, 0, over.width, over.height).data;
-          return drawn.some((level) => level > 0);
-        }""")
+        page.locator("svg .live-line").first.wait_for(state="attached")
         picture(page, "gel-sensor-press")
         assert faults(page) == []
         assert too_wide(page) == []

@@ -6,8 +6,9 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 import pytest
+from playwright.sync_api import expect
 from tests.console.browser import needs_browser, picture
-from tests.console.operator import RELEASE, TAKE, hold, tab
+from tests.console.operator import RELEASE, TAKE, go_to, hold, tab
 from tests.console.running import running_console
 
 if TYPE_CHECKING:
@@ -38,17 +39,18 @@ def test_the_printed_address_opens_the_live_image(opened: Callable[..., Page]) -
 
 def test_one_sees_where_one_is(opened: Callable[..., Page]) -> None:
     page = opened()
-    links = page.get_by_role("navigation").get_by_role("link")
-    here = page.locator('nav [aria-current="page"]')
-    here.wait_for()
-    assert here.inner_text() == "Examine"
-    links.filter(has_text="About").click()
-    page.get_by_role("heading", level=1, name="About").wait_for()
-    assert here.inner_text() == "About"
+    group, here = (page.get_by_role("navigation", name=name) for name in ("Groups of pages", "Pages of"))
+    current = '[aria-current="page"]'
+    expect(group.locator(current)).to_have_text("Measure")
+    expect(here.locator(current)).to_have_text("Examine")
+    go_to(page, "About")
+    expect(group.locator(current)).to_have_text("Tools")
+    expect(here.locator(current)).to_have_text("About")
     page.wait_for_function("document.title === 'About · tsis console'")
     assert page.url.endswith("/about")
-    page.go_back()
-    page.get_by_role("heading", level=1, name="Examine").wait_for()
+    for name in ("Camera", "Examine"):  # the first page of the group lies between
+        page.go_back()
+        page.get_by_role("heading", level=1, name=name).wait_for()
     page.wait_for_function("document.title === 'Examine · tsis console'")
     assert page.evaluate("document.documentElement.lang") == "en-GB"
 

@@ -73,6 +73,18 @@ def _pins() -> dict[str, str]:
     return {_key(name): version for name, version in (line.split("==") for line in pinned)}
 
 
+def test_make_installs_every_extra_that_the_bill_of_materials_lists(manifest: dict[str, Any]) -> None:
+    """An extra that only a developer's environment holds is missing on a clean machine."""
+    groups = manifest["dependency-groups"]
+    used = re.search(r"^EXTRAS := (.*)$", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
+    assert used is not None
+    brought = [text for name in used[1].split(",") for text in _extras()[name]]
+    brought += [text for extra in ("records", "report") for text in _extras()[extra]]  # which the extra console names
+    installed = {_key(Requirement(text).name) for text in [*brought, *groups["dev"], *groups["peers"]]}
+    needed = {_key(Requirement(text).name) for texts in _extras().values() for text in texts}
+    assert needed <= installed
+
+
 def test_a_plain_install_brings_no_gpl(manifest: dict[str, dict[str, list[str]]]) -> None:
     packages = _closure(manifest["project"]["dependencies"])
     assert {"numpy", "matplotlib", "scikit-image"} <= set(packages)

@@ -205,6 +205,7 @@ export default {
       this.leaflet.setView(this.views.centre, this.least + this.views.level, { animate: false });
     },
     limit() {
+      this.leaflet.setMinZoom(-9).setMaxZoom(Infinity); // else the limits of a frame of another shape bound the answer
       this.least = this.leaflet.getBoundsZoom(this.layer.getBounds());
       this.leaflet.setMinZoom(this.least).setMaxZoom(this.least + LEVELS);
     },
