@@ -12,7 +12,7 @@ import pytest
 from tests.console.accessible import faults, too_wide
 from tests.console.browser import needs_browser, picture
 from tests.console.contrast import texts
-from tests.console.operator import tab
+from tests.console.operator import go_to, tab
 
 from tsis.catalog.probes import load_probe, parse_probe
 from tsis.virtual.planned_probe import DesignQuestion, analyse_designs, compared_designs
@@ -29,7 +29,7 @@ pytestmark = [pytest.mark.system, needs_browser]
 @pytest.fixture
 def page(console: RunningConsole, browser: Browser) -> Iterator[Page]:
     with tab(browser, console) as opened:
-        opened.get_by_role("navigation").get_by_role("link", name="Design").click()
+        go_to(opened, "Design")
         opened.get_by_role("img", name="Section of the probe").wait_for()
         yield opened
 

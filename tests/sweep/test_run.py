@@ -148,7 +148,7 @@ def test_a_batch_that_kills_every_worker_is_named(tmp_path: Path, monkeypatch: p
 
 @pytest.mark.system
 def test_a_fault_stops_the_sweep_and_is_told(tmp_path: Path) -> None:
-    with pytest.raises(SweepError, match=r"part-000000\.parquet could not be computed: TypeError: of all things"):
+    with pytest.raises(SweepError, match=r"part-00000\d\.parquet could not be computed: TypeError: of all things"):
         run_sweep(small_plan(), tmp_path / "data", workers=1, press=faulty)
 
 

@@ -192,7 +192,7 @@ export default {
     // The size of the place for the map has changed: what was seen stays seen, and what was whole stays whole.
     resized() {
       if (!this.isSeen()) return;
-      this.leaflet.invalidateSize({ animate: false, pan: false });
+      this.alone(() => this.leaflet.invalidateSize({ animate: false, pan: false }));
       if (this.views.level > 0.01) this.look();
       else this.whole();
     },
@@ -205,9 +205,18 @@ export default {
       this.leaflet.setView(this.views.centre, this.least + this.views.level, { animate: false });
     },
     limit() {
-      this.leaflet.setMinZoom(-9).setMaxZoom(Infinity); // else the limits of a frame of another shape bound the answer
-      this.least = this.leaflet.getBoundsZoom(this.layer.getBounds());
-      this.leaflet.setMinZoom(this.least).setMaxZoom(this.least + LEVELS);
+      this.alone(() => {
+        this.leaflet.setMinZoom(-9).setMaxZoom(Infinity); // else the limits of a frame of another shape bound the answer
+        this.least = this.leaflet.getBoundsZoom(this.layer.getBounds());
+        this.leaflet.setMinZoom(this.least).setMaxZoom(this.least + LEVELS);
+      });
+    },
+    // Act so that the group does not follow what moves: nobody chose it.
+    alone(act) {
+      const { busy } = this.views;
+      this.views.busy = true;
+      act();
+      this.views.busy = busy;
     },
     whole() {
       if (!this.layer) return;
