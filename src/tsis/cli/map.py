@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 import tsis
-from tsis.__about__ import CALIBRATION_FILE, LARGEST_SEED, RESEARCH_USE_ONLY, __version__
+from tsis.__about__ import CALIBRATION_FILE, LARGEST_SEED
 from tsis.cli.options import AsJson, ScaleMm, chosen_probe, chosen_scale
 from tsis.cli.output import CommandOutcome, publish
 from tsis.cli.progress import progress_bar
@@ -71,13 +70,9 @@ def map_lumps(
     stored = tsis.mapping.scan_folder.read_scan(
         scan, mm_per_pixel=chosen_scale(usable, scale_mm), indenter=_indenter(ball_mm, punch_mm)
     )
-    pressed, response = stored.scan, None
-    if pressed.kind == "frame":
-        if usable is None:
-            raise InputError("frames need --calibration, the calibration file of the probe that pressed")
-        raw = [press.frame for press in pressed.presses if press.frame is not None]
-        frames, response = usable.pressed(raw, on_tissue=True)
-        pressed = tsis.mapping.scan_folder.with_frames(pressed, frames)
+    if stored.scan.kind == "frame" and usable is None:
+        raise InputError("frames need --calibration, the calibration file of the probe that pressed")
+    pressed, response = tsis.mapping.scan_folder.calibrated(stored.scan, usable)
     prior = tsis.mapping.MapPrior(tissue_young_kpa=tissue_kpa, tissue_young_sd=tissue_sd, thickness_mm=thickness_mm)
     chosen = _probe(stored, probe)
     with progress_bar(f"mapping {len(pressed.presses)} presses") as advance:
@@ -92,32 +87,14 @@ def map_lumps(
             progress=advance,
             resume=resume,
         )
-    provenance = {
-        "notice": RESEARCH_USE_ONLY,
-        "tsis": __version__,
-        "scan": tsis.mapping.scan_folder.described(pressed),
-        "calibration": None if usable is None else usable.citation(),
-    }
-    by = f"by {chosen.name}" if chosen is not None else f"by a {pressed.indenter.shape if pressed.indenter else ''}"
-    outcome = CommandOutcome(
-        document=tsis.present.document.envelope(
-            "map", **tsis.present.lump_map.lump_map_document(found), inputs=provenance
-        ),
-        page=tsis.present.lump_map.lump_map_page(
-            found,
-            title=f"Map of {pressed.name or 'a scan'}",
-            subtitle=f"{len(found.places_mm)} presses {by}",
-            provenance=provenance,
-        ),
-        files=_volumes(found.numbers) if found.trusted else {},
-        trusted=found.trusted,
+    report = tsis.present.lump_map.map_report(
+        found,
+        pressed,
+        probe="" if chosen is None else chosen.name,
+        calibration=None if usable is None else usable.citation(),
     )
+    outcome = CommandOutcome(document=report.document, page=report.page, files=report.volumes, trusted=found.trusted)
     publish(outcome, out, as_json=as_json)
-
-
-def _volumes(numbers: tsis.mapping.lump_map.MapNumbers) -> dict[str, bytes]:
-    files = {"map.vti": tsis.present.lump_map.vtk_bytes(numbers)}
-    return files | (tsis.present.lump_map.nifti_files(numbers) if find_spec("nibabel") else {})
 
 
 def _calibration(scan: Path, given: Path | None) -> tsis.calibration.frames.UsableCalibration | None:

@@ -124,14 +124,15 @@ def _truth(virtual: VirtualGelSensor, made: dict[str, RenderedPress], ball_kpa: 
 SHOWN_RADII = 13
 GEL = "Frames of a virtual gel sensor (--sensor)"
 SCAN = "Presses of a virtual scan (--scan)"
-THREE_LUMPS = ("-9,-6,5,9,60", "10,-4,7,8,40", "1,11,4,8,80")
 
 
 def _lumps(given: list[str] | None) -> list[tsis.virtual.scan.VirtualLump]:
     """The lumps of --lump, or three."""
+    if not given:
+        return list(tsis.virtual.scan.THREE_LUMPS)
     names = ("x_mm", "y_mm", "depth_mm", "diameter_mm", "young_kpa")
     lumps = []
-    for text in given or THREE_LUMPS:
+    for text in given:
         try:
             values = dict(zip(names, map(float, text.split(",")), strict=True))
         except ValueError as error:

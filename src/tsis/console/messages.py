@@ -20,6 +20,7 @@ PLACES = {  # where a page does what a command of the terminal does
     "design": "the page Design",
     "examine": "the page My images",
     "hardness": "the page Hardness",
+    "map": "the page Map",
     "records": "the page Targets",
     "study": "the page Studies",
 }

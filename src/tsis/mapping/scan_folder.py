@@ -12,18 +12,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.calibration.frames import PICTURES, read_press_image
-from tsis.errors import FileInputError, InputError
+from tsis.errors import FileInputError, InputError, NotCalibratedError
 from tsis.files.reading import as_path, file_error, own_file
 from tsis.files.tables import read_csv_rows, table_bytes
 from tsis.mapping.scan import Scan, ScanPress
 
 if TYPE_CHECKING:
     import os
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
+    from tsis.calibration.frames import UsableCalibration
     from tsis.files.tables import CsvRow
     from tsis.mapping.scan import Indenter
+    from tsis.model.calibration import Calibration
 
 
 POSES_FILE = "poses.csv"
@@ -208,10 +210,18 @@ def _rows(press: ScanPress) -> list[Sequence[Any]]:
     return [("ring", "sector", "pressure_kpa"), *cells]
 
 
-def with_frames(scan: Scan, frames: Iterable[Any]) -> Scan:
-    """The scan with other frames, such as those that a calibration corrected, in the order of its presses."""
+def calibrated(scan: Scan, usable: UsableCalibration | None) -> tuple[Scan, Calibration | None]:
+    """The scan with the frames that a calibration corrected, and its response; other scans stay as they are.
+
+    Raises `NotCalibratedError` for frames without a calibration.
+    """
+    if scan.kind != "frame":
+        return scan, None
+    if usable is None:
+        raise NotCalibratedError("frames must come with the calibration of the probe that pressed; got none")
+    frames, response = usable.pressed([press.frame for press in scan.presses if press.frame], on_tissue=True)
     pairs = zip(scan.presses, frames, strict=True)
-    return replace(scan, presses=tuple(replace(press, frame=frame) for press, frame in pairs))
+    return replace(scan, presses=tuple(replace(press, frame=frame) for press, frame in pairs)), response
 
 
 def described(scan: Scan) -> Mapping[str, Any]:

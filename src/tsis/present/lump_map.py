@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import base64
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, field
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.patches import Circle
 
+from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.mapping.flags import MAP_FLAGS
+from tsis.mapping.scan_folder import described
 from tsis.model.estimate import INTERVAL_LEVEL, probability_text
-from tsis.present.document import estimate_document
+from tsis.present.document import envelope, estimate_document
 from tsis.present.labels import quantity_of
 from tsis.present.page import Card, Column, Page, Picture, Table, flags_table, on_axes
 
@@ -23,6 +26,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.mapping.lump_map import Lump, LumpMap, MapNumbers
+    from tsis.mapping.scan import Scan
     from tsis.model.estimate import Estimate
 
 
@@ -37,6 +41,51 @@ VOLUMES = {
     "modulus_kpa": "mean of Young's modulus in kPa",
     "modulus_sd_kpa": "standard deviation of Young's modulus in kPa",
 }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MapReport:
+    """A map as it is published.
+
+    Attributes
+    ----------
+    document
+        The result for programs.
+    page
+        The page for people.
+    volumes
+        Files of the volumes by name: VTK, and NIfTI where the extra ``map`` is installed; none of an untrusted map.
+    """
+
+    document: Mapping[str, Any]
+    page: Page
+    volumes: Mapping[str, bytes] = field(default_factory=dict)
+
+
+def map_report(
+    found: LumpMap, scan: Scan, *, probe: str = "", calibration: Mapping[str, Any] | None = None
+) -> MapReport:
+    """What is published of a map of a scan by the named probe, with the citation of its calibration."""
+    provenance = {
+        "notice": RESEARCH_USE_ONLY,
+        "tsis": __version__,
+        "scan": described(scan),
+        "calibration": calibration,
+    }
+    by = probe or f"a {scan.indenter.shape if scan.indenter else 'probe'}"
+    page = lump_map_page(
+        found,
+        title=f"Map of {scan.name or 'a scan'}",
+        subtitle=f"{len(found.places_mm)} presses by {by}",
+        provenance=provenance,
+    )
+    volumes: dict[str, bytes] = {}
+    if found.trusted:
+        volumes["map.vti"] = vtk_bytes(found.numbers)
+        volumes |= nifti_files(found.numbers) if find_spec("nibabel") else {}
+    return MapReport(
+        document=envelope("map", **lump_map_document(found), inputs=provenance), page=page, volumes=volumes
+    )
 
 
 def lump_map_page(
@@ -69,7 +118,8 @@ def lump_map_page(
 def _cards(numbers: MapNumbers) -> tuple[Card, ...]:
     likeliest = int(np.argmax(numbers.count_probability))
     share = float(numbers.count_probability[likeliest])
-    low, high = numbers.unevenness.interval(INTERVAL_LEVEL)["sd"]
+    ends = dict.fromkeys(f"{100 * end:.2g}" for end in numbers.unevenness.interval(INTERVAL_LEVEL)["sd"])
+    unevenness = " to ".join(ends) if len(ends) > 1 else f"about {next(iter(ends))}"  # it is learnt in few steps
     return (
         Card(
             title="Lumps",
@@ -77,7 +127,7 @@ def _cards(numbers: MapNumbers) -> tuple[Card, ...]:
             detail=f"with a probability of {probability_text(share)}",
             doubtful=share < INTERVAL_LEVEL,
         ),
-        Card(title="Unevenness of the tissue", value=f"{100 * low:.2g} to {100 * high:.2g} %", detail="90 % interval"),
+        Card(title="Unevenness of the tissue", value=f"{unevenness} %", detail="90 % interval"),
     )
 
 
@@ -114,6 +164,39 @@ def _next_table(numbers: MapNumbers) -> tuple[Table, ...]:
     )
     rows = tuple((place.x_mm, place.y_mm, place.gain_nats) for place in numbers.next_places)
     return (Table(title="Where to press next", columns=columns, values=rows),)
+
+
+KIND_NAMES = {"frame": "frames", "pressure_kpa": "pressures", "travel_force": "travel and force"}
+
+
+def scan_summary(scan: Scan, *, probe: str = "") -> str:
+    """How many presses a scan has, of what, and by which probe.
+
+    Examples
+    --------
+    >>> from tsis.mapping.scan import Scan, ScanPress
+    >>> rings = [1.0, 0.9, 0.8]
+    >>> presses = tuple(ScanPress(place_mm=(x, 0.0), pressure_kpa=rings, force_n=1.0) for x in (0.0, 10.0))
+    >>> scan_summary(Scan(presses=presses), probe="tsis-2011")
+    '2 presses (pressures) by tsis-2011'
+    """
+    references = sum(press.reference for press in scan.presses)
+    beside = f", {references} of them references" if references else ""
+    return f"{len(scan.presses)} presses ({KIND_NAMES[scan.kind]}){beside}" + (f" by {probe}" if probe else "")
+
+
+def scan_picture(scan: Scan) -> Picture:
+    """The places of a scan's presses, before it is mapped."""
+
+    def draw(ax: Axes) -> None:
+        for reference, marker, label in ((False, "+", "press"), (True, "x", "reference")):
+            places = np.array([press.place_mm for press in scan.presses if press.reference == reference])
+            if len(places):
+                ax.plot(*places.T, marker, label=label)
+        ax.legend(loc="upper right", fontsize=7)
+        ax.set(xlabel="x / mm", ylabel="y / mm", aspect="equal")
+
+    return Picture(title="Places", draw=on_axes(draw), size=(4.0, 3.4), alt=f"Places of {len(scan.presses)} presses")
 
 
 def _extent(across: NDArray[np.float64], along: NDArray[np.float64]) -> tuple[float, float, float, float]:

@@ -50,6 +50,16 @@ class VirtualLump:
         require_number("young_kpa", self.young_kpa, 0.1, 1e6, hint="kilopascals")
 
 
+THREE_LUMPS = tuple(
+    VirtualLump(x_mm=x, y_mm=y, depth_mm=depth, diameter_mm=diameter, young_kpa=young)
+    for x, y, depth, diameter, young in (
+        (-9.0, -6.0, 5.0, 9.0, 60.0),
+        (10.0, -4.0, 7.0, 8.0, 40.0),
+        (1.0, 11.0, 4.0, 8.0, 80.0),
+    )
+)  # what a virtual scan presses where nothing else is asked
+
+
 def grid_places(count: int, spacing_mm: float) -> NDArray[np.float64]:
     """Places of ``count`` times ``count`` presses around the origin, shape (count**2, 2), mm, row by row."""
     require_integer("count", count, 2, 30)

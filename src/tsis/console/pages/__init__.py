@@ -11,8 +11,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 MEASURE, CALIBRATE, RECORDS, TOOLS = "Measure", "Calibrate", "Records", "Tools"
-_PAGES = (  # the next way to measure, as a map of lumps, is a line of the first group
+_PAGES = (
     (MEASURE, "/", "Examine", "examine", "examine_page"),
+    (MEASURE, "/map", "Map", "map", "map_page"),
     (MEASURE, "/hardness", "Hardness", "hardness", "HardnessPage"),
     (MEASURE, "/gel", "Gel sensor", "gel", "GelPage"),
     (MEASURE, "/images", "My images", "images", "images_page"),

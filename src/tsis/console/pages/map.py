@@ -1,0 +1,295 @@
+"""Map: several lumps in three dimensions, from a scan of presses at many places."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING, Literal
+
+from nicegui import ui
+
+from tsis.catalog.probes import list_probes
+from tsis.console import widgets
+from tsis.console.messages import field_messages, plain_message
+from tsis.console.services.jobs import DONE
+from tsis.console.services.maps import MapQuestion, MapRepository, OpenedScan, map_of
+from tsis.mapping.prior import MapPrior
+from tsis.mapping.scan import Indenter
+from tsis.model.image import require_pixel_scale
+from tsis.present.lump_map import scan_picture, scan_summary
+from tsis.present.page import address
+
+if TYPE_CHECKING:
+    from nicegui.events import UploadEventArguments
+
+    from tsis.console.services.instrument import Instrument
+    from tsis.console.services.jobs import Job
+    from tsis.console.services.maps import MapResult
+    from tsis.console.viewer import Viewer
+    from tsis.mapping.scan_folder import StoredScan
+    from tsis.present.page import Picture
+
+
+SAYS = (
+    "Drop poses.csv (file, x_mm, y_mm) and the presses that it names, or one table of travel and force. They stay on "
+    "the console's computer."
+)
+ENDINGS = ".csv,.txt,.tsv,.xlsx,.json,.png,.bmp,.tif,.tiff,.jpg,.jpeg"
+EVERY_S = 0.4  # between two readings of the job
+DEFAULT_PROBE = "tsis-2011"
+OF_SCAN = "as the scan states"
+SHAPES = {"": "a probe", "ball": "a ball", "punch": "a flat punch"}
+LABELS = {  # of the fields, by the parameters that errors name
+    "tissue_young_kpa": "Modulus of the tissue",
+    "thickness_mm": "Thickness of the tissue",
+    "radius_mm": "Radius of the indenter",
+    "mm_per_pixel": "Scale, or x,y",
+}
+
+
+@dataclass(slots=True)
+class MapDraft:
+    """The opened scan, the contents of the fields, and the newest job."""
+
+    opened: OpenedScan = field(default_factory=OpenedScan)
+    probe: str = OF_SCAN
+    texts: dict[str, str] = field(
+        default_factory=lambda: {"tissue_young_kpa": "5", "thickness_mm": "30", "radius_mm": "", "mm_per_pixel": ""}
+    )
+    shape: Literal["", "ball", "punch"] = ""
+    job: Job | None = None
+
+    def prior(self) -> MapPrior:
+        """What is believed of tissue and lumps; `InputError` for an invalid field."""
+        with field_messages(LABELS):
+            return MapPrior(
+                tissue_young_kpa=widgets.typed_number(LABELS["tissue_young_kpa"], self.texts["tissue_young_kpa"]),
+                thickness_mm=widgets.typed_number(LABELS["thickness_mm"], self.texts["thickness_mm"]),
+            )
+
+    def read(self) -> StoredScan:
+        """The opened scan; errors as of `tsis.mapping.scan_folder.read_scan`."""
+        with field_messages(LABELS):
+            scale = widgets.typed_numbers(LABELS["mm_per_pixel"], self.texts["mm_per_pixel"])
+            radius = self.texts["radius_mm"]
+            indenter = (
+                Indenter(shape=self.shape, radius_mm=widgets.typed_number(LABELS["radius_mm"], radius))
+                if self.shape
+                else None
+            )
+            return self.opened.read(require_pixel_scale((scale[0], scale[-1])) if scale else None, indenter)
+
+
+class MapPage:
+    """The scan, what is known of tissue and probe, the map, and the maps before it."""
+
+    def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
+        self._instrument, self._viewer = instrument, viewer
+        self._draft = viewer.saved(MapDraft)
+        self._maps = MapRepository(instrument.terms.workspace)
+        self._shown: Job | None = None
+        with ui.element("div").classes("stack"):
+            with widgets.panel("Scan"):
+                self._files()
+                self._summary = ui.element("section").classes("stack").props('role=status aria-label="Opened scan"')
+            with widgets.panel("Tissue and probe"):
+                self._fields()
+            self._result = ui.element("section").classes("panel stack").props('aria-label="Map"')
+            self._result.set_visibility(False)
+            with widgets.panel("Earlier maps"):
+                self._earlier = ui.element("div").classes("scroll")
+        ui.timer(EVERY_S, self._refresh)
+        ui.timer(0.0, self._first, once=True)
+
+    async def _first(self) -> None:
+        await self._list()
+        if self._draft.opened.source is not None:
+            await self._read()
+
+    def _files(self) -> None:
+        widgets.muted(SAYS)
+        upload = widgets.FileField(
+            label="Drop files here, or choose them",
+            multiple=True,
+            auto_upload=True,
+            max_file_size=widgets.LARGEST_MIB * 2**20,
+            on_upload=self._uploaded,
+            on_rejected=lambda: self._viewer.complain(
+                f"A file is larger than {widgets.LARGEST_MIB} MiB or has an unsupported format."
+            ),
+        ).props("flat bordered")
+        upload.props["accept"] = ENDINGS
+        upload.name_parts("Choose the files of a scan")
+        widgets.explain(upload, "Choose the files of a scan")
+        with ui.element("div").classes("row"):
+            self._path = widgets.unit_field("Folder or table on the console's computer", keys="text").classes("path")
+            widgets.button("Open", self._open, icon="folder_open")
+            widgets.button("Use a simulated scan", self._simulate, icon="science")
+
+    def _fields(self) -> None:
+        draft = self._draft
+        with ui.element("div").classes("row"):
+            widgets.select_field([OF_SCAN, *list_probes()], value=draft.probe, label="Probe of the scan").bind_value_to(
+                draft, "probe"
+            )
+            self._typed("tissue_young_kpa", "kPa")
+            self._typed("thickness_mm", "mm")
+        with ui.element("div").classes("row"):
+            self._typed("mm_per_pixel", "mm/pixel")
+            widgets.select_field(SHAPES, value=draft.shape, label="Pressed by").bind_value_to(draft, "shape").classes(
+                "start"
+            )
+            self._typed("radius_mm", "mm")
+        active = self._instrument.calibration is not None
+        widgets.muted(
+            "Frames are read with the active calibration."
+            if active
+            else "No calibration is active: a scan of frames needs one (page Camera)."
+        )
+        with ui.element("div").classes("row"):
+            self._start = widgets.button("Map the lumps", self._started, icon="scatter_plot", look="unelevated")
+            self._end = widgets.button("Cancel", self._cancelled)
+        self._bar = widgets.ProgressBar("Progress of the map")
+        self._message = ui.label().props('role="status"')
+
+    def _typed(self, name: str, unit: str) -> None:
+        texts = self._draft.texts
+        shown = widgets.unit_field(LABELS[name], texts[name], unit=unit).classes("long-label")
+        shown.on_value_change(lambda event: texts.update({name: event.value or ""}))
+
+    async def _uploaded(self, event: UploadEventArguments) -> None:
+        opened = self._draft.opened
+        file = opened.uploads / (PurePosixPath(event.file.name.replace("\\", "/")).name or "unnamed")
+        try:
+            await event.file.save(file)
+        except OSError as error:
+            self._viewer.complain(f"There is no space for a copy of {file.name}: {error.strerror or error}")
+            return
+        opened.uploaded(file)
+        await self._read(quiet=True)  # the files of a scan arrive one by one
+
+    async def _open(self) -> None:
+        if not self._viewer.commands:
+            self._viewer.complain(
+                "Only the user who controls the camera may open paths on its computer: drop the files here."
+            )
+        elif self._path.value:
+            self._draft.opened.open(Path(self._path.value).expanduser())
+            await self._read()
+
+    async def _simulate(self) -> None:
+        with self._summary:
+            self._summary.clear()
+            widgets.muted("The virtual probe presses at 25 places; the first time takes a minute.")
+        await self._viewer.attempt(self._draft.opened.simulate, 0)
+        await self._read()
+
+    async def _read(self, *, quiet: bool = False) -> None:
+        """Read the scan, and show its presses; ``quiet`` shows an error beside them, not as a message."""
+        found: list[tuple[StoredScan, Picture, str]] = []
+
+        def read() -> None:
+            stored = self._draft.read()
+            picture = scan_picture(stored.scan)
+            found.append((stored, picture, address(picture)))
+
+        refusal = await self._viewer.refusal(read)
+        if refusal is not None and not quiet:
+            self._viewer.complain(plain_message(refusal))
+        if self._summary.is_deleted:
+            return
+        self._summary.clear()
+        with self._summary:
+            if not found:
+                widgets.muted(
+                    f"Not complete yet: {plain_message(refusal)}" if quiet and refusal else "No scan is open."
+                )
+                return
+            stored, picture, source = found[0]
+            ui.label(scan_summary(stored.scan, probe=stored.probe)).classes("strong")
+            if self._draft.opened.simulated:
+                widgets.muted("Simulated by the map's own model: it shows how the page works, not how well.")
+            widgets.message_list(stored.scan.left_out)
+            with ui.element("div").classes("map-places"):
+                widgets.figure(picture, source)
+
+    async def _started(self) -> None:
+        draft = self._draft
+
+        def asked() -> MapQuestion:
+            prior, stored = draft.prior(), draft.read()
+            stated = stored.probe or DEFAULT_PROBE
+            probe = "" if stored.scan.kind == "travel_force" else stated if draft.probe == OF_SCAN else draft.probe
+            return MapQuestion(
+                stored=stored, probe=probe, calibration=self._instrument.calibration, prior=prior, seed=0
+            )
+
+        question = await self._viewer.attempt(asked)
+        if question is not None:
+            title = f"map of {question.stored.scan.name or 'a scan'}"
+            draft.job = self._instrument.jobs.begin(title, map_of(question, self._maps, widgets.drawings))
+            self._refresh()
+
+    def _cancelled(self) -> None:
+        if self._draft.job is not None:
+            self._draft.job.end()
+
+    def _refresh(self) -> None:
+        job = self._draft.job
+        state = None if job is None else job.state()
+        running = state is not None and state.running
+        self._start.set_enabled(not running)
+        self._end.set_visibility(running)
+        self._bar.show(state)
+        if job is None or state is None:
+            return
+        if running:
+            self._message.text = "Mapping: the first map of a probe takes a minute longer."
+        elif job is not self._shown:
+            self._shown = job
+            self._message.text = state.sentence
+            if state.status == DONE and job.result is not None:
+                self._show(job.result)
+                ui.timer(0.0, self._list, once=True)
+
+    def _show(self, result: MapResult) -> None:
+        self._result.clear()
+        self._result.set_visibility(True)
+        with self._result:
+            with widgets.title_row(f"{result.page.title}: {result.page.subtitle}"):
+                self._downloads(result.name)
+            widgets.report_parts(result.page, result.pictures)
+            widgets.muted("Press at the next place, add the press to the scan, and map again.")
+
+    async def _list(self) -> None:
+        names = await self._viewer.attempt(self._maps.names)
+        if self._earlier.is_deleted:
+            return
+        self._earlier.clear()
+        with self._earlier:
+            if not names:
+                widgets.muted("No map was made yet.")
+                return
+            with widgets.rows_under(("Map", "Files"), label="Earlier maps"):
+                for name in names:
+                    with ui.element("tr"):
+                        widgets.cell(name)
+                        with ui.element("td"):
+                            self._downloads(name)
+
+    def _downloads(self, name: str) -> None:
+        with ui.element("div").classes("row"):
+            for file in self._maps.files(name):
+                label = f"Download {file} of map {name}"
+                widgets.button(file, lambda file=file: self._download(name, file), look="flat dense", label=label)
+
+    async def _download(self, name: str, file: str) -> None:
+        content = await self._viewer.attempt(self._maps.content, name, file)
+        if content is not None:
+            ui.download.content(content, f"{name}-{file}")
+
+
+async def map_page(instrument: Instrument, viewer: Viewer) -> None:
+    """Build the page with this tab's draft."""
+    await ui.context.client.connected()
+    MapPage(instrument, viewer)

@@ -1,0 +1,170 @@
+"""Maps of lumps: a scan of the user, the job that maps it, and the maps below a console's workspace."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import tempfile
+import weakref
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.catalog.probes import load_probe
+from tsis.console.services.jobs import JobCancelled
+from tsis.console.statuses import AbsentError
+from tsis.errors import InputError, RecordsError
+from tsis.files.canonical_json import json_bytes
+from tsis.files.result_folder import free_folder, write_folder
+from tsis.mapping.estimation import estimate_map
+from tsis.mapping.scan_folder import POSES_FILE, calibrated, read_scan, scan_files
+from tsis.present.html import html_bytes
+from tsis.present.lump_map import map_report
+from tsis.virtual.scan import THREE_LUMPS, grid_places, virtual_scan
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from tsis.calibration.frames import UsableCalibration
+    from tsis.console.services.jobs import Job
+    from tsis.mapping.lump_map import LumpMap
+    from tsis.mapping.prior import MapPrior
+    from tsis.mapping.scan import Indenter
+    from tsis.mapping.scan_folder import StoredScan
+    from tsis.present.page import Page
+
+
+FOLDER = "maps"
+RESULT, PAGE = "result.json", "index.html"
+UPLOADED, SIMULATED, SIMULATED_PROBE = "uploaded-scan", "simulated-scan", "tsis-2011"
+PRESSES_A_SIDE, SPACING_MM = 5, 10.0
+NAME = re.compile(r"[A-Za-z0-9_-]{1,80}", re.ASCII)
+
+
+class OpenedScan:
+    """The scan that a tab has opened; uploaded files lie in a folder that goes with it."""
+
+    def __init__(self) -> None:
+        folder = Path(tempfile.mkdtemp(prefix="tsis-scan-"))
+        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
+        self.uploads = folder / UPLOADED  # whose name is that of the map
+        self.uploads.mkdir()
+        self.source: Path | None = None
+        self.simulated = False
+
+    def open(self, source: Path) -> None:
+        """Choose a folder or a table of the console's computer."""
+        self.source, self.simulated = source, False
+
+    def uploaded(self, file: Path) -> None:
+        """Choose the folder of the uploaded files, or the only table among them."""
+        is_alone = [item.name for item in self.uploads.iterdir()] == [file.name]
+        table = file if is_alone and file.name != POSES_FILE else None
+        self.open(table or self.uploads)
+
+    def simulate(self, seed: int) -> None:
+        """Choose a scan of the virtual flat probe over three lumps."""
+        probe = load_probe(SIMULATED_PROBE)
+        places = grid_places(PRESSES_A_SIDE, SPACING_MM)
+        made = virtual_scan(probe, THREE_LUMPS, places, rng=np.random.default_rng(seed))
+        folder = self.uploads.parent / SIMULATED
+        shutil.rmtree(folder, ignore_errors=True)
+        self.source = write_folder(folder, scan_files(made, probe=probe.name))
+        self.simulated = True
+
+    def read(self, mm_per_pixel: tuple[float, float] | None, indenter: Indenter | None) -> StoredScan:
+        """The scan as it lies on the disk now; errors as of `tsis.mapping.scan_folder.read_scan`."""
+        if self.source is None:
+            raise InputError("a scan must be chosen first: drop its files, or enter its folder")
+        return read_scan(self.source, mm_per_pixel=mm_per_pixel, indenter=indenter)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MapQuestion:
+    """A scan to be mapped: ``probe`` is a name of the catalog, empty for an indenter's travel and force."""
+
+    stored: StoredScan
+    probe: str
+    calibration: UsableCalibration | None
+    prior: MapPrior
+    seed: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MapResult:
+    """A map, its page with drawn pictures, and the name of its folder in the workspace."""
+
+    found: LumpMap
+    page: Page
+    pictures: tuple[str, ...]
+    name: str
+
+
+def map_of(
+    question: MapQuestion, maps: MapRepository, draw: Callable[[Page], tuple[str, ...]]
+) -> Callable[[Job], MapResult]:
+    """The work of a job that maps a scan and keeps what is published of it; ``draw`` draws a page's pictures."""
+
+    def work(job: Job) -> MapResult:
+        scan, response = calibrated(question.stored.scan, question.calibration)
+        found = estimate_map(
+            scan,
+            probe=load_probe(question.probe) if question.probe else None,
+            calibration=response,
+            prior=question.prior,
+            seed=question.seed,
+            progress=job.advance,
+        )
+        citation = question.calibration.citation() if question.calibration and scan.kind == "frame" else None
+        report = map_report(found, scan, probe=question.probe, calibration=citation)
+        files = {RESULT: json_bytes(report.document), PAGE: html_bytes(report.page), **report.volumes}
+        if job.ending:
+            raise JobCancelled
+        name = maps.keep(scan.name or "scan", files)
+        job.say(f"Kept as map {name}." if found.trusted else f"Withheld: a check failed. Kept as map {name}.")
+        return MapResult(found=found, page=report.page, pictures=draw(report.page), name=name)
+
+    return work
+
+
+class MapRepository:
+    """The maps below a console's workspace, a folder each, as the command ``tsis map`` writes it."""
+
+    def __init__(self, workspace: Path) -> None:
+        self._folder = workspace / FOLDER
+
+    def keep(self, name: str, files: dict[str, bytes]) -> str:
+        """Write a map's files; the name of its folder, with a number where the name is taken."""
+        plain = re.sub(r"[^A-Za-z0-9_-]+", "-", name, flags=re.ASCII).strip("-")[:60] or "scan"
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise RecordsError(f"the folder of maps must be writable; got: {error.strerror or error}") from error
+        return write_folder(free_folder(self._folder / plain), files).name
+
+    def names(self) -> Sequence[str]:
+        """Names of the maps, the newest first."""
+        try:
+            found = [(item.stat().st_mtime, item.name) for item in self._folder.iterdir() if (item / RESULT).is_file()]
+        except FileNotFoundError:
+            return ()
+        except OSError as error:
+            raise RecordsError(f"the folder of maps must be readable; got: {error.strerror or error}") from error
+        return [name for _, name in sorted(found, reverse=True) if NAME.fullmatch(name)]
+
+    def files(self, name: str) -> Sequence[str]:
+        """Names of a map's files."""
+        return sorted(item.name for item in self._path(name).iterdir() if item.is_file())
+
+    def content(self, name: str, file: str) -> bytes:
+        """One of a map's files; `AbsentError` when there is none."""
+        if file not in self.files(name):
+            raise AbsentError(f"file must be one of map {name!r}; got {file!r:.80}")
+        return (self._path(name) / file).read_bytes()
+
+    def _path(self, name: str) -> Path:
+        if not NAME.fullmatch(name) or not (self._folder / name / RESULT).is_file():
+            raise AbsentError(f"map must be one of this console's; there is none of the name {name!r:.80}")
+        return self._folder / name

@@ -1,0 +1,77 @@
+"""Scans that a tab opens, and maps below a workspace."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tsis.console.services.maps import RESULT, MapRepository, OpenedScan
+from tsis.console.statuses import AbsentError
+from tsis.errors import InputError, RecordsError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+TABLE = "press,x_mm,y_mm,travel_mm,force_n\n"
+
+
+def test_a_map_is_kept_under_a_name_of_its_own(tmp_path: Path) -> None:
+    maps = MapRepository(tmp_path)
+    assert maps.names() == ()
+    files = {RESULT: b"{}", "map.vti": b"volume"}
+    kept = [maps.keep(name, files) for name in ("left side", "left side", "../x", "…")]
+    assert kept == ["left-side", "left-side-2", "x", "scan"]
+    assert set(maps.names()) == set(kept)
+    assert maps.files("left-side") == ["map.vti", "result.json"]
+    assert maps.content("left-side", "map.vti") == b"volume"
+    assert {path.parent for path in tmp_path.rglob("*.vti")} == {tmp_path / "maps" / name for name in kept}
+
+
+@pytest.mark.parametrize("name", ["..", ".", "", "a/b", "absent", "left-side\n", "x" * 81])
+def test_other_names_are_no_maps(tmp_path: Path, name: str) -> None:
+    (tmp_path / RESULT).write_bytes(b"{}")  # beside the folder of maps
+    maps = MapRepository(tmp_path)
+    maps.keep("left-side", {RESULT: b"{}"})
+    with pytest.raises(AbsentError, match="map must be one of this console's"):
+        maps.files(name)
+
+
+@pytest.mark.parametrize("file", ["..", "../../result.json", "absent.vti", ""])
+def test_other_files_are_not_of_a_map(tmp_path: Path, file: str) -> None:
+    maps = MapRepository(tmp_path)
+    maps.keep("one", {RESULT: b"{}"})
+    with pytest.raises(AbsentError, match="file must be one of map 'one'"):
+        maps.content("one", file)
+
+
+def test_a_workspace_that_is_a_file_is_said(tmp_path: Path) -> None:
+    (tmp_path / "maps").write_text("no folder")
+    with pytest.raises(RecordsError, match="folder of maps must be"):
+        MapRepository(tmp_path).names()
+    with pytest.raises(RecordsError, match="folder of maps must be"):
+        MapRepository(tmp_path).keep("one", {RESULT: b"{}"})
+
+
+def test_uploaded_files_become_one_scan() -> None:
+    opened = OpenedScan()
+    with pytest.raises(InputError, match="a scan must be chosen first"):
+        opened.read(None, None)
+    table = opened.uploads / "robot.csv"
+    table.write_text(TABLE)
+    opened.uploaded(table)
+    assert opened.source == table
+    poses = opened.uploads / "poses.csv"
+    poses.write_text("file,x_mm,y_mm\n")
+    opened.uploaded(poses)
+    assert opened.source == opened.uploads
+
+
+def test_a_simulated_scan_is_read_as_a_user_s() -> None:
+    opened = OpenedScan()
+    for seed in (3, 4):  # the second replaces the first
+        opened.simulate(seed)
+    stored = opened.read(None, None)
+    assert opened.simulated
+    assert stored.probe == "tsis-2011"
+    assert len(stored.scan.presses) == 25
