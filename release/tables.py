@@ -17,6 +17,7 @@ import numpy as np
 import tomli_w
 
 import tsis
+from tsis.catalog.priors import inclusion_prior_toml, parse_prior
 from tsis.catalog.probes import list_probes
 from tsis.files.cache import SHIPPED_KEYS, shipped_tables
 from tsis.hardness.table import build_contact_table
@@ -33,12 +34,13 @@ if TYPE_CHECKING:
 
 FORCES_N = (0.5, 1.0)
 OTHER_KPA = 15.0  # tissue that the default prior's table of finite strain does not hold, so that the wide one is built
+TISSUE_PRIOR = "breast-ex-vivo"
 TISSUE_PROBES = ("tsis-2011", "tsis-domed")  # the catalog's probes for inclusions
 WHAT = {
     "contact-tables": "contact of soft spheres with the probe's face, for the hardness estimate",
     "covered": "presses that the tissue covers whole, the surrogate of the inclusion estimate",
     "finite-press-states": "solved presses on a phantom from which others at finite strain continue",
-    "finite-strain": "what finite strain adds to the surrogate's presses, for tissues of the default prior or others",
+    "finite-strain": "what finite strain adds to the surrogate's presses, for tissues of the shipped priors or others",
     "half-spaces": "compliance of a domed face on a half-space, as meshed for a press or by the virtual probe",
     "heterogeneity": "what uneven tissue does to the rings of a frame, for the inclusion estimate",
     "irradiance": "traced light on the face",
@@ -73,7 +75,9 @@ def compute_tables() -> Iterator[str]:
         yield name
     for name in TISSUE_PROBES:
         default = InclusionPrior()
-        for tissue, prior in (("default-prior", default), ("other-tissue", prior_on_tissue(default, OTHER_KPA))):
+        tissue_prior = parse_prior(inclusion_prior_toml(TISSUE_PRIOR), InclusionPrior)
+        others = {TISSUE_PRIOR: tissue_prior, "other-tissue": prior_on_tissue(default, OTHER_KPA)}
+        for tissue, prior in {"default-prior": default, **others}.items():
             build_finite_correction(tsis.load_probe(name), prior.box())
             yield f"{name}-{tissue}"
         build_field_table(tsis.load_probe(name), default)

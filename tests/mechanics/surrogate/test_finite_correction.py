@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from scipy.linalg import block_diag
 
 import tsis
+from tsis.catalog.priors import inclusion_prior_toml, parse_prior
 from tsis.errors import InputError, MechanicsError
 from tsis.files.cache import read_cached_arrays
 from tsis.inclusion import InclusionPrior
@@ -137,6 +138,21 @@ def test_one_table_holds_the_priors_of_all_tissues(
     )
     found = correction_box(tsis.load_probe(name), prior.box())
     assert found in (wide_box(tsis.load_probe(name)), correction_box(tsis.load_probe(name)))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_prior_of_tissue_has_a_table_that_errs_less_than_that_of_all_tissues(name: str) -> None:
+    probe = tsis.load_probe(name)
+    box = parse_prior(inclusion_prior_toml("breast-ex-vivo"), InclusionPrior).box()
+    own, wide = (
+        build_finite_correction(probe, box),
+        build_finite_correction(probe, prior_on_tissue(InclusionPrior(), 15.0).box()),
+    )
+    assert own.box.holds(box)
+    assert wide.box == wide_box(probe)
+    assert own.error_in(box) < wide.error_in(box) / 1.5
+    assert own.signal_error[1] < wide.signal_error[1] / 2
+    assert own.forces_n(5.0, 30.0)[1] > wide.forces_n(5.0, 30.0)[1]
 
 
 def test_the_largest_load_falls_from_soft_to_stiff_tissue() -> None:

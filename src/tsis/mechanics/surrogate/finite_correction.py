@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 # At the end the tissue starts to wrap around the rim, on stiff tissue earlier.
 DOMED_LOADS, FLAT_LOADS = (1.0, 3.6, 3.6), (0.1, 1.8, 1.8)
 WIDE_DOMED_LOADS, WIDE_FLAT_LOADS = (1.0, 3.0, 2.4), (0.1, 1.3, 0.9)
+# Of the prior breast-ex-vivo, with a margin: its tissue, and the contrasts of its lumps over any tissue of it.
+TISSUE_CONTRAST, TISSUE_KPA = (1.15, 22.0), (3.0, 8.4)
 NEAR = 0.15  # of the box: how far from another box a press tells the error in it
 WEAK = 1.2  # a contrast below which the correction follows the signal
 
@@ -129,12 +131,15 @@ def _coordinates(box: CorrectionBox) -> Floats:
 def correction_box(probe: Probe, box: Box | None = None) -> CorrectionBox:
     """Ranges of a correction that covers another box.
 
-    They are those of the catalog's prior with a margin, else those of `wide_box`, else those of the box itself.
+    They are those of the catalog's priors with a margin, else those of `wide_box`, else those of the box itself.
     """
-    flat = probe.face_curvature_mm is None
-    standard = CorrectionBox(load=FLAT_LOADS if flat else DOMED_LOADS)
-    if box is None or standard.holds(box):
-        return standard
+    load = FLAT_LOADS if probe.face_curvature_mm is None else DOMED_LOADS
+    of_phantoms = CorrectionBox(load=load)
+    if box is None or of_phantoms.holds(box):
+        return of_phantoms
+    of_tissue = CorrectionBox(contrast=TISSUE_CONTRAST, tissue_young_kpa=TISSUE_KPA, load=load)
+    if of_tissue.holds(box):
+        return of_tissue
     wide = wide_box(probe)
     if wide.holds(box):
         return wide
