@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import os
 import pickle
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,8 +19,6 @@ from tsis.matching.methods import MOST_POINTS
 from tsis.matching.point_files import csv_text, read_points
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from numpy.typing import NDArray
 
 POINTS = np.array([[0.1, -2.5, 3.0], [1e-9, 7.0, 1 / 3], [4.0, 5.0, 6.0]])
@@ -98,11 +98,31 @@ def test_npy_of_any_number_type_and_order(tmp_path: Path, dtype: str, order: str
         "0.5\t1\r\n2\t3\r\n",
         '"label","Y","X"\na,1,0.5\nb,3,2\n',
         "first,second\n0.5,1\n2,3\n",
+        "label;x;y\na, b;0.5;1\nc;2;3\n",
+        "label\tx\ty\na, b\t0,5\t1\nc\t2\t3\n",
     ],
 )
 def test_csv_in_its_many_forms(tmp_path: Path, text: str) -> None:
     (tmp_path / "points.anything").write_text(text, encoding="utf-8")
     np.testing.assert_array_equal(read_points(tmp_path / "points.anything"), [[0.5, 1.0], [2.0, 3.0]])
+
+
+@given(
+    points=hnp.arrays(float, st.tuples(st.integers(4, 8), st.integers(2, 3)), elements=st.floats(-1e6, 1e6, width=32)),
+    separator=st.sampled_from(";\t"),
+    encoding=st.sampled_from(["utf-8", "utf-8-sig", "utf-16"]),
+    named=st.booleans(),
+)
+def test_tables_with_a_decimal_comma_are_those_with_a_point(
+    points: NDArray[np.float64], separator: str, encoding: str, named: bool
+) -> None:
+    points[:, :] += np.random.default_rng(1).uniform(0.1, 0.4, points.shape)  # else a column may number the rows
+    rows = [separator.join(repr(value).replace(".", ",") for value in row) for row in points.tolist()]
+    heads = [separator.join(("x / µm", "y / µm", "z / µm")[: points.shape[1]])] if named else []
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / "points.csv"
+        file.write_text("\n".join([*heads, *rows]), encoding=encoding)
+        np.testing.assert_array_equal(read_points(file), points)
 
 
 def pickled_npy(path: Path) -> None:
@@ -131,10 +151,11 @@ def npy_header(shape: str, descr: str = "'<f8'") -> bytes:
         (b"1,2\n3,4 mm\n", "line 2 must hold finite numbers; got '4 mm'"),
         (b"1,2\n3\n", "line 2 must have 2 columns"),
         (b"1,2\n3,4,5\n", "line 2 must have 2 columns as the first one; got 3"),
-        (b"0,5;1,5\n2,5;3,5\n", "line 1 must hold finite numbers; got '0,5'"),
+        (b"0,5;1,5\n2,5;3.x\n", "line 2 must hold finite numbers; got '3.x'"),
+        (b"1.5;2.5\n2,5;3,5\n", "line 1 must hold finite numbers; got '1.5'"),
         (b"x,y\n", "it must hold at least 1 point; got 0"),
         (b"# nothing\n\n", "must hold points; got none"),
-        (b"\xff\xfe\x00\x01", "must be CSV, NPY or PLY"),
+        (b"\xff\xfe\x00\xd8", "must be CSV, NPY or PLY"),
         (pickle.dumps([1.0, 2.0]), "must be CSV, NPY or PLY"),
         (b"PK\x03\x04\xff\xff", "must be CSV, NPY or PLY"),
         (npy_header("(1000000000000, 2)") + bytes(64), "at most 200000 points; got 1000000000000"),

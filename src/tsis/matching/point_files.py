@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import codecs
 import io
 import itertools
 import math
@@ -18,6 +17,7 @@ import skimage
 from tsis.errors import FileInputError
 from tsis.files.archive import npy_layout
 from tsis.files.reading import as_path, file_size, printable_path, read_bytes, text_lines
+from tsis.files.tables import parse_number, table_text
 from tsis.matching.methods import MOST_POINTS
 
 if TYPE_CHECKING:
@@ -63,7 +63,8 @@ def read_points(path: str | os.PathLike[str]) -> Floats:
         CSV, a point per line, with two or three columns, or any columns under a first line that names x and y (and z)
         in any order, with or without units, as ``x [mm]``; a column named id, index or frame, or an unnamed first or
         last one that numbers the rows from 0 or 1, is no coordinate. Commas, semicolons, tabs or spaces separate
-        columns, and lines that begin with # are ignored. NPY, an array of shape (n, 2) or (n, 3). PLY, text or binary,
+        columns; between semicolons or tabs the decimal mark may be a comma. Text is in UTF-8, UTF-16 or Windows-1252;
+        lines that begin with # are ignored. NPY, an array of shape (n, 2) or (n, 3). PLY, text or binary,
         with vertices of x and y (and z); vertices of equal z are points of the plane. An image (PNG, JPEG, BMP or
         TIFF): `CONTOUR_POINTS` points evenly along the contours at Otsu's threshold that are at least `LEAST_CONTOUR`
         as long as the longest, in pixels with y upwards.
@@ -144,38 +145,35 @@ def image_contours(path: str | os.PathLike[str]) -> Floats:
 
 
 def _csv(content: bytes) -> Floats:
-    _require_text(content[:4096])
-    lines = (
+    lines = [
         (number, line)
-        for number, line in text_lines(content, most=MOST_POINTS)
+        for number, line in text_lines(_utf8(content), most=MOST_POINTS)
         if line.strip() and line.lstrip()[:1] != "#"
-    )
-    first = next(lines, None)
-    if first is None:
+    ]
+    if not lines:
         raise FileInputError("it must hold points; got none")
-    separator = next((mark for mark in ";,\t" if mark in first[1]), None)
-    heads = [head.strip().strip('"').lower() for head in first[1].split(separator)]
-    named = any(heads) and all(_number(head) is None and not head[:1].isdigit() for head in heads)
+    first = lines[0][1]
+    separator = next((mark for mark in ";\t," if mark in first), None)
+    heads = [head.strip().strip('"').lower() for head in first.split(separator)]
+    named = any(heads) and not any(_is_number(head) or head[:1].isdigit() for head in heads)
     chosen = _columns(heads, named=named)
+    rows = [(number, line.split(separator)) for number, line in (lines[1:] if named else lines)]
+    _countable(len(rows), MOST_POINTS)
+    between = separator in (";", "\t")  # else a comma separates
+    decimal_comma = between and any("," in cells[place] for _, cells in rows for place in chosen if place < len(cells))
     values = array("d")
-    for number, line in lines if named else itertools.chain([first], lines):
-        values.extend(_row(number, line.split(separator), chosen, len(heads)))
-        if len(values) > MOST_POINTS * len(chosen):
-            raise FileInputError(
-                f"it must hold at most {MOST_POINTS} points; got {MOST_POINTS + 1} or more (thin them out)"
-            )
-    _countable(len(values) // len(chosen))
+    for number, cells in rows:
+        values.extend(_row(number, cells, chosen, len(heads), decimal_comma=decimal_comma))
     points = np.array(values).reshape(-1, len(chosen))
     return points if named else _without_running_number(points)
 
 
-def _require_text(start: bytes) -> None:
+def _utf8(content: bytes) -> bytes:
+    """A text in UTF-8; `FileInputError` where the bytes are no text."""
     try:
-        text = codecs.getincrementaldecoder("utf-8")().decode(start)  # the sample may end within a character
-    except UnicodeDecodeError as error:
+        return table_text(content, "it").encode()
+    except FileInputError as error:
         raise FileInputError("it must be CSV, NPY or PLY, or an image; got bytes that are none of these") from error
-    if "\0" in text:
-        raise FileInputError("it must be CSV, NPY or PLY, or an image; got bytes that are none of these")
 
 
 def _columns(heads: list[str], *, named: bool) -> list[int]:
@@ -212,19 +210,26 @@ def _without_running_number(points: Floats) -> Floats:
     return points
 
 
-def _row(number: int, cells: list[str], chosen: list[int], width: int) -> list[float]:
+def _row(number: int, cells: list[str], chosen: list[int], width: int, *, decimal_comma: bool) -> list[float]:
     if len(cells) != width:
         raise FileInputError(f"line {number} must have {width} columns as the first one; got {len(cells)}")
     values = []
     for column in chosen:
-        value = _number(cells[column])
+        value = _number(cells[column], decimal_comma=decimal_comma)
         if value is None or not math.isfinite(value):
             raise FileInputError(f"line {number} must hold finite numbers; got {cells[column].strip()!r:.40}")
         values.append(value)
     return values
 
 
-def _number(cell: str) -> float | None:
+def _is_number(cell: str) -> bool:
+    return any(_number(cell, decimal_comma=mark) is not None for mark in (False, True))
+
+
+def _number(cell: str, *, decimal_comma: bool) -> float | None:
+    if decimal_comma:
+        value = parse_number(cell, decimal_comma=True)
+        return None if math.isnan(value) else value
     try:
         return float(cell)
     except ValueError:
