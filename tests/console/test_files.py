@@ -10,6 +10,7 @@ import tempfile
 import zipfile
 from contextlib import closing
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import quote
 
@@ -21,6 +22,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 from tests.console.files_client import FilesOf
+from tests.console.filled_store import fill
 from tests.present.pdf_readers import sheets
 from tests.present.rough_pictures import rough_pictures
 from tests.records.sample import levels, sample_record
@@ -37,7 +39,6 @@ from tsis.records.target import read_bundle
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from pathlib import Path
 
     import httpx
 
@@ -332,3 +333,49 @@ def test_a_recorded_sequence_is_downloaded_and_nothing_else_of_its_folder(tmp_pa
             assert files.get(f"/files/sequence/{NUMBER}/{name}.zip").status_code == 404
         assert files.get("/files/sequence/99/sequence-2.zip").status_code == 404
         assert FilesOf(store).get(f"/files/sequence/{NUMBER}/sequence-2.zip").status_code == 404
+
+
+@pytest.fixture(scope="module")
+def three(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Store]:
+    folder = tmp_path_factory.mktemp("three")
+    fill(folder)
+    with open_store(folder) as opened:
+        yield opened
+
+
+def test_several_targets_are_exported_as_one_zip_file(three: Store) -> None:
+    answer = FilesOf(three).get("/files/exports/csv?targets=3,5,3")
+    assert answer.status_code == 200
+    assert 'filename="targets.zip"' in answer.headers["content-disposition"]
+    with zipfile.ZipFile(io.BytesIO(answer.content)) as packed:
+        names = {name for name in packed.namelist() if not name.endswith("/")}
+        assert names == {"targets/target-3-csv.zip", "targets/target-5-csv.zip"}
+        alone = zipfile.ZipFile(io.BytesIO(FilesOf(three).get("/files/export/5/csv").content))
+        inside = zipfile.ZipFile(io.BytesIO(packed.read("targets/target-5-csv.zip")))
+        assert {item.filename: item.CRC for item in inside.infolist()} == {
+            item.filename: item.CRC for item in alone.infolist()
+        }
+
+
+@pytest.mark.parametrize(
+    ("address", "message"),
+    [
+        ("csv?targets=", "target must be a number"),
+        ("csv?targets=3,77", "target must be a number"),
+        ("csv?targets=3;5", "target must be a number"),
+        ("nothing?targets=3", "form of export"),
+        ("csv?targets=3,5&identified=true", "masks nothing"),
+    ],
+)
+def test_exports_of_what_is_not_there_are_refused(three: Store, address: str, message: str) -> None:
+    before = set(Path(tempfile.gettempdir()).glob("tsis-export-*"))
+    answer = FilesOf(three).get(f"/files/exports/{address}")
+    assert answer.status_code >= 400
+    assert message in answer.text
+    assert set(Path(tempfile.gettempdir()).glob("tsis-export-*")) <= before
+
+
+def test_more_targets_than_one_export_holds_are_refused(three: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(exporting, "MOST_AT_ONCE", 2)
+    answer = FilesOf(three).get("/files/exports/csv?targets=3,4,5")
+    assert "targets must be 1 to 2 at once; got 3 or more" in answer.text

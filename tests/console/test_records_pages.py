@@ -70,6 +70,20 @@ def test_a_list_is_searched_sorted_and_opens_a_target(console: RunningConsole, b
             page.locator(f"th{order}", has_text="Presses").wait_for()
         page.locator(".targets tbody tr", has_text="many").and_(page.locator(":first-child")).wait_for()
         assert names(page) == ["many presses", "size-10", "cl2000x"]
+        shown = page.locator(".target-picture")
+        expect(shown).to_have_count(3)
+        page.wait_for_function(
+            "() => [...document.querySelectorAll('.target-picture')].every((each) => each.naturalWidth > 0)"
+        )
+        page.get_by_label("Search number, name, note or #tag").fill("i")  # of two names, and of a hidden note
+        page.get_by_text("cl2000x").wait_for(state="hidden")
+        page.get_by_role("button", name="Export the listed").click()
+        page.get_by_text("Export 2 targets").wait_for()
+        with page.expect_download() as loaded:
+            page.get_by_role("dialog").get_by_role("button", name="Export").click()
+        with zipfile.ZipFile(loaded.value.path()) as packed:
+            inside = {name for name in packed.namelist() if name.endswith(".zip")}
+        assert inside == {f"targets/target-{number}-csv.zip" for number in (ESTIMATED, MANY)}
         page.get_by_label("Search number, name, note or #tag").fill("CL2")
         page.get_by_text("size-10").wait_for(state="hidden")
         assert names(page) == ["cl2000x"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 import tempfile
+from contextlib import ExitStack
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, ParamSpec
@@ -31,7 +32,7 @@ from tsis.present.target import result_rows
 from tsis.records.export import export_file
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection
+    from collections.abc import Callable, Collection, Sequence
     from typing import Any
 
     from numpy.typing import NDArray
@@ -97,6 +98,7 @@ def thumbnail_png(levels: NDArray[Any], *, full_scale: float, size: int, name: s
     return encode_picture(colour_map(TactileImage(grey=grey, full_scale=full_scale), name=name))
 
 
+MOST_AT_ONCE = 100  # targets of one export
 SEQUENCE = re.compile(r"sequence(-[0-9]{1,6})?")  # names of the folders of recorded sequences
 FRAME_CACHE = "private, no-cache"  # a frame never changes, but who has logged out may not see it: the browser asks
 NO_CACHE = "private, no-store"
@@ -175,6 +177,13 @@ def files_router(
         kind = form_of("form of export", form, ENDINGS)
         owner = target_of(store, target)
         return _Sent(write_export(store, owner, kind, identified=identified, reports=reports), shown=False)
+
+    @router.get("/exports/{form}")
+    @_errors_as_text
+    def exports(form: str, targets: str, identified: bool = False) -> Response:
+        kind = form_of("form of export", form, ENDINGS)
+        owners = [target_of(store, number) for number in dict.fromkeys(targets.split(",")[: MOST_AT_ONCE + 1])]
+        return _Sent(write_exports(store, owners, kind, identified=identified, reports=reports), shown=False)
 
     @router.get("/targets.csv")
     @_errors_as_text
@@ -279,10 +288,7 @@ def write_export(
     """
     if identified and form not in MASKED:
         raise InputError(f"identified is of {' and '.join(MASKED)}; {form} masks nothing (leave it out)")
-    try:
-        folder = Path(tempfile.mkdtemp(prefix="tsis-export-"))
-    except OSError as error:
-        raise FileInputError(f"a folder for the export must be writable; got: {error.strerror or error}") from error
+    folder = _export_folder()
     try:
         path = folder / f"target-{target.number}{ENDINGS[form]}"
         if reports is not None and form in PAGE_FORMS:
@@ -296,6 +302,36 @@ def write_export(
     except BaseException:
         shutil.rmtree(folder, ignore_errors=True)
         raise
+
+
+def write_exports(
+    store: Store, targets: Sequence[Target], form: str, *, identified: bool = False, reports: Reports | None = None
+) -> Path:
+    """Write a form of at most `MOST_AT_ONCE` targets as one zip file; parameters and errors as of `write_export`."""
+    if not 1 <= len(targets) <= MOST_AT_ONCE:
+        raise InputError(
+            f"targets must be 1 to {MOST_AT_ONCE} at once; got {len(targets)} or more (narrow the search, "
+            "or back up the store)"
+        )
+    with ExitStack() as failed:
+        folder = _export_folder()
+        failed.callback(shutil.rmtree, folder, ignore_errors=True)
+        whole = folder / "targets"
+        whole.mkdir()
+        for target in targets:
+            file = write_export(store, target, form, identified=identified, reports=reports)
+            shutil.move(file, whole / file.name)
+            shutil.rmtree(file.parent, ignore_errors=True)
+        packed = _one_file(whole)
+        failed.pop_all()
+    return packed
+
+
+def _export_folder() -> Path:
+    try:
+        return Path(tempfile.mkdtemp(prefix="tsis-export-"))
+    except OSError as error:
+        raise FileInputError(f"a folder for the export must be writable; got: {error.strerror or error}") from error
 
 
 def _one_file(path: Path) -> Path:

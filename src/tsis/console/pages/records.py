@@ -222,13 +222,14 @@ MEANT = {
 PAGE = "Contains what the report shows; of a subject only the pseudonym."
 
 
-def export_button(page: TargetContext, view: TargetView) -> None:
-    """A button that asks for the form, and downloads the file."""
-    widgets.button("Export", lambda: _ask(page, view), icon="download", look="outline dense")
+def export_button(viewer: Viewer, place: ui.element, targets: Callable[[], Sequence[int]], *, text: str) -> None:
+    """A button that asks for the form of an export of these targets, and downloads the file."""
+    widgets.button(text, lambda: _ask(viewer, place, targets()), icon="download", look="outline dense")
 
 
-def _ask(page: TargetContext, view: TargetView) -> None:
-    with widgets.open_dialog(page.dialogs, f"Export target {view.target.number}") as dialog:
+def _ask(viewer: Viewer, place: ui.element, targets: Sequence[int]) -> None:
+    title = f"Export target {targets[0]}" if len(targets) == 1 else f"Export {len(targets)} targets"
+    with widgets.open_dialog(place, title) as dialog:
         form = widgets.select_field(FORM_LABELS, value="csv", label="Form", on_change=lambda: explain())
         meant = widgets.muted()
         identified = ui.switch(IDENTIFIED, value=False).props("dense")
@@ -244,15 +245,28 @@ def _ask(page: TargetContext, view: TargetView) -> None:
             with_names = bool(identified.value) and form.value in MASKED
             waiting.set_visibility(True)
             button.disable()
-            address = f"/files/export/{view.target.number}/{form.value}" + ("?identified=true" if with_names else "")
-            if await fetch_file(page.viewer, address):
-                page.viewer.notify(f"Exported as {form.value}: the browser saves the file.")
+            if await fetch_file(viewer, export_address(targets, str(form.value), identified=with_names)):
+                viewer.notify(f"Exported as {form.value}: the browser saves the file.")
                 dialog.close()
             waiting.set_visibility(False)
             button.enable()
 
         button = widgets.dialog_buttons(dialog, "Export", begin)
         explain()
+
+
+def export_address(targets: Sequence[int], form: str, *, identified: bool) -> str:
+    """The address of an export: of one target its file, of several a zip file.
+
+    Examples
+    --------
+    >>> export_address([7], "csv", identified=False), export_address([7, 9], "dicom", identified=True)
+    ('/files/export/7/csv', '/files/exports/dicom?targets=7,9&identified=true')
+    """
+    more = "identified=true" if identified else ""
+    if len(targets) == 1:
+        return f"/files/export/{targets[0]}/{form}" + (f"?{more}" if more else "")
+    return f"/files/exports/{form}?targets={','.join(map(str, targets))}" + (f"&{more}" if more else "")
 
 
 STORE_EVERY_S = 1.0  # between two readings
@@ -353,8 +367,14 @@ COLUMNS = (
     ("last", "Last press (UTC)", "left"),
     ("result", "Result", "left"),
     ("note", "Tags and note", "left"),
+    ("picture", "First press", "left"),
 )
 LINK = '<q-td :props="props"><a class="link" :href="props.row.address">{{ props.value }}</a></q-td>'
+PICTURE = """<q-td :props="props">
+  <img v-if="props.value" class="target-picture" loading="lazy" :src="props.value"
+    :alt="'first press of target ' + props.row.number">
+</q-td>"""
+PICTURE_PX = 96
 BEGIN = (
     "Nothing is saved yet. Start the camera on the page Examine and take a snapshot: it becomes the first press of a "
     "target. A bundle of another store can be imported here."
@@ -377,6 +397,8 @@ def target_listing(instrument: Instrument, viewer: Viewer) -> None:
             save = partial(fetch_file, viewer, "/files/targets.csv")
             widgets.button("Save as CSV", save, icon="table_view", look="outline dense")
         targets = _TargetTable(instrument, viewer, count)
+        with buttons:
+            export_button(viewer, below, targets.listed, text="Export the listed")
     follow_store(viewer, targets.load)
 
 
@@ -409,6 +431,7 @@ class _TargetTable:
         widgets.sheets_of_targets(self._table, SHEETS, lambda: self._pages(sheet_of(self._targets, self._order)))
         for name in ("number", "name"):
             self._table.add_slot(f"body-cell-{name}", LINK)
+        self._table.add_slot("body-cell-picture", PICTURE)
         self._table.on("request", self._page_changed)
         for part in (self._request, self._empty, self._table):
             part.set_visibility(False)
@@ -430,6 +453,11 @@ class _TargetTable:
         self._request.set_visibility(bool(everything))
         self._table.set_visibility(bool(everything))
         await self._show()
+
+    def listed(self) -> list[int]:
+        """Numbers of the targets that the search finds, of all sheets."""
+        order = replace(self._order, sheet=1, rows=max(len(self._targets), 1))
+        return [item.target.number for item in sheet_of(self._targets, order).targets]
 
     async def _requested(self) -> None:
         self._order = replace(self._order, search=self._search.value or "", kind=self._kind.value, sheet=1)
@@ -462,13 +490,16 @@ class _TargetTable:
 def _row(store: Store, summary: TargetSummary) -> dict[str, Any]:
     """A target with its newest estimate and, of a phantom, its note; one that cannot be read says why."""
     target, private = summary.target, summary.target.kind == "subject"
-    result = ""
+    result, picture = "", ""
     try:
+        for press in store.presses(target, limit=1):
+            picture = f"/files/press/{target.number}/{press.id}.png?size={PICTURE_PX}"
         if summary.estimates:
             result = result_text(newest_first(store.record(target, limit=0))[0])
     except (TsisError, IndexError) as error:
         result = str(error)
     return {
+        "picture": picture,
         "result": result,
         "note": "" if private else target.note,
         "number": summary.target.number,

@@ -744,7 +744,7 @@ def target_buttons(page: TargetContext, view: TargetView) -> None:
     widgets.button(
         "Compare with a target", lambda: ask_to_compare(page, view), icon="compare_arrows", look="outline dense"
     )
-    export_button(page, view)
+    export_button(page.viewer, page.dialogs, lambda: [view.target.number], text="Export")
     ReportButton(page.viewer, target.number)
     ui.link("Read the report", f"/files/report/{target.number}.html", new_tab=True).classes("link button")
 
