@@ -17,6 +17,7 @@ from nicegui import ui
 from tsis.calibration.guard.limits import GUARD_FLAGS
 from tsis.console import widgets
 from tsis.console.files import target_of
+from tsis.console.messages import plain_message
 from tsis.console.services.jobs import DONE
 from tsis.errors import FileInputError, InputError, TsisError
 from tsis.present.records import FORM_LABELS, MASKED, import_message, verdict, verification_notes
@@ -153,7 +154,7 @@ async def fetch_file(viewer: Viewer, address: str) -> bool:
     except TimeoutError:
         message = CUT
     if message:
-        viewer.complain(str(message))
+        viewer.complain(plain_message(str(message)))
     return not message
 
 
