@@ -68,9 +68,9 @@ def gel_frame_paths(frames: Sequence[Path]) -> list[Path]:
 def read_gel_frame(path: Path) -> NDArray[Any]:
     """Levels of a frame as stored, in colour where the file has colour; of a video its first frame."""
     if _is_video(path):
-        return _video_levels(path, 0)
+        return tsis.instrument.video.opened_video(path).levels(0)
     if _is_video(path.parent) and path.parent.is_file():
-        return _video_levels(path.parent, int(path.stem.rpartition("-")[2]))
+        return tsis.instrument.video.opened_video(path.parent).levels(int(path.stem.rpartition("-")[2]))
     return tsis.instrument.image_files.read_levels(path)
 
 
@@ -85,50 +85,16 @@ def _is_video(path: Path) -> bool:
 
 def _video_frames(path: Path) -> list[Path]:
     """Names of the frames of a video, evenly over it, as files in a folder of the video's name."""
-    count = int(_opened(path).get(_FRAME_COUNT))
+    count = tsis.instrument.video.Video(path).count
     step = max(1, -(-count // MOST_VIDEO_FRAMES))
     if count < 1:
         raise FileInputError(f"{path.name} must be a video with frames; got none that can be decoded")
     return [path / f"frame-{number:06d}" for number in range(0, count, step)]
 
 
-_FRAME_COUNT = 7  # OpenCV's CAP_PROP_FRAME_COUNT
-
-
 def first_of_video(frames: Sequence[Path]) -> Path | None:
     """The video whose first frame shows the untouched sensor, where one video is all that is given; else None."""
     return frames[0] if len(frames) == 1 and _is_video(frames[0]) else None
-
-
-def _opened(path: Path) -> Any:
-    tsis.files.reading.file_size(path)
-    capture = tsis.instrument.image_files.opencv("frames of a video").VideoCapture(str(path))
-    if not capture.isOpened():
-        raise FileInputError(f"{path.name} must be a video that can be decoded; got another file")
-    return capture
-
-
-class _Decoding:
-    """A video that is read on from the last frame, and the number of the next."""
-
-    path: Path | None = None
-    capture: Any = None
-    following: int = 0
-
-
-def _video_levels(path: Path, number: int) -> NDArray[Any]:
-    """A frame of a video in the order red, green, blue; frames in ascending order are decoded once."""
-    if _Decoding.path != path or number < _Decoding.following:
-        _Decoding.path, _Decoding.capture, _Decoding.following = path, _opened(path), 0
-    levels = None
-    while _Decoding.following <= number:
-        ok, levels = _Decoding.capture.read()
-        _Decoding.following += 1
-        if not ok or levels is None:
-            raise FileInputError(f"frame {number} of {path.name} must be decodable; the video ends or breaks before it")
-    assert levels is not None
-    frame: NDArray[Any] = levels[..., ::-1].copy()
-    return frame
 
 
 def read_gel_reference(sensor: GelSensor, reference: Path | None) -> NDArray[Any] | None:

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from tsis.instrument import recording as recording
     from tsis.instrument import serial_gauge as serial_gauge
     from tsis.instrument import snapshot as snapshot
+    from tsis.instrument import video as video
 
 if not TYPE_CHECKING:  # modules load when they are first used
     __getattr__, __dir__, _ = lazy_loader.attach(
@@ -30,5 +31,6 @@ if not TYPE_CHECKING:  # modules load when they are first used
             "recording",
             "serial_gauge",
             "snapshot",
+            "video",
         ],
     )
