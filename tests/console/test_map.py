@@ -63,6 +63,8 @@ def test_from_files_to_a_map_that_is_kept(console: RunningConsole, browser: Brow
         page.reload()  # the scan and the list stay
         page.get_by_text("9 presses (pressures) by tsis-2011").wait_for()
         expect(page.get_by_role("button", name="Download map.vti of map")).not_to_have_count(0)
+        page.get_by_role("button", name="Close the scan").click()
+        page.get_by_text("No scan is open.").wait_for()
     (folder,) = (console.workspace / "maps").iterdir()
     assert {"result.json", "index.html", "map.vti"} <= {file.name for file in folder.iterdir()}
 

@@ -65,6 +65,13 @@ def test_uploaded_files_become_one_scan() -> None:
     poses.write_text("file,x_mm,y_mm\n")
     opened.uploaded(poses)
     assert opened.source == opened.uploads
+    opened.clear()
+    assert opened.source is None
+    assert list(opened.uploads.iterdir()) == []
+    for name in ("first.csv", "second.csv"):  # another table takes the place of the one before
+        (opened.uploads / name).write_text(TABLE)
+        opened.uploaded(opened.uploads / name)
+    assert opened.source == opened.uploads / "second.csv"
 
 
 def test_a_simulated_scan_is_read_as_a_user_s() -> None:

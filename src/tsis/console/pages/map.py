@@ -108,7 +108,7 @@ class MapPage:
 
     def _files(self) -> None:
         widgets.muted(SAYS)
-        upload = widgets.FileField(
+        self._upload = upload = widgets.FileField(
             label="Drop files here, or choose them",
             multiple=True,
             auto_upload=True,
@@ -125,6 +125,7 @@ class MapPage:
             self._path = widgets.unit_field("Folder or table on the console's computer", keys="text").classes("path")
             widgets.button("Open", self._open, icon="folder_open")
             widgets.button("Use a simulated scan", self._simulate, icon="science")
+            widgets.button("Close the scan", self._close, icon="close")
 
     def _fields(self) -> None:
         draft = self._draft
@@ -176,6 +177,13 @@ class MapPage:
         elif self._path.value:
             self._draft.opened.open(Path(self._path.value).expanduser())
             await self._read()
+
+    def _close(self) -> None:
+        self._draft.opened.clear()
+        self._upload.reset()
+        self._summary.clear()
+        with self._summary:
+            widgets.muted("No scan is open.")
 
     async def _simulate(self) -> None:
         with self._summary:

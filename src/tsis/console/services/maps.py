@@ -59,10 +59,14 @@ class OpenedScan:
         self.source, self.simulated = source, False
 
     def uploaded(self, file: Path) -> None:
-        """Choose the folder of the uploaded files, or the only table among them."""
-        is_alone = [item.name for item in self.uploads.iterdir()] == [file.name]
-        table = file if is_alone and file.name != POSES_FILE else None
-        self.open(table or self.uploads)
+        """Choose the folder of the uploaded files once its table of places is there, until then the newest file."""
+        self.open(self.uploads if (self.uploads / POSES_FILE).is_file() else file)
+
+    def clear(self) -> None:
+        """Forget the scan and the uploaded files."""
+        shutil.rmtree(self.uploads, ignore_errors=True)
+        self.uploads.mkdir(exist_ok=True)
+        self.source, self.simulated = None, False
 
     def simulate(self, seed: int) -> None:
         """Choose a scan of the virtual flat probe over three lumps."""
