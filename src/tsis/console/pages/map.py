@@ -137,9 +137,8 @@ class MapPage:
             self._typed("thickness_mm", "mm")
         with ui.element("div").classes("row"):
             self._typed("mm_per_pixel", "mm/pixel")
-            widgets.select_field(SHAPES, value=draft.shape, label="Pressed by").bind_value_to(draft, "shape").classes(
-                "start"
-            )
+            shape = widgets.select_field(SHAPES, value=draft.shape, label="Pressed by").classes("kind-choice")
+            shape.bind_value_to(draft, "shape")
             self._typed("radius_mm", "mm")
         active = self._instrument.calibration is not None
         widgets.muted(
