@@ -66,7 +66,8 @@ def test_uploaded_files_become_one_scan() -> None:
     opened.uploaded(poses)
     assert opened.source == opened.uploads
     opened.clear()
-    assert opened.source is None
+    with pytest.raises(InputError, match="a scan must be chosen first"):
+        opened.read(None, None)
     assert list(opened.uploads.iterdir()) == []
     for name in ("first.csv", "second.csv"):  # another table takes the place of the one before
         (opened.uploads / name).write_text(TABLE)
