@@ -65,12 +65,12 @@ class MapReport:
 def map_report(
     found: LumpMap, scan: Scan, *, probe: str = "", calibration: Mapping[str, Any] | None = None
 ) -> MapReport:
-    """What is published of a map of a scan by the named probe, with the citation of its calibration."""
+    """What is published of a map of a scan by the named probe; frames cite their calibration."""
     provenance = {
         "notice": RESEARCH_USE_ONLY,
         "tsis": __version__,
         "scan": described(scan),
-        "calibration": calibration,
+        "calibration": calibration if scan.kind == "frame" else None,
     }
     by = probe or f"a {scan.indenter.shape if scan.indenter else 'probe'}"
     page = lump_map_page(

@@ -121,7 +121,7 @@ def map_of(
             seed=question.seed,
             progress=job.advance,
         )
-        citation = question.calibration.citation() if question.calibration and scan.kind == "frame" else None
+        citation = question.calibration.citation() if question.calibration else None
         report = map_report(found, scan, probe=question.probe, calibration=citation)
         files = {RESULT: json_bytes(report.document), PAGE: html_bytes(report.page), **report.volumes}
         if job.ending:
