@@ -227,9 +227,7 @@ class MapPage:
             prior, stored = draft.prior(), draft.read()
             stated = stored.probe or DEFAULT_PROBE
             probe = "" if stored.scan.kind == "travel_force" else stated if draft.probe == OF_SCAN else draft.probe
-            return MapQuestion(
-                stored=stored, probe=probe, calibration=self._instrument.calibration, prior=prior, seed=0
-            )
+            return MapQuestion(stored=stored, probe=probe, calibration=self._instrument.calibration, prior=prior)
 
         question = await self._viewer.attempt(asked)
         if question is not None:

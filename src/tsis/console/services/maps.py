@@ -93,7 +93,6 @@ class MapQuestion:
     probe: str
     calibration: UsableCalibration | None
     prior: MapPrior
-    seed: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -118,7 +117,6 @@ def map_of(
             probe=load_probe(question.probe) if question.probe else None,
             calibration=response,
             prior=question.prior,
-            seed=question.seed,
             progress=job.advance,
         )
         citation = question.calibration.citation() if question.calibration else None
