@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 NEEDED = ("force_n", "radius_mm")
 FORCES = {"N": 1.0, "mN": 1e3, "kN": 1e-3, "µN": 1e6, "cN": 100.0, "g": 1e3 / 9.80665, "kgf": 1 / 9.80665}
 LENGTHS = {"mm": 1.0, "m": 1e-3, "µm": 1e3, "cm": 0.1, "in": 1 / 25.4}
-HEADINGS = ("{} ({})", "{} [{}]", "{} / {}", "{}_{}", "{}/{}", "{} in {}", "{} {}")
+HEADINGS = ("{} ({})", "{} [{}]", "{} / {}", "{}_{}", "{}/{}", "{} in {}", "{} {}", "{}, {}", "{} (z), {}", "{} ({}.)")
 
 
 def numbers(content: bytes, needed: Sequence[str] = NEEDED, optional: Sequence[str] = ()) -> list[tuple[Any, ...]]:
@@ -57,9 +57,10 @@ def test_every_dialect_gives_the_same_numbers(
     columns = [(heading.format("force", force), FORCES[force]), (heading.format("radius", length), LENGTHS[length])]
     order = [1, 0] if swapped else [0, 1]
     quote = '"{}"' if comma and delimiter == "," else "{}"
-    lines = [[columns[place][0] for place in order]]
+    names = [name if delimiter not in name else f'"{name}"' for name, _ in columns]
+    lines = [[names[place] for place in order]]
     if capital:
-        lines[0] = [name[:1].upper() + name[1:] for name in lines[0]]
+        lines[0] = [name.replace("force", "Force").replace("radius", "Radius") for name in lines[0]]
     for row in rows:
         cells = [f"{row[place] * columns[place][1]:.6e}" for place in order]
         lines.append([quote.format(cell.replace(".", ",") if comma else cell) for cell in cells])
@@ -76,6 +77,21 @@ def test_every_dialect_gives_the_same_numbers(
 
 def test_a_row_of_units_below_the_headings_gives_the_units() -> None:
     assert numbers(b"time;force;radius\ns;mN;mm\n0,5;250;1,5\n1;500;2\n") == [(0.25, 1.5), (0.5, 2.0)]
+
+
+@pytest.mark.parametrize(
+    "table",
+    [
+        "<INFO>\nTime:\t12:00\n<DATA>\nTime, s\tPosition (z), mm\tFz, gf\n0.1\t1.5\t50\n<END DATA>\n<DIVIDER>\n",
+        "Reading,Load [cN],Travel [mm],Time [sec.]\n1,49.03325,1.5,0.1\n",
+        "Prüfzeit;Standardweg;Standardkraft\ns;mm;N\n0,1;1,5;0,4903325\n",
+        "Force (g),Distance (mm),Time (sec)\n50,1.5,0.1\n",
+        '"Results"\n,"Load (N)"\n"1","0.9"\n\n"Time","Extension","Load"\n"(s)","(mm)","(N)"\n"0.1","1.5","0.4903325"\n',
+        "z_um,F_mN,t_ms\n1500,490.3325,100\n",
+    ],
+)
+def test_exports_of_testing_machines_give_force_travel_and_time(table: str) -> None:
+    assert numbers(table.encode(), ("force_n", "displacement_mm", "time_s")) == [pytest.approx((0.4903325, 1.5, 0.1))]
 
 
 def test_white_space_separates_columns() -> None:
@@ -109,6 +125,7 @@ def test_cells_behind_the_last_heading_may_be_empty() -> None:
     [
         (b"force,radius_mm\n1,2\n", "must name its unit"),
         (b"force_px,radius_mm\n1,2\n", "missing: force_n"),
+        (b"0.5,1.5\n0.6,1.6\n", "write the headings in a line above"),
         (b"force (px),radius_mm\n1,2\n", "the unit 'px'"),
         (b"force (MN),radius_mm\n1,2\n", "the unit 'MN'"),
         (b"force (mm),radius_mm\n1,2\n", "the unit 'mm'"),

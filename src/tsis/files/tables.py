@@ -25,6 +25,7 @@ LATEST_HEADINGS = 60  # lines before which the headings stand: exports of machin
 FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r", "＝", "＋", "－", "＠", "'")
 
 DELIMITERS = (",", ";", "\t", "|")
+NOTES = ("<", "#")  # such a line with one cell, as <END DATA>, is no row
 STANDARD_GRAVITY = 9.80665  # m/s², of a force in grams
 POUND_KG, INCH_MM = 0.45359237, 25.4  # exact, of 1959
 # Units of one dimension in terms of one of them.
@@ -90,13 +91,19 @@ UNITS: dict[str, dict[str, float]] = {
 }
 # Other words for the first words of a heading, by the one that tsis uses.
 SYNONYMS = {
-    "force": ("load", "normal force", "contact force", "fn", "fz", "f"),
+    "force": (
+        *("load", "normal force", "contact force", "compressive load", "standard force", "fn", "fz", "f"),
+        *("kraft", "standardkraft", "prüfkraft", "force normale"),
+    ),
     "radius": ("contact radius",),
     "area": ("contact area",),
     "depth": ("indentation", "indentation depth", "dent", "contact depth"),
-    "time": ("t", "elapsed time", "elapsed", "timestamp"),
+    "time": ("t", "elapsed time", "elapsed", "timestamp", "zeit", "prüfzeit", "temps"),
     "young": ("youngs modulus", "young modulus", "young's modulus", "modulus", "elastic modulus", "e"),
-    "displacement": ("travel", "position", "extension"),
+    "displacement": (
+        *("travel", "position", "extension", "compressive extension", "distance", "stroke", "crosshead", "z"),
+        *("weg", "standardweg", "traverse", "déplacement"),
+    ),
 }
 DEVIATION = ("std", "stdev", "stddev", "standard deviation", "sigma")
 INDEX_HEADINGS = frozenset(
@@ -219,7 +226,7 @@ class Heading:
 
 @cache
 def parse_heading(text: str) -> Heading:
-    """Words and unit of a heading: the unit in brackets, after a slash, or as the last part of the name.
+    """Words and unit of a heading: the unit in brackets, after a slash or comma, or as the last part of the name.
 
     Examples
     --------
@@ -229,7 +236,7 @@ def parse_heading(text: str) -> Heading:
     plain = text.strip().strip("\"'").strip()
     bracketed = re.fullmatch(r"(.*?)\s*[\[(<{]\s*([^\[\](){}<>]*?)\s*[\])>}]\s*(\w*)", plain)
     slashed = re.fullmatch(r"([^/]+?)\s*/\s*([^/]+(?:/mm[2²])?)", plain)
-    spoken = re.fullmatch(r"(.+?)[\s_]+in[\s_]+(\S+)", plain)
+    spoken = re.fullmatch(r"(.+?)(?:\s*\([^()]*\))?(?:[\s_]+in[\s_]+|\s*,\s*)(\S+)", plain)
     if bracketed:
         return Heading(words=_words(f"{bracketed[1]} {bracketed[3]}"), unit=_unit(bracketed[2]))
     if slashed or spoken:
@@ -254,7 +261,7 @@ def _words(text: str) -> str:
 
 
 def _unit(text: str) -> str:
-    return text.strip().replace("μ", "µ").replace("²", "2").replace("^2", "2").replace("**2", "2")
+    return text.strip().rstrip(".").replace("μ", "µ").replace("²", "2").replace("^2", "2").replace("**2", "2")
 
 
 @cache
@@ -320,6 +327,8 @@ def parse_csv_rows(
     for number, cells in _cells_of(text, form.delimiter, name):
         if number <= first or not any(cell.strip() for cell in cells):
             continue
+        if width > 1 and cells[0].startswith(NOTES) and not any(cell.strip() for cell in cells[1:]):
+            continue
         where = f"{name}, line {number}"
         if number > most_rows + LATEST_HEADINGS or any(len(cell) > LONGEST_CELL for cell in cells):
             raise FileInputError(
@@ -358,7 +367,8 @@ def _headings(
 ) -> tuple[TableForm, int, int]:
     """The form of the table, the line of its headings, and how many they are.
 
-    The delimiter and the line are those that give most of the columns that are asked for.
+    The delimiter and the line are those that give most of the columns that are asked for, then most of their units; a
+    sentence in the preamble may hold the same words.
     """
     asked, best, failure = (*needed, *optional), None, None
     for delimiter in (*DELIMITERS, " "):
@@ -371,7 +381,9 @@ def _headings(
             if not any(cell.strip() for cell in cells) or len(cells) > 1000:
                 continue
             columns = _columns(cells, asked)
-            score = (len(set(columns.values())), -at, len(cells) if delimiter != " " else 0)
+            units = sum(bool(parse_heading(cells[place]).unit) for place in columns)
+            continued = len(next((row for _, row in lines[at + 1 :] if any(row)), [])) == len(cells)
+            score = (len(set(columns.values())), units, continued, -at, len(cells) if delimiter != " " else 0)
             if best is None or score > best[0]:
                 best = score, delimiter, number, cells, lines[at + 1 :]
     if best is None:
@@ -385,7 +397,11 @@ def _headings(
     if lost and failure is not None:
         raise failure
     if lost:
-        raise FileInputError(f"the headings must hold {', '.join(needed)}; missing: {', '.join(lost)} ({where})")
+        got = ", ".join(cell.strip() for cell in cells)
+        cure = "" if any(re.search("[^\\W\\d_]", cell) for cell in cells) else "; write the headings in a line above"
+        raise FileInputError(
+            f"the headings must hold {', '.join(needed)}; missing: {', '.join(lost)}; got {got!r:.120}{cure} ({where})"
+        )
     if one_of and not set(one_of) & set(columns.values()):
         got = ", ".join(cell.strip() for cell in cells)
         raise OtherTableError(
