@@ -16,7 +16,7 @@ from PIL import Image
 from tsis.errors import FileInputError
 from tsis.matching import point_files as point_file
 from tsis.matching.methods import MOST_POINTS
-from tsis.matching.point_files import csv_text, read_points
+from tsis.matching.point_files import csv_text, read_pair, read_points
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -276,6 +276,24 @@ def test_points_of_an_image_lie_on_the_contours_that_are_long_enough(
 def test_coordinates_are_taken_by_name_and_an_index_never(tmp_path: Path, text: str) -> None:
     (tmp_path / "points.csv").write_text(text, encoding="utf-8")
     np.testing.assert_array_equal(read_points(tmp_path / "points.csv"), [[1, 2], [3, 5], [4, 1]])
+
+
+@pytest.mark.parametrize("head", ["3\nof a scanner\n", "3\n"])
+def test_the_count_and_remark_of_an_xyz_file_are_no_points(tmp_path: Path, head: str) -> None:
+    path = tmp_path / "a.xyz"
+    path.write_text(head + "0.5 1 2\n3 4 5\n6 7 8\n", encoding="utf-8")
+    assert read_points(path).tolist() == [[0.5, 1.0, 2.0], [3.0, 4.0, 5.0], [6.0, 7.0, 8.0]]
+
+
+def test_a_pair_drops_an_equal_z_only_where_the_other_has_none(tmp_path: Path) -> None:
+    flat, plane, space = (tmp_path / name for name in ("flat.csv", "plane.csv", "space.csv"))
+    flat.write_text("1,2,7\n3,4,7\n", encoding="utf-8")
+    plane.write_text("5,6\n7,8\n", encoding="utf-8")
+    space.write_text("1,2,3\n4,5,6\n", encoding="utf-8")
+    assert [each.tolist() for each in read_pair(flat, plane)] == [[[1.0, 2.0], [3.0, 4.0]], [[5.0, 6.0], [7.0, 8.0]]]
+    assert [each.shape for each in read_pair(flat, space)] == [(2, 3), (2, 3)]
+    with pytest.raises(FileInputError, match=r"got 2 coordinates in '.*plane\.csv' and 3 in"):
+        read_pair(plane, space)
 
 
 def test_z_is_taken_by_name_too(tmp_path: Path) -> None:

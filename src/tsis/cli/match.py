@@ -65,13 +65,7 @@ def match(
             raise InputError(
                 f"--{name} and --{other} must be two files; got {tsis.files.reading.printable_path(file)} for both"
             )
-    first, second = tsis.matching.point_files.read_points(source), tsis.matching.point_files.read_points(target)
-    if first.shape[1] != second.shape[1]:
-        raise InputError(
-            f"both files must contain points of the plane or both of space; got {first.shape[1]} coordinates in "
-            f"{tsis.files.reading.printable_path(source)} and {second.shape[1]} in "
-            f"{tsis.files.reading.printable_path(target)}"
-        )
+    first, second = tsis.matching.point_files.read_pair(source, target)
     with waiting("matching"):
         result = tsis.matching.register(first, second, method=method, rng=np.random.default_rng(seed))
     shown = result.untrusted if result.reliable or untrusted else None

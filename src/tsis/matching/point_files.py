@@ -64,10 +64,10 @@ def read_points(path: str | os.PathLike[str]) -> Floats:
         in any order, with or without units, as ``x [mm]``; a column named id, index or frame, or an unnamed first or
         last one that numbers the rows from 0 or 1, is no coordinate. Commas, semicolons, tabs or spaces separate
         columns; between semicolons or tabs the decimal mark may be a comma. Text is in UTF-8, UTF-16 or Windows-1252;
-        lines that begin with # are ignored. NPY, an array of shape (n, 2) or (n, 3). PLY, text or binary,
-        with vertices of x and y (and z); vertices of equal z are points of the plane. An image (PNG, JPEG, BMP or
-        TIFF): `CONTOUR_POINTS` points evenly along the contours at Otsu's threshold that are at least `LEAST_CONTOUR`
-        as long as the longest, in pixels with y upwards.
+        lines that begin with # are ignored, and so are XYZ's first lines, the number of points and a remark. NPY, an
+        array of shape (n, 2) or (n, 3). PLY, text or binary, with vertices of x and y (and z); vertices of equal z are
+        points of the plane. An image (PNG, JPEG, BMP or TIFF): `CONTOUR_POINTS` points evenly along the contours at
+        Otsu's threshold that are at least `LEAST_CONTOUR` as long as the longest, in pixels with y upwards.
 
     Returns
     -------
@@ -88,6 +88,23 @@ def read_points(path: str | os.PathLike[str]) -> Floats:
         raise FileInputError(f"{printable_path(path)}: {error}") from error
     points.flags.writeable = False
     return points
+
+
+def read_pair(source: str | os.PathLike[str], target: str | os.PathLike[str]) -> tuple[Floats, Floats]:
+    """Points of two files to match; where one has two coordinates, an equal z of all points of the other is left out.
+
+    Raises `FileInputError` as `read_points`, and where one file holds points of the plane and the other of space.
+    """
+    files = as_path(source), as_path(target)
+    first, second = read_points(files[0]), read_points(files[1])
+    if first.shape[1] != second.shape[1]:
+        first, second = (each[:, :2] if np.all(each[:, 2:] == each[0, 2:]) else each for each in (first, second))
+    if first.shape[1] != second.shape[1]:
+        raise FileInputError(
+            f"both files must contain points of the plane or both of space; got {first.shape[1]} coordinates in "
+            f"{printable_path(files[0])} and {second.shape[1]} in {printable_path(files[1])}"
+        )
+    return first, second
 
 
 def csv_text(points: ArrayLike, **columns: ArrayLike) -> str:
@@ -150,6 +167,8 @@ def _csv(content: bytes) -> Floats:
         for number, line in text_lines(_utf8(content), most=MOST_POINTS)
         if line.strip() and line.lstrip()[:1] != "#"
     ]
+    if lines and lines[0][1].strip().isdigit() and int(lines[0][1]) in (len(lines) - 1, len(lines) - 2):
+        del lines[: len(lines) - int(lines[0][1])]  # XYZ: the number of points, and perhaps a remark
     if not lines:
         raise FileInputError("it must hold points; got none")
     first = lines[0][1]
@@ -169,11 +188,14 @@ def _csv(content: bytes) -> Floats:
 
 
 def _utf8(content: bytes) -> bytes:
-    """A text in UTF-8; `FileInputError` where the bytes are no text."""
+    """A text in UTF-8; `FileInputError` where the bytes are no table of text."""
     try:
-        return table_text(content, "it").encode()
+        text = table_text(content, "it")
     except FileInputError as error:
         raise FileInputError("it must be CSV, NPY or PLY, or an image; got bytes that are none of these") from error
+    if text.lstrip()[:1] in ("[", "{", "<"):
+        raise FileInputError(f"it must be CSV, NPY or PLY, or an image; got a text that begins {text.lstrip()[:20]!r}")
+    return text.encode()
 
 
 def _columns(heads: list[str], *, named: bool) -> list[int]:
