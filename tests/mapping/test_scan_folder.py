@@ -69,6 +69,18 @@ def test_a_table_of_an_indenter_gives_one_press_a_name(tmp_path: Path) -> None:
     assert read.scan.left_out == ("press c has no place.",)
 
 
+def test_a_robots_table_of_downward_travel_and_negative_force_gives_the_way_in(tmp_path: Path) -> None:
+    """Rows at one place are one press; pauses and the way back are left out; other columns do not matter."""
+    table = tmp_path / "robot.csv"
+    head = "t [s];x [mm];y [mm];z [m];Fx [N];Fz [N]\n"
+    way = [(-0.001, 0.0), (-0.002, -0.1), (-0.002, -0.1), (-0.003, -0.5), (-0.002, -0.05)]
+    rows = [f"0,1;{x};0;{z};9;{force}\n".replace(".", ",") for x in (0, 5) for z, force in way]
+    table.write_text(head + "".join(rows))
+    presses = read_scan(table, indenter=BALL).scan.presses
+    assert [press.place_mm for press in presses] == [(0.0, 0.0), (5.0, 0.0)]
+    np.testing.assert_allclose(np.asarray(presses[1].travel_force), [[1, 0], [2, 0.1], [3, 0.5]])
+
+
 @pytest.mark.parametrize(
     ("poses", "sentence"),
     [

@@ -49,8 +49,13 @@ def map_lumps(
     punch_mm: Annotated[
         float | None, typer.Option(help="Radius of the flat punch that pressed, for travel and force.")
     ] = None,
-    tissue_kpa: Annotated[float, typer.Option(help="Modulus of the tissue.")] = 5.0,
-    tissue_sd: Annotated[float, typer.Option(help="Relative standard deviation of that modulus.")] = 0.1,
+    tissue_kpa: Annotated[
+        float | None,
+        typer.Option(help="Modulus of the tissue.", show_default="5; of a table, the median press's with sd 0.3"),
+    ] = None,
+    tissue_sd: Annotated[
+        float | None, typer.Option(help="Relative standard deviation of that modulus.", show_default="0.1")
+    ] = None,
     thickness_mm: Annotated[float, typer.Option(help="Thickness of the tissue on its support.")] = 30.0,
     voxel_mm: Annotated[float, typer.Option(help="Width of the map's voxels.", min=0.5, max=10.0)] = 2.0,
     steps: Annotated[int, typer.Option(help="Steps of the sampler.", min=1000, max=10_000_000)] = 20_000,
@@ -73,7 +78,9 @@ def map_lumps(
     if stored.scan.kind == "frame" and usable is None:
         raise InputError("frames need --calibration, the calibration file of the probe that pressed")
     pressed, response = tsis.mapping.scan_folder.calibrated(stored.scan, usable)
-    prior = tsis.mapping.MapPrior(tissue_young_kpa=tissue_kpa, tissue_young_sd=tissue_sd, thickness_mm=thickness_mm)
+    prior = tsis.mapping.stiffness.suited_prior(
+        pressed, tissue_young_kpa=tissue_kpa, tissue_young_sd=tissue_sd, thickness_mm=thickness_mm
+    )
     chosen = _probe(stored, probe)
     with progress_bar(f"mapping {len(pressed.presses)} presses") as advance:
         found = tsis.mapping.estimate_map(

@@ -100,6 +100,7 @@ SYNONYMS = {
     "depth": ("indentation", "indentation depth", "dent", "contact depth"),
     "time": ("t", "elapsed time", "elapsed", "timestamp", "zeit", "prüfzeit", "temps"),
     "young": ("youngs modulus", "young modulus", "young's modulus", "modulus", "elastic modulus", "e"),
+    "travel": ("displacement", "indentation", "depth", "position", "z", "weg"),
     "displacement": (
         *("travel", "position", "extension", "compressive extension", "distance", "stroke", "crosshead", "z"),
         *("weg", "standardweg", "traverse", "déplacement"),

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 if not TYPE_CHECKING:  # modules and names load when they are first used
     __getattr__, __dir__, _ = lazy_loader.attach(
         __name__,
-        submodules=["estimation", "flags", "lump_map", "prior", "scan", "scan_folder"],
+        submodules=["estimation", "flags", "lump_map", "prior", "scan", "scan_folder", "stiffness"],
         submod_attrs={
             "estimation": ["estimate_map"],
             "lump_map": ["LumpMap"],

@@ -48,7 +48,7 @@ from tsis.mapping.observation import observe
 from tsis.mapping.posterior import BlockLikelihood, Region, Sampler, Samples, greedy_fit, of_presses
 from tsis.mapping.prior import MapPrior
 from tsis.mapping.scan import Scan
-from tsis.mapping.stiffness import observe_stiffness
+from tsis.mapping.stiffness import observe_stiffness, suited_prior
 from tsis.model.estimate import IMPROBABLE, Estimate, probability_bound
 from tsis.model.probe import Probe
 from tsis.model.require import require_integer, require_number, require_one_of, require_type
@@ -117,7 +117,7 @@ def estimate_map(
     calibration
         Response of grey level to pressure and the errors; needed for frames.
     prior
-        Tissue and lumps; `MapPrior` by default.
+        Tissue and lumps; `MapPrior` by default, for an indenter with the modulus of its median press.
     strain
         ``"small"``, the default; ``"finite"`` is refused as long as the kernel is of small strain.
     voxel_mm
@@ -144,7 +144,7 @@ def estimate_map(
         When frames come without calibration, or it is another probe's.
     """
     require_type("scan", scan, Scan)
-    prior = MapPrior() if prior is None else prior
+    prior = suited_prior(scan) if prior is None else prior
     require_type("prior", prior, MapPrior)
     require_number("voxel_mm", voxel_mm, 0.5, 20.0, hint="millimetres")
     require_integer("steps", steps, 500, 10**7)

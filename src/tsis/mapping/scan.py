@@ -75,7 +75,8 @@ class ScanPress(ContentValue):
     noise_kpa
         Standard deviation of the noise of each of these means, in [0, 1000] kPa.
     travel_force
-        Pairs of travel in mm and force in N of an indenter, shape (n, 2), travel ascending from first contact.
+        Pairs of travel in mm and force in N of an indenter, shape (n, 2), travel ascending into the tissue. It may
+        begin above the tissue, at any travel: contact is found.
     reference
         Whether the tissue is known to be without lump here.
     name
@@ -146,9 +147,9 @@ class ScanPress(ContentValue):
         pairs = require_array("travel_force", self.travel_force, ndim=2)
         if pairs.shape[1] != 2:
             raise InputError(f"travel_force must have two columns, travel and force; got shape {pairs.shape}")
-        if (np.diff(pairs[:, 0]) <= 0).any() or pairs[0, 0] < 0:
-            raise InputError("travel_force must begin at a travel of at least 0 mm and ascend; sort its rows by travel")
-        require_number("travel_force", float(pairs[:, 0].max()), 0.0, 200.0, hint="millimetres")
+        if (np.diff(pairs[:, 0]) <= 0).any():
+            raise InputError("travel_force must ascend in travel; sort its rows by travel")
+        require_number("travel_force", float(np.abs(pairs[:, 0]).max()), 0.0, 2000.0, hint="millimetres")
         require_number("travel_force", float(np.abs(pairs[:, 1]).max()), 0.0, 100.0, hint="newtons")
         object.__setattr__(self, "travel_force", pairs)
 

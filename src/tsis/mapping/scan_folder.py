@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
+    from numpy.typing import NDArray
+
     from tsis.calibration.frames import UsableCalibration
     from tsis.files.tables import CsvRow
     from tsis.mapping.scan import Indenter
@@ -32,6 +34,7 @@ POSES_FILE = "poses.csv"
 KINDS = ("press", "reference")
 POSE_COLUMNS = ("angle_deg", "place_sd_mm", "force_n", "force_sd", "noise_kpa", "kind", "probe", "name")
 NUMBERS = ("angle_deg", "place_sd_mm", "force_n", "force_sd", "noise_kpa")
+TRAVEL_FORCE = ("travel_mm", "force_n")
 MOST_PRESSES = 1000
 
 
@@ -64,7 +67,7 @@ def read_scan(
     path
         The folder, whose ``poses.csv`` has the columns file, x_mm and y_mm, and if known angle_deg, place_sd_mm,
         force_n, force_sd, noise_kpa, kind (press or reference), probe and name. Or a table with the columns press,
-        x_mm, y_mm, travel_mm and force_n, and if known place_sd_mm.
+        x_mm, y_mm, travel_mm and force_n, and if known place_sd_mm; without press, rows at one place are one press.
     mm_per_pixel
         Size of a pixel of the frames along x and y in mm.
     indenter
@@ -130,7 +133,7 @@ def _measured(file: Path) -> dict[str, Any]:
     rows = list(read_csv_rows(file, (), columns))
     cells = {name: [row.number(name) for row in rows] for name in columns}
     if rows and None not in (*cells["travel_mm"], *cells["force_n"]):
-        return {"travel_force": np.array([cells["travel_mm"], cells["force_n"]]).T}
+        return {"travel_force": loading_part(*(np.array(cells[name], dtype=float) for name in TRAVEL_FORCE))}
     if not rows or None in (*cells["ring"], *cells["pressure_kpa"]):
         raise file_error(file, "must have the columns travel_mm and force_n, or ring, sector and pressure_kpa")
     order = {
@@ -145,28 +148,33 @@ def _measured(file: Path) -> dict[str, Any]:
 
 
 def _of_table(table: Path, indenter: Indenter | None) -> StoredScan:
-    """Presses of a robot's force sensor: a row for each pair of travel and force."""
-    rows = read_csv_rows(table, ("press", "x_mm", "y_mm", "travel_mm", "force_n"), ("place_sd_mm",))
+    """Presses of a robot's force sensor: a row for each pair of travel and force.
+
+    Rows of one press share its number, or the place where there is no column of numbers.
+    """
+    rows = read_csv_rows(table, ("x_mm", "y_mm", *TRAVEL_FORCE), ("press", "place_sd_mm"), ignore_others=True)
     grouped: dict[str, list[CsvRow]] = {}
     for row in rows:
-        grouped.setdefault(row.text("press"), []).append(row)
+        key = row.text("press") if "press" in row else f"{row.text('x_mm')}, {row.text('y_mm')}"
+        grouped.setdefault(key, []).append(row)
     presses, left_out = [], []
     for name, group in grouped.items():
         place = group[0].number("x_mm"), group[0].number("y_mm")
         if place[0] is None or place[1] is None:
             left_out.append(f"press {name} has no place.")
             continue
-        pairs = [(row.number("travel_mm"), row.number("force_n")) for row in group]
-        if any(None in pair for pair in pairs):
+        cells = {column: [row.number(column) for row in group] for column in TRAVEL_FORCE}
+        if any(None in column for column in cells.values()):
             raise FileInputError(
                 f"travel_mm and force_n must be numbers in each row of press {name} ({group[0].where})"
             )
+        pairs = loading_part(*(np.array(column, dtype=float) for column in cells.values()))
         try:
             presses.append(
                 ScanPress(
                     place_mm=(place[0], place[1]),
                     place_sd_mm=group[0].number("place_sd_mm") or 0.0,
-                    travel_force=np.array(pairs, dtype=float),
+                    travel_force=pairs,
                     name=name,
                 )
             )
@@ -177,6 +185,20 @@ def _of_table(table: Path, indenter: Indenter | None) -> StoredScan:
     except InputError as error:
         raise FileInputError(f"{error} ({table.name})") from error
     return StoredScan(scan=scan)
+
+
+def loading_part(travel_mm: NDArray[np.float64], force_n: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The part of a press on the way in, as pairs of travel and force, shape (n, 2), with ascending travel.
+
+    Rows after the deepest one, and rows in which the indenter rests or goes back, are left out. A program may count
+    compression as negative force, and travel from above downwards: the signs are those of a press into the tissue.
+    """
+    force = -force_n if -force_n.min() > 2 * force_n.max() else force_n
+    deepest = int(np.argmax(force))
+    travel = -travel_mm if travel_mm[deepest] < travel_mm[0] else travel_mm
+    before = np.maximum.accumulate(np.concatenate([[-np.inf], travel[:-1]]))
+    going_in = (travel > before) & (np.arange(len(travel)) <= int(np.argmax(travel)))
+    return np.column_stack([travel, force])[going_in]
 
 
 def scan_files(scan: Scan, *, probe: str = "") -> dict[str, bytes]:

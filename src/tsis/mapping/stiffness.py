@@ -7,6 +7,7 @@ that several travels of one press tell of several depths.
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -15,6 +16,7 @@ import scipy
 
 from tsis.errors import InputError
 from tsis.mapping.observation import LEAST_PLACE_SD_MM, Observation
+from tsis.mapping.prior import MapPrior
 from tsis.mapping.scan import LEAST_FORCE_N, Indenter
 from tsis.mapping.signals import SignalTable
 from tsis.mapping.uneven_field import FieldResponses
@@ -31,14 +33,22 @@ from tsis.mechanics.tissue_field import FieldMesh, FieldResponse, TissueFieldRes
 from tsis.model.probe import Layer, Probe
 
 if TYPE_CHECKING:
-    from tsis.mapping.prior import MapPrior
     from tsis.mapping.scan import Scan
     from tsis.mapping.signals import Floats
 
-LEVELS = 3  # travels of a ball that count
+LEVELS = 3  # depths of a ball that count
 RADII = 6  # of contact up to the largest
 NOISE = 0.01  # of the force, beside what the curve shows
-FORCE_GAIN_SD, CONTACT_SD_MM = 0.02, 0.05  # error of all forces, and of the travel at which contact begins
+FORCE_GAIN_SD = 0.02  # of all forces
+CONTACT_SD_MM, LEAST_CONTACT_SD_MM = 0.05, 0.01  # of the travel at contact: where it is not fitted, and at the least
+LEAST_FITTED = 6  # points that the travel at contact is fitted to
+FORCE_ZERO_SD_N = 0.02
+SHAPE_SD = 0.1  # how much the stiffness of a press may change from its first depth to its last
+MEASURED_TISSUE_SD = 0.3  # relative, of a modulus that the presses tell
+PRESS_SD = 0.05  # from press to press at one place, where few presses tell nothing of it
+LEAST_REPEATS, LEAST_NEIGHBOURS, SAME_PLACE_MM = 3, 9, 0.5
+SHALLOWEST_SHARE = 0.3  # of the median depth: a press that ends higher is left out
+MOST_CONTACT_SHARE = 0.3  # of a press's depth, for the sd of its contact
 RIGID = Layer(thickness_mm=0.2, young_kpa=9e5, poisson=0.3)
 
 
@@ -73,18 +83,39 @@ def _punch(radius_mm: float, tissue: tuple[float, float, float]) -> TissueFieldR
     return TissueFieldResponse(probe, young_kpa=young, thickness_mm=thickness, poisson=poisson, mesh=mesh)
 
 
-@lru_cache(maxsize=4)
-def stiffness_kernel(
-    indenter: Indenter, travels_mm: tuple[float, ...], tissue: tuple[float, float, float]
-) -> tuple[LumpKernel, tuple[float, ...]]:
-    """Kernel of the logarithm of the force at each travel, and these forces in N on even tissue.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Punches:
+    """Punches of the radii of contact that an indenter has down to a depth, on even tissue."""
 
-    ``tissue`` is modulus in kPa, thickness in mm and Poisson's ratio. The kernel's ``pressure_kpa`` has a row a travel.
-    """
+    indenter: Indenter
+    deepest_mm: float
+    radii_mm: Floats
+    stiffness: Floats  # N per mm
+    share: Floats  # relative change of each stiffness a mm**3 of stiffer tissue, (radii, distances, depths)
+    distance_mm: Floats
+    depth_mm: Floats
+
+    def local(self, depth_mm: Floats) -> tuple[Floats, Floats]:
+        """Stiffness in N per mm at depths of the indenter, and the shares of the punches in it, (radii, depths)."""
+        radii = self.radii_mm
+        if self.indenter.shape == "punch":
+            return np.full(depth_mm.shape, self.stiffness[0]), np.ones((1, *depth_mm.shape))
+        at = np.minimum(np.sqrt(self.indenter.radius_mm * depth_mm), self.indenter.radius_mm)
+        local = np.interp(at, radii, self.stiffness) * np.minimum(at / radii[0], 1.0)
+        return local, np.array([np.interp(at, radii, row) for row in np.eye(len(radii))])
+
+    def forces(self, depth_mm: Floats) -> Floats:
+        """Force in N at each depth in mm, the integral of the stiffness."""
+        steps = (np.arange(40) + 0.5) / 40 * depth_mm[:, None]
+        return np.asarray(self.local(steps)[0].mean(axis=1) * depth_mm)
+
+
+@lru_cache(maxsize=4)
+def _punches(indenter: Indenter, deepest_mm: float, tissue: tuple[float, float, float]) -> _Punches:
     if indenter.shape == "punch":
         radii = np.array([indenter.radius_mm])
     else:
-        radii = np.linspace(0.25, 1.0, RADII) * min(np.sqrt(indenter.radius_mm * travels_mm[-1]), indenter.radius_mm)
+        radii = np.linspace(0.25, 1.0, RADII) * min(np.sqrt(indenter.radius_mm * deepest_mm), indenter.radius_mm)
         radii = np.maximum(radii, 1.0)
     distance = np.arange(0.0, indenter.radius_mm + REACH_MM + STEP_MM / 2, STEP_MM)
     depth = np.arange(SHALLOWEST_MM, 0.98 * tissue[1], STEP_MM)
@@ -94,21 +125,37 @@ def stiffness_kernel(
         change = slab.stiffness_change()
         plain = slab.response(0)
         grids.append(_gridded(plain, change / plain.volume_mm3, distance, depth))
-        stiffness.append(slab.travel_per_newton())
-    share = np.array(grids)  # (radii, n, k): relative change of each punch's stiffness a mm**3
-    each = 1 / np.array(stiffness)  # N per mm
-    rows, forces = [], []
+        stiffness.append(1 / slab.travel_per_newton())
+    return _Punches(
+        indenter=indenter,
+        deepest_mm=deepest_mm,
+        radii_mm=radii,
+        stiffness=np.array(stiffness),
+        share=np.array(grids),
+        distance_mm=distance,
+        depth_mm=depth,
+    )
+
+
+@lru_cache(maxsize=4)
+def stiffness_kernel(
+    indenter: Indenter,
+    travels_mm: tuple[float, ...],
+    tissue: tuple[float, float, float],
+    deepest_mm: float | None = None,
+) -> tuple[LumpKernel, tuple[float, ...]]:
+    """Kernel of the logarithm of the force at each travel, and these forces in N on even tissue.
+
+    ``tissue`` is modulus in kPa, thickness in mm and Poisson's ratio; punches are solved down to ``deepest_mm``, the
+    last travel by default. The kernel's ``pressure_kpa`` has a row a travel.
+    """
+    punches = _punches(indenter, travels_mm[-1] if deepest_mm is None else deepest_mm, tissue)
+    rows = []
     for travel in travels_mm:
-        if indenter.shape == "punch":
-            rows.append(share[0])
-            forces.append(float(each[0] * travel))
-            continue
-        steps = (np.arange(40) + 0.5) / 40 * travel
-        at = np.minimum(np.sqrt(indenter.radius_mm * steps), indenter.radius_mm)
-        local = np.interp(at, radii, each) * np.minimum(at / radii[0], 1.0)
-        weight = np.array([np.interp(at, radii, np.eye(len(radii))[k]) for k in range(len(radii))]) * local
-        rows.append(np.tensordot(weight.sum(axis=1) / local.sum(), share, axes=1))
-        forces.append(float(local.mean() * travel))
+        local, weight = punches.local((np.arange(40) + 0.5) / 40 * travel)
+        rows.append(np.tensordot((weight * local).sum(axis=1) / local.sum(), punches.share, axes=1))
+    forces = tuple(punches.forces(np.array(travels_mm)).tolist())
+    distance, depth = punches.distance_mm, punches.depth_mm
     pressure = np.zeros((2, 1, len(travels_mm), len(distance), len(depth)))
     pressure[0, 0] = np.array(rows)
     kernel = LumpKernel(
@@ -121,7 +168,7 @@ def stiffness_kernel(
         poisson=tissue[2],
         thickness_mm=tissue[1],
     )
-    return kernel, tuple(forces)
+    return kernel, forces
 
 
 def _gridded(response: FieldResponse, density: Floats, distance: Floats, depth: Floats) -> Floats:
@@ -133,56 +180,233 @@ def _gridded(response: FieldResponse, density: Floats, distance: Floats, depth: 
     return np.asarray(scipy.interpolate.RegularGridInterpolator((r, z), table)(points))
 
 
-def observe_stiffness(scan: Scan, prior: MapPrior) -> Observation:
-    """Numbers of presses of an indenter: logarithms of the force at a few travels over those on even tissue."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Touch:
+    """One press after its contact was found.
+
+    Attributes
+    ----------
+    depth_mm, force_n
+        The curve from the travel and the force at contact on.
+    contact_sd_mm
+        Standard deviation of the travel at contact.
+    noise_n
+        Standard deviation of a force.
+    """
+
+    depth_mm: Floats
+    force_n: Floats
+    contact_sd_mm: float
+    noise_n: float
+
+
+def find_touch(curve: Floats, even: _Punches, zero_sd_n: float) -> Touch:
+    """The travel at contact, fitted together with the force's zero to a press of a stiffness that changes with depth.
+
+    ``curve`` has pairs of travel and force, shape (n, 2). A curve of few points begins at the last that shows no force.
+    ``zero_sd_n`` is the standard deviation of the force's zero in N.
+    """
+    travel, force = curve[:, 0], curve[:, 1]
+    top = float(force.max())
+    if (force > 0.05 * top).sum() < LEAST_FITTED:
+        before = np.flatnonzero(force <= 0.05 * top)
+        start = float(travel[before[-1]]) if len(before) and before[-1] < len(travel) - 1 else float(travel[0])
+        return Touch(depth_mm=travel - start, force_n=force, contact_sd_mm=CONTACT_SD_MM, noise_n=0.0)
+    reach = float(np.ptp(travel))
+    starts = travel[0] + reach * np.linspace(-0.1, 0.9, 201)
+    grid = np.linspace(0.0, 1.1 * reach, 300)
+    on_grid = even.forces(grid)
+    misfits, zeros = np.empty(len(starts)), np.empty(len(starts))
+    assumed_noise = 0.01 * top
+    for place, start in enumerate(starts):
+        depth = np.maximum(travel - start, 0.0)
+        plain = np.interp(depth, grid, on_grid)
+        columns = np.column_stack([plain, plain * depth / reach, np.ones(len(depth))])
+        level = max(top / max(float(plain.max()), 1e-12), 1e-12)
+        weight = assumed_noise * np.diag([0.0, 1 / (SHAPE_SD * level), 1 / zero_sd_n])
+        solution = np.linalg.lstsq(np.vstack([columns, weight]), np.append(force, np.zeros(3)), rcond=None)[0]
+        residual = np.append(force - columns @ solution, weight @ solution)
+        misfits[place], zeros[place] = residual @ residual, solution[2]
+    noise = max(float(np.sqrt(misfits.min() / max(len(travel) - 3, 1))), 1e-4 * top)
+    chance = np.exp(-0.5 * (misfits - misfits.min()) / noise**2)
+    chance /= chance.sum()
+    start = float(chance @ starts)
+    sd = float(np.sqrt(chance @ (starts - start) ** 2 + (starts[1] - starts[0]) ** 2 / 12))
+    return Touch(
+        depth_mm=travel - start,
+        force_n=force - float(chance @ zeros),
+        contact_sd_mm=max(sd, LEAST_CONTACT_SD_MM),
+        noise_n=noise,
+    )
+
+
+def _levels(touch: Touch, depths_mm: Floats, even: _Punches) -> tuple[Floats, Floats]:
+    """Logarithms of the force over that on even tissue at some depths, and their covariance by noise."""
+    inside = (touch.depth_mm > 0.3 * depths_mm[0]) & (touch.depth_mm <= 1.05 * depths_mm[-1])
+    depth, force = touch.depth_mm[inside], touch.force_n[inside]
+    hats = np.column_stack([np.interp(depth, depths_mm, row) for row in np.eye(len(depths_mm))])
+    columns = hats * even.forces(depth)[:, None]
+    size = float(even.forces(depths_mm[-1:])[0])
+    smooth = 1e-2 * size * np.diff(np.eye(len(depths_mm)), axis=0)  # joins depths between which no point lies
+    rows = np.vstack([columns, smooth])
+    ratio = np.linalg.lstsq(rows, np.append(force, np.zeros(len(smooth))), rcond=None)[0]
+    ratio = np.maximum(ratio, 1e-3 * max(float(ratio.max()), 1e-9))
+    covariance = touch.noise_n**2 * np.linalg.pinv(rows.T @ rows)
+    return np.log(ratio), covariance / np.outer(ratio, ratio) + NOISE**2 * np.eye(len(ratio))
+
+
+def _press_sd(places: Floats, mean: Floats, contact_sd: Floats) -> float:
+    """Standard deviation of the logarithm of a press's force from press to press.
+
+    Places pressed again tell it. Without them the median difference of neighbours bounds it: lumps lie between few
+    neighbours, uneven tissue between all. ``mean`` and ``contact_sd`` are of each press: the mean logarithm, and the
+    part that its contact moves it by.
+    """
+    apart = np.hypot(*(places[:, None] - places).T)
+    same = apart <= SAME_PLACE_MM
+    first = [number for number in range(len(places)) if not same[number, :number].any()]
+    squares = sum(float(np.square(mean[same[number]] - mean[same[number]].mean()).sum()) for number in first)
+    repeats = len(places) - len(first)
+    if repeats >= LEAST_REPEATS:
+        variance = squares / repeats
+    elif len(places) >= LEAST_NEIGHBOURS:
+        np.fill_diagonal(apart, np.inf)
+        differences = np.abs(mean - mean[np.argmin(apart, axis=1)])
+        variance = float(np.median(differences) / 0.6745) ** 2 / 2
+    else:
+        return PRESS_SD
+    return float(np.sqrt(max(variance - np.square(contact_sd).mean(), NOISE**2)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Touches:
+    """The presses of a scan of an indenter, each from its contact on.
+
+    Attributes
+    ----------
+    index
+        Of each used press in the scan.
+    left_out
+        A sentence for each press that is not used.
+    touches
+        One a used press.
+    depths_mm
+        At which all are compared.
+    """
+
+    index: tuple[int, ...]
+    left_out: tuple[str, ...]
+    touches: tuple[Touch, ...]
+    depths_mm: tuple[float, ...]
+    even: _Punches
+
+
+def read_touches(scan: Scan, prior: MapPrior) -> Touches:
+    """Find the contact of each press of an indenter; presses without one, or too shallow, are named."""
     if scan.indenter is None:
         raise AssertionError("a scan of pairs has an indenter")
-    used, left_out = [], list(scan.left_out)
+    left_out, used = list(scan.left_out), []
+    names = [press.name or f"press {index + 1}" for index, press in enumerate(scan.presses)]
     for index, press in enumerate(scan.presses):
         curve = press.travel_force
         if curve is None or len(curve) < 2 or curve[:, 1].max() < LEAST_FORCE_N:
-            left_out.append(f"{press.name or f'press {index + 1}'} has no contact.")
+            left_out.append(f"{names[index]} has no contact.")
         else:
             used.append(index)
-    if len({scan.presses[index].place_mm for index in used}) < 2:
-        raise InputError(f"presses must hold at least two usable places; {' '.join(left_out)}")
     curves = [np.asarray(scan.presses[index].travel_force) for index in used]
-    deepest = float(min(curve[-1, 0] for curve in curves))
-    if deepest <= 0:
+    farthest = max((float(max(np.ptp(curve[:, 0]), curve[-1, 0])) for curve in curves), default=0.0)
+    if farthest <= 0:
         raise InputError("travel_force must reach a travel above 0 mm in every press")
-    count = 1 if scan.indenter.shape == "punch" else LEVELS
-    travels = tuple((deepest * np.linspace(1 / count, 1.0, count)).tolist())
     tissue = (prior.tissue_young_kpa, prior.thickness_mm, prior.poisson)
-    kernel, even = stiffness_kernel(scan.indenter, travels, tissue)
+    even = _punches(scan.indenter, float(np.ceil(10 * farthest)) / 10, tissue)
+    zero_sd = min(FORCE_ZERO_SD_N, 0.1 * float(np.median([curve[:, 1].max() for curve in curves])))
+    touches = [find_touch(curve, even, zero_sd) for curve in curves]
+    ends = np.array([touch.depth_mm[-1] for touch in touches])
+    sure = np.array([touch.contact_sd_mm for touch in touches]) < MOST_CONTACT_SHARE * ends
+    deep = sure & (ends >= SHALLOWEST_SHARE * np.median(ends))
+    for index, touch in zip(np.array(used)[~deep], np.array(touches)[~deep], strict=True):
+        left_out.append(
+            f"{names[index]} enters {touch.depth_mm[-1]:.2g} mm (sd {touch.contact_sd_mm:.2g} mm), too little beside "
+            "the others."
+        )
+    kept = np.flatnonzero(deep)
+    if len({scan.presses[used[place]].place_mm for place in kept}) < 2:
+        raise InputError(f"presses must hold at least two usable places; {' '.join(left_out)}")
+    count = 1 if scan.indenter.shape == "punch" else LEVELS
+    return Touches(
+        index=tuple(used[place] for place in kept),
+        left_out=tuple(left_out),
+        touches=tuple(touches[place] for place in kept),
+        depths_mm=tuple((float(ends[kept].min()) * np.linspace(1 / count, 1.0, count)).tolist()),
+        even=even,
+    )
+
+
+def suited_prior(
+    scan: Scan,
+    *,
+    tissue_young_kpa: float | None = None,
+    tissue_young_sd: float | None = None,
+    thickness_mm: float | None = None,
+) -> MapPrior:
+    """The prior with what is given of the tissue; without its modulus, that of an indenter's median press.
+
+    Lumps under fewer than half of the presses do not move the median. `InputError` as `MapPrior` and `estimate_map`.
+    """
+    stated = {
+        "tissue_young_kpa": tissue_young_kpa,
+        "tissue_young_sd": tissue_young_sd,
+        "thickness_mm": thickness_mm,
+    }
+    prior = MapPrior(**{name: value for name, value in stated.items() if value is not None})
+    if tissue_young_kpa is not None or scan.kind != "travel_force":
+        return prior
+    read = read_touches(scan, prior)
+    depths = np.array(read.depths_mm)
+    last = [_levels(touch, depths, read.even)[0][-1] for touch in read.touches]
+    young = float(np.clip(prior.tissue_young_kpa * np.exp(np.median(last)), 0.05, 2000.0))
+    return replace(prior, tissue_young_kpa=young, tissue_young_sd=tissue_young_sd or MEASURED_TISSUE_SD)
+
+
+def observe_stiffness(scan: Scan, prior: MapPrior) -> Observation:
+    """Numbers of presses of an indenter: logarithms of the force at a few depths over those on even tissue."""
+    read = read_touches(scan, prior)
+    assert scan.indenter is not None
+    depths, count = np.array(read.depths_mm), len(read.depths_mm)
+    tissue = (prior.tissue_young_kpa, prior.thickness_mm, prior.poisson)
+    kernel, _ = stiffness_kernel(scan.indenter, read.depths_mm, tissue, read.even.deepest_mm)
     table = SignalTable.of(kernel, np.eye(count), 1)
     field = FieldResponses(_GriddedField(kernel), table.shapes, np.eye(count), displacement_rows=None, force_n=1.0)  # type: ignore[arg-type]
-    values, blocks = [], []
     basis = table.shapes.basis[0]
-    for curve in curves:
-        force = np.maximum(np.interp(travels, curve[:, 0], curve[:, 1]), LEAST_FORCE_N / 10)
-        values.append(basis.T @ np.log(force / np.array(even)))
-        blocks.append(basis.T @ (NOISE**2 * np.eye(count)) @ basis)
-    presses = [scan.presses[index] for index in used]
-    # modulus of the tissue and gain of the sensor alike, thickness as a shift that all share, and contact of each press
-    slope = np.gradient(np.log(even), travels) if count > 1 else np.array([1 / travels[0]])
-    level = basis.T @ np.ones(count)
-    shared = [np.tile(np.hypot(prior.tissue_young_sd, FORCE_GAIN_SD) * level, len(used))]
-    shared.append(np.tile(prior.thickness_sd * basis.T @ np.linspace(0.3, 1.0, count), len(used)))
-    single = np.kron(np.eye(len(used)), (basis.T @ (CONTACT_SD_MM * slope))[:, None])
-    columns = np.column_stack([*shared, single])
+    levels = [_levels(touch, depths, read.even) for touch in read.touches]
+    blocks = [basis.T @ covariance @ basis for _, covariance in levels]
+    presses = [scan.presses[index] for index in read.index]
+    places = np.array([press.place_mm for press in presses])
+    # modulus of the tissue and gain of the sensor alike, thickness as a shift that all share, and the contact and the
+    # repeatability of each press
+    slope = np.log(read.even.forces(1.01 * depths) / read.even.forces(0.99 * depths)) / (0.02 * depths)
+    level, each = basis.T @ np.ones(count), np.eye(len(presses))
+    shared = [np.tile(np.hypot(prior.tissue_young_sd, FORCE_GAIN_SD) * level, len(presses))]
+    shared.append(np.tile(prior.thickness_sd * basis.T @ np.linspace(0.3, 1.0, count), len(presses)))
+    contacts = np.array([touch.contact_sd_mm for touch in read.touches])
+    single = np.kron(contacts * each, (basis.T @ slope)[:, None])
+    press_sd = _press_sd(places, np.array([values.mean() for values, _ in levels]), contacts * slope.mean())
+    own = np.column_stack([single, press_sd * np.kron(each, level[:, None])])
+    columns = np.column_stack([*shared, own])
+    noise = scipy.linalg.block_diag(*blocks)
     return Observation(
         table=table,
         field=field,
-        values=np.array(values),
-        noise=scipy.linalg.block_diag(*blocks) + columns @ columns.T,
-        white=np.array([np.diag(block) for block in blocks]),
-        places_mm=np.array([press.place_mm for press in presses]),
+        values=np.array([basis.T @ values for values, _ in levels]),
+        noise=noise + columns @ columns.T,
+        white=(np.diag(noise) + np.square(own).sum(axis=1)).reshape(len(presses), -1),
+        places_mm=places,
         place_sd_mm=np.array([max(press.place_sd_mm, LEAST_PLACE_SD_MM) for press in presses]),
-        angle=np.zeros(len(used)),
-        force_n=np.ones(len(used)),
+        angle=np.zeros(len(presses)),
+        force_n=np.ones(len(presses)),
         reference=np.array([press.reference for press in presses]),
         radius_mm=max(scan.indenter.radius_mm, 6.0),
-        index=np.array(used),
-        left_out=tuple(left_out),
+        index=np.array(read.index),
+        left_out=read.left_out,
         scale_kpa=1.0,
     )
