@@ -78,7 +78,7 @@ def test_a_robots_table_of_downward_travel_and_negative_force_gives_the_way_in(t
     table.write_text(head + "".join(rows))
     presses = read_scan(table, indenter=BALL).scan.presses
     assert [press.place_mm for press in presses] == [(0.0, 0.0), (5.0, 0.0)]
-    np.testing.assert_allclose(np.asarray(presses[1].travel_force), [[1, 0], [2, 0.1], [3, 0.5]])
+    np.testing.assert_allclose(np.asarray(presses[1].travel_force), np.array([[1.0, 0.0], [2.0, 0.1], [3.0, 0.5]]))
 
 
 @pytest.mark.parametrize(

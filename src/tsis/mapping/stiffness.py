@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy
@@ -353,7 +353,7 @@ def suited_prior(
 
     Lumps under fewer than half of the presses do not move the median. `InputError` as `MapPrior` and `estimate_map`.
     """
-    stated = {
+    stated: dict[str, Any] = {
         "tissue_young_kpa": tissue_young_kpa,
         "tissue_young_sd": tissue_young_sd,
         "thickness_mm": thickness_mm,
