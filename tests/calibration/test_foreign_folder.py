@@ -51,6 +51,26 @@ def test_a_table_gives_the_forces_and_the_frames_are_read(folder: Path, table: s
         guess_session(folder)
 
 
+@pytest.mark.parametrize(
+    ("table", "names"),
+    [
+        ("Bild;Kraft (mN);Art\na.png;250;Ziel\nb.png;250;Referenz\nref.png;0;leer\n", "abref"),
+        ("file,force_n,role\na.png,0.25,target\nb.png,0.25,plain\nref.png,0,untouched\n", "abref"),
+        ("file,force_n\nlump.png,0.25\nreference-1.png,0.25\nref.png,0\n", "renamed"),
+    ],
+)
+def test_a_column_or_the_names_tell_presses_of_the_reference_from_those_of_the_target(
+    folder: Path, table: str, names: str
+) -> None:
+    if names == "renamed":
+        (folder / "a.png").rename(folder / "lump.png")
+        (folder / "b.png").rename(folder / "reference-1.png")
+    (folder / "forces.csv").write_text(table)
+    roles = {frame.file: (frame.role, frame.force_n) for frame in guess_session(folder)}
+    assert roles.pop("ref.png") == ("untouched", 0.0)
+    assert list(roles.values()) == [("target", 0.25), ("plain", 0.25)]
+
+
 def test_names_and_files_beside_frames_give_forces(folder: Path) -> None:
     (folder / "a.png").rename(folder / "lump_0.75N.png")
     (folder / "b.json").write_text('{"force_n": 0.5}')

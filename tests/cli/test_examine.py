@@ -468,7 +468,7 @@ CODES_WITHOUT_A_LINE = {"part 'reference'": 3}  # of messages that are no wrong 
 @pytest.mark.parametrize(
     ("without", "said"),
     [
-        ({"force_line": None}, "needs --scale-mm and --force-n"),
+        ({"force_line": None}, "needs --force-n, which"),
         ({"reference": None}, "a force without --force-n needs the part 'reference'"),
     ],
 )

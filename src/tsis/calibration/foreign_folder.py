@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from tsis.calibration.frames import MOST_FRAMES, PICTURES, PRESSES_FILE, REFERENCE, TARGET, UNTOUCHED
@@ -35,9 +35,14 @@ FILE_COLUMNS = (
     "picture",
     "path",
     "name",
+    "bild",
+    "datei",
+    "dateiname",
 )
+ROLE_COLUMNS = ("role", "kind", "type", "class", "condition", "art")
 _UNTOUCHED_NAME = re.compile(r"untouched|no.?contact|background|blank|(^|[^a-z])(ref|reference|zero|empty)([^a-z]|$)")
-_PLAIN_NAME = re.compile(r"plain|healthy|without.?(lump|inclusion)")
+_PLAIN_NAME = re.compile(r"plain|healthy|control|(^|[^a-z])referen[cz]e?|without.?(lump|inclusion)")
+_TARGET_NAME = re.compile(r"target|lump|inclusion|press|ziel")
 _FORCE_NAME = re.compile(r"(?<![\d.])(\d+(?:[.,]\d+)?)\s*_?(mN|N)(?![a-zA-Z])")
 
 
@@ -73,20 +78,40 @@ def guess_session(folder: str | os.PathLike[str]) -> tuple[GuessedFrame, ...]:
     return tuple(_guessed(frame, told) for frame in frames)
 
 
-def _guessed(frame: Path, told: dict[str, tuple[float | None, str]]) -> GuessedFrame:
-    force, source = told.get(frame.name, (None, ""))
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Told:
+    """What a table tells of a frame; an empty role is none."""
+
+    force_n: float | None
+    role: str
+    source: str
+
+
+def _guessed(frame: Path, told: dict[str, _Told]) -> GuessedFrame:
+    row = told.get(frame.name, _Told(force_n=None, role="", source=""))
+    force, source = row.force_n, row.source
     if force is None:
         force, source = _of_sidecar(frame)
     if force is None and (named := _FORCE_NAME.findall(frame.stem)):
         number, unit = named[-1]
         force, source = float(number.replace(",", ".")) * (1e-3 if unit == "mN" else 1.0), "its name"
     name = frame.stem.lower()
-    role = REFERENCE if _PLAIN_NAME.search(name) else TARGET
-    if _UNTOUCHED_NAME.search(name) and not force:
+    role = row.role or (REFERENCE if _PLAIN_NAME.search(name) else TARGET)
+    if not row.role and _UNTOUCHED_NAME.search(name) and not force:
         role, force, source = UNTOUCHED, 0.0, source or "its name"
     elif force == 0.0:
         role = UNTOUCHED
-    return GuessedFrame(file=frame.name, role=role, force_n=force, source=source)
+    return GuessedFrame(file=frame.name, role=role, force_n=0.0 if role == UNTOUCHED else force, source=source)
+
+
+def _role(text: str) -> str:
+    """The role that a word of a table means; empty where it means none."""
+    word = text.strip().lower()
+    if _PLAIN_NAME.search(word):
+        return REFERENCE
+    if _UNTOUCHED_NAME.search(word) or word == "leer":
+        return UNTOUCHED
+    return TARGET if _TARGET_NAME.search(word) else ""
 
 
 def _of_sidecar(frame: Path) -> tuple[float | None, str]:
@@ -99,14 +124,16 @@ def _of_sidecar(frame: Path) -> tuple[float | None, str]:
     return (float(force), beside.name) if isinstance(force, int | float) else (None, "")
 
 
-def _of_tables(tables: Sequence[Path], frames: Sequence[Path]) -> dict[str, tuple[float | None, str]]:
+def _of_tables(tables: Sequence[Path], frames: Sequence[Path]) -> dict[str, _Told]:
     """Force and name of the table by the name of the frame."""
-    found: list[tuple[Path, dict[str, tuple[float | None, str]]]] = []
+    found: list[tuple[Path, dict[str, _Told]]] = []
     for table in tables:
         content = read_bytes(table, most=LARGEST_CSV_BYTES)
         try:
             where, force = printable_path(table), ("force_n",)
-            rows = list(parse_csv_rows(content, where, (), FILE_COLUMNS, one_of=force, ignore_others=True))
+            rows = list(
+                parse_csv_rows(content, where, (), (*FILE_COLUMNS, *ROLE_COLUMNS), one_of=force, ignore_others=True)
+            )
         except OtherTableError:  # notes, no forces
             continue
         found.append((table, _by_frame(table, rows, frames)))
@@ -116,8 +143,12 @@ def _of_tables(tables: Sequence[Path], frames: Sequence[Path]) -> dict[str, tupl
     return found[0][1] if found else {}
 
 
-def _by_frame(table: Path, rows: Sequence[CsvRow], frames: Sequence[Path]) -> dict[str, tuple[float | None, str]]:
-    forces = [row.number("force_n") for row in rows]
+def _by_frame(table: Path, rows: Sequence[CsvRow], frames: Sequence[Path]) -> dict[str, _Told]:
+    column = next((name for name in ROLE_COLUMNS if rows and name in rows[0]), "")
+    told = [
+        _Told(force_n=row.number("force_n"), role=_role(row.text(column)) if column else "", source=table.name)
+        for row in rows
+    ]
     known = {key: frame.name for frame in frames for key in (frame.name, frame.stem)}
     for column in FILE_COLUMNS:
         texts = [row.text(column).replace("\\", "/").rpartition("/")[2] for row in rows if column in row]
@@ -127,12 +158,12 @@ def _by_frame(table: Path, rows: Sequence[CsvRow], frames: Sequence[Path]) -> di
                 raise file_error(table, f"must name frames of its folder; {lost[0]!r:.60} is none")
             if len({known[text] for text in texts}) < len(texts):
                 raise file_error(table, "must name each frame once; it names one twice")
-            return {known[text]: (force, table.name) for text, force in zip(texts, forces, strict=True)}
+            return {known[text]: each for text, each in zip(texts, told, strict=True)}
     pressed = [frame for frame in frames if not _UNTOUCHED_NAME.search(frame.stem.lower())]
     for ordered in (frames, pressed):
         if len(ordered) == len(rows):
             source = f"{table.name}, in the order of names"
-            return {frame.name: (force, source) for frame, force in zip(ordered, forces, strict=True)}
+            return {frame.name: replace(each, source=source) for frame, each in zip(ordered, told, strict=True)}
     raise file_error(
         table,
         f"must name the frames in a column file, or have a row for each of the {len(frames)}; got {len(rows)} rows",

@@ -196,11 +196,12 @@ def _folder_prior(paths: Sequence[Path]) -> InclusionPrior:
 def _require_force_and_scale(images: Sequence[TactileImage], usable: UsableCalibration) -> None:
     """Refuse frames of unknown force or scale, which the calibration does not give either."""
     scaled = usable.calibration.scale is not None or all(image.mm_per_pixel is not None for image in images)
-    by_line = usable.calibration.force_line is not None
-    if not scaled or not (by_line or all(image.force_n is not None for image in images)):
+    pressed = usable.calibration.force_line is not None or all(image.force_n is not None for image in images)
+    missing = [name for name, known in (("--scale-mm", scaled), ("--force-n", pressed)) if not known]
+    if missing:
         raise InputError(
-            "an estimate with --calibration needs --scale-mm and --force-n, where it contains neither scale nor "
-            "force line"
+            f"an estimate with --calibration needs {' and '.join(missing)}, which the frames and the calibration "
+            "do not tell"
         )
 
 
