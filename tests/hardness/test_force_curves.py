@@ -200,5 +200,27 @@ def test_a_map_of_jpk_is_read_with_all_curves() -> None:
     assert curves[0].force_n.max() == pytest.approx(1.64e-9, rel=0.01)
 
 
+@pytest.mark.parametrize("name", ["chiaro-txt_AEBP1_Indentation_002.zip", "jpk-cc_pr14-brain-2021.06.30.jpk-force"])
+def test_a_damaged_file_of_another_program_is_refused_in_a_sentence_or_read(tmp_path: Path, name: str) -> None:
+    whole = bytearray(real(f"fmt-{name}").read_bytes())
+    pytest.importorskip("afmformats", reason="the extra curves is not installed")
+    rng, refused = np.random.default_rng(11), list[str]()
+    for number in range(60):
+        damaged = bytearray(whole)
+        start = int(rng.integers(len(whole)))
+        if number % 2:
+            del damaged[start : start + int(rng.choice([1, 20, 1000]))]
+        else:
+            damaged[start] ^= 0xFF
+        path = tmp_path / name
+        path.write_bytes(damaged)
+        try:
+            read_curves(path)
+        except FileInputError as error:
+            refused.append(str(error))
+    assert len(refused) > 10
+    assert not any("\n" in sentence for sentence in refused)
+
+
 def test_flags_have_a_meaning_and_those_that_withhold_a_cure() -> None:
     assert all(flag.means and (flag.cure or not flag.withholds) for flag in INDENTATION_FLAGS.values())

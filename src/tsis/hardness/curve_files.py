@@ -23,7 +23,7 @@ from tsis.hardness.force_curves import ForceCurve
 
 if TYPE_CHECKING:
     import os
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
 LARGEST_BYTES = 256 * 2**20
 MOST_CURVES = 10_000
@@ -60,18 +60,25 @@ def read_curves(path: str | os.PathLike[str]) -> tuple[ForceCurve, ...]:
 
 def _zipped(file: Path, content: bytes) -> Iterator[ForceCurve]:
     """Curves of the texts in a ZIP archive."""
+    texts = []
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             members = [item for item in archive.infolist() if not item.is_dir()]
-            if not 0 < len(members) <= MOST_CURVES or sum(item.file_size for item in members) > LARGEST_BYTES:
-                raise file_error(file, f"must hold 1 to {MOST_CURVES} curves of at most {LARGEST_BYTES} bytes together")
+            _require_few(file, members)
             for item in members:
                 with archive.open(item) as opened:  # a false size in the archive must not fill the memory
-                    text = opened.read(LARGEST_BYTES + 1)
-                name = printable_name(Path(item.filename))
-                yield _text_curve(text, name, f"{name} in {printable_path(file)}")
-    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, OSError) as error:
+                    texts.append((printable_name(Path(item.filename)), opened.read(LARGEST_BYTES + 1)))
+    except (FileInputError, MemoryError):
+        raise
+    except Exception as error:  # zipfile has a dozen errors for a damaged archive, ValueError and zlib.error among them
         raise file_error(file, f"must be a whole ZIP archive; {one_line(error)}") from error
+    for name, text in texts:
+        yield _text_curve(text, name, f"{name} in {printable_path(file)}")
+
+
+def _require_few(file: Path, members: Sequence[zipfile.ZipInfo]) -> None:
+    if not 0 < len(members) <= MOST_CURVES or sum(item.file_size for item in members) > LARGEST_BYTES:
+        raise file_error(file, f"must hold 1 to {MOST_CURVES} curves of at most {LARGEST_BYTES} bytes together")
 
 
 def _text_curve(content: bytes, name: str, where: str) -> ForceCurve:
@@ -149,7 +156,7 @@ def _afm_curves(file: Path) -> Iterator[ForceCurve]:
                 name = printable_name(file) + (f" {number}" if len(data) > 1 else "")
                 time = np.array(item["time"], dtype=float) if "time" in item else None
                 yield _curve(printable_path(file), name, 1e3 * position, force, time, None, {"spring_n_per_m": spring})
-    except (FileInputError, MemoryError):
+    except (FileInputError, MemoryError, KeyboardInterrupt, SystemExit, GeneratorExit):
         raise
-    except Exception as error:  # whatever a foreign parser raises on a damaged file
+    except BaseException as error:  # a damaged file; errors of afmformats are no `Exception`
         raise file_error(file, f"must be a force curve that afmformats reads; {one_line(error)}") from error
