@@ -230,6 +230,7 @@ def _block(
         rng = np.random.default_rng([seed, number])
         samples = Sampler(likelihood, region, fit, candidates, gain, rng).run(steps, report=report)
         stored.keep(number, samples)
+    likelihood.settle()
     residual = part.values - likelihood.signal(fit.lumps, fit.shift_mm)
     weights = likelihood.log_weights(residual)
     kind, sd = np.unravel_index(weights.argmax(), weights.shape)

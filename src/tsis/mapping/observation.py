@@ -54,8 +54,11 @@ class Observation:
         Responses to uneven tissue.
     values
         Measured numbers less those of even tissue without lump, shape (presses, numbers).
-    noise
-        Covariance of all numbers by noise and by the nuisances, but for lumps and uneven tissue.
+    own
+        Covariance of the numbers of each press by its noise and its own nuisances, (presses, numbers, numbers).
+    shared
+        What all presses share beside lumps and uneven tissue, one standard deviation a column, (presses, numbers,
+        columns).
     white
         Variance of each number by noise alone, shape (presses, numbers).
     places_mm, place_sd_mm, angle, force_n
@@ -75,7 +78,8 @@ class Observation:
     table: SignalTable
     field: FieldResponses
     values: Floats
-    noise: Floats
+    own: Floats
+    shared: Floats
     white: Floats
     places_mm: Floats
     place_sd_mm: Floats
@@ -86,6 +90,12 @@ class Observation:
     index: Integers
     left_out: tuple[str, ...]
     scale_kpa: float
+
+    @property
+    def noise(self) -> Floats:
+        """Covariance of all numbers but for lumps and uneven tissue."""
+        columns = self.shared.reshape(self.values.size, -1)
+        return np.asarray(scipy.linalg.block_diag(*self.own) + columns @ columns.T)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -154,15 +164,14 @@ def observe(scan: Scan, probe: Probe, calibration: Calibration | None, prior: Ma
         forces.append(force)
         force_sds.append(sd)
     pushes: Floats = np.array(forces)
-    noise = scipy.linalg.block_diag(*blocks)
-    white = np.array([np.diag(block) for block in blocks])
-    columns = _nuisances(slab, pushes, np.array(force_sds), calibration, prior, rings)
+    shared, own = _nuisances(slab, pushes, np.array(force_sds), calibration, prior, rings)
     return Observation(
         table=slab.table,
         field=slab.field,
         values=np.array(values),
-        noise=noise + columns @ columns.T,
-        white=white,
+        own=np.array(blocks) + own @ own.swapaxes(1, 2),
+        shared=shared,
+        white=np.array([np.diag(block) for block in blocks]),
         places_mm=np.array([press.place_mm for press in presses]),
         place_sd_mm=np.array([max(press.place_sd_mm, LEAST_PLACE_SD_MM) for press in presses]),
         angle=np.radians([press.angle_deg for press in presses]),
@@ -283,30 +292,34 @@ def _nuisances(
     calibration: Calibration | None,
     prior: MapPrior,
     rings: int,
-) -> Floats:
-    """What moves the numbers beside lumps and uneven tissue, one standard deviation a column."""
-    shapes, presses = slab.table.shapes, len(force)
+) -> tuple[Floats, Floats]:
+    """What moves the numbers beside lumps and uneven tissue, one standard deviation a column.
+
+    First what all presses share, then what each has of its own; both (presses, numbers, columns).
+    """
+    shapes = slab.table.shapes
 
     def numbers(round_part: Floats, order: int = 0, side: int = 0) -> Floats:
         result = np.zeros((len(shapes.basis), rings), dtype=complex)
         result[order] = round_part * (1j if side else 1.0)
         return shapes.reduced(result)
 
-    shared, single = [], []
     each = [numbers(push * slab.bare[0] + slab.bare[1]) for push in force]
     stiffer = slab.field.uniform()
     gain_sd = GAIN_SD if calibration is None else calibration.gain_sd
     offset_sd = OFFSET_SD if calibration is None else calibration.offset_sd
-    shared.append(np.concatenate([gain_sd * one for one in each]))
-    shared.append(np.concatenate([prior.tissue_young_sd * push * stiffer for push in force]))
     by_thickness = numbers(slab.by_thickness[0])
-    shared.append(np.concatenate([prior.thickness_sd * push * by_thickness for push in force]))
-    if calibration is not None:
-        shared += [
-            np.concatenate([numbers(one * (push * slab.bare[0] + slab.bare[1])) for push in force])
-            for one in _pattern(calibration, rings)
-        ]
+    pattern = [] if calibration is None else _pattern(calibration, rings)
+    shared, single = [], []
     for press, push in enumerate(force):
+        shared.append(
+            [
+                gain_sd * each[press],
+                prior.tissue_young_sd * push * stiffer,
+                prior.thickness_sd * push * by_thickness,
+                *(numbers(one * (push * slab.bare[0] + slab.bare[1])) for one in pattern),
+            ]
+        )
         mean = float((push * slab.bare[0] + slab.bare[1]).mean())
         parts = [
             numbers(force_sd[press] * push * slab.bare[0]),
@@ -314,11 +327,8 @@ def _nuisances(
         ]
         if len(shapes.basis) > 1:
             parts += [numbers(np.radians(TILT_SD_DEG) * slab.tilt, 1, side) for side in (0, 1)]
-        for part in parts:
-            column = np.zeros((presses, shapes.count))
-            column[press] = part
-            single.append(column.ravel())
-    return np.column_stack([*shared, *single])
+        single.append(parts)
+    return np.array(shared).swapaxes(1, 2), np.array(single).swapaxes(1, 2)
 
 
 def _pattern(calibration: Calibration, rings: int) -> list[Floats]:

@@ -185,6 +185,10 @@ class BlockLikelihood:
         variance = (SIGNAL_ERROR * signal) ** 2 + (0.5 * SIGNAL_ERROR * mean) ** 2
         self.kinds = self._turned(self.observation.noise + np.diag(variance.ravel()), kept)
 
+    def settle(self) -> None:
+        """Drop what only a change of the signal's error needs: most of the memory."""
+        self._fields, self._even_kinds = [], []
+
     def signal(self, lumps: Floats, shift_mm: Floats) -> Floats:
         """Changes by lumps, (presses, numbers), with the places shifted."""
         seen = self.observation
@@ -624,10 +628,11 @@ class Sampler:
 
 def of_presses(observation: Observation, presses: Integers) -> Observation:
     """The observation of some of the presses."""
-    numbers = observation.values.shape[1]
-    at = (presses[:, None] * numbers + np.arange(numbers)).ravel()
     parts = {
         name: getattr(observation, name)[presses]
-        for name in ("values", "white", "places_mm", "place_sd_mm", "angle", "force_n", "reference", "index")
+        for name in (
+            *("values", "own", "shared", "white"),
+            *("places_mm", "place_sd_mm", "angle", "force_n", "reference", "index"),
+        )
     }
-    return replace(observation, noise=observation.noise[np.ix_(at, at)], **parts)
+    return replace(observation, **parts)

@@ -385,21 +385,24 @@ def observe_stiffness(scan: Scan, prior: MapPrior) -> Observation:
     # modulus of the tissue and gain of the sensor alike, thickness as a shift that all share, and the contact and the
     # repeatability of each press
     slope = np.log(read.even.forces(1.01 * depths) / read.even.forces(0.99 * depths)) / (0.02 * depths)
-    level, each = basis.T @ np.ones(count), np.eye(len(presses))
-    shared = [np.tile(np.hypot(prior.tissue_young_sd, FORCE_GAIN_SD) * level, len(presses))]
-    shared.append(np.tile(prior.thickness_sd * basis.T @ np.linspace(0.3, 1.0, count), len(presses)))
+    level = basis.T @ np.ones(count)
     contacts = np.array([touch.contact_sd_mm for touch in read.touches])
-    single = np.kron(contacts * each, (basis.T @ slope)[:, None])
     press_sd = _press_sd(places, np.array([values.mean() for values, _ in levels]), contacts * slope.mean())
-    own = np.column_stack([single, press_sd * np.kron(each, level[:, None])])
-    columns = np.column_stack([*shared, own])
-    noise = scipy.linalg.block_diag(*blocks)
+    shared = np.column_stack(
+        [
+            np.hypot(prior.tissue_young_sd, FORCE_GAIN_SD) * level,
+            prior.thickness_sd * basis.T @ np.linspace(0.3, 1.0, count),
+        ]
+    )
+    single = np.array([np.column_stack([sd * (basis.T @ slope), press_sd * level]) for sd in contacts])
+    own = np.array(blocks) + single @ single.swapaxes(1, 2)
     return Observation(
         table=table,
         field=field,
         values=np.array([basis.T @ values for values, _ in levels]),
-        noise=noise + columns @ columns.T,
-        white=(np.diag(noise) + np.square(own).sum(axis=1)).reshape(len(presses), -1),
+        own=own,
+        shared=np.repeat(shared[None], len(presses), axis=0),
+        white=np.array([np.diag(block) for block in own]),
         places_mm=places,
         place_sd_mm=np.array([max(press.place_sd_mm, LEAST_PLACE_SD_MM) for press in presses]),
         angle=np.zeros(len(presses)),
