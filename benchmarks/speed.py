@@ -42,6 +42,7 @@ PATHS: dict[str, Callable[[Place], Iterator[Contest]]] = {
     "matching": answers.matching,
     "estimate": answers.estimate,
     "storing": answers.storing,
+    "report": answers.report,
     "area": answers.area,
 }
 HEADS = ("path", "tsis", "peer", "its time", "peer over tsis", "answers")

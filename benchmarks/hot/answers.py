@@ -1,7 +1,8 @@
-"""Answers: points matched, an inclusion estimated, a press stored, an area judged."""
+"""Answers: points matched, an inclusion estimated, a press stored, a target reported, an area judged."""
 
 from __future__ import annotations
 
+import io
 import itertools
 import sqlite3
 from contextlib import closing
@@ -16,9 +17,14 @@ from benchmarks.matching.trials import matching_error
 from benchmarks.peers.placement_matrix import area_and_variance
 from benchmarks.posterior_speed import DENSE, PROTOCOLS, PosteriorBench, grid_within_reach
 from benchmarks.store_speed import BEGUN, frame, kept_plainly, plain_database
+from matplotlib.figure import Figure
 from sklearn.metrics import roc_auc_score
+from tests.records.sample import sample_record
 
 from tsis.inclusion.posterior.exploration import explore_inclusion
+from tsis.present.page import PAPER_DPI
+from tsis.present.records import page_bytes
+from tsis.present.target import target_page
 from tsis.records.store import open_store
 from tsis.study.roc import auc_covariance
 
@@ -117,6 +123,30 @@ def _each_new(rng: np.random.Generator, keep: Callable[[TactileImage], object], 
         return float(np.median(taken))
 
     return seconds
+
+
+def report(_place: Place) -> Iterator[Contest]:
+    """The report of a target on paper: pictures, tables, provenance."""
+    record = sample_record()
+    pictures = target_page(record).pictures
+
+    def pictures_alone() -> None:
+        for picture in pictures:
+            figure = Figure(figsize=picture.size, layout="constrained")
+            picture.draw(figure)
+            figure.savefig(io.BytesIO(), dpi=PAPER_DPI)
+
+    yield Contest(
+        task="report of a target as PDF",
+        own=Side(program="tsis", seconds=timed(lambda: page_bytes("pdf", record))),
+        peers=(
+            Side(
+                program=f"Matplotlib {version('matplotlib')}",
+                seconds=timed(pictures_alone),
+                note=f"the other saves the {len(pictures)} pictures alone",
+            ),
+        ),
+    )
 
 
 def area(_place: Place) -> Iterator[Contest]:

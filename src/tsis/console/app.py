@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 
     from tsis.console.auth import Access
     from tsis.console.services.instrument import Instrument
+    from tsis.console.worker import WorkerProcess
 
 
 _PAGE = Template("""<!doctype html>
@@ -94,13 +95,15 @@ def _open(page: Path) -> None:
 STATIC = Path(__file__).parent / "static"
 
 
-def console_app(instrument: Instrument, *, access: Access, hosts: Collection[str]) -> ASGIApp:
+def console_app(
+    instrument: Instrument, *, access: Access, hosts: Collection[str], worker: WorkerProcess | None = None
+) -> ASGIApp:
     """The console of an instrument behind the authentication; one per process, since NiceGUI's pages are process-wide.
 
-    ``hosts`` are the names by which it may be called.
+    ``hosts`` are the names by which it may be called; ``worker`` builds the reports, a new one when None.
     """
     hub = LiveHub(lambda: instrument.camera_controller.acquisition)
-    reports = Reports(instrument.store, database=instrument.terms.database)
+    reports = Reports(instrument.store, database=instrument.terms.database, worker=worker)
     calls, shell = Calls(instrument, reports), Shell(instrument)
 
     @asynccontextmanager

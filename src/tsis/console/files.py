@@ -349,9 +349,9 @@ def _one_file(path: Path) -> Path:
 class Reports:
     """Builds the reports of a store, one at a time, in a worker process."""
 
-    def __init__(self, store: Store, *, database: str | None = None) -> None:
+    def __init__(self, store: Store, *, database: str | None = None, worker: WorkerProcess | None = None) -> None:
         self._folder = StoreAddress(folder=store.folder, kind=store.kind, database=database, identity=store.identity)
-        self._worker = WorkerProcess()
+        self._worker = worker or WorkerProcess()
 
     def content(self, target: Target, form: str) -> bytes:
         """The report in a form of `tsis.present.records.PAGE_FORMS`; errors as `report_of_stored_target`."""

@@ -274,13 +274,14 @@ def serve_console(
                 secure=tls is not None,
             )
             share_memory_among_threads()
-            warming = WorkerProcess()  # the first estimate is as fast as the others: its process fills the caches
+            worker = WorkerProcess()  # of reports; it fills the caches of estimates, so that the first is quick
             solver = solver or solving_process()
-            with logging_to(folder), closing(warming), closing(solver), Instrument(settings.instrument) as instrument:
-                instrument.before_estimates = warm_up_once(warming)
+            with logging_to(folder), closing(worker), closing(solver), Instrument(settings.instrument) as instrument:
+                instrument.before_estimates = warm_up_once(worker)
                 instrument.camera_controller.solver = solver
                 instrument.camera_controller.prepare()
-                application = console_app(instrument, access=access, hosts=(*OWN_NAMES, *settings.names))
+                hosts = (*OWN_NAMES, *settings.names)
+                application = console_app(instrument, access=access, hosts=hosts, worker=worker)
                 scheme, port = "http" if tls is None else "https", listener.getsockname()[1]
                 ready(f"{scheme}://{public_host(address, settings.names)}:{port}/?token={token}")
                 # The server has ended in order, and raises the interruption that ended it.

@@ -5,13 +5,14 @@ from __future__ import annotations
 import base64
 import io
 import threading
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from tsis.model.flag import Flag
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
+    from collections.abc import Callable, Iterable, Iterator, Mapping
 
     from matplotlib.figure import Figure
 
@@ -23,31 +24,43 @@ FIGURE_LOCK = threading.Lock()  # matplotlib's settings and glyph cache are glob
 
 def address(picture: Picture) -> str:
     """The picture as a data URL: SVG, or PNG where it is no line drawing."""
-    content = _drawn(picture, picture.size, kind="svg" if picture.vector else "png", dpi=DPI)
+    content = _svg(picture) if picture.vector else pixels(picture, size=picture.size, dpi=DPI)
     kind = "image/svg+xml" if picture.vector else "image/png"
     return f"data:{kind};base64,{base64.b64encode(content).decode()}"
 
 
-def pixels(picture: Picture, *, size: tuple[float, float], dpi: float = PAPER_DPI) -> bytes:
-    """The picture as an opaque PNG file of ``size`` inches."""
-    from PIL import Image  # loaded with the first figure
+def pixels(picture: Picture, *, size: tuple[float, float], dpi: float = PAPER_DPI, compress_level: int = 6) -> bytes:
+    """The picture as an opaque PNG file of ``size`` inches; what reads it at once needs no compression."""
+    import numpy as np  # all loaded with the first figure
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from PIL import Image
 
     buffer = io.BytesIO()
-    with Image.open(io.BytesIO(_drawn(picture, size, kind="png", dpi=dpi))) as drawn:
-        drawn.convert("RGB").save(buffer, format="PNG")
+    with _figure(picture, size, dpi=dpi) as figure:
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()  # once: ``savefig`` draws every figure twice, for its layout first
+        drawn = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
+    drawn.save(buffer, format="PNG", compress_level=compress_level)
     return buffer.getvalue()
 
 
-def _drawn(picture: Picture, size: tuple[float, float], *, kind: str, dpi: float) -> bytes:
+def _svg(picture: Picture) -> bytes:
+    buffer = io.BytesIO()
+    with _figure(picture, picture.size, dpi=DPI) as figure:
+        figure.savefig(buffer, format="svg", dpi=DPI, metadata={"Date": None})
+    return buffer.getvalue()
+
+
+@contextmanager
+def _figure(picture: Picture, size: tuple[float, float], *, dpi: float) -> Iterator[Figure]:
+    """The picture drawn into a figure that nothing else changes meanwhile."""
     import matplotlib as mpl  # loaded with the first figure
     from matplotlib.figure import Figure
 
-    buffer = io.BytesIO()
     with FIGURE_LOCK, mpl.rc_context({"svg.hashsalt": "tsis", "font.size": 9.0}):
-        figure = Figure(figsize=size, layout="constrained")
+        figure = Figure(figsize=size, dpi=dpi, layout="constrained")
         picture.draw(figure)
-        figure.savefig(buffer, format=kind, dpi=dpi, metadata={"Date": None} if kind == "svg" else None)
-    return buffer.getvalue()
+        yield figure
 
 
 def on_axes(plot: Callable[..., object], *values: Any, **options: Any) -> Callable[[Figure], None]:

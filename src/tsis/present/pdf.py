@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
+from reportlab import rl_config
 from reportlab.lib.colors import HexColor
 from reportlab.lib.pagesizes import A4
 from reportlab.lib.styles import ParagraphStyle
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
     from tsis.present.page import Card, Page, Picture
 
 
+rl_config.useA85 = 0  # streams of letters are a quarter longer, and take seconds of Python to write
 SANS, BOLD, MONO = "DejaVuSans", "DejaVuSans-Bold", "DejaVuSansMono"  # matplotlib brings them; free to embed
 TURNS = frozenset("\u200e\u200f\u061c\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069")  # turn text around
 RIGHT_TO_LEFT = frozenset({"R", "AL"})
@@ -405,7 +407,7 @@ def _image(picture: Picture, wide: float) -> Image:
     shrink = min(1.0, EASE * wide / size[0], EASE * tall / size[1])
     drawn = tuple(max(shrink * side, LEAST_POINTS) for side in size)
     scale = min(wide / drawn[0], tall / drawn[1], 1.0)
-    content = pixels(picture, size=(drawn[0] / POINTS, drawn[1] / POINTS), dpi=PAPER_DPI * scale)
+    content = pixels(picture, size=(drawn[0] / POINTS, drawn[1] / POINTS), dpi=PAPER_DPI * scale, compress_level=0)
     return Image(io.BytesIO(content), width=scale * drawn[0], height=scale * drawn[1], hAlign="LEFT")
 
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import sys
 import threading
+from contextlib import closing
 from dataclasses import asdict, replace
 from datetime import timedelta
 from functools import partial
@@ -21,9 +23,10 @@ import tsis
 import tsis.hardness
 from tsis.console.services import instrument as estimates_module
 from tsis.console.services.choice import BALL_MM, CameraChoice
-from tsis.console.services.instrument import estimate_target, newest_presses
+from tsis.console.services.instrument import estimate_target, newest_presses, warm_up
 from tsis.console.services.memory import LIGHT_N, TissueReading, read_tissue
 from tsis.console.serving import warm_up_once
+from tsis.console.worker import WorkerProcess
 from tsis.errors import ControlError, InputError
 from tsis.imaging.sensor import Sensor
 from tsis.inclusion import InclusionPrior
@@ -244,6 +247,16 @@ def test_estimates_of_a_probe_are_warmed_up_once(tmp_path: Path) -> None:
             instrument.stop(by=ANN)
     assert over.wait(HANGS_S)
     assert called == [("warm_up", "tsis-2011")]
+
+
+def loaded(names: tuple[str, ...]) -> bool:
+    return all(name in sys.modules for name in names)
+
+
+def test_the_process_of_reports_has_loaded_what_draws_them_before_the_first() -> None:
+    with closing(WorkerProcess()) as worker:
+        worker.call(warm_up, "tsis-2011")
+        assert worker.call(loaded, ("tsis.present.pdf", "matplotlib.backends.backend_agg"))
 
 
 def test_a_light_press_gives_the_tissue_the_forces_and_the_prior(tmp_path: Path) -> None:

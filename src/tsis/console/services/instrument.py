@@ -44,6 +44,7 @@ from tsis.inclusion.estimation import stated_strain
 from tsis.inclusion.tissue import prior_on_tissue
 from tsis.instrument.discovery import connect
 from tsis.model.require import require_integer, require_one_of
+from tsis.present.page import Page
 from tsis.records.provenance import environment
 from tsis.records.recomputation import REFERENCE_ROLES, EstimationRequest, estimate_stored, recompute, require_options
 from tsis.records.store import open_store
@@ -148,11 +149,15 @@ def require_estimable(
 
 
 def warm_up(probe: str) -> None:
-    """Estimate a simulated press: solver, tables and compiled loops are in the caches then, for every process."""
+    """Estimate a simulated press, and report it: caches of every process, and what this one loads, are filled then."""
+    from tsis.present.inclusion import estimate_pictures  # the process of a console loads them with the first picture
+    from tsis.present.pdf import pdf_bytes
+
     rig = VirtualProbe(load_probe(probe), rng=np.random.default_rng(0), strain="small")
     phantom = load_phantom("size-8")
     frames, reference = ([rig.press(item, force_n=1.0)] for item in (phantom, phantom.without_inclusion()))
-    estimate(frames, probe=rig.probe, calibration=rig.calibration, reference=reference, strain="small")
+    found = estimate(frames, probe=rig.probe, calibration=rig.calibration, reference=reference, strain="small")
+    pdf_bytes(Page(title="", subtitle="", pictures=estimate_pictures(found)))
 
 
 def newest_presses(record: TargetRecord, kind: str, *, tissue: TissueReading | None = None) -> tuple[StoredPress, ...]:
