@@ -217,12 +217,21 @@ def test_the_live_image_fills_a_narrow_screen(
         assert too_wide(page) == []
 
 
-def test_a_snapshot_is_in_reach_on_a_telephone(console: RunningConsole, browser: Browser, desktop: Page) -> None:
-    with tab(browser, console, size=(390, 844), has_touch=True) as page:
-        save = page.get_by_role("button", name="Snapshot")
+@pytest.mark.parametrize("width", [390, 768])
+def test_a_snapshot_is_in_reach_on_a_narrow_screen_and_the_notice_is_read(
+    console: RunningConsole, browser: Browser, desktop: Page, width: int
+) -> None:
+    on_top = """(each) => { const box = each.getBoundingClientRect();
+      return each.contains(document.elementFromPoint(box.x + box.width / 2, box.y + box.height / 2)); }"""
+    with tab(browser, console, size=(width, 844), has_touch=True) as page:
+        save, notice = page.get_by_role("button", name="Snapshot"), page.locator(".foot > div").first
         expect(save).to_be_in_viewport(ratio=1)
-        page.mouse.wheel(0, 900)
+        assert save.evaluate(on_top)
+        page.evaluate("scrollTo(0, 100000)")
         expect(save).to_be_in_viewport(ratio=1)
+        expect(notice).to_be_in_viewport(ratio=1)
+        assert save.evaluate(on_top)
+        assert notice.evaluate(on_top)
 
 
 @pytest.mark.parametrize("title", ["Examine", "Targets"])

@@ -46,7 +46,7 @@ def require_pleasant(page: Page) -> None:
 
 
 def names(page: Page) -> list[str]:
-    return page.locator(".targets tbody tr td:nth-child(2)").all_inner_texts()
+    return page.locator(".targets tbody tr td:nth-child(3)").all_inner_texts()
 
 
 def all_shown(page: Page, count: int) -> None:
@@ -84,6 +84,12 @@ def test_a_list_is_searched_sorted_and_opens_a_target(console: RunningConsole, b
         with zipfile.ZipFile(loaded.value.path()) as packed:
             inside = {name for name in packed.namelist() if name.endswith(".zip")}
         assert inside == {f"targets/target-{number}-csv.zip" for number in (ESTIMATED, MANY)}
+        page.get_by_label(f"Choose target {MANY}").click()
+        page.get_by_role("button", name="Export the 1 chosen").click()
+        page.get_by_text(f"Export target {MANY}").wait_for()
+        page.get_by_role("button", name="Cancel").click()
+        page.get_by_label(f"Choose target {MANY}").click()
+        page.get_by_role("button", name="Export the listed").wait_for()
         page.get_by_label("Search number, name, note or #tag").fill("CL2")
         page.get_by_text("size-10").wait_for(state="hidden")
         assert names(page) == ["cl2000x"]

@@ -176,9 +176,9 @@ class Operator:
 
     @property
     def rows(self) -> list[tuple[str, ...]]:
-        """Rows of the page's table that can be sorted, as it shows them."""
-        (table,) = (element for element in self._shown() if isinstance(element, ui.table))
-        return [tuple(str(row[column["field"]]) for column in table.columns) for row in table.rows]
+        """Rows of the page's table that can be sorted, as it shows them; none while there is no table."""
+        tables = (element for element in self._shown() if isinstance(element, ui.table))
+        return [tuple(str(row[item["field"]]) for item in table.columns) for table in tables for row in table.rows]
 
     @property
     def messages(self) -> list[str]:
@@ -290,6 +290,12 @@ class Operator:
         """Order the table, as a click on its headings and below it does."""
         (table,) = (element for element in self._shown() if isinstance(element, ui.table))
         self._send(table, "request", value={"pagination": pagination})
+
+    def chooses_rows(self, *keys: Any, chosen: bool = True) -> None:
+        """Tick rows of the table by their keys, or clear their ticks."""
+        (table,) = (element for element in self._shown() if isinstance(element, ui.table))
+        rows = [row for row in table.rows if row[table.row_key] in keys]
+        self._send(table, "selection", value={"added": chosen, "rows": rows, "keys": list(keys)})
 
     def presses_key(self, does: str, value: Any = None) -> None:
         """Press a key of the page, which its script reports by what the key does."""

@@ -304,6 +304,24 @@ def test_an_export_is_fetched_by_the_browser_from_an_address_that_gives_it(fille
     assert read_bundle(filled.terms.workspace / "b.zip").target.name == "size-10"
 
 
+def test_the_export_is_of_the_chosen_rows_else_of_all_that_are_listed(filled: Instrument) -> None:
+    async def script(operator: Operator) -> None:
+        await operator.sees("3 targets (phantoms)")
+        await operator.until(lambda: len(operator.rows) == 3, "not listed")
+        operator.chooses_rows(HARD, ESTIMATED)
+        operator.orders(sortBy="presses", descending=True, page=1, rowsPerPage=25)
+        await operator.types("Search number, name, note or #tag", "MANY")  # what is chosen stays so
+        await operator.until(lambda: len(operator.rows) == 1, "not searched")
+        await operator.clicks("Export the 2 chosen")
+        await operator.sees("Export 2 targets")
+        await operator.clicks("Cancel")
+        operator.chooses_rows(HARD, ESTIMATED, chosen=False)
+        await operator.clicks("Export the listed")
+        await operator.sees(f"Export target {MANY}")
+
+    at_console(filled, script, "/records")
+
+
 def test_a_target_is_deleted_and_restored(filled: Instrument) -> None:
     async def script(operator: Operator) -> None:
         await operator.clicks("Delete")

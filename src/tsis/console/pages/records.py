@@ -223,9 +223,9 @@ MEANT = {
 PAGE = "Contains what the report shows; of a subject only the pseudonym."
 
 
-def export_button(viewer: Viewer, place: ui.element, targets: Callable[[], Sequence[int]], *, text: str) -> None:
+def export_button(viewer: Viewer, place: ui.element, targets: Callable[[], Sequence[int]], *, text: str) -> ui.button:
     """A button that asks for the form of an export of these targets, and downloads the file."""
-    widgets.button(text, lambda: _ask(viewer, place, targets()), icon="download", look="outline dense")
+    return widgets.button(text, lambda: _ask(viewer, place, targets()), icon="download", look="outline dense")
 
 
 def _ask(viewer: Viewer, place: ui.element, targets: Sequence[int]) -> None:
@@ -375,7 +375,15 @@ PICTURE = """<q-td :props="props">
   <img v-if="props.value" class="target-picture" loading="lazy" :src="props.value"
     :alt="'first press of target ' + props.row.number">
 </q-td>"""
+ROOM = {
+    "last": "min-width: 7em",
+    "result": "min-width: 15em",
+    "note": "min-width: 12em",
+}  # else a telephone breaks words
 PICTURE_PX = 96
+CHOOSE = '<q-checkbox v-model="props.selected" dense :aria-label="\'Choose target \' + props.row.number" />'
+CHOOSE_ALL = '<q-checkbox v-model="props.selected" dense aria-label="Choose all targets of this sheet" />'
+EXPORT = "Export the listed"
 BEGIN = (
     "Nothing is saved yet. Start the camera on the page Examine and take a snapshot: it becomes the first press of a "
     "target. A bundle of another store can be imported here."
@@ -399,7 +407,7 @@ def target_listing(instrument: Instrument, viewer: Viewer) -> None:
             widgets.button("Save as CSV", save, icon="table_view", look="outline dense")
         targets = _TargetTable(instrument, viewer, count)
         with buttons:
-            export_button(viewer, below, targets.listed, text="Export the listed")
+            targets.export = export_button(viewer, below, targets.chosen, text=EXPORT)
     follow_store(viewer, targets.load)
 
 
@@ -410,10 +418,12 @@ class _TargetTable:
         self._instrument, self._viewer, self._count = instrument, viewer, count
         self._targets: tuple[TargetSummary, ...] = ()
         self._order = Order()
+        self.export: ui.button | None = None  # whose text says what it exports
         with ui.element("div").classes("row") as self._request:
             self._search = widgets.text_field("Search number, name, note or #tag", on_change=self._requested).props(
                 "clearable debounce=200"
             )
+            self._search.classes("path")
             self._kind = (
                 widgets.select_field(list(KINDS), value=KINDS[0], label="Show", on_change=self._requested)
                 .props("dense outlined")
@@ -423,16 +433,27 @@ class _TargetTable:
         self._table = ui.table(
             rows=[],
             columns=[
-                {"name": name, "label": label, "field": name, "align": align, "sortable": name in KEYS}
+                {
+                    "name": name,
+                    "label": label,
+                    "field": name,
+                    "align": align,
+                    "sortable": name in KEYS,
+                    "style": ROOM.get(name, ""),
+                }
                 for name, label, align in COLUMNS
             ],
             row_key="number",
             pagination=self._pages(sheet_of((), self._order)),  # else it asks for a sheet of its own making
+            selection="multiple",
+            on_select=lambda: self._say_chosen(),
         )
         widgets.sheets_of_targets(self._table, SHEETS, lambda: self._pages(sheet_of(self._targets, self._order)))
         for name in ("number", "name"):
             self._table.add_slot(f"body-cell-{name}", LINK)
         self._table.add_slot("body-cell-picture", PICTURE)
+        self._table.add_slot("body-selection", CHOOSE)
+        self._table.add_slot("header-selection", CHOOSE_ALL)
         self._table.on("request", self._page_changed)
         for part in (self._request, self._empty, self._table):
             part.set_visibility(False)
@@ -443,6 +464,9 @@ class _TargetTable:
         if everything is None:
             return
         self._targets = everything
+        known = {item.target.number for item in everything}
+        self._table.selected = [row for row in self._table.selected if row["number"] in known]
+        self._say_chosen()
         targets = tuple(item for item in everything if item.state is None)
         presses = sum(target.presses for target in targets)
         kind = self._instrument.store.kind
@@ -452,13 +476,20 @@ class _TargetTable:
         )
         self._empty.set_visibility(not everything)
         self._request.set_visibility(bool(everything))
-        self._table.set_visibility(bool(everything))
         await self._show()
+        self._table.set_visibility(bool(everything))
 
-    def listed(self) -> list[int]:
-        """Numbers of the targets that the search finds, of all sheets."""
+    def chosen(self) -> list[int]:
+        """Numbers of the targets whose rows are chosen, else of those that the search finds, of all sheets."""
+        if self._table.selected:
+            return sorted(row["number"] for row in self._table.selected)
         order = replace(self._order, sheet=1, rows=max(len(self._targets), 1))
         return [item.target.number for item in sheet_of(self._targets, order).targets]
+
+    def _say_chosen(self) -> None:
+        count = len(self._table.selected)
+        if self.export is not None:
+            self.export.text = f"Export the {count} chosen" if count else EXPORT
 
     async def _requested(self) -> None:
         self._order = replace(self._order, search=self._search.value or "", kind=self._kind.value, sheet=1)
