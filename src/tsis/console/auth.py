@@ -554,7 +554,7 @@ def cookie_of(header: str, name: str) -> str:
 
 LOGIN, LOGOUT = "/login", "/logout"
 FAILED = "An unexpected error occurred. Saved data are safe; the console's log has the details."
-KEY_NEEDED = "Open the address that tsis console printed at its start: it contains the access key."
+KEY_NEEDED = "Open the address that the console showed at its start: it contains the access key."
 
 
 def refusal(
@@ -949,7 +949,7 @@ class AuthMiddleware:
             return refusal("The request is malformed.", HTTPStatus.BAD_REQUEST, requested=headers)
         local = (scope.get("server") or ("",))[0]
         if not is_known(headers.get("host", ""), names=self._hosts, local=local):
-            message = "The console does not accept this host name (tsis console --allow-host NAME adds one)."
+            message = "The console does not accept this host name; whoever starts it can allow the name."
             return refusal(message, HTTPStatus.MISDIRECTED_REQUEST, requested=headers)
         if not is_own_origin(scope, headers):
             return refusal("Requests from other sites are refused.", HTTPStatus.FORBIDDEN, requested=headers)

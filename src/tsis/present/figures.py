@@ -200,7 +200,7 @@ def trade_off(
 
 
 def posterior(estimate: Estimate, figure: Figure | None = None) -> Figure:
-    """Draw the posterior of every parameter, with its 90 % interval and its prior, side by side.
+    """Draw the posterior of every parameter, with its 90 % interval and its prior: side by side, or down a tall figure.
 
     An estimate that is not trusted shows its flags instead: it has no number to show. ``figure`` is an empty figure;
     None makes one.
@@ -211,7 +211,9 @@ def posterior(estimate: Estimate, figure: Figure | None = None) -> Figure:
 
         figure = Figure(figsize=(3.2 * len(names), 2.8), layout="constrained")
     priors = estimate.provenance.get("prior", {})
-    for name, ax in zip(names, figure.subplots(1, len(names), squeeze=False)[0], strict=True):
+    width, height = figure.get_size_inches()
+    rows, columns = (len(names), 1) if height > width else (1, len(names))
+    for name, ax in zip(names, figure.subplots(rows, columns, squeeze=False).flat, strict=True):
         ax.set(xlabel=quantity_of(name).axis, yticks=[])
         if not estimate.trusted:
             ax.set(xticks=[])

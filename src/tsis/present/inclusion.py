@@ -270,10 +270,9 @@ def estimate_pictures(estimate: Estimate) -> tuple[Picture, ...]:
     parameters = Picture(
         title="Posterior of each parameter",
         draw=marginals,
-        size=(9.5, 2.8),
+        size=(4.4, 1.6 * len(estimate.names)),  # as narrow as the place beside a live image
         alt=why or f"Posterior of {', '.join(estimate.names)} with the 90 % interval and the prior",
         caption="" if why else "Posterior (blue) against the prior (grey), 90 % interval shaded.",
-        wide=True,
     )
     if not {"diameter_mm", "depth_mm"} <= set(estimate.names):
         return (parameters,)

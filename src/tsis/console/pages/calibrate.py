@@ -357,7 +357,7 @@ def calibrate_page(instrument: Instrument, viewer: Viewer) -> None:
     async def refresh() -> None:
         sessions = await run.io_bound(instrument.calibrating.listed)
         if sessions is not None and listed.changes_to(sessions):
-            widgets.set_class(columns, "no-sessions", not sessions)
+            widgets.set_class(columns, "empty-first", not sessions)
             with listed.element:
                 session_list(sessions)
 

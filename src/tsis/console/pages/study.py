@@ -645,7 +645,7 @@ MEANT = (
 def study_listing(instrument: Instrument, viewer: Viewer) -> None:
     """Build the page."""
     repository = StudyRepository(instrument.terms.workspace)
-    with ui.element("div").classes("split"):
+    with ui.element("div").classes("split empty-first") as columns:
         with widgets.panel("Studies"):
             studies = ui.element("div").classes("scroll")
         with ui.element("section").classes("panel stack"):
@@ -660,6 +660,7 @@ def study_listing(instrument: Instrument, viewer: Viewer) -> None:
         shown = stamps
         summaries = await viewer.attempt(repository.summaries)
         if summaries is not None:
+            widgets.set_class(columns, "empty-first", not summaries)
             studies.clear()
             with studies:
                 _show(summaries)

@@ -578,8 +578,9 @@ def ask_to_compare(page: TargetContext, view: TargetView) -> None:
 
 async def compare_targets(instrument: Instrument, viewer: Viewer, pair: str) -> None:
     """Build the page of two targets beside each other: their estimates, true values and newest presses."""
-    ui.link("All targets", "/records").classes("link")
-    place = ui.element("div").classes("grid")
+    with ui.element("div").classes("stack"):
+        ui.link("All targets", "/records").classes("link")
+        place = ui.element("div").classes("grid")
     for number in pair.split("-", 1):
         view = await viewer.attempt(read_target, instrument.store, number, LARGEST_OFFSET)
         if view is None:
