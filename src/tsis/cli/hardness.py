@@ -82,6 +82,14 @@ ForceZeroSd = Annotated[
     float,
     typer.Option("--force-zero-sd-n", help="Sd of the force's zero in N; 0 for a tared gauge.", rich_help_panel=PANEL),
 ]
+ForceLagSd = Annotated[
+    float,
+    typer.Option(
+        "--force-lag-sd-s",
+        help="Sd of the time in s between force and image, where the table has time_s and press.",
+        rich_help_panel=PANEL,
+    ),
+]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,6 +107,7 @@ class ContactOptions:
     sequence: bool
     press_sd: float
     force_zero_sd_n: float
+    lag_sd_s: float
 
 
 def hardness_from_contacts(path: Path, given: ContactOptions, *, prior: HardnessPrior | None, as_json: bool) -> None:
@@ -126,6 +135,7 @@ def hardness_from_contacts(path: Path, given: ContactOptions, *, prior: Hardness
             sequence=given.sequence,
             press_sd=given.press_sd,
             force_zero_sd_n=given.force_zero_sd_n,
+            lag_sd_s=given.lag_sd_s,
         )
     if as_json:
         withheld = result.withheld_reason("young_kpa")
@@ -187,6 +197,7 @@ def hardness(
     sequence: OneSequence = False,
     press_sd: PressSd = 0.02,
     force_zero_sd_n: ForceZeroSd = 0.03,
+    force_lag_sd_s: ForceLagSd = 0.1,
     prior: PriorFile = None,
     show_prior: ShowHardnessPrior = False,
     seed: Annotated[int, typer.Option(help="Seed of the virtual rig's errors.", min=0, max=LARGEST_SEED)] = 1,
@@ -222,6 +233,7 @@ def hardness(
             sequence=sequence,
             press_sd=press_sd,
             force_zero_sd_n=force_zero_sd_n,
+            lag_sd_s=force_lag_sd_s,
         )
         hardness_from_contacts(contacts, stated, prior=own, as_json=as_json)
         return

@@ -127,6 +127,12 @@ def new(
     image_px: Annotated[str | None, typer.Option(help="Columns and rows of that scale's frames, as 320,240.")] = None,
     thickness_mm: Annotated[float | None, typer.Option(help="Thickness of the gel in mm, where you know it.")] = None,
     young_kpa: Annotated[float | None, typer.Option(help="Young's modulus of the gel in kPa, where known.")] = None,
+    young_measured: Annotated[
+        bool,
+        typer.Option(
+            "--young-measured", help="That modulus was measured; else it counts as a label, true within a factor of 1.25."
+        ),
+    ] = False,
     corners_px: Annotated[
         str | None,
         typer.Option(
@@ -167,6 +173,8 @@ def new(
     }
     changed = {key for key in changes if key in start.sources}
     changes["sources"] = {key: "given by the user" if key in changed else text for key, text in start.sources.items()}
+    if young_kpa is not None:
+        changes["sources"]["young_kpa"] = "measured by the user" if young_measured else "given by the user"
     sensor = replace(start, **changes)
     tsis.files.result_folder.require_absent(out)
     tsis.files.atomic.write_durably(out, tsis.catalog.sensors.sensor_toml(sensor).encode())

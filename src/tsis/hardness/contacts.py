@@ -11,6 +11,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
+
 from tsis.errors import InputError
 from tsis.files.reading import as_path, printable_path, read_bytes
 from tsis.files.tables import parse_csv_rows
@@ -21,7 +23,7 @@ MOST_BYTES = 10_000_000
 LEAST_OWN = 0.05  # of a standard deviation: what rounding may take off
 COLUMNS = (
     *("force_n", "force_sd_n", "radius_mm", "radius_sd_mm", "area_mm2", "area_sd_mm2"),
-    *("depth_mm", "depth_sd_mm", "scale_sd", "object_radius_mm", "time_s"),
+    *("depth_mm", "depth_sd_mm", "scale_sd", "object_radius_mm", "time_s", "force_rate_n_s", "press"),
 )
 
 
@@ -98,6 +100,11 @@ class TouchReading:
         Radius of the contact in mm (half the width for a cylinder), and its standard deviation; 2 % by default.
     depth_mm, depth_sd_mm
         How deep the gel's face is dented at the middle of the contact, mm, and its standard deviation; 3 % by default.
+    press
+        Number of the press to which the contact belongs, with others of the same number; None for a press of its own.
+    time_s, force_rate_n_s
+        Time of the frame in s, and how fast the force grew then, N/s: by it an error of time is one of force. The rate
+        of a press of several times is found.
     name
         Name in reports.
 
@@ -118,6 +125,9 @@ class TouchReading:
     radius_sd_mm: float | None = None
     depth_mm: float | None = None
     depth_sd_mm: float | None = None
+    press: float | None = None
+    time_s: float | None = None
+    force_rate_n_s: float | None = None
     name: str = ""
 
     def __post_init__(self) -> None:
@@ -129,6 +139,9 @@ class TouchReading:
         ):
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, require_number(name + label, getattr(self, name), low, high, hint=unit))
+        for name, largest in (("press", 1e9), ("time_s", 1e12), ("force_rate_n_s", 1e4)):
+            if getattr(self, name) is not None:
+                require_number(name + label, getattr(self, name), -largest, largest)
         if self.radius_mm is None and self.depth_mm is None:
             raise InputError(f"a contact{label} must have radius_mm, area_mm2 or depth_mm; got none of them")
         for value, name, fraction, least in (
@@ -186,6 +199,42 @@ def loading_part(readings: Sequence[TouchReading]) -> tuple[TouchReading, ...]:
     return tuple(readings[: sizes.index(max(sizes)) + 1])
 
 
+def grouped_presses(readings: Sequence[TouchReading], *, sequence: bool) -> tuple[TouchReading, ...]:
+    """The contacts with a number of their press each, and the rate of their force where a press has times.
+
+    Contacts of one number, or with ``sequence`` all, are one press in the order of time; its loading part stays.
+    """
+    groups: dict[float, list[TouchReading]] = {}
+    numbers = [reading.press for reading in readings if reading.press is not None]
+    free = max(numbers, default=0.0) + 1.0
+    for index, reading in enumerate(readings):
+        own = free + index if reading.press is None else reading.press
+        groups.setdefault(free if sequence and not numbers else own, []).append(reading)
+    grouped: list[TouchReading] = []
+    for number, members in groups.items():
+        together = sequence or members[0].press is not None
+        timed = _with_rates(members) if together else members
+        grouped += [replace(part, press=number) for part in (loading_part(timed) if together else timed)]
+    return tuple(grouped)
+
+
+def _with_rates(readings: Sequence[TouchReading]) -> list[TouchReading]:
+    """The readings of one press with the rate of their force by their neighbours in time."""
+    times = [reading.time_s for reading in readings]
+    forces = [reading.force_n for reading in readings]
+    known = [(time, force) for time, force in zip(times, forces, strict=True) if time is not None and force is not None]
+    if len(known) < max(len(readings), 2):
+        return list(readings)
+    time, force = (np.array(part, dtype=float) for part in zip(*known, strict=True))
+    if not np.all(np.diff(time) > 0.0):
+        raise InputError("time_s of the contacts of one press must ascend; sort them by time")
+    rates = np.gradient(force, time)
+    return [
+        replace(reading, force_rate_n_s=float(rate)) if reading.force_rate_n_s is None else reading
+        for reading, rate in zip(readings, rates, strict=True)
+    ]
+
+
 def _name(row: Any, index: int) -> str:
     return str(contact_value(row, "name") or f"contact {index + 1}")
 
@@ -196,7 +245,9 @@ def _reading(row: Any, name: str, force: float | None) -> TouchReading:
     if not isinstance(row, Mapping) and not any(hasattr(row, column) for column in COLUMNS):
         raise InputError(f"contacts must have radius_mm, area_mm2 or depth_mm; got {type(row).__name__}")
     numbers: dict[str, float] = {}
-    for column in COLUMNS[:9]:
+    for column in COLUMNS:
+        if column == "object_radius_mm":
+            continue
         value = force if column == "force_n" and force is not None else contact_value(row, column)
         if value is not None:
             try:

@@ -17,7 +17,7 @@ from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.catalog.sensors import load_sensor
 from tsis.compiled import one_blas_thread
 from tsis.errors import InputError
-from tsis.hardness.contacts import ObjectGeometry, as_geometry, as_touch_readings, loading_part
+from tsis.hardness.contacts import ObjectGeometry, as_geometry, as_touch_readings, grouped_presses
 from tsis.hardness.flags import (
     CONTACT_TOO_DEEP,
     CONTACT_TOO_WIDE,
@@ -143,7 +143,8 @@ class TouchedBody:
 class MeasuredTerm:
     """One measured logarithm, and its model over `SOFTNESS`."""
 
-    press: int
+    reading: int
+    press: float
     observed: float
     curve: Floats
     slope: Floats  # with the logarithm of the contact radius or dent that was read
@@ -151,12 +152,14 @@ class MeasuredTerm:
     reading_sd: float
     is_force: bool
     by_zero: float = 0.0  # how it grows with the force's zero, 1/N
+    by_lag: float = 0.0  # and with the time by which the force lags behind the image, 1/s
 
 
 def measured_terms(body: TouchedBody, radius: float, thickness: float, poisson: float) -> Iterator[MeasuredTerm]:
     """The measured logarithms, for a radius and a thickness in mm and Poisson's ratio of the gel."""
     length = np.log(body.length_mm) if body.shape == "cylinder" else 0.0
     for index, reading in enumerate(body.readings):
+        press = -1.0 - index if reading.press is None else reading.press
         x = (reading.radius_mm or 0.0) / radius
         model = CYLINDER_MODEL_SD * x**2 if body.shape == "cylinder" else 0.0
         if reading.radius_mm is not None:
@@ -165,7 +168,8 @@ def measured_terms(body: TouchedBody, radius: float, thickness: float, poisson: 
             own_radius = reading.radius_sd_mm / reading.radius_mm
             if reading.force_n is not None and reading.force_sd_n is not None:
                 yield MeasuredTerm(
-                    press=index,
+                    reading=index,
+                    press=press,
                     observed=float(np.log(reading.force_n)) - length,
                     curve=curves.log_force,
                     slope=curves.force_slope,
@@ -173,10 +177,12 @@ def measured_terms(body: TouchedBody, radius: float, thickness: float, poisson: 
                     reading_sd=own_radius,
                     is_force=True,
                     by_zero=1 / reading.force_n,
+                    by_lag=(reading.force_rate_n_s or 0.0) / reading.force_n,
                 )
             if reading.depth_mm is not None and reading.depth_sd_mm is not None:
                 yield MeasuredTerm(
-                    press=index,
+                    reading=index,
+                    press=press,
                     observed=float(np.log(reading.depth_mm)),
                     curve=curves.log_dent,
                     slope=curves.dent_slope,
@@ -189,7 +195,8 @@ def measured_terms(body: TouchedBody, radius: float, thickness: float, poisson: 
             assert reading.force_sd_n is not None
             log_force, slope = curves_at_depth(reading.depth_mm, body.shape, radius, thickness, poisson)
             yield MeasuredTerm(
-                press=index,
+                reading=index,
+                press=press,
                 observed=float(np.log(reading.force_n)) - length,
                 curve=log_force,
                 slope=slope,
@@ -197,6 +204,7 @@ def measured_terms(body: TouchedBody, radius: float, thickness: float, poisson: 
                 reading_sd=float(np.hypot(reading.depth_sd_mm / reading.depth_mm, DENT_MODEL_SD)),
                 is_force=True,
                 by_zero=1 / reading.force_n,
+                by_lag=(reading.force_rate_n_s or 0.0) / reading.force_n,
             )
 
 
@@ -218,13 +226,13 @@ class TouchErrors:
     """Errors beyond those of the readings, relative standard deviations of contact radius and depth.
 
     ``press`` is that from press to press, ``scale`` common to all readings of the sensor. ``force_zero_n`` is that of
-    the force's zero in N, one for all contacts of a body.
+    the force's zero in N, and ``lag_s`` that of the time in s between force and image, one for all contacts of a body.
     """
 
     press: float
     scale: float
-    same_press: bool = False  # all readings are of one press
     force_zero_n: float = 0.0
+    lag_s: float = 0.0
 
 
 class TouchLikelihood:
@@ -319,7 +327,7 @@ class TouchLikelihood:
         spread = np.array(
             [
                 np.hypot(
-                    np.hypot(term.sd, self._errors.force_zero_n * term.by_zero),
+                    np.linalg.norm([term.sd, self._errors.force_zero_n * term.by_zero, self._errors.lag_s * term.by_lag]),
                     3.0 * np.hypot(term.reading_sd, self._errors.press),
                 )
                 for term in terms
@@ -336,15 +344,17 @@ class TouchLikelihood:
         slopes = np.array([np.interp(softness, SOFTNESS, term.slope) for term in terms])
         press = np.array([term.press for term in terms])
         same = press[:, None] == press
-        readings = np.outer(*2 * ([term.reading_sd for term in terms],)) * same
-        of_press = self._errors.press**2 * (np.ones_like(same, dtype=float) if self._errors.same_press else same)
-        common = np.outer(slopes, slopes) * (readings + of_press + self._errors.scale**2)
+        number = np.array([term.reading for term in terms])
+        readings = np.outer(*2 * ([term.reading_sd for term in terms],)) * (number[:, None] == number)
+        common = np.outer(slopes, slopes) * (readings + self._errors.press**2 * same + self._errors.scale**2)
         zero = self._errors.force_zero_n * np.array([term.by_zero for term in terms])  # log(F - zero), first order
-        return np.asarray(common + np.outer(zero, zero) + np.diag([term.sd**2 for term in terms]))
+        lag = self._errors.lag_s * np.array([term.by_lag for term in terms])
+        return np.asarray(common + np.outer(zero, zero) + np.outer(lag, lag) + np.diag([term.sd**2 for term in terms]))
 
 
 GEL_PRIOR = HardnessPrior(young_kpa=(2.0, 10_000.0), poisson=(0.45, 0.495))
 FORCE_ZERO_SD_N = 0.03  # of a gauge's zero: within 0.05 N nine times of ten
+LAG_SD_S = 0.1  # of the time between gauge and camera of one computer
 PRESS_SD = 0.02  # relative standard deviation of a contact radius from press to press
 
 
@@ -360,13 +370,14 @@ def estimate_from_contacts(
     sequence: bool = False,
     press_sd: float = PRESS_SD,
     force_zero_sd_n: float = FORCE_ZERO_SD_N,
+    lag_sd_s: float = LAG_SD_S,
 ) -> Estimate:
     """Estimate Young's modulus of an object from its contacts with a gel sensor.
 
     The object is a half-space with a round face, the gel a layer bonded to a rigid backing, corrected for finite
     strain. A contact radius and a force give the combined compliance; a contact radius and the depth of the dent give
     the object's part of it without a force. The gel's modulus, thickness and Poisson's ratio lie anywhere within the
-    sensor's limits. An error of the gel's modulus passes into the object's one to one; an object that is much stiffer
+    sensor's limits; a modulus without limits that a label states is widened (`GelSensor.believed_young_kpa`). An error of the gel's modulus passes into the object's one to one; an object that is much stiffer
     than the gel adds little compliance, which widens its interval by ``1/(1 - s)``, s the gel's part.
 
     Parameters
@@ -389,12 +400,16 @@ def estimate_from_contacts(
         Ranges of modulus and Poisson's ratio; 2 kPa to 10 MPa by default, even in the logarithm.
     sequence
         Whether the contacts are frames of one press in the order of time: its loading part is used, and its frames
-        share the error from press to press.
+        share the error from press to press. Contacts with numbers in ``press`` are such sequences, one a number.
     press_sd
-        Relative standard deviation of a contact radius from press to press, in [0, 0.5].
+        Relative standard deviation of a contact radius from press to press, in [0, 0.5]; a third of that of the force
+        at one radius.
     force_zero_sd_n
         Standard deviation of the force's zero, N, common to all contacts, in [0, 10]: contacts of different forces tell
         it, a few of one force widen the interval. 0 for a gauge that was tared.
+    lag_sd_s
+        Standard deviation of the time by which the force lags behind the image, s, in [0, 5], where contacts of a press
+        have times (``time_s``) or rates (``force_rate_n_s``); the rise of a press tells it.
 
     Returns
     -------
@@ -428,11 +443,14 @@ def estimate_from_contacts(
     require_number("force_zero_sd_n", force_zero_sd_n, 0.0, 10.0, hint="newtons")
     readings, left_out, stated_mm = as_touch_readings(contacts, force=force)
     shape = as_geometry(geometry, stated_mm)
-    readings = loading_part(readings) if sequence else readings
+    readings = grouped_presses(readings, sequence=sequence)
     bodies = [_body(readings, shape)]
     if reference is not None:
         bodies.append(_rigid_ball(reference, reference_radius_mm))
-    errors = TouchErrors(press=press_sd, scale=gel.scale_uncertainty, same_press=sequence, force_zero_n=force_zero_sd_n)
+    require_number("lag_sd_s", lag_sd_s, 0.0, 5.0, hint="seconds")
+    errors = TouchErrors(
+        press=press_sd, scale=gel.scale_uncertainty, force_zero_n=force_zero_sd_n, lag_s=lag_sd_s
+    )
     reasons = unknowable(readings, shape)
     samples, misfit, count = _explored(bodies, gel, prior, errors, flat=shape.shape == "flat" or bool(reasons))
     flagged = [
@@ -457,7 +475,8 @@ def estimate_from_contacts(
             "tsis": __version__,
             "method": "contact radius, force and dent of a round body on a bonded gel layer, with finite strain",
             "sensor": {"name": gel.name}
-            | {name: getattr(gel, name).limits for name in ("thickness_mm", "young_kpa", "poisson")},
+            | {name: getattr(gel, name).limits for name in ("thickness_mm", "poisson")}
+            | {"young_kpa": gel.believed_young_kpa.limits},
             "geometry": asdict(shape),
             "prior": asdict(prior),
             "errors": asdict(errors),
@@ -499,7 +518,7 @@ def _explored(
     with one_blas_thread():
         likelihood = TouchLikelihood(
             bodies,
-            young_kpa=gel.young_kpa,
+            young_kpa=gel.believed_young_kpa,
             thickness_mm=gel.thickness_mm,
             poisson=gel.poisson,
             object_poisson=prior.poisson,

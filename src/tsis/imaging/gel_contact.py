@@ -42,14 +42,22 @@ STEEPEST = 0.95  # sine of the slope at the edge of a contact
 SHARPEST = 1.0  # limit of the logarithm of the blur under white light
 FIXED = 1e-6  # limit of a parameter that is known
 FEWEST_PIXELS = 60
+TEXTURE_FALL = 0.5  # power of 1 - rho² by which the variance of a texture's imprint falls to the edge
+TEXTURE_LEAK, TEXTURE_REACH = 0.1, 0.1  # the part of it that reaches beyond the edge, and how far, in radii
+TEXTURE_BLUR = 0.2  # of the radius: what is explained of a textured contact is judged after this blur
+OUTSIDE = 1.2  # radii from the centre, where no texture is
+LEAST_EVEN = 0.3  # square levels
+MOST_TEXTURE = 3.0  # of the logarithm of the texture's variance, about its start
 RIDGE = 1e-9
 SEARCH_COLUMNS = 160  # a search does not need more
+TEXTURED, TEXTURED_STARTS = 0.9, (0.75, 1.0, 1.35)  # explained fraction below which a texture is tried, and radii
 FITTED_RADIUS_PX = 15.0  # larger contacts are fitted on block means
 STARTS, AGAIN = (0.65, 0.85, 1.1), (0.6, 0.8, 1.0, 1.25)  # radii of a first and a second fit, relative
 PEAK_NOISE = 8.0  # times the noise of the smoothed change
 LEAST_CHANGE = 3.0  # levels
 CENTRE_MODEL_SD = 0.03  # of the radius: what the fit's model misses
 RADIUS_MODEL_SD = {"rgb": 0.006, "white": 0.01}  # of the radius, by rendered frames (seed 501)
+TEXTURED_MODEL_SD = 0.03  # of the radius of textured objects, by rendered frames (benchmarks/textured_contacts.py)
 LEAST_QUALITY, REFUSED_QUALITY = 0.5, 0.45  # of a good contact; of one with a reason against it, at most
 MOVED = 0.1  # of the radius, between frames of a sequence
 LARGEST_SHIFT = 0.45  # of the markers' pitch, from the movement of the neighbours: beyond it another may be meant
@@ -140,6 +148,8 @@ class ContactFit:
         Root mean square of the fitted change inside the contact, grey levels.
     patch_variance
         Mean square residual times the pixels that err together, square grey levels.
+    textured
+        Whether the imprint of a texture was counted, which makes the edge less sharp.
     """
 
     centre: tuple[float, float]
@@ -150,6 +160,7 @@ class ContactFit:
     explained: float
     amplitude: float
     patch_variance: float
+    textured: bool = False
 
     @property
     def radius(self) -> float:
@@ -193,6 +204,7 @@ class _Window:
         used = self.weight.ravel() > 0
         self.pixels = int(np.count_nonzero(used))
         self.energy = float(np.square(self.data[used] - self.data[used].mean(axis=0)).sum()) if self.pixels else 0.0
+        self.even: float | None = None  # variance of what texture does not reach; None without texture
 
     def shapes(self, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
         """Columns that explain the change for an ellipse, weighted."""
@@ -226,23 +238,48 @@ class _Window:
         u, v = (a * x + b * y) / size, (b * x + c * y) / size
         return u, v, np.hypot(u, v)
 
+    def texture(self, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Variance over that outside of the contact: a texture's imprint falls with the pressure; shape (pixels,)."""
+        rho = self.reduced(parameters)[2].ravel()
+        fall = np.maximum(1.0 - rho**2, 0.0) ** TEXTURE_FALL
+        fall += TEXTURE_LEAK * np.exp(-np.maximum(rho - 1.0, 0.0) / TEXTURE_REACH)
+        return np.asarray(1.0 + np.expm1(parameters[8]) * fall)
+
     def fitted(self, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
         """The change as the best weights of the shapes explain it."""
         shapes = self.shapes(parameters)
-        normal = shapes.T @ shapes
+        weighted = shapes if self.even is None else shapes / self.texture(parameters)[:, None]
+        normal = shapes.T @ weighted
         normal[np.diag_indices_from(normal)] += RIDGE * np.trace(normal)
-        return np.asarray(shapes @ np.linalg.solve(normal, shapes.T @ self.data))
+        return np.asarray(shapes @ np.linalg.solve(normal, weighted.T @ self.data))
 
     def residual(self, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
-        """What is left of the change."""
-        return np.asarray((self.data - self.fitted(parameters)).ravel())
+        """What is left of the change; with texture, numbers whose squares add up to twice the log likelihood."""
+        left = self.data - self.fitted(parameters)
+        if self.even is None:
+            return np.asarray(left.ravel())
+        texture = self.texture(parameters)
+        spread = np.sqrt(left.shape[1] * np.log(texture)) * self.weight.ravel()
+        return np.append(left / np.sqrt(self.even * texture)[:, None], spread)
+
+    def explained(self, fitted: NDArray[np.float64], blur: float) -> float:
+        """Fraction of the change that is explained, after a blur of both that takes a texture away."""
+        if blur <= 0.0:
+            return 1.0 - float(np.square(self.data - fitted).sum()) / self.energy
+        shape, used = (*self.weight.shape, -1), self.weight.ravel() > 0
+        whole = self.data - self.data[used].mean(axis=0) * self.weight.ravel()[:, None]
+        left, change = (
+            scipy.ndimage.gaussian_filter(part.reshape(shape), (blur, blur, 0.0), mode="constant")
+            for part in (self.data - fitted, whole)
+        )
+        return 1.0 - float(np.square(left).sum() / np.square(change).sum())
 
     def start(self, factor: float) -> NDArray[np.float64]:
         """Parameters of a circle of a radius relative to the window's."""
-        if self.gel is None:
-            return np.array([0.0, 0.0, np.log(factor), 0.0, 0.0, 0.0, 0.0, STEEPEST / 2])
-        thickness, poisson = np.mean(np.log(self.gel.thickness_px)), np.mean(self.gel.poisson)
-        return np.array([0.0, 0.0, np.log(factor), 0.0, 0.0, thickness, 0.0, poisson])
+        last, eighth = 0.0, STEEPEST / 2
+        if self.gel is not None:
+            last, eighth = float(np.mean(np.log(self.gel.thickness_px))), float(np.mean(self.gel.poisson))
+        return np.array([0.0, 0.0, np.log(factor), 0.0, 0.0, last, 0.0, eighth, 0.0])
 
     def limits(self, *, ellipse: bool) -> NDArray[np.float64]:
         """Largest distances of the parameters from their start."""
@@ -250,10 +287,10 @@ class _Window:
         if not ellipse:
             limits[3:5] = FIXED
         if self.gel is None:
-            return np.append(limits, STEEPEST / 2)
+            return np.append(limits, [STEEPEST / 2, FIXED])
         limits[6] = SHARPEST
         limits[5] = max(float(np.ptp(np.log(self.gel.thickness_px))) / 2.0, FIXED)
-        return np.append(limits, max(float(np.ptp(self.gel.poisson)) / 2.0, FIXED))
+        return np.append(limits, [max(float(np.ptp(self.gel.poisson)) / 2.0, FIXED), FIXED])
 
 
 def fit_contact(
@@ -265,6 +302,7 @@ def fit_contact(
     gel: GelLayer | None = None,
     starts: tuple[float, ...] = (1.0,),
     ellipse: bool = False,
+    texture: bool = False,
 ) -> ContactFit | None:
     """Fit a contact near a place, as a circle or an ellipse.
 
@@ -282,6 +320,9 @@ def fit_contact(
         Radii from which to start, relative to ``radius``; the fit that leaves least of the same window is taken.
     ellipse
         Whether the axes may differ.
+    texture
+        Whether the object's texture leaves an imprint: then what the fit leaves of the change counts less inside the
+        contact, and where it ends tells the edge.
 
     Returns
     -------
@@ -292,13 +333,34 @@ def fit_contact(
     window = _Window(change, weight, centre, max(starts) * radius, gel)
     if window.pixels < FEWEST_PIXELS or window.energy <= 0.0:
         return None
-    solutions = [_solved(window, factor / max(starts), ellipse=ellipse) for factor in starts]
-    fits = [_result(window, solution, centre, window.limits(ellipse=ellipse)) for solution in solutions]
+    begun = [window.start(factor / max(starts)) for factor in starts]
+    limits = window.limits(ellipse=ellipse)
+    if texture:
+        begun, limits = _textured_starts(window, begun, limits)
+    solutions = [_solved(window, start, limits) for start in begun]
+    fits = [_result(window, solution, centre, limits) for solution in solutions]
     return joined_fits(fits, [float(solution.cost) for solution in solutions])
 
 
-def _solved(window: _Window, factor: float, *, ellipse: bool) -> OptimizeResult:
-    start, limits = window.start(factor), window.limits(ellipse=ellipse)
+def _textured_starts(
+    window: _Window, starts: list[NDArray[np.float64]], limits: NDArray[np.float64]
+) -> tuple[list[NDArray[np.float64]], NDArray[np.float64]]:
+    """The starts with the variance of a texture, by what a smooth fit leaves inside and outside; and the limits."""
+    smooth = _solved(window, starts[len(starts) // 2], limits)
+    left = np.square(smooth.fun.reshape(window.data.shape)).sum(axis=1)
+    rho, used = window.reduced(smooth.x)[2].ravel(), window.weight.ravel() > 0
+    outside, inside = used & (rho > OUTSIDE), used & (rho < 0.8)
+    if not outside.any() or not inside.any():
+        return starts, limits
+    channels = window.data.shape[1]
+    window.even = max(float(left[outside].mean()), LEAST_EVEN) / channels
+    texture = float(np.log(max(left[inside].mean() / channels / window.even, 1.5)))
+    for start in starts:
+        start[8] = texture
+    return starts, np.append(limits[:8], texture + MOST_TEXTURE)
+
+
+def _solved(window: _Window, start: NDArray[np.float64], limits: NDArray[np.float64]) -> OptimizeResult:
     free = limits > FIXED
 
     def whole(values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -309,10 +371,13 @@ def _solved(window: _Window, factor: float, *, ellipse: bool) -> OptimizeResult:
     def left(values: NDArray[np.float64]) -> NDArray[np.float64]:
         return window.residual(whole(values))
 
+    low, high = start - limits, start + limits
+    if window.even is not None:
+        low[8] = 0.05
     found = scipy.optimize.least_squares(
         left,
         start[free],
-        bounds=((start - limits)[free], (start + limits)[free]),
+        bounds=(low[free], high[free]),
         x_scale=0.1,
         diff_step=np.full(np.count_nonzero(free), 1e-3),
         xtol=1e-4,
@@ -339,7 +404,8 @@ def joined_fits(fits: list[ContactFit], costs: list[float]) -> ContactFit:
 def _result(
     window: _Window, solution: OptimizeResult, start: tuple[float, float], limits: NDArray[np.float64]
 ) -> ContactFit:
-    x, jacobian, residual = solution.x, solution.jac, solution.fun
+    x, jacobian, fitted = solution.x, solution.jac, window.fitted(solution.x)
+    residual = solution.fun[: window.data.size]
     left = residual.reshape(*window.weight.shape, -1)
     variance = float(np.square(residual).sum()) / max(window.pixels * left.shape[-1], 1)
     # Residuals of the model's own errors are correlated: they count by their patches, not by their pixels.
@@ -349,7 +415,6 @@ def _result(
     variances = np.diag(np.linalg.inv(jacobian.T @ jacobian + np.diag(prior))) * variance
     half, radius = float(np.hypot(x[3], x[4])), window.radius * float(np.exp(x[2]))
     inside = (window.reduced(x)[2] < 1.0).ravel() & (window.weight.ravel() > 0)
-    fitted = window.fitted(x)
     part = fitted[inside] - fitted[~inside].mean(axis=0) if inside.any() and not inside.all() else np.zeros((1, 1))
     return ContactFit(
         centre=(start[0] + float(x[0]) * window.radius, start[1] + float(x[1]) * window.radius),
@@ -357,9 +422,10 @@ def _result(
         angle_deg=float(0.5 * np.degrees(np.arctan2(x[4], x[3]))) if half > 1e-5 else 0.0,
         centre_sd=(window.radius * float(np.sqrt(variances[0])), window.radius * float(np.sqrt(variances[1]))),
         radius_sd=radius * float(np.sqrt(variances[2])),
-        explained=1.0 - float(np.square(residual).sum()) / window.energy,
+        explained=window.explained(fitted, TEXTURE_BLUR * radius if window.even is not None else 0.0),
         amplitude=float(np.sqrt(np.square(part).sum(axis=1).mean())),
         patch_variance=variance,
+        textured=window.even is not None,
     )
 
 
@@ -525,6 +591,11 @@ def _find(change: GelChange, sensor: GelSensor, name: str) -> GelContact:
     oval = fit_contact(coarse, usable.astype(float), fit.centre, fit.radius, gel=layer, ellipse=True)
     if oval is not None and _is_oval(fit, oval):
         fit = oval
+    if fit.explained < TEXTURED:
+        ends = TEXTURED_STARTS if oval is None or fit is not oval else (1.0,)
+        rough = fit_contact(coarse, usable.astype(float), fit.centre, fit.radius, gel=layer, starts=ends, texture=True)
+        if rough is not None and rough.explained > fit.explained:
+            fit = rough
     fit = _rescaled_fit(fit, fine, 1)
     reasons = _reasons(change, fit, others=[_rescaled_point(other, step, 1) for other in others])
     return _contact(name, fit, reasons, sensor, columns, rows, change)
@@ -622,7 +693,8 @@ def _contact(
 ) -> GelContact:
     radius, scale = fit.radius, sensor.scale_of(columns, rows)
     centre_sd = tuple(float(np.hypot(part, CENTRE_MODEL_SD * radius)) for part in fit.centre_sd)
-    radius_sd = float(np.hypot(fit.radius_sd, RADIUS_MODEL_SD[sensor.light] * radius))
+    model_sd = TEXTURED_MODEL_SD if fit.textured else RADIUS_MODEL_SD[sensor.light]
+    radius_sd = float(np.hypot(fit.radius_sd, model_sd * radius))
     good_fit = float(np.clip((fit.explained - 0.5) / 0.4, 0.0, 1.0))
     quality = good_fit * float(np.clip(1.5 - radius_sd / radius / 0.1, 0.0, 1.0))
     reason = "poor fit" if good_fit < LEAST_QUALITY else "uncertain"

@@ -86,6 +86,8 @@ class BoundedValue:
         return f"{self.value:g}" if self.exact else f"{self.value:g} ({self.low:g} to {self.high:g})"
 
 
+LABEL_SOURCES = ("label", "data sheet", "datasheet", "shore", "maker", "vendor", "given by the user")
+LABEL_SPREAD = 1.25  # factor between a modulus on a label, as of a Shore hardness, and that of the gel
 GEL_SHAPES = ("flat", "domed", "curved")
 GEL_OUTLINES = ("rectangle", "round")
 GEL_LIGHTS = ("rgb", "white")
@@ -284,6 +286,15 @@ class GelSensor(ContentValue):
             raise InputError(f"corners_px must go around the face without crossing; got {corners}")
         object.__setattr__(self, "raw_px", sizes)
         object.__setattr__(self, "corners_px", corners)
+
+    @property
+    def believed_young_kpa(self) -> BoundedValue:
+        """The modulus; where it has no limits and its source is a label, not a measurement, within a factor of 1.25."""
+        source = self.sources.get("young_kpa", "").lower()
+        if not self.young_kpa.exact or "measured" in source or not any(word in source for word in LABEL_SOURCES):
+            return self.young_kpa
+        best = self.young_kpa.best
+        return BoundedValue(value=best, low=best / LABEL_SPREAD, high=best * LABEL_SPREAD)
 
     def require_frame(self, columns: int, rows: int) -> None:
         """Refuse a frame of a size that the sensor does not have; `ImageMismatchError`."""

@@ -268,7 +268,7 @@ def _problems(sensor: GelSensor, pressed: NDArray[np.bool_], deepest: float, cor
 def drawn_gel(sensor: GelSensor, rng: np.random.Generator) -> DrawnGel:
     """Values of the gel between their limits: modulus and thickness even in their logarithm."""
     young, thickness = (
-        float(np.exp(rng.uniform(*np.log(value.limits)))) for value in (sensor.young_kpa, sensor.thickness_mm)
+        float(np.exp(rng.uniform(*np.log(value.limits)))) for value in (sensor.believed_young_kpa, sensor.thickness_mm)
     )
     low, high = sensor.poisson.limits
     return DrawnGel(young, float(rng.uniform(low, min(high, LARGEST_RATIO))), thickness)
