@@ -99,8 +99,10 @@ def test_page_and_document_show_the_lumps_of_a_trusted_map() -> None:
     assert low < 8.0 < high
     page = lump_map_page(found, title="Map", subtitle="two presses")
     text = html_bytes(page).decode()
-    for words in ("Lumps, 90 % intervals", "lump 1", "Where to press next", "Blind zone", "Research use only"):
-        assert words in text
+    parts = ("Lumps, 90 % intervals", "lump 1", "Where to press next", "Modulus", "Blind zone", "Research use only")
+    assert [part for part in parts if part not in text] == []
+    without = replace(found, untrusted=replace(found.untrusted, lumps=()))
+    assert "Lumps, 90 % intervals" not in html_bytes(lump_map_page(without, title="Map", subtitle="")).decode()
 
 
 def test_an_untrusted_map_shows_no_number() -> None:

@@ -19,7 +19,7 @@ from tsis.present.labels import quantity_of
 from tsis.present.page import Card, Column, Page, Picture, Table, flags_table, on_axes
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 SHOWN = ("x_mm", "y_mm", "depth_mm", "diameter_mm", "contrast", "young_kpa")
-BLIND_TOPS_MM = (5.0, 10.0)  # depths of the drawn blind zones
+DRAWN_DEPTHS_MM = (5.0, 10.0)  # of the drawn blind zones and planes of modulus
 LARGEST_DRAWN_MM = 20.0  # least diameter at the end of the blind zone's colours
 MOST_SECTIONS = 4
 SECTION_MM = 15.0  # drawn to either side of a lump
@@ -109,8 +109,8 @@ def lump_map_page(
         subtitle=subtitle,
         cards=_cards(numbers),
         notes=found.notes,
-        pictures=(_plan(found), *_sections(numbers), _blind(found)),
-        tables=(_lumps_table(numbers), _counts_table(numbers), *_next_table(numbers), *flags),
+        pictures=(_plan(found), *_sections(numbers), _moduli(numbers), _blind(numbers)),
+        tables=(*_lumps_table(numbers), _counts_table(numbers), *_next_table(numbers), *flags),
         provenance=provenance,
     )
 
@@ -143,10 +143,12 @@ def _lump_row(lump: Lump) -> tuple[str | float, ...]:
     return (lump.name, lump.probability, *cells)
 
 
-def _lumps_table(numbers: MapNumbers) -> Table:
+def _lumps_table(numbers: MapNumbers) -> tuple[Table, ...]:
+    if not numbers.lumps:
+        return ()
     probability = Column(label="probability", form=probability_text)
     columns: tuple[str | Column, ...] = ("lump", probability, *(quantity_of(name).axis for name in SHOWN))
-    return Table(title="Lumps, 90 % intervals", columns=columns, values=tuple(map(_lump_row, numbers.lumps)))
+    return (Table(title="Lumps, 90 % intervals", columns=columns, values=tuple(map(_lump_row, numbers.lumps))),)
 
 
 def _counts_table(numbers: MapNumbers) -> Table:
@@ -276,6 +278,32 @@ def blind_zone(numbers: MapNumbers, top_mm: float, ax: Axes) -> Axes:
     return ax
 
 
+def modulus_plane(numbers: MapNumbers, depth_mm: float, ax: Axes) -> Axes:
+    """Draw the mean of Young's modulus, lumps and uneven tissue together, in the plane at a depth."""
+    layer = int(np.argmin(np.abs(numbers.depth_mm - depth_mm)))
+    image = ax.imshow(
+        numbers.modulus_kpa[layer],
+        origin="lower",
+        extent=_extent(numbers.x_mm, numbers.y_mm),
+        cmap="magma",
+        vmin=float(numbers.modulus_kpa.min()),
+        vmax=float(numbers.modulus_kpa.max()),
+    )
+    ax.figure.colorbar(image, ax=ax, label="modulus / kPa", shrink=0.8)
+    ax.set(xlabel="x / mm", ylabel="y / mm", title=f"at {numbers.depth_mm[layer]:.0f} mm", aspect="equal")
+    return ax
+
+
+def _planes(draw_plane: Callable[[MapNumbers, float, Axes], Axes], numbers: MapNumbers, **picture: str) -> Picture:
+    """A picture of one plane beside another, at `DRAWN_DEPTHS_MM`."""
+
+    def draw(figure: Figure) -> None:
+        for depth, ax in zip(DRAWN_DEPTHS_MM, figure.subplots(1, len(DRAWN_DEPTHS_MM)), strict=True):
+            draw_plane(numbers, depth, ax)
+
+    return Picture(draw=draw, size=(8.0, 3.6), wide=True, vector=False, **picture)
+
+
 def _plan(found: LumpMap) -> Picture:
     return Picture(
         title="Plan view",
@@ -309,21 +337,23 @@ def _sections(numbers: MapNumbers) -> tuple[Picture, ...]:
     )
 
 
-def _blind(found: LumpMap) -> Picture:
-    numbers = found.numbers
+def _moduli(numbers: MapNumbers) -> Picture:
+    return _planes(
+        modulus_plane,
+        numbers,
+        title="Modulus",
+        alt="Mean of Young's modulus in planes at two depths",
+        caption="Lumps and uneven tissue together; the volumes hold the standard deviation.",
+    )
 
-    def draw(figure: Figure) -> None:
-        for top, ax in zip(BLIND_TOPS_MM, figure.subplots(1, len(BLIND_TOPS_MM)), strict=True):
-            blind_zone(numbers, top, ax)
 
-    return Picture(
+def _blind(numbers: MapNumbers) -> Picture:
+    return _planes(
+        blind_zone,
+        numbers,
         title="Blind zone",
-        draw=draw,
-        size=(8.0, 3.6),
         alt="Least diameter of a lump that the scan would have shown, at two depths",
         caption="Of lumps of contrast 5, nine in ten would have been seen. Grey: none that the prior allows.",
-        wide=True,
-        vector=False,
     )
 
 
