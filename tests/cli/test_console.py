@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from tests.cli.conftest import RunTsis
 
-    from tsis.console import ConsoleSettings
+    from tsis.console.serving import ConsoleSettings
     from tsis.console.worker import WorkerProcess
 
 

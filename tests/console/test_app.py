@@ -15,7 +15,7 @@ import pytest
 from tests.console.browser import needs_browser
 from tests.waiting import HANGS_S
 
-from tsis.console import opened_in_browser
+from tsis.console.app import opened_in_browser
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser

@@ -78,12 +78,12 @@ def console(
     with ExitStack() as preparing, ExitStack() as ending:
         preparing.enter_context(waiting("preparing the console"))
         preparing.enter_context(loading())
-        package = import_module("tsis.console")
-        solver = ending.enter_context(closing(package.solving_process()))
+        solver = ending.enter_context(closing(import_module("tsis.console.worker").solving_process()))
         if camera == "virtual":
             solver.begin()  # it loads beside this program
-        terms = package.ConsoleSettings(
-            instrument=package.InstrumentSettings(
+        choice, serving, app = (import_module(f"tsis.console.{name}") for name in ("services.choice", "serving", "app"))
+        terms = serving.ConsoleSettings(
+            instrument=choice.InstrumentSettings(
                 workspace=out,
                 store=store,
                 kind=kind,
@@ -96,7 +96,7 @@ def console(
             ),
             host=host,
             port=port,
-            certificate=None if certificate is None or key is None else package.Certificate(chain=certificate, key=key),
+            certificate=None if certificate is None or key is None else serving.Certificate(chain=certificate, key=key),
             names=tuple(allow_host or ()),
             new_token=new_token,
         )
@@ -111,9 +111,9 @@ def console(
                 terminal.print("Ctrl-C ends it; saved data stay.", markup=False)
                 print_notice(terminal)
             if browser and not as_json:
-                ending.enter_context(package.opened_in_browser(address))
+                ending.enter_context(app.opened_in_browser(address))
 
-        package.serve_console(terms, ready=ready, solver=solver)
+        serving.serve_console(terms, ready=ready, solver=solver)
     if not as_json:
         people().print("Ended; saved data are in the store.")
     gc.freeze()  # the process ends now; a last collection would take a second
@@ -137,7 +137,7 @@ def add(*, name: Name) -> None:
     The password comes from a prompt, or from one line of standard input where that is no terminal. A new password
     ends the sessions opened with the old one.
     """
-    logins = _console().Logins()
+    logins = _logins()
     known = name in logins.names()
     logins.require_name(name)
     logins.add(name, _password())
@@ -149,7 +149,7 @@ def add(*, name: Name) -> None:
 @login.command(epilog="Example: tsis login remove anna")
 def remove(*, name: Name) -> None:
     """Remove a login; its sessions end at once."""
-    _console().Logins().remove(name)
+    _logins().remove(name)
     terminal = people()
     terminal.print(f"{name} may no longer log in.", markup=False)
     print_notice(terminal)
@@ -158,7 +158,7 @@ def remove(*, name: Name) -> None:
 @login.command(name="list", epilog="Example: tsis login list --json")
 def list_logins(*, as_json: AsJson = False) -> None:
     """List the logins of this user's console."""
-    logins = _console().Logins()
+    logins = _logins()
     created = {name: logins.created(name) for name in logins.names()}
     if as_json:
         print_json(
@@ -183,9 +183,9 @@ def _password() -> str:
     return str(password)
 
 
-def _console() -> Any:
+def _logins() -> Any:
     with waiting("loading"):
-        return import_module("tsis.console")
+        return import_module("tsis.console.auth").Logins()
 
 
 SLOWEST = 0.1  # frames/s: allows the longest exposure of the simulated camera

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from nicegui import ui
 
-from tsis.console import ConsoleSettings, serve_console
 from tsis.console import pages as directory
 from tsis.console.live.hub import MAPS
 from tsis.console.live.panel import FramePanel, still_panel
 from tsis.console.live.press_curve import PressCurve
 from tsis.console.live.view import LiveView, SurfaceView
 from tsis.console.services.choice import InstrumentSettings
+from tsis.console.serving import ConsoleSettings, serve_console
 from tsis.model.image import TactileImage
 
 if TYPE_CHECKING:
