@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Literal
 
@@ -54,7 +54,7 @@ class MapDraft:
     opened: OpenedScan = field(default_factory=OpenedScan)
     probe: str = OF_SCAN
     texts: dict[str, str] = field(
-        default_factory=lambda: {"tissue_young_kpa": "5", "thickness_mm": "30", "radius_mm": "", "mm_per_pixel": ""}
+        default_factory=lambda: {"tissue_young_kpa": "", "thickness_mm": "30", "radius_mm": "", "mm_per_pixel": ""}
     )
     shape: Literal["", "ball", "punch"] = ""
     job: Job | None = None
@@ -62,9 +62,12 @@ class MapDraft:
     def prior(self) -> MapPrior:
         """What is believed of tissue and lumps; `InputError` for an invalid field."""
         with field_messages(LABELS):
-            return MapPrior(
-                tissue_young_kpa=widgets.typed_number(LABELS["tissue_young_kpa"], self.texts["tissue_young_kpa"]),
-                thickness_mm=widgets.typed_number(LABELS["thickness_mm"], self.texts["thickness_mm"]),
+            prior = MapPrior(thickness_mm=widgets.typed_number(LABELS["thickness_mm"], self.texts["thickness_mm"]))
+            typed = self.texts["tissue_young_kpa"].strip()
+            return (
+                replace(prior, tissue_young_kpa=widgets.typed_number(LABELS["tissue_young_kpa"], typed))
+                if typed
+                else prior
             )
 
     def read(self) -> StoredScan:
@@ -135,6 +138,7 @@ class MapPage:
             )
             self._typed("tissue_young_kpa", "kPa")
             self._typed("thickness_mm", "mm")
+        widgets.muted("Modulus left empty: 5 kPa; of an indenter's presses, that of the median press.")
         with ui.element("div").classes("row"):
             self._typed("mm_per_pixel", "mm/pixel")
             shape = widgets.select_field(SHAPES, value=draft.shape, label="Pressed by").classes("kind-choice")
@@ -227,7 +231,13 @@ class MapPage:
             prior, stored = draft.prior(), draft.read()
             stated = stored.probe or DEFAULT_PROBE
             probe = "" if stored.scan.kind == "travel_force" else stated if draft.probe == OF_SCAN else draft.probe
-            return MapQuestion(stored=stored, probe=probe, calibration=self._instrument.calibration, prior=prior)
+            return MapQuestion(
+                stored=stored,
+                probe=probe,
+                calibration=self._instrument.calibration,
+                prior=prior,
+                tissue_known=bool(draft.texts["tissue_young_kpa"].strip()),
+            )
 
         question = await self._viewer.attempt(asked)
         if question is not None:

@@ -20,6 +20,7 @@ from tsis.files.canonical_json import json_bytes
 from tsis.files.result_folder import free_folder, write_folder
 from tsis.mapping.estimation import estimate_map
 from tsis.mapping.scan_folder import POSES_FILE, calibrated, read_scan, scan_files
+from tsis.mapping.stiffness import suited_prior
 from tsis.present.html import html_bytes
 from tsis.present.lump_map import map_report
 from tsis.virtual.scan import THREE_LUMPS, grid_places, virtual_scan
@@ -87,12 +88,17 @@ class OpenedScan:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MapQuestion:
-    """A scan to be mapped: ``probe`` is a name of the catalog, empty for an indenter's travel and force."""
+    """A scan to be mapped.
+
+    ``probe`` is a name of the catalog, empty for an indenter's travel and force; where ``tissue_known`` is false, the
+    presses of an indenter tell the tissue's modulus.
+    """
 
     stored: StoredScan
     probe: str
     calibration: UsableCalibration | None
     prior: MapPrior
+    tissue_known: bool = True
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -112,11 +118,14 @@ def map_of(
 
     def work(job: Job) -> MapResult:
         scan, response = calibrated(question.stored.scan, question.calibration)
+        prior = question.prior
+        if not question.tissue_known:
+            prior = suited_prior(scan, thickness_mm=prior.thickness_mm)
         found = estimate_map(
             scan,
             probe=load_probe(question.probe) if question.probe else None,
             calibration=response,
-            prior=question.prior,
+            prior=prior,
             progress=job.advance,
         )
         citation = question.calibration.citation() if question.calibration else None
