@@ -157,7 +157,7 @@ $(VENV)/.peers: $(VENV)/.dev
 	$(PIP) install --quiet $(PINNED) --group peers
 	@touch $@
 
-$(VENV)/.docs: $(VENV)/.pip $(MANIFESTS)
+$(VENV)/.docs: $(VENV)/.dev  # one after the other: both install tsis itself
 	$(PIP) install --quiet $(PINNED) --editable ".[$(EXTRAS)]" --group docs
 	@touch $@
 
