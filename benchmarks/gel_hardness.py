@@ -162,16 +162,16 @@ def small_touches(
     return list(zip(force.tolist(), contacts.tolist(), made.dent_mm.tolist(), strict=True))
 
 
-def row(name: str, cases: Sequence[Case]) -> str:
+def row(name: str, cases: Sequence[Case]) -> tuple[str, ...]:
     """A row of the table."""
     result = [case for case in cases if case.identified]
     error = np.array([case.median_kpa / case.young_kpa - 1 for case in result])
-    middle = f"{100 * np.median(np.abs(error)):.1f} % | {100 * np.median(error):+.1f} %" if result else "- | -"
+    middle = (f"{100 * np.median(np.abs(error)):.1f} %", f"{100 * np.median(error):+.1f} %") if result else ("-", "-")
     held, given = (
         f"{100 * np.mean([case.inside for case in part]):.0f} %" if part else "-" for part in (cases, result)
     )
     trusted = sum(case.trusted for case in cases)
-    return f"| {name} | {len(cases)} | {trusted} | {len(result)} | {held} | {given} | {middle} |"
+    return name, str(len(cases)), str(trusted), str(len(result)), held, given, *middle
 
 
 def main() -> int:

@@ -22,14 +22,13 @@ import scipy
 from tsis.compiled import one_blas_thread
 from tsis.errors import InputError
 from tsis.imaging.gel_change import GelChange, gel_change, gel_levels, gel_reference, marker_pixels
-from tsis.imaging.pixels import block_means, gaussian_blur
+from tsis.imaging.pixels import block_means
 from tsis.mechanics.gel.contact import layer_compliance
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
-    from scipy.optimize import OptimizeResult
 
     from tsis.model.gel_sensor import GelSensor
 
@@ -49,9 +48,15 @@ OUTSIDE = 1.2  # radii from the centre, where no texture is
 LEAST_EVEN = 0.3  # square levels
 MOST_TEXTURE = 3.0  # of the logarithm of the texture's variance, about its start
 RIDGE = 1e-9
+BLUR_STEP, FINEST_BLUR = 1.1, 50.0  # ratio of the blurs that are tabulated, and its power at the finest
+STEP = 1e-4  # of the parameters, for derivatives
+MOST_STEPS, MOST_TRIES, LEAST_GAIN = 25, 6, 1e-5
+PROFILE = slice(5, 8)  # parameters of the slope's decay or the layer, the blur, and the steepness or Poisson's ratio
+LEAST_TEXTURE = 0.05  # of the logarithm of a texture's variance
 SEARCH_COLUMNS = 160  # a search does not need more
 TEXTURED, TEXTURED_STARTS = 0.9, (0.75, 1.0, 1.35)  # explained fraction below which a texture is tried, and radii
-FITTED_RADIUS_PX = 15.0  # larger contacts are fitted on block means
+START_RADIUS_PX, FITTED_RADIUS_PX = 8.0, 15.0  # of a first and of the last fit: block means of larger contacts
+ROUND = 0.995  # explained fraction beyond which unequal axes can not explain clearly more
 STARTS, AGAIN = (0.65, 0.85, 1.1), (0.6, 0.8, 1.0, 1.25)  # radii of a first and a second fit, relative
 PEAK_NOISE = 8.0  # times the noise of the smoothed change
 LEAST_CHANGE = 3.0  # levels
@@ -179,6 +184,56 @@ def _outer_slope(rho: NDArray[np.float64], length: float, steepness: float = 0.0
     return np.where(rho < 1.0, rho, sine)
 
 
+# Nodes of a profile over the distance from the centre in contact radii, closer at the edge of the contact.
+_NODES = np.concatenate([np.arange(0.0, 0.7, 0.05), np.arange(0.7, 1.4, 0.02), np.arange(1.4, 3.0, 0.05), [3.3, 4.0, 6.0]])
+
+
+@cache
+def _blur_matrix(step: int, order: int) -> NDArray[np.float64]:
+    """Gaussian blur of a radial profile over `_NODES`: of a scalar (order 0), or of a vector along the radius (1)."""
+    sd = BLUR_STEP**step
+    ring = _NODES * np.gradient(_NODES)
+    ring[0] = (_NODES[1] / 4.0) ** 2  # the disc around the centre
+    away = (_NODES[:, None] - _NODES) / sd
+    kernel = ring * np.exp(-(away**2) / 2.0) * scipy.special.ive(order, np.outer(_NODES, _NODES) / sd**2)
+    kept = np.ones_like(_NODES) if order == 0 else _NODES  # fields that no blur changes: an even one, and a linear one
+    total = kernel @ kept
+    return np.asarray(kernel * np.divide(kept, total, out=np.zeros_like(total), where=total > 0.0)[:, None])
+
+
+def blurred_profile(profile: NDArray[np.float64], sd: float, *, order: int) -> NDArray[np.float64]:
+    """A profile over `_NODES` after a Gaussian blur of the plane, its standard deviation in contact radii.
+
+    ``order`` is 0 for a scalar, and 1 for the length of a vector that points along the radius.
+    """
+    place = min(max(float(np.log(sd) / np.log(BLUR_STEP)), -FINEST_BLUR), -1.0)
+    step = int(np.floor(place))
+    part = place - step
+    below, above = (_blur_matrix(at, order) @ profile for at in (step, step + 1))
+    return np.asarray((1.0 - part) * below + part * above)
+
+
+@dataclass(frozen=True, slots=True)
+class Solved:
+    """Parameters of an ellipse, its shapes with their normal matrix and best weights, and the residual."""
+
+    parameters: NDArray[np.float64]
+    shapes: NDArray[np.float64]
+    normal: NDArray[np.float64]
+    weights: NDArray[np.float64]
+    residual: NDArray[np.float64]
+
+    @property
+    def cost(self) -> float:
+        """Half the sum of the squares of the residual."""
+        return float(self.residual @ self.residual) / 2.0
+
+    @property
+    def fitted(self) -> NDArray[np.float64]:
+        """The change as the shapes explain it."""
+        return np.asarray(self.shapes @ self.weights)
+
+
 class _Window:
     """The change about a place and the weight of each pixel; residuals of ellipses in units of the start's radius."""
 
@@ -198,8 +253,9 @@ class _Window:
         self.radius, self.gel = radius, gel
         self.weight = np.sqrt(weight[part])
         shape = self.weight.shape
-        y, x = np.mgrid[: shape[0], : shape[1]].astype(float)
+        y, x = np.mgrid[: shape[0], : shape[1]].reshape(2, -1).astype(float)
         self.x, self.y = (x + (left - centre[0])) / radius, (y + (top - centre[1])) / radius
+        self.even_weight = bool((self.weight == 1.0).all())
         self.data = (change[part] * self.weight[..., None]).reshape(-1, change.shape[2])
         used = self.weight.ravel() > 0
         self.pixels = int(np.count_nonzero(used))
@@ -207,12 +263,13 @@ class _Window:
         self.even: float | None = None  # variance of what texture does not reach; None without texture
 
     def shapes(self, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Columns that explain the change for an ellipse, weighted."""
+        """Columns that explain the change for an ellipse, weighted, shape (pixels, columns)."""
         u, v, rho = self.reduced(parameters)
-        blur = float(BLUR * self.radius * np.exp(parameters[6]))
+        blur = BLUR * float(np.exp(parameters[6] - parameters[2]))  # of the contact's radius
         if self.gel is None:
-            along = _outer_slope(rho, float(np.exp(parameters[5])), float(parameters[7])) / np.maximum(rho, 1e-9)
-            first, second = (gaussian_blur(along * part, (blur, blur), mode="nearest") for part in (u, v))
+            slope = _outer_slope(_NODES, float(np.exp(parameters[5])), float(parameters[7]))
+            along = np.interp(rho, _NODES, blurred_profile(slope, blur, order=1)) / np.maximum(rho, 1e-9)
+            first, second = along * u, along * v
             one = np.ones_like(rho)  # products are faster than powers
             across, down = ([one, *accumulate([part] * DEGREE, np.multiply)] for part in (first, second))
             shapes = [across[i] * down[j] for i in range(DEGREE + 1) for j in range(DEGREE + 1 - i) if (i, j) != (0, 0)]
@@ -220,13 +277,13 @@ class _Window:
             shapes += [part * place for part in (first, second) for place in (self.x, self.y)]
         else:
             ratio = self.radius * float(np.exp(parameters[2] - parameters[5]))
-            hill = layer_hill(ratio, float(parameters[7]))
-            depth = gaussian_blur(np.interp(rho, _GRID, hill), (blur, blur), mode="nearest")
+            hill = np.interp(_NODES, _GRID, layer_hill(ratio, float(parameters[7])))
+            depth = np.interp(rho, _NODES, blurred_profile(hill, blur, order=0))
             # The last shape is the ring of light around a press of a translucent gel, flat at the edge of the contact.
             beyond = np.maximum(rho - 1.0, 0.0)
             shapes = [depth, depth**2, beyond**2 * np.exp(-beyond / 0.25)]
-        columns = np.stack([*shapes, np.ones_like(rho), self.x, self.y], axis=-1) * self.weight[..., None]
-        return np.asarray(columns.reshape(self.weight.size, -1))
+        columns = np.array([*shapes, np.ones_like(rho), self.x, self.y])
+        return np.asarray(columns.T if self.even_weight else (columns * self.weight.ravel()).T)
 
     def reduced(self, parameters: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
         """Components (u, v) of the distance from the centre in units of the ellipse, and its size."""
@@ -240,27 +297,45 @@ class _Window:
 
     def texture(self, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
         """Variance over that outside of the contact: a texture's imprint falls with the pressure; shape (pixels,)."""
-        rho = self.reduced(parameters)[2].ravel()
+        rho = self.reduced(parameters)[2]
         fall = np.maximum(1.0 - rho**2, 0.0) ** TEXTURE_FALL
         fall += TEXTURE_LEAK * np.exp(-np.maximum(rho - 1.0, 0.0) / TEXTURE_REACH)
         return np.asarray(1.0 + np.expm1(parameters[8]) * fall)
 
-    def fitted(self, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The change as the best weights of the shapes explain it."""
+    def solved(self, parameters: NDArray[np.float64]) -> Solved:
+        """The best weights of the shapes at these parameters, and what they leave."""
         shapes = self.shapes(parameters)
         weighted = shapes if self.even is None else shapes / self.texture(parameters)[:, None]
         normal = shapes.T @ weighted
         normal[np.diag_indices_from(normal)] += RIDGE * np.trace(normal)
-        return np.asarray(shapes @ np.linalg.solve(normal, weighted.T @ self.data))
+        weights = np.linalg.solve(normal, weighted.T @ self.data)
+        return Solved(parameters, shapes, normal, weights, self.residual(parameters, shapes @ weights))
 
-    def residual(self, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
+    def residual(self, parameters: NDArray[np.float64], fitted: NDArray[np.float64]) -> NDArray[np.float64]:
         """What is left of the change; with texture, numbers whose squares add up to twice the log likelihood."""
-        left = self.data - self.fitted(parameters)
+        left = self.data - fitted
         if self.even is None:
             return np.asarray(left.ravel())
         texture = self.texture(parameters)
         spread = np.sqrt(left.shape[1] * np.log(texture)) * self.weight.ravel()
         return np.append(left / np.sqrt(self.even * texture)[:, None], spread)
+
+    def jacobian(self, at: Solved, free: NDArray[np.intp]) -> NDArray[np.float64]:
+        """Derivatives of the residual by the free parameters (Kaufman, BIT 15, 49, 1975), shape (residuals, free)."""
+        count = self.data.size
+        columns = np.empty((at.residual.size, free.size))
+        for column, index in enumerate(free):
+            moved = at.parameters.copy()
+            moved[index] += STEP
+            columns[:, column] = (self.residual(moved, self.shapes(moved) @ at.weights) - at.residual) / STEP
+        # The weights follow the parameters: what the shapes themselves explain of a derivative is taken away.
+        part = columns[:count].reshape(*self.data.shape, -1)
+        root = None if self.even is None else np.sqrt(self.even * self.texture(at.parameters))
+        shapes = at.shapes if root is None else at.shapes / root[:, None]
+        normal = at.normal if self.even is None else at.normal / self.even
+        flat = part.reshape(len(part), -1)
+        flat -= shapes @ np.linalg.solve(normal, shapes.T @ flat)
+        return columns
 
     def explained(self, fitted: NDArray[np.float64], blur: float) -> float:
         """Fraction of the change that is explained, after a blur of both that takes a texture away."""
@@ -339,7 +414,7 @@ def fit_contact(
         begun, limits = _textured_starts(window, begun, limits)
     solutions = [_solved(window, start, limits) for start in begun]
     fits = [_result(window, solution, centre, limits) for solution in solutions]
-    return joined_fits(fits, [float(solution.cost) for solution in solutions])
+    return joined_fits(fits, [solution.cost for solution in solutions])
 
 
 def _textured_starts(
@@ -347,8 +422,8 @@ def _textured_starts(
 ) -> tuple[list[NDArray[np.float64]], NDArray[np.float64]]:
     """The starts with the variance of a texture, by what a smooth fit leaves inside and outside; and the limits."""
     smooth = _solved(window, starts[len(starts) // 2], limits)
-    left = np.square(smooth.fun.reshape(window.data.shape)).sum(axis=1)
-    rho, used = window.reduced(smooth.x)[2].ravel(), window.weight.ravel() > 0
+    left = np.square(smooth.residual.reshape(window.data.shape)).sum(axis=1)
+    rho, used = window.reduced(smooth.parameters)[2], window.weight.ravel() > 0
     outside, inside = used & (rho > OUTSIDE), used & (rho < 0.8)
     if not outside.any() or not inside.any():
         return starts, limits
@@ -360,34 +435,71 @@ def _textured_starts(
     return starts, np.append(limits[:8], texture + MOST_TEXTURE)
 
 
-def _solved(window: _Window, start: NDArray[np.float64], limits: NDArray[np.float64]) -> OptimizeResult:
-    free = limits > FIXED
+def _solved(window: _Window, start: NDArray[np.float64], limits: NDArray[np.float64]) -> Solved:
+    """The best parameters within the limits, those of the profile weighed against their distance from the start.
 
-    def whole(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        parameters = start.copy()
-        parameters[free] = values
-        return parameters
+    What the profile leaves free - its decay, blur and steepness - would else be driven to a limit by the errors of the
+    model: the limits count as priors, as strong as the patches of the residual of a first solution say.
+    """
+    at = _descended(window, start, start, limits, np.zeros(limits.size))
+    prior = np.zeros(limits.size)
+    prior[PROFILE] = 3.0 * _patch_variance(window, at) / np.square(limits[PROFILE])
+    return _descended(window, at.parameters, start, limits, prior)
 
-    def left(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        return window.residual(whole(values))
 
-    low, high = start - limits, start + limits
+def _descended(
+    window: _Window,
+    parameters: NDArray[np.float64],
+    start: NDArray[np.float64],
+    limits: NDArray[np.float64],
+    prior: NDArray[np.float64],
+) -> Solved:
+    """Levenberg and Marquardt's method within the limits."""
+    free = np.flatnonzero(limits > FIXED)
+    low, high = (start - limits)[free], (start + limits)[free]
     if window.even is not None:
-        low[8] = 0.05
-    found = scipy.optimize.least_squares(
-        left,
-        start[free],
-        bounds=(low[free], high[free]),
-        x_scale=0.1,
-        diff_step=np.full(np.count_nonzero(free), 1e-3),
-        xtol=1e-4,
-        ftol=1e-5,
-        max_nfev=25,
-    )
-    jacobian = np.zeros((found.fun.size, start.size))
-    jacobian[:, free] = np.asarray(found.jac)
-    found.x, found.jac = whole(found.x), jacobian
-    return found
+        low[-1] = LEAST_TEXTURE
+    weight = prior[free]
+
+    def cost_of(solved: Solved) -> float:
+        return solved.cost + float(weight @ np.square((solved.parameters - start)[free])) / 2.0
+
+    at, damping = window.solved(parameters), 1e-3
+    cost = cost_of(at)
+    for _ in range(MOST_STEPS):
+        jacobian, here = window.jacobian(at, free), at.parameters[free]
+        gradient = jacobian.T @ at.residual + weight * (here - start[free])
+        curvature = jacobian.T @ jacobian + np.diag(weight)
+        # A parameter at its limit stays there where the cost falls beyond it.
+        moving = ~(((here <= low) & (gradient > 0)) | ((here >= high) & (gradient < 0)))
+        if not moving.any():
+            break
+        found = None
+        for _ in range(MOST_TRIES):
+            system = curvature[np.ix_(moving, moving)]
+            system = system + damping * np.diag(np.diag(system) + 1e-12 * np.trace(system))
+            step = np.zeros(free.size)
+            step[moving] = -np.linalg.solve(system, gradient[moving])
+            trial = at.parameters.copy()
+            trial[free] = np.clip(here + step, low, high)
+            found = window.solved(trial)
+            if cost_of(found) < cost:
+                break
+            damping, found = max(4.0 * damping, 1e-3), None
+        if found is None:
+            break
+        gain, moved = cost - cost_of(found), float(np.abs(found.parameters - at.parameters).max())
+        at, cost, damping = found, cost - gain, damping / 5.0
+        if gain < LEAST_GAIN * cost or moved < 1e-4:
+            break
+    return at
+
+
+def _patch_variance(window: _Window, solution: Solved) -> float:
+    """Mean square residual times the pixels that err together: errors of the model count by their patches."""
+    residual = solution.residual[: window.data.size]
+    mean = float(residual @ residual) / max(window.pixels * window.data.shape[1], 1)
+    return mean * _correlated_pixels(residual.reshape(*window.weight.shape, -1))
 
 
 def joined_fits(fits: list[ContactFit], costs: list[float]) -> ContactFit:
@@ -402,19 +514,17 @@ def joined_fits(fits: list[ContactFit], costs: list[float]) -> ContactFit:
 
 
 def _result(
-    window: _Window, solution: OptimizeResult, start: tuple[float, float], limits: NDArray[np.float64]
+    window: _Window, solution: Solved, start: tuple[float, float], limits: NDArray[np.float64]
 ) -> ContactFit:
-    x, jacobian, fitted = solution.x, solution.jac, window.fitted(solution.x)
-    residual = solution.fun[: window.data.size]
-    left = residual.reshape(*window.weight.shape, -1)
-    variance = float(np.square(residual).sum()) / max(window.pixels * left.shape[-1], 1)
-    # Residuals of the model's own errors are correlated: they count by their patches, not by their pixels.
-    variance *= _correlated_pixels(left)
+    x, fitted, free = solution.parameters, solution.fitted, np.flatnonzero(limits > FIXED)
+    jacobian = np.zeros((solution.residual.size, x.size))
+    jacobian[:, free] = window.jacobian(solution, free)
+    variance = _patch_variance(window, solution)
     # The limits count as priors, so that a parameter that the frame does not tell widens the radius by them alone.
     prior = 3.0 * variance / np.square(limits)
     variances = np.diag(np.linalg.inv(jacobian.T @ jacobian + np.diag(prior))) * variance
     half, radius = float(np.hypot(x[3], x[4])), window.radius * float(np.exp(x[2]))
-    inside = (window.reduced(x)[2] < 1.0).ravel() & (window.weight.ravel() > 0)
+    inside = (window.reduced(x)[2] < 1.0) & (window.weight.ravel() > 0)
     part = fitted[inside] - fitted[~inside].mean(axis=0) if inside.any() and not inside.all() else np.zeros((1, 1))
     return ContactFit(
         centre=(start[0] + float(x[0]) * window.radius, start[1] + float(x[1]) * window.radius),
@@ -578,27 +688,56 @@ def _find(change: GelChange, sensor: GelSensor, name: str) -> GelContact:
         return _none(name)
     centre, radius, others = place
     gel = _layer(sensor, columns, rows)
-    layer = None if gel is None else gel.scaled(1.0 / step)
-    fit = fit_contact(coarse, usable.astype(float), centre, radius, gel=layer, starts=STARTS)
+    fits = _Fits(change, gel)
+    fit = fits.at(START_RADIUS_PX, _place(centre, radius, step), starts=STARTS)
     if fit is None:
         return _none(name)
-    fine = max(1, int(fit.radius * step / FITTED_RADIUS_PX))
-    if fine != step:
-        coarse, usable = _reduced(change, fine)
-        fit, layer = _rescaled_fit(fit, step, fine), None if gel is None else gel.scaled(1.0 / fine)
-    starts = (1.0,) if gel is None else AGAIN
-    fit = fit_contact(coarse, usable.astype(float), fit.centre, fit.radius, gel=layer, starts=starts) or fit
-    oval = fit_contact(coarse, usable.astype(float), fit.centre, fit.radius, gel=layer, ellipse=True)
-    if oval is not None and _is_oval(fit, oval):
-        fit = oval
+    if gel is not None:
+        fit = fits.at(START_RADIUS_PX, fit, starts=AGAIN) or fit
+    sd = fit.radius_sd  # other minima are in it
+    oval = fits.at(START_RADIUS_PX, fit, ellipse=True) if fit.explained < ROUND else None
+    is_oval = oval is not None and _is_oval(fit, oval)
+    fit = fits.at(FITTED_RADIUS_PX, oval if is_oval else fit, ellipse=is_oval) or fit
+    fit = fit if gel is None else replace(fit, radius_sd=max(fit.radius_sd, sd))
     if fit.explained < TEXTURED:
-        ends = TEXTURED_STARTS if oval is None or fit is not oval else (1.0,)
-        rough = fit_contact(coarse, usable.astype(float), fit.centre, fit.radius, gel=layer, starts=ends, texture=True)
+        ends = (1.0,) if is_oval else TEXTURED_STARTS
+        rough = fits.at(START_RADIUS_PX, fit, starts=ends, texture=True) or fit
+        sd = rough.radius_sd
+        rough = fits.at(FITTED_RADIUS_PX, rough, texture=True)
         if rough is not None and rough.explained > fit.explained:
-            fit = rough
-    fit = _rescaled_fit(fit, fine, 1)
+            fit = replace(rough, radius_sd=max(rough.radius_sd, sd))
     reasons = _reasons(change, fit, others=[_rescaled_point(other, step, 1) for other in others])
     return _contact(name, fit, reasons, sensor, columns, rows, change)
+
+
+class _Fits:
+    """Fits of one change, on block means so that the radius has as many blocks as asked for; all in its pixels."""
+
+    def __init__(self, change: GelChange, gel: GelLayer | None) -> None:
+        self._change, self._gel = change, gel
+        self._reduced: dict[int, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
+
+    def at(self, radius_px: float, near: ContactFit | None, **options: Any) -> ContactFit | None:
+        """A fit that starts at another; options as of `fit_contact`."""
+        if near is None:
+            return None
+        step = max(1, int(near.radius / radius_px))
+        if step not in self._reduced:
+            blocks, usable = _reduced(self._change, step)
+            self._reduced[step] = blocks, usable.astype(float)
+        start = _rescaled_fit(near, 1, step)
+        gel = None if self._gel is None else self._gel.scaled(1.0 / step)
+        fit = fit_contact(*self._reduced[step], start.centre, start.radius, gel=gel, **options)
+        return None if fit is None else _rescaled_fit(fit, step, 1)
+
+
+def _place(centre: tuple[float, float], radius: float, step: int) -> ContactFit:
+    """Where a search on blocks of that step found a contact, as a fit without uncertainty."""
+    found = ContactFit(
+        centre=centre, semi_axes=(radius, radius), angle_deg=0.0, centre_sd=(0.0, 0.0), radius_sd=0.0, explained=0.0,
+        amplitude=0.0, patch_variance=0.0,
+    )  # fmt: skip
+    return _rescaled_fit(found, step, 1)
 
 
 def _layer(sensor: GelSensor, columns: int, rows: int) -> GelLayer | None:
