@@ -5,8 +5,8 @@
 Each case is one object on one gel, pressed three times by finite elements at finite strain (as `gel_hardness`); the
 first press is a path of eight forces, which the other presses repeat with errors of their own. The force's zero is off
 by up to 0.05 N and its time by up to 150 ms, both even and one for a case; a press of 0.6 to 1.5 s rises along a smooth
-ramp, so that the rate changes. The radii of one press share an error of 8 %, or its force one of 8 %. The estimate knows
-these errors by their standard deviations alone. Cases lie on the disk (`--bank`): an interrupted run goes on.
+ramp, so that the rate changes. The radii of one press share an error of 8 %, or its force one of 8 %. The estimate
+knows these errors by their standard deviations alone. Cases lie on the disk (`--bank`): an interrupted run goes on.
 """
 
 from __future__ import annotations
@@ -147,12 +147,23 @@ def main() -> int:
             found[name].append(case)
             if bench.each:
                 print(f"{name}: {case.young_kpa:.1f} kPa: {case.median_kpa:.1f} [{low:.1f}, {high:.1f}]", *case.flags)
-    heads = ("the estimate is", "cases", "trusted", "identified", "holds, all", "holds, identified", "median error", "bias")
+    heads = (
+        "the estimate is",
+        "cases",
+        "trusted",
+        "identified",
+        "holds, all",
+        "holds, identified",
+        "median error",
+        "bias",
+    )
     bench.table(f"Force and image in time, {bench.varied} varies", heads, [row(*item) for item in found.items()])
     cases = found["told"]
     return bench.end(
         [
-            Goal(name="90 % interval holds, %", value=100 * np.mean([case.inside for case in cases]), least=85, most=95),
+            Goal(
+                name="90 % interval holds, %", value=100 * np.mean([case.inside for case in cases]), least=85, most=95
+            ),
             Goal(name="trusted, %", value=100 * np.mean([case.trusted for case in cases]), least=80),
         ]
     )

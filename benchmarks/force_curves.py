@@ -1,6 +1,9 @@
 """Moduli from simulated force curves: are the intervals honest, and are the medians right?
 
-    python -m benchmarks.force_curves --curves 100 --seed 7001
+    python -m benchmarks.force_curves --curves 100 --seed 7001 --seconds 240
+
+Presses and judged curves lie on the disk (`--bank`): a run that is interrupted, or that ends after `--seconds`, goes on
+where it ended. Each curve has a random generator of its own by its number.
 
 The curves are finite-strain presses of a rigid ball (`tsis.mechanics.finite_strain`: neo-Hookean, frictionless, on a
 bonded slab), another path than the estimator's small-strain layer. Each curve has its own modulus (2-200 kPa), ball
@@ -10,8 +13,11 @@ drift, and errors of radius, thickness and force with the standard deviations th
 
 from __future__ import annotations
 
+import json
 import sys
 from functools import cache
+from pathlib import Path
+from time import monotonic
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +25,7 @@ from benchmarks.harness import Bench, Goal
 from rich.progress import track
 
 import tsis
+from tsis.files.atomic import write_durably
 from tsis.hardness.force_curves import ForceCurve
 from tsis.mechanics.finite_strain.neo_hookean_press import press_path
 
@@ -31,18 +38,19 @@ POINTS = 1500
 
 
 @cache
-def finite_path(ratio: float, poisson: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def finite_path(ratio: float, poisson: float, bank: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Depth over the ball's radius, and force over modulus and squared radius, of one path of presses."""
-    stiff = tsis.Layer(thickness_mm=8.0, young_kpa=STIFF_KPA, poisson=0.3)
-    ball = tsis.Probe(radius_mm=7.0, face_curvature_mm=RADIUS_MM, layers=(stiff,))
-    slab = tsis.Phantom(young_kpa=YOUNG_KPA, poisson=poisson, thickness_mm=ratio * RADIUS_MM)
-    depth = np.geomspace(0.1, 2.4 if ratio > 3 else 1.6, 11)
-    forces = 4 / 3 * YOUNG_KPA / (1 - poisson**2) * np.sqrt(RADIUS_MM) * depth**1.5 / 1e3
-    path = press_path(ball, slab, forces_n=forces.tolist())
-    return (
-        np.array([press.approach_mm for press in path]) / RADIUS_MM,
-        np.array([press.force_n for press in path]) * 1e3 / (YOUNG_KPA * RADIUS_MM**2),
-    )
+    stored = bank / f"path-{ratio:g}-{poisson:g}.json"
+    if not stored.is_file():
+        stiff = tsis.Layer(thickness_mm=8.0, young_kpa=STIFF_KPA, poisson=0.3)
+        ball = tsis.Probe(radius_mm=7.0, face_curvature_mm=RADIUS_MM, layers=(stiff,))
+        slab = tsis.Phantom(young_kpa=YOUNG_KPA, poisson=poisson, thickness_mm=ratio * RADIUS_MM)
+        depth = np.geomspace(0.1, 2.4 if ratio > 3 else 1.6, 11)
+        forces = 4 / 3 * YOUNG_KPA / (1 - poisson**2) * np.sqrt(RADIUS_MM) * depth**1.5 / 1e3
+        path = press_path(ball, slab, forces_n=forces.tolist())
+        write_durably(stored, json.dumps([[press.approach_mm, press.force_n] for press in path]).encode())
+    depths, newtons = np.array(json.loads(stored.read_text())).T
+    return depths / RADIUS_MM, newtons * 1e3 / (YOUNG_KPA * RADIUS_MM**2)
 
 
 def pink(rng: np.random.Generator, count: int) -> NDArray[np.float64]:
@@ -54,10 +62,10 @@ def pink(rng: np.random.Generator, count: int) -> NDArray[np.float64]:
     return np.asarray(noise / noise.std())
 
 
-def one_curve(rng: np.random.Generator) -> tuple[float, tsis.Estimate, float]:
+def one_curve(rng: np.random.Generator, bank: Path) -> tuple[float, tsis.Estimate, float]:
     """True modulus, the estimate, and the thickness over the radius."""
     ratio, poisson = float(rng.choice(RATIOS)), float(rng.choice(POISSONS))
-    depth, force = finite_path(ratio, poisson)
+    depth, force = finite_path(ratio, poisson, bank)
     young, radius = float(np.exp(rng.uniform(*np.log((2, 200))))), float(np.exp(rng.uniform(*np.log((5e-3, 10)))))
     deepest = float(rng.uniform(0.4, 1.0)) * depth[-1] * radius
     position = np.linspace(-rng.uniform(0.5, 2.5) * deepest, deepest, POINTS)
@@ -79,19 +87,29 @@ def one_curve(rng: np.random.Generator) -> tuple[float, tsis.Estimate, float]:
     return young, tsis.hardness.indentation(curve, **told, seed=int(rng.integers(2**31))), ratio
 
 
+def judged_curve(seed: int, number: int, bank: Path) -> tuple[float, ...]:
+    """Thickness, whether trusted, relative error, relative width, and whether the interval holds, of one curve."""
+    stored = bank / f"curve-{seed}-{number}.json"
+    if not stored.is_file():
+        young, estimate, ratio = one_curve(np.random.default_rng([seed, number]), bank)
+        row = (ratio, 0.0, 0.0, 0.0, 0.0)
+        if estimate.trusted:
+            low, high = estimate.interval()["young_kpa"]
+            mean = estimate.untrusted.mean["young_kpa"]
+            row = (ratio, 1.0, mean / young - 1, (high - low) / mean, float(low <= young <= high))
+        write_durably(stored, json.dumps(row).encode())
+    return tuple(json.loads(stored.read_text()))
+
+
 def main() -> int:
     """Judge the intervals and the median error."""
-    bench = Bench(__doc__, seed=7001, curves=100)
-    rng = np.random.default_rng(bench.seed)
-    rows = []
-    for _ in track(range(bench.curves), disable=not sys.stderr.isatty()):
-        young, estimate, ratio = one_curve(rng)
-        if not estimate.trusted:
-            rows.append((ratio, False, np.nan, np.nan, 0.0))
-            continue
-        low, high = estimate.interval()["young_kpa"]
-        mean = estimate.untrusted.mean["young_kpa"]
-        rows.append((ratio, True, mean / young - 1, (high - low) / mean, float(low <= young <= high)))
+    bench = Bench(__doc__, seed=7001, curves=100, seconds=1e9, bank=Path("build/force-curves"))
+    bench.bank.mkdir(parents=True, exist_ok=True)
+    rows, end = [], monotonic() + bench.seconds
+    for number in track(range(bench.curves), "curves"):
+        rows.append(judged_curve(bench.seed, number, bench.bank))
+        if monotonic() > end:
+            break
     found = np.array(rows, dtype=float)
     good = found[found[:, 1] > 0]
     parts = [("all", good), *((f"{ratio:g} radii", good[good[:, 0] == ratio]) for ratio in RATIOS)]

@@ -7,7 +7,8 @@ or soft, with a bonded gel layer by conjugate gradients on a grid (Polonsky and 
 contacts uses; its radius is that of the area of the contact with the gaps between touching asperities closed.
 `imprinted` adds a texture to the dent of a smooth ball, whose radius is exact. A soft edge is a smooth ball's dent
 blurred by 0.1 to 0.3 of the radius, or one under a pressure that falls to zero smoothly, as under a ball with a soft
-skin; the radius of the latter is Hertz's of the same second moment of the pressure. Frames are shaded by `tsis.virtual.gel_frames`.
+skin; the radius of the latter is Hertz's of the same second moment of the pressure. Frames are shaded by
+`tsis.virtual.gel_frames`.
 """
 
 from __future__ import annotations
@@ -158,13 +159,15 @@ def drawn_press(kind: str, name: str, rng: np.random.Generator) -> TexturedPress
     elif kind != "smooth ball":
         softness = float(rng.uniform(0.3, 0.7)) if kind != "textured ball" else 0.0
         if kind == "foam":
-            relief, slope, softness = cells((rows, columns), wave / side, rng), 1.3 * slope, float(rng.uniform(0.5, 0.8))
+            relief, slope, softness = (
+                cells((rows, columns), wave / side, rng),
+                1.3 * slope,
+                float(rng.uniform(0.5, 0.8)),
+            )
         height = ball - np.sqrt(np.maximum(ball**2 - np.minimum(away, 0.99 * ball) ** 2, 0.0))
         height = height + relief * slope * wave / (2 * np.pi)
         height -= height[away < 1.2 * touched].min()
-        dent, pressure = pressed(
-            height, smooth.depth_mm, side, poisson=poisson, thickness=thickness, softness=softness
-        )
+        dent, pressure = pressed(height, smooth.depth_mm, side, poisson=poisson, thickness=thickness, softness=softness)
         radius = outline_radius(pressure > 0.02 * pressure.max(), CLOSED * size)
     light = random_gel_light((rows, columns), rng, size_px=size)
     return TexturedPress(
@@ -214,8 +217,9 @@ def main() -> int:
             found.append((contact.good, error, error * made.radius_px / contact.radius_sd_px))
             if bench.each:
                 print(
-                    f"{kind} {number} {made.sensor.name}: radius {made.radius_px:.1f} px, error {error:+.1%}, explained "
-                    f"{contact.explained:.2f}, sd {contact.radius_sd_px / contact.radius_px:.1%}", *contact.reasons
+                    f"{kind} {number} {made.sensor.name}: radius {made.radius_px:.1f} px, error {error:+.1%}, "
+                    f"explained {contact.explained:.2f}, sd {contact.radius_sd_px / contact.radius_px:.1%}",
+                    *contact.reasons,
                 )  # fmt: skip
         rows.append(row(kind, found))
         every += found

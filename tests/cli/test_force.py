@@ -5,8 +5,11 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING
 
+import cv2
 import numpy as np
 import pytest
+
+from tsis.imaging.depth import DepthCalibration, depth_calibration_json
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -56,3 +59,29 @@ def test_wrong_input_ends_in_one_sentence(
     assert said in " ".join(finished.err.split())
     assert finished.err.count("\n") == 1
     assert folder.exists()
+
+
+def test_a_video_has_the_force_of_each_depth(run_tsis: RunTsis, tmp_path: Path) -> None:
+    """Grey levels that fall by 60 a millimetre: the video's forces are those of the depth maps themselves."""
+    calibration = DepthCalibration(
+        sensor="9dtact", light="white", method="grey", weights=np.array([-60.0, 0.0, 0.0]), ball_mm=6.0, presses=3,
+        sd_mm=0.004, sd_relative=0.02,
+    )  # fmt: skip
+    (tmp_path / "depth.json").write_bytes(depth_calibration_json(calibration))
+    y, x = np.mgrid[:345, :460] * 0.0505
+    bowl = np.exp(-((x - 11.6) ** 2 + (y - 8.7) ** 2) / 2 / 2.0**2)
+    writer = cv2.VideoWriter(str(tmp_path / "press.mkv"), cv2.VideoWriter.fourcc(*"FFV1"), 10.0, (460, 345))
+    for deepest in (0.0, 0.25, 0.5):
+        levels = np.rint(160.0 - 60.0 * deepest * bowl).astype(np.uint8)
+        writer.write(np.dstack([levels] * 3))
+        np.save(tmp_path / f"map-{deepest:g}.npy", deepest * bowl)
+    writer.release()
+    finished = run_tsis("force", "press.mkv", "--sensor", "9dtact", "--calibration", "depth.json", "--json")
+    assert finished.code in (0, 3), finished.err
+    rows = json.loads(finished.out)["frames"]
+    assert [row["time_s"] for row in rows] == pytest.approx([0.0, 0.1, 0.2])
+    assert rows[0]["force_n"] == 0.0
+    for row, deepest in zip(rows[1:], (0.25, 0.5), strict=True):
+        known = json.loads(run_tsis("force", f"map-{deepest:g}.npy", "--sensor", "9dtact", "--json").out)["force_n"]
+        assert row["force_n"] == pytest.approx(known, rel=0.08)
+        assert row["interval_n"][0] < known < row["interval_n"][1]

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import json
+import re
 from typing import TYPE_CHECKING
 
+import cv2
+import numpy as np
 import pytest
 from tests.hardness.stand_ins import by_table
 
+from tsis.catalog.sensors import load_sensor
 from tsis.virtual.direct_contact import DirectContactRig
+from tsis.virtual.gel_frames import ball_press, gel_depth_mm, random_gel_light, render_gel
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -146,3 +151,52 @@ def test_wrong_orders_are_one_sentence(run_tsis: RunTsis, arguments: tuple[str, 
     assert finished.code == 2
     assert message in " ".join(finished.err.split())
     assert finished.err.count("\n") == 1
+
+
+def gel_film(folder: Path, *, lag_s: float, young_kpa: float = 60.0, ball_mm: float = 8.0) -> None:
+    """A film of a Hertzian press on a thick gel of 150 kPa, and a gauge that lags; the face is that of a rigid ball.
+
+    By Hertz a soft ball dents the gel as a rigid one whose radius is larger by the gel's share of the compliance.
+    """
+    sensor = load_sensor(str(folder / "thick.toml"))
+    own, gel = (1 - 0.4725**2) / young_kpa, (1 - 0.485**2) / 150.0
+    rng = np.random.default_rng(77)
+    columns, rows = sensor.image_px
+    light = random_gel_light((rows, columns), rng, size_px=30.0)
+    writer = cv2.VideoWriter(str(folder / "press.mkv"), cv2.VideoWriter.fourcc(*"FFV1"), 20.0, (columns, rows))
+    flat = np.zeros((rows, columns))
+
+    def force(time: float) -> float:
+        return 0.18 * float(np.clip((time - 0.5) / 1.2, 0.0, 1.0)) ** 1.5
+
+    for number in range(50):
+        newtons, depth = force(number / 20.0), flat
+        if newtons > 0.005:
+            touched = float(np.cbrt(0.75 * 1e3 * newtons * ball_mm * (own + gel)))
+            made = ball_press(ball_mm * (own + gel) / gel, touched, thickness_mm=20.0, poisson=0.485)
+            depth = gel_depth_mm(made, sensor, columns, rows, (160.0, 120.0))
+        writer.write(render_gel(depth, sensor, light, rng, drift=False)[..., ::-1])
+    writer.release()
+    lines = [f"{time:.3f},{force(time - lag_s) + rng.normal(0.0, 0.0005):.5f}" for time in np.arange(-0.5, 3.0, 0.02)]
+    (folder / "gauge.csv").write_text("\n".join(["time_s,force_n", *lines]))
+
+
+def test_a_video_of_a_press_with_its_gauge_gives_the_modulus_and_their_delay(run_tsis: RunTsis, tmp_path: Path) -> None:
+    made = run_tsis(
+        *("sensor", "new", "thick", "--like", "gelsight-mini", "--thickness-mm", "20", "--young-kpa", "150"),
+        *("--young-measured", "--out", "thick.toml"),
+    )
+    assert made.code == 0, made.err
+    gel_film(tmp_path, lag_s=0.1)
+    order = ("hardness", "press.mkv", "--sensor", "thick.toml", "--radius-mm", "8")
+    finished = run_tsis(*order, "--forces", "gauge.csv", "--force-zero-sd-n", "0", "--json")
+    assert finished.code == 0, finished.err
+    low, high = json.loads(finished.out)["estimate"]["parameters"]["young_kpa"]["interval_90"]
+    assert low < 60.0 < high
+    assert high < 2.2 * low
+    told = re.search(r"lags ([+-]\d+) ms", finished.err)
+    assert told
+    assert float(told[1]) == pytest.approx(100.0, abs=25.0)
+    without = run_tsis(*order)
+    assert without.code == 2
+    assert "--forces" in without.err

@@ -29,6 +29,26 @@ def test_new_check_and_show_go_together(run_tsis: RunTsis, tmp_path: Path) -> No
     assert shown["sensor"]["thickness_mm"] == {"value": 4.0, "low": 3.0, "high": 5.0}
 
 
+def test_corners_are_found_in_an_untouched_frame(run_tsis: RunTsis, tmp_path: Path) -> None:
+    frame = np.full((480, 640, 3), 5, np.uint8)
+    y, x = np.mgrid[:480, :640]
+    inside = (y > 60 + 0.05 * x) & (y < 430 - 0.03 * x) & (x > 80 + 0.1 * y) & (x < 560 + 0.06 * y)
+    frame[inside] = (120, 140, 160)
+    Image.fromarray(frame).save(tmp_path / "untouched.png")
+    made = run_tsis("sensor", "new", "mine", "--like", "gelsight-wedge", "--corners-in", "untouched.png")
+    assert made.code == 0, made.err
+    sensor = load_sensor(tmp_path / "sensor.toml")
+    assert sensor.raw_px == (640, 480)
+    assert sensor.corners_px is not None
+    (left, top), (_, right_top), *_ = sensor.corners_px
+    assert left == pytest.approx(80 + 0.1 * top, abs=2)
+    assert top == pytest.approx(60 + 0.05 * left, abs=2)
+    assert right_top == pytest.approx(60 + 0.05 * 565, abs=3)
+    twice = run_tsis("sensor", "new", "mine", "--corners-in", "untouched.png", "--raw-px", "640,480", "--out", "b.toml")
+    assert twice.code == 2
+    assert "--corners-in must stand without" in twice.err
+
+
 def test_show_lists_the_catalog(run_tsis: RunTsis) -> None:
     assert json.loads(run_tsis("sensor", "show", "--json").out)["names"] == list(list_sensors())
     assert "not a layer" in " ".join(run_tsis("sensor", "show", "digit").out.split())

@@ -333,3 +333,59 @@ def test_a_zero_error_of_the_force_lies_within_the_interval(zero_n: float) -> No
         assert low < 100.0 < high
         found.append(np.log(high / low))
     assert found[1] < 0.8 * found[0]
+
+
+def rising(lag_s: float, *, young_kpa: float = 60.0, presses: int = 2) -> list[dict[str, float]]:
+    """Presses that rise along a smooth ramp in a second, the gauge read later by the lag."""
+    contacts = []
+    for press in range(presses):
+        course = 0.05 + 0.2 * (1 + press) * np.sin(np.linspace(0.1, np.pi / 2, 8)) ** 2
+        late = 0.05 + 0.2 * (1 + press) * np.sin(np.linspace(0.1, np.pi / 2, 8) + np.pi / 2 * lag_s) ** 2
+        for number, (contact, read) in enumerate(zip(hertz(young_kpa, tuple(course)), late, strict=True)):
+            time = number / 7.0
+            contacts.append({"press": press, "time_s": time, "radius_mm": contact["radius_mm"], "force_n": float(read)})
+    return contacts
+
+
+def test_a_lag_of_the_gauge_is_told_by_the_rise() -> None:
+    """A fast rise and its end differ by the lag alone: without it the readings contradict each other, or mislead."""
+    options = {"sensor": GEL, "geometry": R_MM, "force_zero_sd_n": 0.0}
+    late = rising(0.15)
+    known, blind = (estimate_from_contacts(late, **options, lag_sd_s=sd) for sd in (0.1, 0.0))
+    low, high = known.untrusted.interval(0.9)["young_kpa"]
+    assert low < 60.0 < high
+    errors = [abs(np.log(float(np.median(found.untrusted.samples["young_kpa"])) / 60.0)) for found in (known, blind)]
+    assert errors[0] < errors[1]
+
+
+def test_the_error_of_a_press_is_shared_by_its_contacts_alone() -> None:
+    contacts = rising(0.0, presses=3)
+    options = {"sensor": GEL, "geometry": R_MM, "force_zero_sd_n": 0.0, "press_sd": 0.08}
+    three = estimate_from_contacts(contacts, **options)
+    one = estimate_from_contacts([contact | {"press": 0} for contact in contacts[:8]], **options)
+    three_sd, one_sd = (float(np.log(found.untrusted.samples["young_kpa"]).std()) for found in (three, one))
+    assert three_sd == pytest.approx(one_sd / np.sqrt(3), rel=0.2)
+
+
+def test_times_of_a_press_must_ascend() -> None:
+    contacts = rising(0.0)[:8]
+    with pytest.raises(InputError, match="must ascend"):
+        estimate_from_contacts(contacts[::-1], sensor=GEL, geometry=R_MM)
+
+
+def test_a_modulus_on_a_label_is_wider_than_a_measured_one() -> None:
+    label, measured = (
+        replace(GEL, sources={"young_kpa": source}) for source in ("Shore hardness on the label", "measured by us")
+    )
+    widths = [
+        np.log(high / low)
+        for sensor in (label, measured)
+        for low, high in [
+            estimate_from_contacts(
+                by_force(60.0), sensor=sensor, geometry=R_MM, force_zero_sd_n=0.0
+            ).untrusted.interval(0.9)["young_kpa"]
+        ]
+    ]
+    assert widths[0] > 1.1 * widths[1]
+    assert label.believed_young_kpa.limits == pytest.approx((120.0, 187.5))
+    assert measured.believed_young_kpa == GEL.young_kpa

@@ -7,10 +7,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+import scipy
+from benchmarks.textured_contacts import drawn_press
 
 from tsis.catalog.sensors import load_sensor
 from tsis.errors import ImageMismatchError, InputError
-from tsis.imaging.gel_contact import ContactFit, GelLayer, contacts, fit_contact, joined_fits, layer_hill
+from tsis.imaging.gel_contact import (
+    ContactFit,
+    GelLayer,
+    blurred_profile,
+    contacts,
+    fit_contact,
+    joined_fits,
+    layer_hill,
+)
 from tsis.instrument.image_files import read_levels
 from tsis.virtual.gel_frames import RenderedPress, ball_press, random_gel_light, random_gel_press, render_gel
 
@@ -210,3 +220,31 @@ def test_real_white_light_presses_are_good(shared_data: Path, sensor: str) -> No
     assert contact.good
     assert contact.radius_mm is not None
     assert 2.4 < contact.radius_mm < 4.0  # below the ball's own radius
+
+
+@pytest.mark.parametrize(("kind", "number"), [("soft textured ball", 0), ("foam", 1), ("imprint", 4), ("soft edge", 1)])
+def test_textured_and_soft_edged_objects_have_their_radius(kind: str, number: int) -> None:
+    """Contacts of rough bodies by another solver (benchmarks/textured_contacts.py), under lamps nobody knows."""
+    name = ("gelsight-mini", "gelsight-wedge")[number % 2]
+    made = drawn_press(kind, name, np.random.default_rng([4712, number]))
+    (contact,) = contacts([made.frame], sensor=made.sensor, reference=made.reference)
+    assert contact.good, contact.reasons
+    assert contact.radius_px == pytest.approx(made.radius_px, rel=0.07)
+    assert np.hypot(*np.subtract(contact.centre_px, made.centre_px)) < 0.1 * made.radius_px
+
+
+@pytest.mark.parametrize(("sd", "order"), [(0.06, 1), (0.2, 1), (0.1, 0)])
+def test_a_blurred_profile_is_that_of_the_blurred_plane(sd: float, order: int) -> None:
+    """Blur of the whole plane by SciPy, of a hill (order 0) and of a field along the radius (order 1)."""
+    side = np.arange(-240, 241) / 80.0
+    x, y = np.meshgrid(side, side)
+    places = np.concatenate([np.arange(0.0, 0.7, 0.05), np.arange(0.7, 1.4, 0.02), np.arange(1.4, 3.0, 0.05)])
+
+    def profile(radius: Any) -> Any:
+        return np.minimum(radius, 1.0) * np.exp(-np.maximum(radius - 1.0, 0.0)) if order else np.exp(-(radius**2))
+
+    radius = np.hypot(x, y)
+    plane = profile(radius) * (x / np.maximum(radius, 1e-9) if order else 1.0)
+    whole = scipy.ndimage.gaussian_filter(plane, sd * 80.0)[240, 240:400]
+    found = blurred_profile(np.pad(profile(places), (0, 3)), sd, order=order)[: places.size]
+    assert np.interp(side[240:400], places, found) == pytest.approx(whole, abs=0.01)

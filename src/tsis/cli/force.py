@@ -13,20 +13,34 @@ import typer
 import tsis
 from tsis.cli.options import AsJson
 from tsis.cli.output import CommandResult, Out, show_result
-from tsis.cli.progress import waiting
-from tsis.cli.sensor import GelReference, SensorOption, read_gel_frame, read_gel_reference
+from tsis.cli.progress import progress_bar, waiting
+from tsis.cli.sensor import (
+    GelReference,
+    SensorOption,
+    first_of_video,
+    gel_frame_paths,
+    gel_frame_times,
+    read_gel_frame,
+    read_gel_reference,
+    required_reference,
+)
 from tsis.errors import FileInputError, InputError
 from tsis.present.page import Table
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from tsis.mechanics.gel.force import GelForce
+    from tsis.imaging.depth import DepthMap
+    from tsis.mechanics.gel.force import DepthErrors, ForceScale, GelForce
     from tsis.mechanics.gel.shear import GelShear
     from tsis.model.gel_sensor import GelSensor
 
 
+MOST_WEIGHTS = 10**6  # of a depth calibration
+FRAME_DRAWS = 40  # of the interval, frame by frame
 LARGEST_MAP = 16_000_000  # pixels
 DEMO_FORCE_N, DEMO_RADIUS_MM = 0.4, 2.5
 MODULUS_OF_STEEL_KPA = 1e5  # a thousand times the gel's is rigid
@@ -35,7 +49,10 @@ MODULUS_OF_STEEL_KPA = 1e5  # a thousand times the gel's is rigid
 def force(
     depth: Annotated[
         Path | None,
-        typer.Argument(help="Depth map: NPY file of rows and columns in mm, positive where the gel is pressed in."),
+        typer.Argument(
+            help="Depth map: NPY file of rows and columns in mm, positive where the gel is pressed in; or with "
+            "--calibration a frame or a video."
+        ),
     ] = None,
     *,
     sensor: SensorOption = "gelsight-mini",
@@ -54,6 +71,10 @@ def force(
         typer.Option("--markers", help="Frame of the same press: the shift of its markers tells the shear force."),
     ] = None,
     reference: GelReference = None,
+    calibration: Annotated[
+        Path | None,
+        typer.Option("--calibration", help="Depth calibration of the frame or video (tsis depth calibrate)."),
+    ] = None,
     demo: Annotated[
         bool, typer.Option("--demo", help="Press a ball of 2.5 mm radius on the gel at 0.4 N by finite elements.")
     ] = False,
@@ -66,15 +87,12 @@ def force(
     loaded = tsis.catalog.load_sensor(sensor)
     errors = tsis.mechanics.gel.force.DepthErrors(scale_sd=depth_scale_sd, offset_sd_mm=depth_offset_sd_mm)
     known = [_weight(text) for text in weights or []]
+    if calibration is not None and depth is not None:
+        _force_of_frames(depth, loaded, calibration, reference, errors, known, out, as_json=as_json)
+        return
     with waiting("computing the pressure"):
         values = _demo_depth(loaded) if depth is None else _read_depth(depth)
-        scale = None
-        if known:
-            presses = [
-                tsis.mechanics.gel.force.gel_force(_read_depth(path), sensor=loaded, sd_mm=_read_sd(path), draws=20)
-                for path, _ in known
-            ]
-            scale = tsis.mechanics.gel.force.gel_force_scale(presses, [newtons for _, newtons in known])
+        scale = _scale(known, loaded)
         result = tsis.mechanics.gel.force.gel_force(
             values, sensor=loaded, sd_mm=_read_sd(depth), errors=errors, scale=scale
         )
@@ -116,6 +134,97 @@ def force(
         arrays={"pressure_kpa": result.pressure_kpa, "depth_mm": values},
     )
     show_result(shown, out, as_json=as_json, trusted=not problems)
+
+
+def _scale(known: Sequence[tuple[Path, float]], sensor: GelSensor) -> ForceScale | None:
+    """What the known weights tell of the gel; None without them."""
+    if not known:
+        return None
+    presses = [
+        tsis.mechanics.gel.force.gel_force(_read_depth(path), sensor=sensor, sd_mm=_read_sd(path), draws=20)
+        for path, _ in known
+    ]
+    return tsis.mechanics.gel.force.gel_force_scale(presses, [newtons for _, newtons in known])
+
+
+MOST_FORCES = 40  # frames of a video, evenly over it
+
+
+def _force_of_frames(
+    path: Path,
+    sensor: GelSensor,
+    calibration: Path,
+    reference: Path | None,
+    errors: DepthErrors,
+    known: Sequence[tuple[Path, float]],
+    out: Path | None,
+    *,
+    as_json: bool,
+) -> None:
+    """The force in each frame of a video, or in one frame, by its depth map."""
+    document = tsis.files.reading.read_object(calibration, values=MOST_WEIGHTS)
+    untouched = required_reference(sensor, reference or first_of_video([path]))
+    mapper = tsis.imaging.depth.DepthMapper(tsis.imaging.depth.parse_depth_calibration(document), sensor, untouched)
+    paths = gel_frame_paths([path])
+    paths = paths[:: -(-len(paths) // MOST_FORCES)]
+    times = gel_frame_times(paths) or [None] * len(paths)
+    scale, rows, problems = _scale(known, sensor), [], {}
+    with progress_bar("computing forces") as advance:
+        for number, (frame, time) in enumerate(zip(paths, times, strict=True), start=1):
+            depth = mapper.map(read_gel_frame(frame), name=frame.name)
+            force = _pressed_force(depth, sensor, errors, scale)
+            low, high = (0.0, 0.0) if force is None else force.interval_n()
+            newtons, deepest = (0.0, 0.0) if force is None else (force.force_n, force.deepest_mm)
+            found = (*depth.problems, *(() if force is None else force.problems))
+            problems |= dict.fromkeys(found)
+            rows.append(
+                {"frame": frame.name, "time_s": time, "force_n": newtons, "interval_n": [low, high],
+                 "deepest_mm": deepest, "trusted": not found}
+            )  # fmt: skip
+            advance(number, len(paths))
+    peak = max(rows, key=lambda row: float(row["force_n"]))
+    table = Table(
+        title="Force on the gel, frame by frame",
+        columns=("frame", "time / s", "force / N", "90 % interval / N", "deepest point / mm"),
+        values=tuple(
+            (
+                row["frame"], "" if row["time_s"] is None else f"{row['time_s']:.2f}", f"{row['force_n']:.3g}",
+                f"{row['interval_n'][0]:.3g} to {row['interval_n'][1]:.3g}", f"{row['deepest_mm']:.3g}",
+            )
+            for row in rows
+        ),
+    )  # fmt: skip
+    shown = CommandResult(
+        document=tsis.present.document.envelope(
+            "force frames",
+            sensor=sensor.name,
+            frames=rows,
+            peak_n=peak["force_n"],
+            level=tsis.model.estimate.INTERVAL_LEVEL,
+            trusted=bool(peak["trusted"]),
+        ),
+        tables=(table,),
+        notes=(*problems, *(() if scale is not None else (_WIDE,))),
+        figures={},
+        arrays={},
+    )
+    show_result(shown, out, as_json=as_json, trusted=bool(peak["trusted"]))
+
+
+def _pressed_force(
+    depth: DepthMap, sensor: GelSensor, errors: DepthErrors, scale: ForceScale | None
+) -> GelForce | None:
+    """The force on a depth map; None where nothing is pressed in beyond the uncertainty."""
+    module = tsis.mechanics.gel.force
+    deepest = depth.depth_mm > module.CERTAIN * depth.sd_mm
+    if not (deepest & (depth.depth_mm > module.SMALLEST_DEPTH_MM)).any():
+        return None
+    try:
+        return module.gel_force(
+            depth.depth_mm, sensor=sensor, sd_mm=depth.sd_mm, errors=errors, scale=scale, draws=FRAME_DRAWS
+        )
+    except InputError:  # nothing is left after the smoothing
+        return None
 
 
 _WIDE = "The gel's modulus passes one to one into the force: presses with known weights (--weight) narrow the interval."

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -33,6 +33,14 @@ from tsis.cli.saving import (
     chosen_destination,
     publish_and_save,
     savable_result,
+)
+from tsis.cli.sensor import (
+    chosen_sensor,
+    first_of_video,
+    gel_frame_paths,
+    gel_frame_times,
+    read_gel_frame,
+    read_gel_reference,
 )
 from tsis.errors import InputError
 from tsis.present.terminal import print_tables
@@ -90,6 +98,18 @@ ForceLagSd = Annotated[
         rich_help_panel=PANEL,
     ),
 ]
+GaugeTable = Annotated[
+    Path | None,
+    typer.Option("--forces", help="Table of the gauge, time_s and force_n, beside a video.", rich_help_panel=PANEL),
+]
+UntouchedFrame = Annotated[
+    Path | None,
+    typer.Option("--reference", help="Frame of the untouched gel sensor; of a video its first.", rich_help_panel=PANEL),
+]
+VideoStart = Annotated[
+    float,
+    typer.Option("--video-start-s", help="Time of the video's first frame in that table.", rich_help_panel=PANEL),
+]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -108,9 +128,44 @@ class ContactOptions:
     press_sd: float
     force_zero_sd_n: float
     lag_sd_s: float
+    reference: Path | None = None
+    forces: Path | None = None
+    video_start_s: float = 0.0
 
 
-def hardness_from_contacts(path: Path, given: ContactOptions, *, prior: HardnessPrior | None, as_json: bool) -> None:
+def contacts_of_frames(paths: Sequence[Path], given: ContactOptions) -> tuple[Any, ContactOptions]:
+    """Contacts of frames or of a video of a gel sensor, with forces; and the options with the delay that was found."""
+    if given.sensor is None:
+        raise InputError("frames of a gel sensor need --sensor")
+    chosen = chosen_sensor(given.sensor)
+    frames = gel_frame_paths(paths)
+    times = gel_frame_times(frames)
+    with progress_bar("finding contacts") as advance:
+        found = tsis.imaging.gel_contact.contacts(
+            [read_gel_frame(path) for path in frames],
+            sensor=chosen,
+            reference=read_gel_reference(chosen, given.reference or first_of_video(paths)),
+            names=[path.name for path in frames],
+            progress=advance,
+        )
+    if given.forces is None:
+        if times is not None:
+            raise InputError("a video needs --forces, the table of the gauge with time_s and force_n")
+        return found, given
+    if times is None:
+        raise InputError("--forces needs a video: give the forces of single frames as --force-n, one for each")
+    gauge = tsis.instrument.gauge.RecordedGauge(given.forces)
+    gauge.open()
+    film = tsis.hardness.film.filmed_press(
+        found, [time + given.video_start_s for time in times], list(gauge.readings())
+    )
+    for note in film.notes:
+        typer.echo(note, err=True)
+    lag_sd = given.lag_sd_s if film.lag_sd_s is None else film.lag_sd_s
+    return film.contacts, replace(given, sequence=True, lag_sd_s=lag_sd)
+
+
+def hardness_from_contacts(path: Any, given: ContactOptions, *, prior: HardnessPrior | None, as_json: bool) -> None:
     """Estimate and print; the exit code is 3 where the result must not be trusted."""
     if given.sensor is None:
         raise InputError("--contacts needs --sensor, the gel sensor that was touched (tsis sensor show lists them)")
@@ -159,7 +214,8 @@ UNNAMED = "tsis-direct"  # for calibrations that name no probe
 
 def hardness(
     images: Annotated[
-        list[Path] | None, typer.Argument(help="Frames of the probe pressed on the object itself: PNG, BMP or TIFF.")
+        list[Path] | None,
+        typer.Argument(help="Frames of the probe pressed on the object itself; or, with --sensor, frames or a video."),
     ] = None,
     *,
     force_n: Annotated[
@@ -198,6 +254,9 @@ def hardness(
     press_sd: PressSd = 0.02,
     force_zero_sd_n: ForceZeroSd = 0.03,
     force_lag_sd_s: ForceLagSd = 0.1,
+    forces: GaugeTable = None,
+    reference: UntouchedFrame = None,
+    video_start_s: VideoStart = 0.0,
     prior: PriorFile = None,
     show_prior: ShowHardnessPrior = False,
     seed: Annotated[int, typer.Option(help="Seed of the virtual rig's errors.", min=0, max=LARGEST_SEED)] = 1,
@@ -212,11 +271,14 @@ def hardness(
 ) -> None:
     """Estimate Young's modulus of a touched object from two presses, with its interval and as Shore hardness.
 
-    With --contacts the presses are those of a gel sensor, read by this or any other program.
+    With --contacts the presses are those of a gel sensor, read by this or any other program. Frames or a video of a gel
+    sensor, with --sensor, are read here: give --force-n for each frame, or --forces beside a video.
     """
     paths = images or []
-    if contacts is not None:
-        if paths or demo or virtual is not None or calibration is not None:
+    if contacts is not None or sensor is not None:
+        if contacts is None and not paths:
+            raise InputError("--sensor needs --contacts, or frames or a video of that gel sensor")
+        if (contacts is not None and paths) or demo or virtual is not None or calibration is not None:
             raise InputError("--contacts must stand alone: give no images, calibration, --demo or --virtual")
         own = (
             None if prior is None else tsis.catalog.priors.read_prior_file(prior, tsis.hardness.posterior.HardnessPrior)
@@ -234,8 +296,14 @@ def hardness(
             press_sd=press_sd,
             force_zero_sd_n=force_zero_sd_n,
             lag_sd_s=force_lag_sd_s,
+            reference=reference,
+            forces=forces,
+            video_start_s=video_start_s,
         )
-        hardness_from_contacts(contacts, stated, prior=own, as_json=as_json)
+        source: Any = contacts
+        if contacts is None:
+            source, stated = contacts_of_frames(paths, stated)
+        hardness_from_contacts(source, stated, prior=own, as_json=as_json)
         return
     if save:
         require_no_file("--save", probe)

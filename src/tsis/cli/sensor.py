@@ -92,6 +92,15 @@ def _video_frames(path: Path) -> list[Path]:
     return [path / f"frame-{number:06d}" for number in range(0, count, step)]
 
 
+def gel_frame_times(paths: Sequence[Path]) -> list[float] | None:
+    """Seconds of the frames of one video from its start; None for other frames."""
+    videos = {path.parent for path in paths}
+    if len(videos) != 1 or not (_is_video(video := videos.pop()) and video.is_file()):
+        return None
+    rate = tsis.instrument.video.opened_video(video).rate_hz
+    return [int(path.stem.rpartition("-")[2]) / rate for path in paths]
+
+
 def first_of_video(frames: Sequence[Path]) -> Path | None:
     """The video whose first frame shows the untouched sensor, where one video is all that is given; else None."""
     return frames[0] if len(frames) == 1 and _is_video(frames[0]) else None
@@ -130,7 +139,8 @@ def new(
     young_measured: Annotated[
         bool,
         typer.Option(
-            "--young-measured", help="That modulus was measured; else it counts as a label, true within a factor of 1.25."
+            "--young-measured",
+            help="That modulus was measured; else it counts as a label, true within a factor of 1.25.",
         ),
     ] = False,
     corners_px: Annotated[
@@ -141,6 +151,10 @@ def new(
         ),
     ] = None,
     raw_px: Annotated[str | None, typer.Option(help="Columns and rows of the camera's frame, as 640,480.")] = None,
+    corners_in: Annotated[
+        Path | None,
+        typer.Option(help="Find those corners in this frame or video of the untouched sensor, before a dark surround."),
+    ] = None,
     bits: Annotated[int | None, typer.Option(help="Bits of a level in files of 16 bits, as 12.")] = None,
     marker_pitch_mm: Annotated[
         float | None, typer.Option(help="Distance of printed markers, where the gel has them.")
@@ -160,6 +174,12 @@ def new(
         changes["mm_per_pixel"] = scale_of(scale_mm)
     if image_px is not None:
         changes["image_px"] = _pixels(image_px)
+    if corners_in is not None:
+        if corners_px is not None or raw_px is not None:
+            raise InputError("--corners-in must stand without --corners-px and --raw-px: it finds both")
+        untouched = read_gel_frame(corners_in)
+        changes["corners_px"] = tsis.imaging.face_corners.find_face_corners(untouched)
+        changes["raw_px"] = untouched.shape[1::-1]
     if corners_px is not None or raw_px is not None:
         changes["corners_px"] = None if corners_px is None else _corners(corners_px)
         changes["raw_px"] = None if raw_px is None else _pixels(raw_px, "--raw-px")
@@ -181,10 +201,15 @@ def new(
     if as_json:
         print_json(tsis.present.document.envelope("sensor new", sensor=sensor_document(sensor), file=str(out)))
         return
-    print_tables(
-        [sensor_table(sensor)],
-        sensor_notes(sensor),
-        where=f"File: {out}",
+    found = [] if corners_in is None or sensor.corners_px is None else [_corners_note(sensor.corners_px)]
+    print_tables([sensor_table(sensor)], (*sensor_notes(sensor), *found), where=f"File: {out}")
+
+
+def _corners_note(corners: Sequence[tuple[float, float]]) -> str:
+    places = ", ".join(f"{x:.0f},{y:.0f}" for x, y in corners)
+    return (
+        f"Corners found: {places}, from the upper left clockwise as the frame shows them: look at a warped frame, and "
+        "give them in another order with --corners-px where the face is turned or mirrored."
     )
 
 

@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from tsis.hardness import contacts as contacts
     from tsis.hardness import curve_files as curve_files
     from tsis.hardness import estimation as estimation
+    from tsis.hardness import film as film
     from tsis.hardness import flags as flags
     from tsis.hardness import force_curves as force_curves
     from tsis.hardness import gel as gel
@@ -28,6 +29,7 @@ if not TYPE_CHECKING:  # modules and names load when they are first used
             "contacts",
             "curve_files",
             "estimation",
+            "film",
             "flags",
             "force_curves",
             "gel",

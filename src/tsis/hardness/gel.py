@@ -327,7 +327,9 @@ class TouchLikelihood:
         spread = np.array(
             [
                 np.hypot(
-                    np.linalg.norm([term.sd, self._errors.force_zero_n * term.by_zero, self._errors.lag_s * term.by_lag]),
+                    np.linalg.norm(
+                        [term.sd, self._errors.force_zero_n * term.by_zero, self._errors.lag_s * term.by_lag]
+                    ),
                     3.0 * np.hypot(term.reading_sd, self._errors.press),
                 )
                 for term in terms
@@ -377,8 +379,9 @@ def estimate_from_contacts(
     The object is a half-space with a round face, the gel a layer bonded to a rigid backing, corrected for finite
     strain. A contact radius and a force give the combined compliance; a contact radius and the depth of the dent give
     the object's part of it without a force. The gel's modulus, thickness and Poisson's ratio lie anywhere within the
-    sensor's limits; a modulus without limits that a label states is widened (`GelSensor.believed_young_kpa`). An error of the gel's modulus passes into the object's one to one; an object that is much stiffer
-    than the gel adds little compliance, which widens its interval by ``1/(1 - s)``, s the gel's part.
+    sensor's limits; a modulus without limits that a label states is widened (`GelSensor.believed_young_kpa`). An error
+    of the gel's modulus passes into the object's one to one; an object that is much stiffer than the gel adds little
+    compliance, which widens its interval by ``1/(1 - s)``, s the gel's part.
 
     Parameters
     ----------
@@ -448,9 +451,7 @@ def estimate_from_contacts(
     if reference is not None:
         bodies.append(_rigid_ball(reference, reference_radius_mm))
     require_number("lag_sd_s", lag_sd_s, 0.0, 5.0, hint="seconds")
-    errors = TouchErrors(
-        press=press_sd, scale=gel.scale_uncertainty, force_zero_n=force_zero_sd_n, lag_s=lag_sd_s
-    )
+    errors = TouchErrors(press=press_sd, scale=gel.scale_uncertainty, force_zero_n=force_zero_sd_n, lag_s=lag_sd_s)
     reasons = unknowable(readings, shape)
     samples, misfit, count = _explored(bodies, gel, prior, errors, flat=shape.shape == "flat" or bool(reasons))
     flagged = [

@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from tsis.imaging import contact as contact
     from tsis.imaging import corrections as corrections
     from tsis.imaging import depth as depth
+    from tsis.imaging import face_corners as face_corners
     from tsis.imaging import gel_change as gel_change
     from tsis.imaging import gel_contact as gel_contact
     from tsis.imaging import patch as patch
@@ -29,6 +30,7 @@ if not TYPE_CHECKING:  # modules and names load when they are first used
             "contact",
             "corrections",
             "depth",
+            "face_corners",
             "gel_change",
             "gel_contact",
             "patch",

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy
+import skimage
 
 from tsis.errors import ImageMismatchError, InputError
 from tsis.imaging.colour import largest_channel, require_pattern
@@ -83,19 +84,11 @@ def face_view(frame: NDArray[Any], sensor: GelSensor) -> NDArray[Any]:
         return frame
     columns, rows = sensor.image_px
     corners = np.array([(0, 0), (columns - 1, 0), (columns - 1, rows - 1), (0, rows - 1)], float)
-    # The homography h with 1 as its last element: u (h7 x + h8 y + 1) = h1 x + h2 y + h3, and v alike.
-    equations, places = [], np.array(sensor.corners_px, float)
-    for (x, y), (u, v) in zip(corners, places, strict=True):
-        equations += [[x, y, 1, 0, 0, 0, -u * x, -u * y], [0, 0, 0, x, y, 1, -v * x, -v * y]]
-    h = np.append(np.linalg.solve(np.array(equations), places.ravel()), 1.0).reshape(3, 3)
-    y, x = np.mgrid[:rows, :columns].astype(float)
-    across, down, depth = np.einsum("ij,jkl->ikl", h, np.stack([x, y, np.ones_like(x)]))
-    at = np.stack([down / depth, across / depth])
-    channels = np.atleast_3d(frame).astype(np.float64)
-    warped = [
-        scipy.ndimage.map_coordinates(channels[..., n], at, order=1, mode="nearest") for n in range(channels.shape[2])
-    ]
-    stacked = np.stack(warped, axis=-1).reshape(rows, columns, *frame.shape[2:])
+    upright = skimage.transform.ProjectiveTransform.from_estimate(corners, np.array(sensor.corners_px, float))
+    stacked = skimage.transform.warp(
+        np.atleast_3d(frame).astype(np.float64), upright, output_shape=(rows, columns), order=1, mode="edge",
+        preserve_range=True,
+    ).reshape(rows, columns, *frame.shape[2:])  # fmt: skip
     return np.asarray(np.rint(stacked).astype(frame.dtype) if frame.dtype.kind == "u" else stacked)
 
 

@@ -37,7 +37,7 @@ WINDOW_SLOPE, WINDOW_DEPTH = 1.5, 2.0  # half width of the fitted window, in con
 DEGREE = 3  # of the polynomial of the lamps
 BLUR = 0.06  # of the contact radius, where the fit of the optics' blur starts
 LIMITS = np.array([0.8, 0.8, 0.6, 0.4, 0.4, 2.5, 1.5])  # of the parameters about their start
-STEEPEST = 0.95  # sine of the slope at the edge of a contact
+STEEPEST = 0.7  # sine of the slope at the edge of a contact; the profile of steeper ones is not told from a wider one
 SHARPEST = 1.0  # limit of the logarithm of the blur under white light
 FIXED = 1e-6  # limit of a parameter that is known
 FEWEST_PIXELS = 60
@@ -54,7 +54,7 @@ MOST_STEPS, MOST_TRIES, LEAST_GAIN = 25, 6, 1e-5
 PROFILE = slice(5, 8)  # parameters of the slope's decay or the layer, the blur, and the steepness or Poisson's ratio
 LEAST_TEXTURE = 0.05  # of the logarithm of a texture's variance
 SEARCH_COLUMNS = 160  # a search does not need more
-TEXTURED, TEXTURED_STARTS = 0.9, (0.75, 1.0, 1.35)  # explained fraction below which a texture is tried, and radii
+TEXTURED, TEXTURED_STARTS = 0.95, (0.75, 1.0, 1.35)  # explained fraction below which a texture is tried, and radii
 START_RADIUS_PX, FITTED_RADIUS_PX = 8.0, 15.0  # of a first and of the last fit: block means of larger contacts
 ROUND = 0.995  # explained fraction beyond which unequal axes can not explain clearly more
 STARTS, AGAIN = (0.65, 0.85, 1.1), (0.6, 0.8, 1.0, 1.25)  # radii of a first and a second fit, relative
@@ -185,7 +185,9 @@ def _outer_slope(rho: NDArray[np.float64], length: float, steepness: float = 0.0
 
 
 # Nodes of a profile over the distance from the centre in contact radii, closer at the edge of the contact.
-_NODES = np.concatenate([np.arange(0.0, 0.7, 0.05), np.arange(0.7, 1.4, 0.02), np.arange(1.4, 3.0, 0.05), [3.3, 4.0, 6.0]])
+_NODES = np.concatenate(
+    [np.arange(0.0, 0.7, 0.05), np.arange(0.7, 1.4, 0.02), np.arange(1.4, 3.0, 0.05), [3.3, 4.0, 6.0]]
+)
 
 
 @cache
@@ -513,9 +515,7 @@ def joined_fits(fits: list[ContactFit], costs: list[float]) -> ContactFit:
     return replace(fits[best], radius_sd=float(np.sqrt(fits[best].radius_sd ** 2 + spread)))
 
 
-def _result(
-    window: _Window, solution: Solved, start: tuple[float, float], limits: NDArray[np.float64]
-) -> ContactFit:
+def _result(window: _Window, solution: Solved, start: tuple[float, float], limits: NDArray[np.float64]) -> ContactFit:
     x, fitted, free = solution.parameters, solution.fitted, np.flatnonzero(limits > FIXED)
     jacobian = np.zeros((solution.residual.size, x.size))
     jacobian[:, free] = window.jacobian(solution, free)

@@ -46,6 +46,14 @@ class Video:
         """Number of frames that the file states."""
         return int(self._capture.get(self._cv.CAP_PROP_FRAME_COUNT))
 
+    @property
+    def rate_hz(self) -> float:
+        """Frames per second that the file states; `FileInputError` where it states none."""
+        rate = float(self._capture.get(self._cv.CAP_PROP_FPS))
+        if not 0.01 < rate < 1e5:  # nor NaN
+            raise FileInputError(f"{self._path.name} must state its frames per second; got {rate:g}")
+        return rate
+
     def levels(self, number: int) -> NDArray[Any]:
         """Levels of a frame, from 0, shape (rows, columns, 3), red first; `FileInputError` behind the video's end."""
         if number < self._next:
