@@ -236,7 +236,7 @@ OUTPUTS: dict[str, Callable[[Estimate, Path], str]] = {
     "notebook": lambda estimate, _: estimate._repr_html_(),
     "error": lambda estimate, _: error_text(estimate),
     "json": lambda estimate, _: json.dumps(estimate_document(estimate)),
-    "http": lambda estimate, _: estimate_item(stored(estimate).estimates[0]).model_dump_json(),
+    "http": lambda estimate, _: estimate_item(stored(estimate).estimates[0], {}).model_dump_json(),
     "figures": lambda estimate, _: drawn(estimate),
     "terminal": lambda estimate, _: console(estimate),
     "page of an inclusion": lambda estimate, _: inclusion_html(estimate),

@@ -32,7 +32,7 @@ from tsis.present.page import Column, Table
 from tsis.present.terminal import people, print_notice, rich_table
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     from rich.console import Console
 
@@ -170,10 +170,8 @@ def _until(calibration: ProbeCalibration) -> str:
 
 
 def _target_document(record: TargetRecord, total: int) -> dict[str, Any]:
-    truth = dict(record.target.truth)
-    documents = [
-        _estimate(stored, truth if set(stored.estimate.names) <= set(truth) else None) for stored in record.estimates
-    ]
+    truth = record.target.truth
+    documents = [tsis.present.document.stored_document(stored, truth) for stored in record.estimates]
     return tsis.present.document.envelope(
         "records show",
         target=tsis.files.json_values.to_json_value(record.target),
@@ -188,18 +186,6 @@ def _target_document(record: TargetRecord, total: int) -> dict[str, Any]:
         ],
         damaged=list(record.damaged),
     )
-
-
-def _estimate(stored: StoredEstimate, truth: Mapping[str, float] | None) -> dict[str, Any]:
-    from tsis.records.values import estimate_to_json
-
-    document = estimate_to_json(stored)
-    estimate = document.pop("estimate")
-    return {
-        **document,
-        **tsis.present.document.estimate_document(stored.estimate, truth),
-        "provenance": estimate["provenance"],
-    }
 
 
 def recompute(

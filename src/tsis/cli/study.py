@@ -8,7 +8,6 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from collections import Counter
 from contextlib import ExitStack
 from datetime import UTC, datetime
 from enum import StrEnum
@@ -205,7 +204,7 @@ def show(
                 probe=plan.probe,
                 forces_n=list(plan.forces_n),
                 threshold=plan.threshold,
-                readings=[_row(*item) for item in _tally(study)],
+                readings=[_row(*item) for item in study.tally],
                 next_code=left[0][0] if left else None,
                 left=len(left),
                 unblinded=None if by is None else {"moment": by.moment, "by": by.actor},
@@ -221,7 +220,7 @@ def show(
         markup=False,
     )
     columns = ("device", "operator", Column(label="readings"), Column(label="undecided"))
-    console.print(rich_table(Table(title="", columns=columns, values=tuple(_tally(study)))))
+    console.print(rich_table(Table(title="", columns=columns, values=study.tally)))
     if by is not None:
         console.print(
             f"Unblinded {tsis.files.reading.one_line(f'{by.moment} by {by.actor}')}: no more readings are accepted.",
@@ -233,12 +232,6 @@ def show(
     else:
         console.print("Every target is read. Next: tsis study analyse", markup=False)
     print_notice(console)
-
-
-def _tally(study: Study) -> list[tuple[str, str, int, int]]:
-    counter = Counter((reading.device, reading.operator) for reading in study.readings)
-    undecided = Counter((reading.device, reading.operator) for reading in study.readings if reading.undecided)
-    return [(device, operator, count, undecided[device, operator]) for (device, operator), count in counter.items()]
 
 
 def _row(device: str, operator: str, count: int, undecided: int) -> dict[str, Any]:
@@ -400,7 +393,8 @@ def analyse(
 
     study = open_study(folder)
     if study.unblinded is None:
-        _require_whole(study, incomplete=incomplete)
+        if not incomplete:
+            study.require_read("read on, or give --incomplete")
         if not yes:
             _confirm(study, as_json=as_json)
     try:
@@ -425,17 +419,6 @@ def analyse(
     console.print(f"Head with this analysis: {done.study.chain.head}", soft_wrap=True)
     console.print(f"Page: {done.folder / PAGE}", markup=False, soft_wrap=True)
     print_notice(console)
-
-
-def _require_whole(study: Study, *, incomplete: bool) -> None:
-    for device in study.devices:
-        read = {reading.code for reading in study.readings if reading.device == device}
-        left = len(study.plan.codes) - len(read)
-        if left and not incomplete:
-            raise InputError(
-                f"every target must be read before a study is unblinded; {device!r:.60} lacks {left} of "
-                f"{len(study.plan.codes)} (read on, or give --incomplete)"
-            )
 
 
 def _confirm(study: Study, *, as_json: bool) -> None:

@@ -220,15 +220,6 @@ def begin_publishing(
         return jobs.begin(publishing_title(name), partial(_publish, study.folder, by, although_incomplete))
 
 
-def unread(study: Study) -> tuple[tuple[str, int], ...]:
-    """Devices that have read some targets and not all, with the number of those they lack."""
-    results = []
-    for device in study.devices:
-        read = {reading.code for reading in study.readings if reading.device == device}
-        results.append((device, len(study.plan.codes) - len(read)))
-    return tuple((device, left) for device, left in results if left)
-
-
 def _require_free(jobs: Jobs, name: str) -> None:
     now = job_of(jobs, name)
     if now is not None and now.running:
@@ -239,11 +230,7 @@ def _require_readings(study: Study, although_incomplete: bool) -> None:
     if not study.readings:
         raise RecordsError("a study must have a reading before it is unblinded; this one has none")
     if study.unblinded is None and not although_incomplete:
-        for device, left in unread(study):
-            raise InputError(
-                f"every target must be read before a study is unblinded; {device!r:.60} lacks {left} of "
-                f"{len(study.plan.codes)} (read on, or tick “even if incomplete”)"
-            )
+        study.require_read("read on, or tick “even if incomplete”")
 
 
 def _read(folder: Path, operator: str, job: Job) -> None:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from tsis.inclusion.budget import UncertaintyBudget
     from tsis.model.budget import QuantityBudget
     from tsis.model.estimate import Estimate
+    from tsis.records.values import StoredEstimate
 
 
 NOT_SCALAR = ("profile", "patch")
@@ -57,6 +58,16 @@ def estimate_document(estimate: Estimate, truth: Mapping[str, float] | None = No
         "notes": list(estimate.printed_notes),
         "provenance": dict(estimate.provenance),
     }
+
+
+def stored_document(stored: StoredEstimate, truth: Mapping[str, float]) -> dict[str, Any]:
+    """A stored estimate as a JSON document, with the truth beside its parameters where all of them are known."""
+    from tsis.records.values import estimate_to_json  # loads the libraries of records
+
+    fields = estimate_to_json(stored)
+    provenance = fields.pop("estimate")["provenance"]
+    known = truth if set(stored.estimate.names) <= set(truth) else None
+    return {**fields, **estimate_document(stored.estimate, known), "provenance": provenance}
 
 
 def budget_document(budget: UncertaintyBudget, forces: Mapping[str, QuantityBudget]) -> dict[str, Any]:

@@ -82,6 +82,28 @@ class Study:
                 return _threshold(entry, device)
         return self.plan.threshold
 
+    @property
+    def tally(self) -> tuple[tuple[str, str, int, int], ...]:
+        """Device, operator, readings, and how many of them are undecided."""
+        counter = Counter((reading.device, reading.operator) for reading in self.readings)
+        undecided = Counter((reading.device, reading.operator) for reading in self.readings if reading.undecided)
+        return tuple((*by, count, undecided[by]) for by, count in counter.items())
+
+    @property
+    def unread(self) -> tuple[tuple[str, int], ...]:
+        """Devices that have read some targets and not all, with the number of those they lack."""
+        read = {(reading.device, reading.code) for reading in self.readings}
+        lacking = ((device, sum((device, code) not in read for code in self.plan.codes)) for device in self.devices)
+        return tuple((device, left) for device, left in lacking if left)
+
+    def require_read(self, cure: str) -> None:
+        """Refuse an unblinding while a device lacks targets, with `InputError` that names the cure."""
+        for device, left in self.unread:
+            raise InputError(
+                f"every target must be read before a study is unblinded; {device!r:.60} lacks {left} of "
+                f"{len(self.plan.codes)} ({cure})"
+            )
+
     def missing(self, device: str, operator: str | None = None) -> tuple[tuple[str, int], ...]:
         """Codes and repeats still to be read, in order, by an operator or by the one with most readings."""
         own = [reading for reading in self.readings if reading.device == device]

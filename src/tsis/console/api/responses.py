@@ -24,9 +24,9 @@ from tsis.console.services.instrument import Instrument
 from tsis.console.statuses import NoControlError, absent_if_unknown, status_of
 from tsis.instrument.discovery import CameraListing
 from tsis.instrument.recording import RecordingReport
-from tsis.present.document import estimate_document
+from tsis.present.document import stored_document
 from tsis.records.recomputation import Recomputation
-from tsis.records.values import StoredEstimate, estimate_to_json
+from tsis.records.values import StoredEstimate
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -121,12 +121,9 @@ def _shown(value: Any) -> str:
     return {"dict": "an object", "list": "a list", "bytes": "bytes"}.get(type(value).__name__, type(value).__name__)
 
 
-def estimate_item(stored: StoredEstimate, truth: Mapping[str, float] | None = None) -> models.EstimateItem:
+def estimate_item(stored: StoredEstimate, truth: Mapping[str, float]) -> models.EstimateItem:
     """A stored estimate with the truth beside its parameters, where all of them are known."""
-    fields = estimate_to_json(stored)
-    provenance = fields.pop("estimate")["provenance"]
-    known = None if truth is None or not set(stored.estimate.names) <= set(truth) else truth
-    return models.EstimateItem(**{**fields, **estimate_document(stored.estimate, known), "provenance": provenance})
+    return models.EstimateItem(**stored_document(stored, truth))
 
 
 def job_result(result: Any, store: Store) -> models.JobResult | None:
@@ -134,7 +131,7 @@ def job_result(result: Any, store: Store) -> models.JobResult | None:
     match result:
         case StoredEstimate():
             truths = (target.target.truth for target in store.targets() if target.target.id == result.target)
-            return models.EstimateResult(estimate=estimate_item(result, next(truths, None)))
+            return models.EstimateResult(estimate=estimate_item(result, next(truths, {})))
         case CameraListing():
             return models.SearchResult(found=result.cameras, missing=dict(result.missing))
         case (Recomputation(), *_):

@@ -6,9 +6,8 @@ import re
 from collections import Counter, OrderedDict
 from dataclasses import dataclass
 from functools import partial
-from pathlib import PurePosixPath
 from threading import Lock
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from nicegui import run, ui
@@ -24,7 +23,6 @@ from tsis.console.studies import (
     has_report,
     job_of,
     unblinded_text,
-    unread,
 )
 from tsis.console.viewer import LONGEST_OPERATOR, Viewer
 from tsis.errors import InputError, TsisError
@@ -45,7 +43,6 @@ if TYPE_CHECKING:
     from nicegui.events import GenericEventArguments, UploadEventArguments
 
     from tsis.console.services.instrument import Instrument
-    from tsis.console.services.jobs import Jobs
     from tsis.console.studies import StudySummary
     from tsis.present.page import Page, Table
     from tsis.study.folder import Study, StudyVerification
@@ -91,18 +88,16 @@ class StudyView:
 def view_study(repository: StudyRepository, name: str) -> StudyView:
     """Read a study; errors as `StudyRepository.study`."""
     study = repository.study(name)
-    counter = Counter((reading.device, reading.operator) for reading in study.readings)
-    undecided = Counter((reading.device, reading.operator) for reading in study.readings if reading.undecided)
     devices = [
         DeviceProgress(
             device=device,
             operator=operator,
             read=count,
             expected=len(study.plan.codes) * study.plan.repeats,
-            undecided=undecided[device, operator],
+            undecided=undecided,
             threshold=study.threshold_of(device),
         )
-        for (device, operator), count in counter.items()
+        for device, operator, count, undecided in study.tally
     ]
     most: Counter[tuple[str, str]] = Counter()
     for (code, device, _), count in Counter(
@@ -126,15 +121,6 @@ def study_result(study: Study) -> StudyResult:
         return _results[key]
 
 
-class StudyContext(Protocol):
-    """The open page of a study, as its parts use it."""
-
-    jobs: Jobs
-    viewer: Viewer
-    repository: StudyRepository
-    name: str
-
-
 def who_field(viewer: Viewer, label: str) -> ui.input:
     """Place a field for a person's name: the operator's, where it is known."""
     field = widgets.unit_field(label, keys="text").bind_value_from(viewer, "operator")
@@ -156,7 +142,7 @@ def name_in(viewer: Viewer, field: ui.input) -> str:
 class Outcome:
     """A panel that is there once the study is unblinded."""
 
-    def __init__(self, page: StudyContext) -> None:
+    def __init__(self, page: StudyPage) -> None:
         self._page = page
         self._panel = ui.element("section").classes("panel stack").props('aria-label="Results of the study"')
         self._panel.set_visibility(False)
@@ -211,7 +197,7 @@ FAULTY = "The study's files were changed; the log records that as well:"
 class Unblinding:
     """The button, and its dialog."""
 
-    def __init__(self, page: StudyContext) -> None:
+    def __init__(self, page: StudyPage) -> None:
         self._page, self._blind = page, True
         self._dialog: ui.dialog | None = None
         self._who: ui.input | None = None
@@ -239,7 +225,7 @@ class Unblinding:
             self._confirm(*result)
 
     def _confirm(self, study: Study, verification: StudyVerification) -> None:
-        page, left = self._page, unread(study)
+        page, left = self._page, study.unread
         blind = study.unblinded is None
         title = ("Unblind study {name}" if blind else "Analyse study {name}").format(name=study.plan.name)
         with widgets.open_dialog(self._container, title, style="dialog-card study-dialog") as dialog:
@@ -281,7 +267,7 @@ VERIFICATION_MEANING = (
 )
 
 
-def verify_button(page: StudyContext, place: ui.element) -> None:
+def verify_button(page: StudyPage, place: ui.element) -> None:
     """A button that verifies plan, seal, reports and log, and shows the result in ``place``."""
 
     async def begin(head: str = "") -> None:
@@ -323,7 +309,7 @@ def verdict(verification: StudyVerification) -> str:
 NO_READINGS = "No readings yet. Run the virtual probe, or import the readings of another device."
 
 
-def show_devices(page: StudyContext, view: StudyView) -> None:
+def show_devices(page: StudyPage, view: StudyView) -> None:
     """Place the devices with their operators."""
     if not view.devices:
         widgets.muted(NO_READINGS)
@@ -348,40 +334,11 @@ def show_devices(page: StudyContext, view: StudyView) -> None:
                 bar.props["aria-label"] = f"Read with {device} by {item.operator}"
 
 
-async def _export(page: StudyContext, device: str) -> None:
+async def _export(page: StudyPage, device: str) -> None:
     content = await page.viewer.attempt(lambda: export_readings(page.repository.study(page.name), device))
     if content is not None:
         text = re.sub(r"[^A-Za-z0-9]+", "-", device).strip("-") or "device"
         ui.download.content(content, f"{page.name}-{text[:60]}.csv", "text/csv")
-
-
-class JobProgress:
-    """Progress, message and a button that ends the job."""
-
-    def __init__(self, page: StudyContext) -> None:
-        self._page = page
-        with ui.element("div").classes("stack tight") as self._container:
-            with ui.element("div").classes("row"):
-                self._message = ui.label().classes("wordy").props('role="status"')
-                self._end = widgets.button("Cancel", self._ended, look="outline dense")
-            self._bar = widgets.ProgressBar("Progress of the study")
-        self._container.set_visibility(False)
-
-    def refresh(self) -> bool:
-        """Show how far it is, and return whether it is under way."""
-        state = job_of(self._page.jobs, self._page.name)
-        self._container.set_visibility(state is not None)
-        if state is None:
-            return False
-        self._message.text = state.sentence or "Waiting for other jobs."
-        self._end.set_visibility(state.running)
-        self._bar.show(state)
-        return state.running
-
-    def _ended(self) -> None:
-        state = job_of(self._page.jobs, self._page.name)
-        if state is not None and state.running:
-            self._page.jobs.get(state.identity).end()
 
 
 READING_MEANS = (
@@ -393,7 +350,7 @@ READING_MEANS = (
 class Running:
     """Operator and button."""
 
-    def __init__(self, page: StudyContext) -> None:
+    def __init__(self, page: StudyPage) -> None:
         self._page = page
         self._named = False
         widgets.panel_title("Virtual probe")
@@ -430,7 +387,7 @@ TOO_LARGE = f"readings must be one CSV file of at most {widgets.LARGEST_MIB} MiB
 CUT = "The upload is incomplete: try again."
 
 
-def import_button(page: StudyContext) -> ui.button:
+def import_button(page: StudyPage) -> ui.button:
     """A button that asks for device, threshold and file, and enters its readings."""
     viewer = page.viewer
     with widgets.titled_dialog("Import readings", style="dialog-card study-dialog") as dialog:
@@ -449,7 +406,7 @@ def import_button(page: StudyContext) -> ui.button:
         except OSError:
             viewer.complain(CUT)
             return
-        named = one_line(PurePosixPath(event.file.name.replace("\\", "/")).name or "readings.csv")
+        named = one_line(widgets.uploaded_name(event))
         fields = {"device": device, "threshold": threshold, "actor": who}
         texts = (device.value or "").strip(), threshold.value or "", name_in(viewer, who)
         entered = await widgets.submit(viewer, fields, _enter, page, content, named, *texts)
@@ -461,7 +418,7 @@ def import_button(page: StudyContext) -> ui.button:
     return widgets.button("Import readings", dialog.open, icon="upload_file", look="outline dense")
 
 
-def _enter(page: StudyContext, content: bytes, file: str, device: str, threshold: str, actor: str) -> int:
+def _enter(page: StudyPage, content: bytes, file: str, device: str, threshold: str, actor: str) -> int:
     study = page.repository.study(page.name)
     limit = widgets.typed_number("threshold", threshold) if threshold.strip() else None
     after = import_table(study, content, file, device=device, threshold=limit, actor=actor)
@@ -815,7 +772,7 @@ class StudyPage:
                     self._title = widgets.panel_title("Study").classes("target-title")
                     ui.element("div").classes("spring")
                     self._commands = ui.element("div").classes("row")
-                self._job = JobProgress(self)
+                self._job = widgets.JobLine("Progress of the study", self._end_job)
                 self._refusal = ui.label().classes("flag wordy").props('role="alert"')
                 self._below = ui.element("div")
             self._outcome = Outcome(self)
@@ -838,11 +795,18 @@ class StudyPage:
 
     async def refresh(self) -> None:
         """Show how far the job is, and the study anew when its log has changed."""
-        self._running.allow(not self._job.refresh())
+        job = job_of(self.jobs, self.name)
+        running = self._job.show(job, "" if job is None else job.sentence or "Waiting for other jobs.")
+        self._running.allow(not running)
         stamp = self.repository.stamp(self.name) if self.name.isascii() else (0, 0)
         if stamp != self._shown:
             self._shown = stamp
             await self._load()
+
+    def _end_job(self) -> None:
+        job = job_of(self.jobs, self.name)
+        if job is not None and job.running:
+            self.jobs.get(job.identity).end()
 
     async def _load(self) -> None:
         view, refusal = None, ""
