@@ -113,6 +113,28 @@ class ProgressBar:
             self._bar.props(remove="indeterminate") if job.fraction else self._bar.props(add="indeterminate")
 
 
+class JobLine:
+    """How far a job is, in words and on a bar, with the button that cancels it by ``end``; unseen without a job."""
+
+    def __init__(self, label: str, end: Callable[[], object]) -> None:
+        with ui.element("div").classes("stack tight") as self._place:
+            with ui.element("div").classes("row"):
+                self._message = status("wordy")
+                self._end = button("Cancel", end, look="outline dense")
+            self._bar = ProgressBar(label)
+        self._place.set_visibility(False)
+
+    def show(self, job: JobState | None, running: str) -> bool:
+        """Show the job, with a text while it is running; gives whether it is."""
+        self._place.set_visibility(job is not None)
+        if job is None:
+            return False
+        self._message.text = running if job.running else job.sentence
+        self._end.set_visibility(job.running)
+        self._bar.show(job)
+        return job.running
+
+
 def set_filled(button: ui.button, filled: bool) -> None:
     """Fill the button of the next step; others have an outline."""
     button.props(add="unelevated", remove="outline") if filled else button.props(add="outline", remove="unelevated")
@@ -469,13 +491,18 @@ def one_file(
     return explain(field, label)
 
 
+def uploaded_name(event: UploadEventArguments) -> str:
+    """The name of an uploaded file, without any folder."""
+    return PurePosixPath(event.file.name.replace("\\", "/")).name or "unnamed"
+
+
 def file_field(viewer: Viewer, label: str, *, accept: str, act: Callable[..., object]) -> FileField:
     """A field that hands an uploaded file to ``act`` as a path, ``by`` this client; the copy is then removed."""
     field = one_file(viewer, label, accept=accept, refused="The file is too large or has an unsupported format.")
 
     async def uploaded(event: UploadEventArguments) -> None:
         with tempfile.TemporaryDirectory(prefix="tsis-upload-") as folder:
-            file = Path(folder) / (PurePosixPath(event.file.name.replace("\\", "/")).name or "unnamed")
+            file = Path(folder) / uploaded_name(event)
             await event.file.save(file)
             field.reset()
             await viewer.attempt(act, file, by=viewer.identity)

@@ -509,6 +509,7 @@ def _draw(probe: Probe, figure: Figure) -> None:
 
 EVERY_S = 0.4  # between two readings of the job
 Draft = TypeVar("Draft")
+FIRST_PRESS = "The first press of a new probe takes a while."
 SCROLL = 'getHtmlElement({}).scrollIntoView({{behavior: "smooth", block: "start"}})'
 
 
@@ -548,11 +549,9 @@ class DesignResultPanel:
         self._begun_here = False
         with ui.element("div").classes("row below"):
             self._start = widgets.button("Predict performance", self._started, look="unelevated")
-            self._end = widgets.button("Cancel", self._ended)
             ui.element("div").classes("spring")
             widgets.button("Save the probe", self._save_probe, look="flat dense")
-        self._bar = widgets.ProgressBar("Progress of the designs")
-        self._message = ui.label().props('role="status"')
+        self._job = widgets.JobLine("Progress of the designs", self._ended)
 
     def result_container(self) -> None:
         """Place the result here."""
@@ -580,22 +579,12 @@ class DesignResultPanel:
     def _refresh(self) -> None:
         job = self._editor.job
         state = None if job is None else job.state()
-        running = state is not None and state.running
+        solved = f"{state.done} of {state.total} solved" if state is not None and state.done else FIRST_PRESS
+        running = self._job.show(state, solved)
         self._start.set_enabled(not running)
-        self._end.set_visibility(running)
-        self._bar.show(state)
-        if job is None or state is None:
-            return
-        if running:
-            self._begun_here = True
-            self._message.text = (
-                f"{state.done} of {state.total} solved"
-                if state.done
-                else "The first press of a new probe takes a while."
-            )
-        elif job is not self._shown:
+        self._begun_here = self._begun_here or running
+        if job is not None and state is not None and not running and job is not self._shown:
             self._shown = job
-            self._message.text = state.sentence
             if state.status == DONE:
                 self._show(job.result)
                 if self._begun_here:

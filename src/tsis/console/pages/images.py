@@ -7,7 +7,7 @@ import shutil
 import tempfile
 import weakref
 from dataclasses import dataclass, replace
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from nicegui import ui
@@ -150,7 +150,7 @@ class OwnImagesPage:
 
     async def uploaded(self, event: UploadEventArguments) -> None:
         """Open an uploaded file, which keeps its name without any folder."""
-        file = self._opened.folder / (PurePosixPath(event.file.name.replace("\\", "/")).name or "unnamed")
+        file = self._opened.folder / widgets.uploaded_name(event)
         try:
             await event.file.save(file)
         except OSError as error:

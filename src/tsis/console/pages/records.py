@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from nicegui import ui
 
@@ -106,32 +106,6 @@ def flag_text(name: str) -> str:
     return GUARD_FLAGS[name].means if name in GUARD_FLAGS else name
 
 
-class ChosenPresses(Protocol):
-    """The presses that the person has ticked."""
-
-    chosen: list[str]
-
-
-class TargetContext(Protocol):
-    """The open page of a target, as its parts use it; ``below``, ``dialogs`` and ``compared`` are places on it."""
-
-    instrument: Instrument
-    viewer: Viewer
-    below: ui.element
-    dialogs: ui.element
-    compared: ui.element
-
-    @property
-    def presses(self) -> ChosenPresses:
-        """The table of presses."""
-
-    async def load(self) -> None:
-        """Read the target anew and show it."""
-
-    async def compare(self, view: TargetView) -> None:
-        """Show the two chosen presses beside each other."""
-
-
 LONGEST_S = 600.0
 FETCH = """
     const answer = await fetch(%s);
@@ -190,17 +164,12 @@ async def follow_job(viewer: Viewer, place: ui.element, begin: Callable[[], Job]
     if job is None:
         return False
     place.clear()
-    with place, ui.element("div").classes("job").props('role="status"'):
-        ui.label(job.title)
-        bar = widgets.ProgressBar(job.title)
-        count = widgets.muted()
-        widgets.button("Cancel", job.end, look="outline dense")
+    with place:
+        line = widgets.JobLine(job.title, job.end)
 
     def refresh() -> None:
         state = job.state()
-        if state.running:
-            bar.show(state)
-            count.text = f"{state.done} of {state.total}" if state.total else "under way"
+        if line.show(state, f"{job.title}: {f'{state.done} of {state.total}' if state.total else 'under way'}"):
             return
         timer.cancel()
         place.clear()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from datetime import timedelta
 from functools import partial
@@ -53,23 +52,22 @@ from tsis.records.store import UNDO_DAYS
 from tsis.records.values import ESTIMATES, ROLE_NAMES, parse_force, parse_truth
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
     from nicegui.events import ValueChangeEventArguments
 
     from tsis.calibration.file import ProbeCalibration
-    from tsis.console.pages.records import TargetContext
     from tsis.console.services.instrument import Instrument
     from tsis.console.viewer import Viewer
-    from tsis.present.page import Page, Table
+    from tsis.present.page import Page
     from tsis.records.recomputation import Recomputation
     from tsis.records.store import Store
     from tsis.records.values import StoredEstimate, StoredPress, Target
 
 
 MOST_SHOWN = 120  # letters of a value
-Record = TypeVar("Record")
+Record = TypeVar("Record", "Target", "StoredPress")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,20 +81,22 @@ class Edited(Generic[Record]):
 
 def edit_target(store: Store, target: Target, changes: Mapping[str, Any]) -> Edited[Target]:
     """Change a target as it was read; errors as `tsis.records.store.Store.edit_target`, but for that of being late."""
-    try:
-        return Edited(record=store.edit_target(target, **changes))
-    except StaleRecordError as error:
-        now = store.target(target.number)
-        return Edited(record=now, refused=str(error), differences=differences(target, now, EDITABLE["target"]))
+    return _edit("target", target, changes, store.edit_target, lambda: store.target(target.number))
 
 
 def edit_press(store: Store, target: Target, press: StoredPress, changes: Mapping[str, Any]) -> Edited[StoredPress]:
     """Change a press as it was read; errors as `edit_target`."""
+    return _edit("press", press, changes, store.edit_press, lambda: store.press(target, press.id))
+
+
+def _edit(
+    kind: str, record: Record, changes: Mapping[str, Any], edit: Callable[..., Record], read: Callable[[], Record]
+) -> Edited[Record]:
     try:
-        return Edited(record=store.edit_press(press, **changes))
+        return Edited(record=edit(record, **changes) if changes else record)
     except StaleRecordError as error:
-        now = store.press(target, press.id)
-        return Edited(record=now, refused=str(error), differences=differences(press, now, EDITABLE["press"]))
+        now = read()
+        return Edited(record=now, refused=str(error), differences=differences(record, now, EDITABLE[kind]))
 
 
 def differences(before: object, now: object, names: tuple[str, ...]) -> tuple[str, ...]:
@@ -139,37 +139,30 @@ def number_text(value: float) -> str:
     return repr(value).removesuffix(".0")
 
 
-class Editing(ABC, Generic[Record]):
-    """The fields of a record in a dialog; ``leave`` labels the button that changes nothing."""
+class Editing(Generic[Record]):
+    """The fields of a record in a dialog, by their names in errors; ``leave`` labels the button that changes nothing.
 
-    _fields: Mapping[str, ui.input | ui.textarea]  # by their names in errors
+    ``show`` writes a record into the fields, ``edit`` changes it in the store as they say, away from the event loop,
+    and ``title`` names it in the message that it was saved.
+    """
 
-    def __init__(self, page: TargetContext, record: Record, dialog: ui.dialog, *, leave: str) -> None:
-        self._page, self._record, self._dialog = page, record, dialog
-        self._lay_out()
+    def __init__(
+        self,
+        page: TargetPage,
+        record: Record,
+        dialog: ui.dialog,
+        fields: Mapping[str, ui.input | ui.textarea],
+        *,
+        show: Callable[[Record], None],
+        edit: Callable[[Record], Edited[Record]],
+        title: str,
+        leave: str,
+    ) -> None:
+        self._page, self._record, self._dialog, self._fields = page, record, dialog, fields
+        self._show, self._edit, self._title = show, edit, title
         self._conflict = ui.element("div")
         self._fill(record)
         widgets.dialog_buttons(dialog, "Save", self._save, leave=leave)
-
-    @abstractmethod
-    def _lay_out(self) -> None:
-        """Make the fields."""
-
-    @abstractmethod
-    def _show(self, record: Record) -> None:
-        """Write a record into the fields."""
-
-    @abstractmethod
-    def _written(self) -> tuple[Any, ...]:
-        """Contents of the fields, for `_edited`."""
-
-    @abstractmethod
-    def _edited(self, *written: Any) -> Edited[Record]:
-        """Change the record in the store, away from the event loop."""
-
-    @abstractmethod
-    def _saved(self, record: Record) -> str:
-        """Say that it was saved."""
 
     def _fill(self, record: Record) -> None:
         self._record = record
@@ -177,14 +170,14 @@ class Editing(ABC, Generic[Record]):
         self._conflict.clear()
 
     async def _save(self) -> None:
-        result = await widgets.submit(self._page.viewer, self._fields, self._edited, *self._written())
+        result = await widgets.submit(self._page.viewer, self._fields, self._edit, self._record)
         if result is None:
             return
         if result.refused:
             self._show_conflict(result)
             return
         self._dialog.close()
-        self._page.viewer.notify(self._saved(result.record))
+        self._page.viewer.notify(f"{self._title} is version {result.record.version} now.")
         await self._page.load()
 
     def _show_conflict(self, result: Edited[Record]) -> None:
@@ -204,7 +197,7 @@ class Editing(ABC, Generic[Record]):
                 widgets.button("Overwrite with mine", overwrite, look="outline dense")
 
 
-async def open_press(page: TargetContext, view: TargetView, press: StoredPress) -> None:
+async def open_press(page: TargetPage, view: TargetView, press: StoredPress) -> None:
     """Show a press in a dialog."""
     title = f"Press {widgets.press_label(press)}"
     with (
@@ -215,11 +208,11 @@ async def open_press(page: TargetContext, view: TargetView, press: StoredPress) 
             frame = ui.element("div").classes("stack")
             _facts(view, press)
         with ui.element("div").classes("stack"):
-            _PressEditing(page, view.target, press, dialog)
+            _edit_press_fields(page, view.target, press, dialog)
     await _show_frame(page, view, press, frame)
 
 
-async def _show_frame(page: TargetContext, view: TargetView, press: StoredPress, place: ui.element) -> None:
+async def _show_frame(page: TargetPage, view: TargetView, press: StoredPress, place: ui.element) -> None:
     """Show the frame of a press with all tools, or why it cannot be read."""
     image = await run.io_bound(_frame_of, page.instrument.store, view.target, press)
     if place.is_deleted:  # the dialog was closed meanwhile
@@ -256,56 +249,45 @@ def _facts(view: TargetView, press: StoredPress) -> None:
     widgets.FactList().show(rows.items())
 
 
-class _PressEditing(Editing["StoredPress"]):
-    """The fields of a press of a target in a dialog."""
+def _edit_press_fields(page: TargetPage, target: Target, press: StoredPress, dialog: ui.dialog) -> None:
+    """Place the fields of a press of a target in a dialog."""
+    role = widgets.select_field(ROLE_NAMES, label="What was pressed")
+    force = widgets.text_field("Force in newtons; empty if unknown")
+    names = list(dict.fromkeys([*GUARD_FLAGS, *press.flags]))
+    flags = widgets.select_field(names, label="Flags", multiple=True, with_input=True, new_value_mode="add-unique")
+    flags.props("use-chips")
+    note = widgets.text_area("Note").props("autogrow")
+    widgets.muted("After a change of force or role, recompute the estimates.")
 
-    def __init__(self, page: TargetContext, target: Target, press: StoredPress, dialog: ui.dialog) -> None:
-        self._target = target
-        super().__init__(page, press, dialog, leave="Close")
+    def show(record: StoredPress) -> None:
+        role.value, note.value, flags.value = record.role, record.note, list(record.flags)
+        force.value = "" if record.force_n is None else number_text(record.force_n)
 
-    def _lay_out(self) -> None:
-        self._role = widgets.select_field(ROLE_NAMES, label="What was pressed")
-        self._force = widgets.text_field("Force in newtons; empty if unknown")
-        names = list(dict.fromkeys([*GUARD_FLAGS, *self._record.flags]))
-        self._flags = widgets.select_field(
-            names, label="Flags", multiple=True, with_input=True, new_value_mode="add-unique"
-        ).props("use-chips")
-        self._note = widgets.text_area("Note").props("autogrow")
-        self._fields = {"force": self._force, "note": self._note}
-        widgets.muted("After a change of force or role, recompute the estimates.")
-
-    def _show(self, record: StoredPress) -> None:
-        self._role.value, self._note.value = record.role, record.note
-        self._force.value = "" if record.force_n is None else number_text(record.force_n)
-        self._flags.value = list(record.flags)
-
-    def _written(self) -> tuple[str, dict[str, Any]]:
-        changes = {"role": self._role.value, "flags": tuple(self._flags.value or ()), "note": self._note.value or ""}
-        return self._force.value or "", changes
-
-    def _edited(self, *written: Any) -> Edited[StoredPress]:
-        force, requested = written
-        force_n = parse_force(force.strip(), called="force", nothing="")
-        changes = changed(self._record, {**requested, "force_n": force_n})
-        if not changes:
-            return Edited(record=self._record)
+    def edit(record: StoredPress) -> Edited[StoredPress]:
+        force_n = parse_force((force.value or "").strip(), called="force", nothing="")
+        requested = {
+            "role": role.value,
+            "flags": tuple(flags.value or ()),
+            "note": note.value or "",
+            "force_n": force_n,
+        }
         with field_messages(FORCE):
-            return edit_press(self._page.instrument.store, self._target, self._record, changes)
+            return edit_press(page.instrument.store, target, record, changed(record, requested))
 
-    def _saved(self, record: StoredPress) -> str:
-        return f"The press is version {record.version} now."
+    fields = {"force": force, "note": note}
+    Editing(page, press, dialog, fields, show=show, edit=edit, title="The press", leave="Close")
 
 
 PSEUDONYM = "A pseudonym, never a name."
 
 
-def about_target(page: TargetContext, view: TargetView) -> None:
+def about_target(page: TargetPage, view: TargetView) -> None:
     """Show name, note and truth of a target; of a subject no note."""
     target = view.target
 
     def edit() -> None:
         with widgets.open_dialog(page.dialogs, f"Edit target {target.number}") as dialog:
-            _TargetEditing(page, target, dialog, leave="Cancel")
+            _edit_target_fields(page, target, dialog)
 
     with widgets.title_row("About this target", level=3):
         widgets.button("Edit", edit, icon="edit", look="outline dense").set_enabled(not view.deleted)
@@ -325,7 +307,7 @@ def about_target(page: TargetContext, view: TargetView) -> None:
     widgets.FactList().show(rows.items())
 
 
-def state_banner(page: TargetContext, view: TargetView) -> None:
+def state_banner(page: TargetPage, view: TargetView) -> None:
     """Say that a target is archived or deleted, with the button that restores it; nothing for the others."""
     state = view.state
     if state is None:
@@ -339,14 +321,14 @@ def state_banner(page: TargetContext, view: TargetView) -> None:
         widgets.button("Restore", lambda: _set_state(page, view.target, ""), icon="undo", look="outline dense")
 
 
-async def _set_state(page: TargetContext, target: Target, state: str) -> None:
+async def _set_state(page: TargetPage, target: Target, state: str) -> None:
     if await page.viewer.attempt(lambda: (page.instrument.store.set_state(target, state), True)) is None:
         return
     page.viewer.notify(f"Target {target.number} is {state or 'restored'}.")
     await page.load()
 
 
-async def _delete(page: TargetContext, target: Target) -> None:
+async def _delete(page: TargetPage, target: Target) -> None:
     why = (
         f"It is removed from the lists and accepts no more presses. For {UNDO_DAYS} days it can be restored on this "
         "page; then its presses, estimates and frames are erased. The audit and study logs remain."
@@ -357,35 +339,24 @@ async def _delete(page: TargetContext, target: Target) -> None:
         await _set_state(page, target, DELETED)
 
 
-class _TargetEditing(Editing["Target"]):
-    """The fields of a target in a dialog."""
+def _edit_target_fields(page: TargetPage, target: Target, dialog: ui.dialog) -> None:
+    """Place the fields of a target in a dialog."""
+    subject = target.kind == "subject"
+    name, note = widgets.text_field("Name"), widgets.text_area("Note").props("autogrow")
+    name.props["hint"] = PSEUDONYM if subject else ""
+    truth = widgets.text_area("True values, one on a line: diameter_mm=10").props("autogrow")
+    truth.set_visibility(not subject)
 
-    def _lay_out(self) -> None:
-        subject = self._record.kind == "subject"
-        self._name = widgets.text_field("Name")
-        self._name.props["hint"] = PSEUDONYM if subject else ""
-        self._note = widgets.text_area("Note").props("autogrow")
-        self._truth = widgets.text_area("True values, one on a line: diameter_mm=10").props("autogrow")
-        self._truth.set_visibility(not subject)
-        self._fields = {"name": self._name, "note": self._note, "true value": self._truth, "truth": self._truth}
+    def show(record: Target) -> None:
+        name.value, note.value, truth.value = record.name, record.note, truth_text(record.truth)
 
-    def _show(self, record: Target) -> None:
-        self._name.value, self._note.value = record.name, record.note
-        self._truth.value = truth_text(record.truth)
+    def edit(record: Target) -> Edited[Target]:
+        true = parse_truth(line for line in (truth.value or "").splitlines() if line.strip())
+        requested = {"name": name.value or "", "note": note.value or "", "truth": true}
+        return edit_target(page.instrument.store, record, changed(record, requested))
 
-    def _written(self) -> tuple[str, str, str]:
-        return self._name.value or "", self._note.value or "", self._truth.value or ""
-
-    def _edited(self, *written: Any) -> Edited[Target]:
-        name, note, truth = written
-        lines = (line for line in truth.splitlines() if line.strip())
-        changes = changed(self._record, {"name": name, "note": note, "truth": parse_truth(lines)})
-        return (
-            edit_target(self._page.instrument.store, self._record, changes) if changes else Edited(record=self._record)
-        )
-
-    def _saved(self, record: Target) -> str:
-        return f"Target {record.number} is version {record.version} now."
+    fields = {"name": name, "note": note, "true value": truth, "truth": truth}
+    Editing(page, target, dialog, fields, show=show, edit=edit, title=f"Target {target.number}", leave="Cancel")
 
 
 SMALL_PX = 240
@@ -396,7 +367,7 @@ NO_PICTURE = "This frame cannot be shown: open the press to see why."
 class Presses:
     """The presses on the page of a target."""
 
-    def __init__(self, page: TargetContext, place: ui.element) -> None:
+    def __init__(self, page: TargetPage, place: ui.element) -> None:
         self._page, self._sheet = page, widgets.Redrawn(place)
         self.offset = 0
         self.chosen: list[str] = []
@@ -419,7 +390,7 @@ class Presses:
                 widgets.muted(_range(view))
                 ui.element("div").classes("spring")
                 self._compare = widgets.button(
-                    "Compare presses", lambda: self._page.compare(view), icon="compare", look="outline dense"
+                    "Compare presses", lambda: compare(self._page, view), icon="compare", look="outline dense"
                 )
                 if view.total > AT_ONCE:
                     for text, icon, by in (("Earlier", "chevron_left", -AT_ONCE), ("Later", "chevron_right", AT_ONCE)):
@@ -485,7 +456,7 @@ def _leave_out(frame: ui.element) -> None:
         ui.label(NO_PICTURE).classes("press-damaged")
 
 
-async def compare(page: TargetContext, view: TargetView, *, match_light: bool = False) -> None:
+async def compare(page: TargetPage, view: TargetView, *, match_light: bool = False) -> None:
     """Show the two chosen presses, what differs, and the features of each."""
     compared, chosen = page.compared, tuple(page.presses.chosen)
     compared.set_visibility(True)
@@ -558,7 +529,7 @@ def play_sequence(place: ui.element, number: int, name: str, frames: int) -> Non
 SHOWN_PRESSES, LARGEST_OFFSET = 6, 10**9  # of a comparison; the last page of presses
 
 
-def ask_to_compare(page: TargetContext, view: TargetView) -> None:
+def ask_to_compare(page: TargetPage, view: TargetView) -> None:
     """Ask for another target, and open both beside each other."""
     number = view.target.number
     with widgets.open_dialog(page.dialogs, f"Compare target {number}") as dialog:
@@ -604,11 +575,6 @@ async def compare_targets(instrument: Instrument, viewer: Viewer, pair: str) -> 
                             ui.label(widgets.press_label(press))
 
 
-def flag_tables(stored: StoredEstimate) -> tuple[Table, ...]:
-    """The flags of an estimate with what each means and what to do."""
-    return flags_table(stored.estimate.flags, HARDNESS_FLAGS if stored.kind == HARDNESS else INCLUSION_FLAGS)
-
-
 NONE_YET = "Nothing was estimated yet. Estimate needs presses that were taken under a calibration."
 
 
@@ -625,7 +591,8 @@ def estimates(view: TargetView) -> None:
             for message in (*estimate_messages_of(stored), origin(stored)):
                 of_kind = f"Of the {stored.kind}: {message}"
                 widgets.list_message(of_kind if len(current) > 1 else message)
-            for table in flag_tables(stored):
+            known = HARDNESS_FLAGS if stored.kind == HARDNESS else INCLUSION_FLAGS
+            for table in flags_table(stored.estimate.flags, known):
                 for _, means, cure, _ in table.rows:
                     widgets.list_message(f"{means[:1].upper()}{means[1:]}{f': {cure}' if cure else ''}.", "doubtful")
         for message in view.record.damaged:
@@ -647,12 +614,12 @@ def history(view: TargetView) -> None:
 NEWEST = "the newest press of each role and force"
 
 
-def estimate_button(page: TargetContext, view: TargetView) -> ui.button:
+def estimate_button(page: TargetPage, view: TargetView) -> ui.button:
     """A button that asks what to estimate from, and does it."""
     return widgets.button("Estimate", lambda: _ask(page, view), icon="calculate", look="outline dense")
 
 
-def _ask(page: TargetContext, view: TargetView) -> None:
+def _ask(page: TargetPage, view: TargetView) -> None:
     chosen, number, last = tuple(page.presses.chosen), view.target.number, view.record.estimate
     ways = {"newest": NEWEST, **({"chosen": f"the {count_of(len(chosen), 'press')} chosen below"} if chosen else {})}
     with widgets.open_dialog(page.dialogs, f"Estimate target {number}") as dialog:
@@ -697,7 +664,7 @@ EXPLAINED = (
 )
 
 
-def recompute_button(page: TargetContext, view: TargetView) -> ui.button:
+def recompute_button(page: TargetPage, view: TargetView) -> ui.button:
     """A button that asks whether to store what comes out, and computes."""
     button = widgets.button(
         "Repeat the estimates", lambda: _ask_to_recompute(page, view), icon="restart_alt", look="outline dense"
@@ -706,7 +673,7 @@ def recompute_button(page: TargetContext, view: TargetView) -> ui.button:
     return button
 
 
-def _ask_to_recompute(page: TargetContext, view: TargetView) -> None:
+def _ask_to_recompute(page: TargetPage, view: TargetView) -> None:
     target = view.target
     with widgets.open_dialog(page.dialogs, f"Repeat the estimates of target {target.number}") as dialog:
         ui.label(EXPLAINED)
@@ -720,7 +687,7 @@ def _ask_to_recompute(page: TargetContext, view: TargetView) -> None:
         widgets.dialog_buttons(dialog, "Repeat", begin)
 
 
-def _show_recomputation(page: TargetContext, recomputations: tuple[Recomputation, ...]) -> None:
+def _show_recomputation(page: TargetPage, recomputations: tuple[Recomputation, ...]) -> None:
     with ui.element("div").classes("outcome").props('role="status"'):
         for item in recomputations:
             ui.label(f"{item.before.kind.capitalize()}: {item.message}").classes("good" if item.same else "doubtful")
@@ -732,7 +699,7 @@ def _show_recomputation(page: TargetContext, recomputations: tuple[Recomputation
         widgets.button("Close", page.below.clear, look="flat dense")
 
 
-def target_buttons(page: TargetContext, view: TargetView) -> None:
+def target_buttons(page: TargetPage, view: TargetView) -> None:
     """Show the name of the target, the way back, and the buttons."""
     target = view.target
     name = f": {target.name}" if target.name else ""
@@ -846,7 +813,3 @@ class TargetPage:
             widgets.panel_title("Target")
             ui.label(message).classes("flag").props('role="alert"')
             ui.link("All targets", "/records").classes("link")
-
-    async def compare(self, view: TargetView) -> None:
-        """Show the two chosen presses beside each other."""
-        await compare(self, view)
