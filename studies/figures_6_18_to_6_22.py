@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.stats import rankdata
+from studies.panels import trial_errors
 from studies.section_6_3 import METHODS, PRINTED, PRINTED_RMSE, ROUTES, Result, rmse, run, without_itself
 from studies.shown import Shown
 
 from tsis.inclusion.network import LinearMapping, fit_mapping
-from tsis.present.figures import trial_errors
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -10,13 +10,13 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
+from studies.panels import repeated_readings
 from studies.section_6_2 import FIGURES, Result
 from studies.section_6_2 import run as press_phantoms
 from studies.shown import Shown
 
 from tsis.imaging import features
 from tsis.inclusion.relative import ratios
-from tsis.present.figures import repeated_readings
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import curve_fit
+from studies.panels import grey_sums
 from studies.section_5_1 import (
     COMPARED_N,
     FORCES_N,
@@ -51,7 +52,7 @@ from tsis.mechanics.finite_strain.soft_sphere import SphereResolution
 from tsis.mechanics.small_strain.rigid_ball import indent
 from tsis.model.phantom import SoftSphere
 from tsis.model.press import MN_PER_N, PressField
-from tsis.present.figures import contact_rows, grey_sums
+from tsis.present.figures import contact_rows
 from tsis.virtual.direct_contact import direct_contact_calibration
 
 if TYPE_CHECKING:

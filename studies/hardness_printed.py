@@ -206,7 +206,7 @@ def draw_matching(result: Result, figure: Figure) -> None:
 
 def draw_moduli(result: Result, figure: Figure) -> None:
     """Figure 5.23: readings of both ways, one a rig."""
-    from tsis.present.figures import modulus_readings
+    from studies.panels import modulus_readings
 
     columns = {
         "as printed": {name: result.printed[name]["second"] for name in SPHERES},

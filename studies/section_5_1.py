@@ -283,8 +283,7 @@ def traced_lines(light: Irradiance) -> dict[tuple[str, float], Line]:
 def draw(result: Result, path: Path) -> None:
     """The sums of the three models against the force, and their cross-sections."""
     from matplotlib.figure import Figure
-
-    from tsis.present.figures import grey_sums
+    from studies.panels import grey_sums
 
     figure = Figure(figsize=(9.0, 7.0), layout="constrained")
     axes = figure.subplots(2, 2).ravel()

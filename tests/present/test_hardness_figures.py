@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.figure import Figure
+from studies.panels import modulus_readings
 
-from tsis.present.figures import contact_rows, modulus_readings
+from tsis.present.figures import contact_rows
 
 
 def test_every_force_has_its_row_and_some_are_named() -> None:

@@ -3,13 +3,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from studies.panels import grey_sums
 
 from tsis.imaging import features
 from tsis.imaging.profile import radial_profile
 from tsis.imaging.surface import height_surface
 from tsis.model.estimate import Estimate
 from tsis.model.image import TactileImage
-from tsis.present.figures import grey_sums, marginal, relief, ring_profile, tactile_image, trade_off
+from tsis.present.figures import marginal, relief, ring_profile, tactile_image, trade_off
 
 
 @pytest.fixture

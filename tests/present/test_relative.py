@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from matplotlib.container import ErrorbarContainer
 from matplotlib.figure import Figure
+from studies.panels import repeated_readings
 
 from tsis.inclusion.relative import RelativeReading, Repeats
-from tsis.present.figures import repeated_readings
 
 
 def repeats(label: str, *values: float | None) -> Repeats:

@@ -3,8 +3,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
-
-from tsis.present.figures import trial_errors
+from studies.panels import trial_errors
 
 
 def test_every_trial_is_a_point_and_every_level_a_line() -> None:
