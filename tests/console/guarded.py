@@ -10,7 +10,7 @@ from starlette.applications import Starlette
 from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse
 from starlette.routing import Route
 
-from tsis.console.auth import Access, AuthMiddleware, LoginBound, client_identity
+from tsis.console.auth import Access, AuthMiddleware, LoginBound, client_name
 
 if TYPE_CHECKING:
     from starlette.requests import Request
@@ -26,7 +26,7 @@ METHODS = ["GET", "POST", "PUT", "PATCH", "DELETE", "HEAD", "OPTIONS"]
 async def reported(request: Request) -> Response:
     """What the application sees of a request."""
     observed = {name: request.headers[name] for name in request.headers if name.startswith(("x-", "forwarded"))}
-    return JSONResponse({"path": request.url.path, "visitor": client_identity(request).name, "headers": observed})
+    return JSONResponse({"path": request.url.path, "visitor": client_name(request), "headers": observed})
 
 
 async def counted(request: Request) -> Response:

@@ -248,9 +248,6 @@ class Logins:
 
     def __init__(self, folder: Path | None = None) -> None:
         self._path = (folder or console_folder()) / LOGINS_FILE
-        self._lock = threading.Lock()
-        self._file_stamp: tuple[int, int, int] | None = None
-        self._by_name: dict[str, Login] = {}
 
     def names(self) -> tuple[str, ...]:
         """Those who have a login, in alphabetical order.
@@ -260,11 +257,11 @@ class Logins:
         FileInputError
             When the file is damaged or open to others.
         """
-        return tuple(sorted(self._read()))
+        return tuple(sorted(_logins(self._path)))
 
     def created(self, name: str) -> str:
         """When this login got its password (ISO 8601, UTC)."""
-        return self._read()[name].given
+        return _logins(self._path)[name].given
 
     def add(self, name: str, password: str) -> None:
         """Give a login, or a known one another password, which ends its sessions.
@@ -281,7 +278,7 @@ class Logins:
         login = Login(
             name=name, hash=ARGON2ID.hash(_plain(password)), given=datetime.now(UTC).isoformat(timespec="seconds")
         )
-        logins = {**self._read(), name: login}
+        logins = {**_logins(self._path), name: login}
         if len(logins) > MOST_LOGINS:
             raise InputError(f"logins must be at most {MOST_LOGINS}; got {len(logins)} (remove one first)")
         self._write(logins)
@@ -302,7 +299,7 @@ class Logins:
         UnknownNameError
             When there is none of that name.
         """
-        logins = dict(self._read())
+        logins = _logins(self._path)
         if logins.pop(name, None) is None:
             raise UnknownNameError(
                 f"name must be one of {', '.join(sorted(logins)) or 'no logins at all'}; got {name!r:.60}"
@@ -311,7 +308,7 @@ class Logins:
 
     def check(self, name: str, password: str) -> Login | None:
         """The login, when name and password are right; it takes as long for a wrong name as for a wrong password."""
-        login = self._read().get(name)
+        login = _logins(self._path).get(name)
         hashed = NOBODY if login is None else login.hash
         try:
             ARGON2ID.verify(hashed, _plain(password[: LONGEST_PASSWORD + 1]))
@@ -322,23 +319,10 @@ class Logins:
     def holds(self, name: str, proof: str) -> bool:
         """Whether there is still a login of that name with the password that it had; False for a damaged file."""
         try:
-            login = self._read().get(name)
+            login = _logins(self._path).get(name)
         except FileInputError:
             return False
         return login is not None and login.proof == proof
-
-    def _read(self) -> dict[str, Login]:
-        with self._lock:
-            try:
-                status = self._path.stat()
-            except OSError:
-                self._file_stamp, self._by_name = None, {}
-                return self._by_name
-            stamp = (status.st_mtime_ns, status.st_ino, status.st_mode)
-            if stamp != self._file_stamp:
-                self._by_name = _logins(self._path)
-                self._file_stamp = stamp
-            return self._by_name
 
     def _write(self, logins: dict[str, Login]) -> None:
         content = json.dumps({"logins": [asdict(login) for login in logins.values()]}, indent=1)
@@ -380,22 +364,14 @@ def _plain(password: str) -> str:
 CLIENT = "client"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ClientIdentity:
-    """An authenticated client; the name is that of the login, and empty with the console's key."""
-
-    name: str = ""
-
-
-def client_identity(connection: HTTPConnection) -> ClientIdentity:
-    """Who sent this request or opened this WebSocket.
+def client_name(connection: HTTPConnection) -> str:
+    """Name of the login that sent this request or opened this WebSocket; empty with the console's key.
 
     Examples
     --------
-    In a page: ``client_identity(ui.context.client.request).name``.
+    In a page: ``client_name(ui.context.client.request)``.
     """
-    client = connection.scope.get("state", {}).get(CLIENT)
-    return client if isinstance(client, ClientIdentity) else ClientIdentity()
+    return str(connection.scope.get("state", {}).get(CLIENT, ""))
 
 
 Headers = list[tuple[bytes, bytes]]
@@ -508,13 +484,13 @@ class Access:
         """Whether this is the key; it takes the same time whatever is wrong with it."""
         return hmac.compare_digest(given.encode("utf-8", "replace"), self._token.encode())
 
-    def client_identity(self, headers: Mapping[str, str]) -> ClientIdentity | None:
-        """Who sends these headers, by their names in lower case; None for who was not let in."""
+    def client_name(self, headers: Mapping[str, str]) -> str | None:
+        """Name of the login that sends these headers, empty with the console's key; None for who was not let in."""
         authorization = headers.get("authorization", "")
         if authorization.lower().startswith(BEARER):
-            return ClientIdentity() if self.is_token(authorization[len(BEARER) :].strip()) else None
+            return "" if self.is_token(authorization[len(BEARER) :].strip()) else None
         session = self.session(headers)
-        return None if session is None else ClientIdentity(name=session.name)
+        return None if session is None else session.name
 
     def session(self, headers: Mapping[str, str]) -> Session | None:
         """The session of a browser; None when it has none, or its login was taken away or got another password."""
@@ -936,14 +912,14 @@ class AuthMiddleware:
         headers = headers_of(scope)
         safe = with_safe_headers(send, nonce, tls=self._access.secure, host=headers.get("host", ""))
         client = await self._identify(scope, receive, headers)
-        if not isinstance(client, ClientIdentity):
+        if not isinstance(client, str):
             await _refuse(client, scope, receive, safe)
         elif scope["type"] == "websocket":
             await self._pass_socket(_marked(scope, client), receive, send, headers)
         else:
             await self._pass(_marked(scope, client), receive, with_nonce(safe, nonce), safe)
 
-    async def _identify(self, scope: Scope, receive: Receive, headers: Mapping[str, str]) -> ClientIdentity | Response:
+    async def _identify(self, scope: Scope, receive: Receive, headers: Mapping[str, str]) -> str | Response:
         """Who may pass, or what is answered instead."""
         if is_repeated(scope) or not is_plain_path(scope["path"]):
             return refusal("The request is malformed.", HTTPStatus.BAD_REQUEST, requested=headers)
@@ -957,7 +933,7 @@ class AuthMiddleware:
             return refusal(TOO_LARGE, HTTPStatus.REQUEST_ENTITY_TOO_LARGE, requested=headers)
         if scope["type"] == "http" and scope["path"] in LOGIN_PATHS:
             return await self._auth_routes.respond(scope, receive, headers)
-        client = self._access.client_identity(headers)
+        client = self._access.client_name(headers)
         given, address = _key_and_rest(scope)
         opens = scope["type"] == "http" and scope["method"] == "GET"
         if opens and given and self._access.is_token(given):  # who is in already shall not keep the key on display
@@ -990,7 +966,7 @@ class AuthMiddleware:
 
     async def _pass_socket(self, scope: Scope, receive: Receive, send: Send, headers: Mapping[str, str]) -> None:
         def stays() -> bool:
-            return self._access.client_identity(headers) is not None
+            return self._access.client_name(headers) is not None
 
         try:
             cut = await self._sockets.serve(self._inner(scope, receive, send), stays=stays)
@@ -1010,9 +986,9 @@ def _key_and_rest(scope: Scope) -> tuple[str, str]:
     return given, local_address(quote(scope["path"]) + (f"?{rest}" if rest else ""))
 
 
-def _marked(scope: Scope, client_identity: ClientIdentity) -> Scope:
+def _marked(scope: Scope, client: str) -> Scope:
     """The scope of the application behind the authentication."""
-    state = {**scope.get("state", {}), CLIENT: client_identity}
+    state = {**scope.get("state", {}), CLIENT: client}
     return {**scope, "headers": without_forwarded(scope["headers"]), "state": state}
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final, Generic, ParamSpec, TypeVar, cast
 
 from nicegui import binding, run, ui
 
-from tsis.console.auth import client_identity
+from tsis.console.auth import client_name
 from tsis.console.messages import plain_message
 from tsis.errors import TsisError
 from tsis.files.reading import one_line
@@ -150,12 +150,12 @@ class Viewer:
     @property
     def name(self) -> str:
         """Name shown to others."""
-        return client_identity(self._client.request).name or self.operator or self._tabs.name(self.identity)
+        return client_name(self._client.request) or self.operator or self._tabs.name(self.identity)
 
     @property
     def logged_in(self) -> bool:
         """Whether the name belongs to a login."""
-        return bool(client_identity(self._client.request).name)
+        return bool(client_name(self._client.request))
 
     def reported_operator(self, name: object) -> None:
         """Take the name that the browser kept; a login's stays, and so does one that was typed meanwhile."""

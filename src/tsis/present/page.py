@@ -37,7 +37,7 @@ def pixels(picture: Picture, *, size: tuple[float, float], dpi: float = PAPER_DP
 
     buffer = io.BytesIO()
     with _figure(picture, size, dpi=dpi) as figure:
-        canvas = FigureCanvasAgg(figure)
+        canvas: Any = FigureCanvasAgg(figure)  # which has no types
         canvas.draw()  # once: ``savefig`` draws every figure twice, for its layout first
         drawn = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
     drawn.save(buffer, format="PNG", compress_level=compress_level)

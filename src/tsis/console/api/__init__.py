@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from tsis.console.files import Reports
     from tsis.console.services.instrument import Instrument
 
-__all__ = ["PLACE", "Calls"]
 PLACE = "/api"
 SOON_S = 5.0  # the first page is shown by then
 

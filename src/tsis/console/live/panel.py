@@ -46,7 +46,7 @@ class FramePanel(Generic[View]):
         self.view: View
         with ui.element("div").classes("row tools") as self.switches:
             colours = widgets.select_field(sorted(MAPS), value=map_name, label="Colours", on_change=self._colour)
-            colours.props("dense outlined").classes("colours")
+            colours.classes("colours")
             ui.switch("Clipping", value=False, on_change=lambda event: self.view.mark_limits(bool(event.value)))
         with ui.element("div").classes("live-pair") as self.beside:
             self.view = place(map_name)

@@ -171,10 +171,8 @@ class VirtualPanel:
                     ).classes("number-field")
                     for name, (label, unit) in CHANGED.items()
                 }
-            for select in (self._probe, self._phantom):
-                controls.add(select).props("dense outlined")
             self._use = widgets.button("Use the virtual probe", self._chosen, look="unelevated")
-            controls.add(self._seed, *self._values.values(), self._use)
+            controls.add(self._probe, self._phantom, self._seed, *self._values.values(), self._use)
         self._show_changes()
 
     def show(self, state: InstrumentState) -> None:

@@ -560,7 +560,7 @@ class DesignResultPanel:
         ui.timer(EVERY_S, self._refresh)
 
     def _started(self) -> None:
-        if self._running():
+        if self._editor.job is not None and self._editor.job.state().running:
             return
         if (question := self._valid(lambda: self._editor.question.question(self._editor.probe.probe()))) is None:
             return
@@ -572,9 +572,6 @@ class DesignResultPanel:
     def _ended(self) -> None:
         if self._editor.job is not None:
             self._editor.job.end()
-
-    def _running(self) -> bool:
-        return self._editor.job is not None and self._editor.job.state().running
 
     def _refresh(self) -> None:
         job = self._editor.job

@@ -393,11 +393,8 @@ class _TargetTable:
                 "clearable debounce=200"
             )
             self._search.classes("path")
-            self._kind = (
-                widgets.select_field(list(KINDS), value=KINDS[0], label="Show", on_change=self._requested)
-                .props("dense outlined")
-                .classes("kind-choice")
-            )
+            self._kind = widgets.select_field(list(KINDS), value=KINDS[0], label="Show", on_change=self._requested)
+            self._kind.classes("kind-choice")
         self._empty = widgets.muted(BEGIN)
         self._table = ui.table(
             rows=[],
@@ -602,7 +599,6 @@ def backup_button(instrument: Instrument, viewer: Viewer, place: ui.element) -> 
             folder = widgets.text_field(
                 "New folder (absolute path)", value=str(instrument.store.folder.resolve()) + "-backup"
             )
-            folder.props("outlined dense")
 
             async def begin() -> None:
                 path = await widgets.submit(viewer, {"folder": folder}, _whole_path, folder.value or "")

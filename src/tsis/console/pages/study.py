@@ -658,9 +658,9 @@ class _NewStudy:
             present = widgets.unit_field("With an inclusion", start.present, keys="numeric")
             blank = widgets.unit_field("Blanks", start.blank, keys="numeric")
             self._like = widgets.select_field(LIKE, value=start.like, label="Targets")
-            self._like.props("dense outlined options-dense").classes("study-wide")
+            self._like.props("options-dense").classes("study-wide")
             self._probe = widgets.select_field(list(list_probes()), value=start.probe, label="Probe")
-            self._probe.props("dense outlined options-dense")
+            self._probe.props("options-dense")
             forces = widgets.unit_field("Forces", start.forces, unit="N", keys="text")
             forces.props("stack-label").props["placeholder"] = "usual of the probe"
             repeats = widgets.unit_field("Repeats", start.repeats, keys="numeric")

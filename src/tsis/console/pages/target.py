@@ -624,7 +624,6 @@ def _ask(page: TargetPage, view: TargetView) -> None:
     ways = {"newest": NEWEST, **({"chosen": f"the {count_of(len(chosen), 'press')} chosen below"} if chosen else {})}
     with widgets.open_dialog(page.dialogs, f"Estimate target {number}") as dialog:
         kind = widgets.select_field(list(ESTIMATES), value=ESTIMATES[0] if last is None else last.kind, label="What")
-        kind.props("outlined dense")
         way = ui.radio(ways, value="chosen" if chosen else "newest").props("dense")
         widgets.muted("All presses must be of one probe under one calibration.")
         active = page.instrument.calibration
