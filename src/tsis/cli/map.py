@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 import tsis
-from tsis.__about__ import CALIBRATION_FILE, LARGEST_SEED
+from tsis.__about__ import CALIBRATION_FILE, LARGEST_SEED, LARGEST_TARGET
 from tsis.cli.options import AsJson, ScaleMm, chosen_probe, chosen_scale
 from tsis.cli.output import CommandOutcome, publish
 from tsis.cli.progress import progress_bar
+from tsis.cli.saving import PHANTOM, StoreDatabase, StoreFolder, StoreKind, opened
 from tsis.errors import InputError
 
 if TYPE_CHECKING:
@@ -24,14 +26,21 @@ DEFAULT_PROBE = "tsis-2011"
 
 def map_lumps(
     scan: Annotated[
-        Path,
+        Path | None,
         typer.Argument(
             metavar="FOLDER|TABLE",
             help="A folder with poses.csv (file, x_mm, y_mm) beside its presses; or a table of an indenter: press, "
             "x_mm, y_mm, travel_mm, force_n.",
         ),
-    ],
+    ] = None,
     *,
+    target: Annotated[
+        int | None,
+        typer.Option(help="In place of a folder: map the scan of this target of the store.", min=1, max=LARGEST_TARGET),
+    ] = None,
+    store: StoreFolder = None,
+    kind: StoreKind = PHANTOM,
+    database: StoreDatabase = None,
     probe: Annotated[
         str | None,
         typer.Option(
@@ -71,10 +80,17 @@ def map_lumps(
     The folder gets a page, result.json, map.vti for ParaView or 3D Slicer, and NIfTI files where the extra map is
     installed.
     """
-    usable = _calibration(scan, calibration)
-    stored = tsis.mapping.scan_folder.read_scan(
-        scan, mm_per_pixel=chosen_scale(usable, scale_mm), indenter=_indenter(ball_mm, punch_mm)
-    )
+    if (scan is None) == (target is None):
+        raise InputError("a scan must be given as a folder or a table, or by --target, and not by both")
+    if target is not None:
+        stored, usable = _of_store(target, store, kind, database)
+        usable = usable if calibration is None else tsis.calibration.frames.load_calibration(calibration)
+    else:
+        source = Path(scan or "")
+        usable = _calibration(source, calibration)
+        stored = tsis.mapping.scan_folder.read_scan(
+            source, mm_per_pixel=chosen_scale(usable, scale_mm), indenter=_indenter(ball_mm, punch_mm)
+        )
     if stored.scan.kind == "frame" and usable is None:
         raise InputError("frames need --calibration, the calibration file of the probe that pressed")
     pressed, response = tsis.mapping.scan_folder.calibrated(stored.scan, usable)
@@ -102,6 +118,19 @@ def map_lumps(
     )
     outcome = CommandOutcome(document=report.document, page=report.page, files=report.volumes, trusted=found.trusted)
     publish(outcome, out, as_json=as_json)
+
+
+def _of_store(
+    number: int, folder: Path | None, kind: str, database: str | None
+) -> tuple[StoredScan, tsis.calibration.frames.UsableCalibration | None]:
+    """The scan of a target, and the calibration that its presses cite."""
+    with opened(folder, kind, database) as records:
+        record = records.record(records.target(number))
+        stored = tsis.records.places.recorded_scan(record)
+    for identity, calibration in record.calibrations.items():
+        calibration.require_usable(datetime.now(UTC))
+        return stored, tsis.calibration.frames.UsableCalibration(calibration=calibration, identity=identity)
+    return stored, None
 
 
 def _calibration(scan: Path, given: Path | None) -> tsis.calibration.frames.UsableCalibration | None:

@@ -13,11 +13,13 @@ from sqlalchemy import select
 
 from tsis.__about__ import CALIBRATION_FILE, LARGEST_TARGET
 from tsis.calibration.file import calibration_sha256, read_calibration
+from tsis.calibration.frames import PICTURES
 from tsis.catalog.probes import load_probe
 from tsis.errors import FileInputError, InputError
 from tsis.files.json_values import free_to_json, from_json_value
 from tsis.files.reading import file_error, own_file, printable_name, printable_path, read_bytes, read_object, written_by
 from tsis.files.result_schemas import require_known_schema
+from tsis.files.tables import read_csv_rows
 from tsis.instrument.image_files import read_image
 from tsis.instrument.recording import (
     RECORDING_COLUMNS,
@@ -28,9 +30,12 @@ from tsis.instrument.recording import (
     VIDEO_NAME,
 )
 from tsis.instrument.snapshot import RAW_ENDINGS, SIDECAR_FORMAT, SIDECAR_VERSION
+from tsis.mapping.scan_folder import POSE_COLUMNS, POSES_FILE
 from tsis.model.image import grey_sha256
 from tsis.model.require import freeze_mappings, require_integer, require_one_of
 from tsis.records.blobs import frame_bytes
+from tsis.records.places import NUMBERS as PLACE_NUMBERS
+from tsis.records.places import place_settings
 from tsis.records.schema import calibration_table
 from tsis.records.target import DOCUMENTS, read_bundle
 from tsis.records.values import ROLES, StoredPress, require_moment
@@ -46,6 +51,7 @@ if TYPE_CHECKING:
 
 
 MOST_FRAMES = 100_000  # of one import
+SCAN_ROLES = {"press": "target", "reference": "plain"}  # by the kind of a press in poses.csv
 
 
 def no_calibration(_cited: str) -> ProbeCalibration | None:
@@ -589,6 +595,37 @@ def image_files(paths: Sequence[Path], options: ImportOptions, progress: Callabl
     return ImportBatch(source=paths[0], kind="image files", presses=tuple(presses))
 
 
+def scanned(folder: Path, options: ImportOptions, progress: Callable[[], None]) -> ImportBatch:
+    """The frames of a scan, each with its place; `FileInputError` for presses that are no frames."""
+    presses, notes = [], []
+    scale = options.calibration.scale if options.calibration is not None else None
+    calibrated = "" if options.calibration is None else options.calibration.probe
+    for row in read_csv_rows(folder / POSES_FILE, ("file", "x_mm", "y_mm"), POSE_COLUMNS):
+        name = row.text("name") or row.text("file")
+        if row.number("x_mm") is None or row.number("y_mm") is None:
+            notes.append(f"{name} has no place and is left out.")
+            continue
+        path = own_file(folder, row.text("file"))
+        if path.suffix.lower() not in PICTURES:
+            raise file_error(path, "must be a frame to be stored; pressures and forces stay in their folder")
+        if (kind := row.text("kind") or "press") not in SCAN_ROLES:
+            raise row.refused("kind", " or ".join(SCAN_ROLES), kind)
+        image = IncomingPress(
+            **inspect_file(path),
+            role=SCAN_ROLES[kind],
+            taken=options.taken or modification_time(path),
+            name=printable_name(path)[:200] if not row.text("name") else row.text("name")[:200],
+            force_n=row.number("force_n"),
+            mm_per_pixel=options.mm_per_pixel if scale is None else scale.mm_per_pixel,
+            probe=options.probe or row.text("probe") or calibrated,
+            calibration=options.calibration,
+            settings=place_settings({name: row.number(name) for name in PLACE_NUMBERS}),
+        )
+        presses.append(image)
+        progress()
+    return ImportBatch(source=folder, kind="scan", presses=tuple(presses), name=folder.name, notes=tuple(notes))
+
+
 def find_import_batches(
     paths: Sequence[Path], options: ImportOptions, *, progress: Callable[[int], None] | None = None
 ) -> tuple[ImportBatch, ...]:
@@ -644,12 +681,14 @@ def _folder(folder: Path, options: ImportOptions, count: Callable[[], None]) -> 
         return (result_folder(folder, count),)
     if (folder / RECORDING_INDEX).exists() or (folder / RECORDING_SUMMARY).exists():
         return (recording(folder, options, count),)
+    if (folder / POSES_FILE).exists():
+        return (scanned(folder, options, count),)
     batches = snapshot_folder(folder, options, count)
     if not batches:
         raise file_error(
             folder,
-            "must be a folder that tsis wrote (demo, acquire, records export --format bundle); it holds nothing of "
-            "these (name image files one by one, with --role and what is known of them)",
+            "must be a folder that tsis wrote (demo, acquire, records export --format bundle) or a scan; it holds "
+            "nothing of these (name image files one by one, with --role and what is known of them)",
         )
     return batches
 

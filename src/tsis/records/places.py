@@ -1,0 +1,60 @@
+"""Places of presses in a store: a scan of frames is a target whose presses have a place, from import to export."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from tsis.errors import RecordsError
+from tsis.files.json_values import from_json_value
+from tsis.mapping.scan import Scan, ScanPress
+from tsis.mapping.scan_folder import StoredScan
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from tsis.records.values import StoredPress, TargetRecord
+
+PLACE = "place"  # in the settings of a press, which every export and import of targets keeps
+NUMBERS = ("x_mm", "y_mm", "place_sd_mm", "angle_deg", "force_sd")
+REFERENCE = "plain"  # role of a press on tissue without lump
+
+
+def place_settings(numbers: Mapping[str, float | None]) -> dict[str, Any]:
+    """The place of a press as a part of its settings; unknown numbers are left out."""
+    return {PLACE: {name: value for name in NUMBERS if (value := numbers.get(name)) is not None}}
+
+
+def recorded_scan(record: TargetRecord) -> StoredScan:
+    """The scan of a target, of its presses with a place; others are named in ``left_out``.
+
+    Raises
+    ------
+    RecordsError
+        When no press has a place, or several probes pressed.
+    InputError
+        When a place lies outside its range.
+    """
+    placed = [press for press in record.presses if PLACE in press.settings]
+    if not placed:
+        raise RecordsError(
+            f"target {record.target.number} must have presses with a place to be mapped; it has none: import a folder "
+            "with poses.csv"
+        )
+    probes = {press.probe for press in placed}
+    if len(probes) > 1:
+        raise RecordsError(f"a scan must be of one probe; target {record.target.number} has {len(probes)}")
+    scan = Scan(
+        presses=tuple(_scan_press(record, press) for press in placed),
+        name=record.target.name or f"target {record.target.number}",
+        left_out=tuple(f"{press.name} has no place." for press in record.presses if PLACE not in press.settings),
+    )
+    return StoredScan(scan=scan, probe=probes.pop())
+
+
+def _scan_press(record: TargetRecord, press: StoredPress) -> ScanPress:
+    stored = press.settings[PLACE]
+    number = {name: from_json_value(float, stored[name], f"place.{name}") for name in NUMBERS if name in stored}
+    x, y = number.pop("x_mm"), number.pop("y_mm")
+    return ScanPress(
+        place_mm=(x, y), frame=record.image(press), reference=press.role == REFERENCE, name=press.name, **number
+    )
