@@ -41,7 +41,7 @@ RADII = 6  # of contact up to the largest
 NOISE = 0.01  # of the force, beside what the curve shows
 FORCE_GAIN_SD = 0.02  # of all forces
 CONTACT_SD_MM, LEAST_CONTACT_SD_MM = 0.05, 0.01  # of the travel at contact: where it is not fitted, and at the least
-LEAST_FITTED = 6  # points that the travel at contact is fitted to
+LEAST_FITTED, MOST_FITTED = 6, 400  # points that the travel at contact is fitted to
 FORCE_ZERO_SD_N = 0.02
 SHAPE_SD = 0.1  # how much the stiffness of a press may change from its first depth to its last
 MEASURED_TISSUE_SD = 0.3  # relative, of a modulus that the presses tell
@@ -200,6 +200,14 @@ class Touch:
     noise_n: float
 
 
+def _thinned(curve: Floats) -> Floats:
+    """A curve of at most `MOST_FITTED` points, each the mean of its neighbours."""
+    if len(curve) <= MOST_FITTED:
+        return curve
+    edges = np.linspace(0, len(curve), MOST_FITTED + 1).astype(int)
+    return np.asarray(np.add.reduceat(curve, edges[:-1]) / np.diff(edges)[:, None])
+
+
 def find_touch(curve: Floats, even: _Punches, zero_sd_n: float) -> Touch:
     """The travel at contact, fitted together with the force's zero to a press of a stiffness that changes with depth.
 
@@ -313,7 +321,7 @@ def read_touches(scan: Scan, prior: MapPrior) -> Touches:
             left_out.append(f"{names[index]} has no contact.")
         else:
             used.append(index)
-    curves = [np.asarray(scan.presses[index].travel_force) for index in used]
+    curves = [_thinned(np.asarray(scan.presses[index].travel_force)) for index in used]
     farthest = max((float(max(np.ptp(curve[:, 0]), curve[-1, 0])) for curve in curves), default=0.0)
     if farthest <= 0:
         raise InputError("travel_force must reach a travel above 0 mm in every press")
