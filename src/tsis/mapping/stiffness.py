@@ -116,7 +116,7 @@ def _punches(indenter: Indenter, deepest_mm: float, tissue: tuple[float, float, 
         radii = np.array([indenter.radius_mm])
     else:
         radii = np.linspace(0.25, 1.0, RADII) * min(np.sqrt(indenter.radius_mm * deepest_mm), indenter.radius_mm)
-        radii = np.maximum(radii, 1.0)
+        radii = np.unique(np.maximum(radii, 1.0))
     distance = np.arange(0.0, indenter.radius_mm + REACH_MM + STEP_MM / 2, STEP_MM)
     depth = np.arange(SHALLOWEST_MM, 0.98 * tissue[1], STEP_MM)
     grids, stiffness = [], []
