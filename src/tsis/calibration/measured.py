@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from scipy.special import stdtrit
+import scipy
 
 from tsis.errors import InputError
 from tsis.model.require import require_number, require_type
@@ -50,5 +50,6 @@ class MeasuredValue:
     def interval(self, level: float = 0.95) -> tuple[float, float]:
         """Interval of Student's t that covers the true value with probability ``level``."""
         require_number("level", level, 1e-6, 1 - 1e-9, hint="a probability")
-        half = float(stdtrit(self.degrees_of_freedom, 0.5 + level / 2)) * self.sd  # scipy.stats takes a second to load
+        # Not scipy.stats.t.ppf, which is the same: its package takes a second to load.
+        half = float(scipy.special.stdtrit(self.degrees_of_freedom, 0.5 + level / 2)) * self.sd
         return self.value - half, self.value + half
