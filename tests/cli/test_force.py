@@ -68,20 +68,22 @@ def test_a_video_has_the_force_of_each_depth(run_tsis: RunTsis, tmp_path: Path) 
         sd_mm=0.004, sd_relative=0.02,
     )  # fmt: skip
     (tmp_path / "depth.json").write_bytes(depth_calibration_json(calibration))
-    y, x = np.mgrid[:345, :460] * 0.0505
+    y, x = np.mgrid[:344, :460] * 0.0505
     bowl = np.exp(-((x - 11.6) ** 2 + (y - 8.7) ** 2) / 2 / 2.0**2)
-    writer = cv2.VideoWriter(str(tmp_path / "press.mkv"), cv2.VideoWriter.fourcc(*"FFV1"), 10.0, (460, 345))
+    writer = cv2.VideoWriter(str(tmp_path / "press.mkv"), cv2.VideoWriter.fourcc(*"FFV1"), 10.0, (460, 344))
     for deepest in (0.0, 0.25, 0.5):
         levels = np.rint(160.0 - 60.0 * deepest * bowl).astype(np.uint8)
         writer.write(np.dstack([levels] * 3))
         np.save(tmp_path / f"map-{deepest:g}.npy", deepest * bowl)
     writer.release()
-    finished = run_tsis("force", "press.mkv", "--sensor", "9dtact", "--calibration", "depth.json", "--json")
+    made = run_tsis("sensor", "new", "even", "--like", "9dtact", "--image-px", "460,344", "--out", "even.toml")
+    assert made.code == 0, made.err
+    finished = run_tsis("force", "press.mkv", "--sensor", "even.toml", "--calibration", "depth.json", "--json")
     assert finished.code in (0, 3), finished.err
     rows = json.loads(finished.out)["frames"]
     assert [row["time_s"] for row in rows] == pytest.approx([0.0, 0.1, 0.2])
     assert rows[0]["force_n"] == 0.0
     for row, deepest in zip(rows[1:], (0.25, 0.5), strict=True):
-        known = json.loads(run_tsis("force", f"map-{deepest:g}.npy", "--sensor", "9dtact", "--json").out)["force_n"]
+        known = json.loads(run_tsis("force", f"map-{deepest:g}.npy", "--sensor", "even.toml", "--json").out)["force_n"]
         assert row["force_n"] == pytest.approx(known, rel=0.08)
         assert row["interval_n"][0] < known < row["interval_n"][1]

@@ -382,7 +382,7 @@ def test_a_modulus_on_a_label_is_wider_than_a_measured_one() -> None:
         for sensor in (label, measured)
         for low, high in [
             estimate_from_contacts(
-                by_force(60.0), sensor=sensor, geometry=R_MM, force_zero_sd_n=0.0
+                by_force(200.0), sensor=sensor, geometry=R_MM, force_zero_sd_n=0.0
             ).untrusted.interval(0.9)["young_kpa"]
         ]
     ]

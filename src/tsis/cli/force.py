@@ -196,7 +196,8 @@ def _force_of_frames(
     )  # fmt: skip
     shown = CommandResult(
         document=tsis.present.document.envelope(
-            "force frames",
+            "force",
+            "frames",
             sensor=sensor.name,
             frames=rows,
             peak_n=peak["force_n"],

@@ -24,7 +24,7 @@ _RESULTS = {
     "detect": ("apply", "train"),
     "doctor": ("",),
     "examine": ("",),
-    "force": ("",),
+    "force": ("", "frames"),
     "hardness": ("", "contacts"),
     "indent": ("",),
     "logins": ("",),

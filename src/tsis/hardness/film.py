@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 MOST_CONTACTS = 12  # of a film: neighbours in time tell the same
 LONGEST_LAG_S = (0.5, 0.2)  # delays that are sought, as far as the film is long enough
 GAUGE_SD = 0.01  # of a force, relative: the calibration of the gauge
+HERTZ_SD = 0.25  # of the time between frames: what Hertz's law and the first good frame may shift the delay
 LEAST_FORCE_N = 0.01
 PRESSED = 0.05  # of the largest force: below it the zero of the gauge is most of a force
 
@@ -103,15 +104,19 @@ def filmed_press(
 def _delay(
     found: Sequence[GelContact], times_s: Sequence[float], readings: Sequence[ForceReading]
 ) -> tuple[float, float] | None:
-    """Delay of the gauge in s and its standard deviation, by the rates of contact area and force."""
-    area = [contact.radius_px**2 if contact.good else 0.0 for contact in found]
+    """Delay of the gauge in s and its standard deviation, by the rates of force and of the cube of the radius.
+
+    By Hertz the cube follows the force, so that also one rise, whose rate changes, tells the delay.
+    """
+    cubes = [contact.radius_px**3 if contact.good else 0.0 for contact in found]
     for longest in LONGEST_LAG_S:
         try:
-            latency = find_latency(times_s, area, readings, longest_s=longest)
+            latency = find_latency(times_s, cubes, readings, longest_s=longest)
         except (GaugeError, InputError):
             continue
         low, high = latency.interval(0.9)
-        return latency.latency_s, max((high - low) / 3.29, float(np.median(np.diff(times_s))) / 4.0)
+        frame = float(np.median(np.diff(times_s)))
+        return latency.latency_s, float(np.hypot((high - low) / 3.29, HERTZ_SD * frame))
     return None
 
 

@@ -121,6 +121,7 @@ LIGHT_BLOCKS = (48, 64)  # rows and columns of the means by which the light is c
 GAMMA_PRIOR_SD = 0.15
 LEAST_LIGHT_CHANGE = 0.05  # relative: a deep press darkens the border of a white-light frame by some per cent
 LARGEST_GAIN, LARGEST_GAMMA = 1.5, 1.4  # or their inverse: beyond them a change of light is not corrected for
+NEAR_PRESS = 0.5  # of the radius of what is pressed: how far around it blocks do not count
 FEWEST_BLOCKS = 0.1  # of all that must show the light alone
 
 
@@ -191,7 +192,7 @@ def light_change(levels: NDArray[Any], earlier: NDArray[Any], *, whole: bool = F
         spread = max(1.4826 * float(np.median(np.abs(left[used]))), 0.004)
         used = lit & (np.abs(left) < 2.5 * spread).all(axis=2)
         if not whole:
-            used = _joined_to(used, strip)
+            used = _joined_to(_apart_from_presses(used, lit), strip)
         if used.mean() < FEWEST_BLOCKS:
             return nothing
         centred_x, centred_y = (part[used] - part[used].mean(axis=0) for part in (x, y))
@@ -203,6 +204,14 @@ def light_change(levels: NDArray[Any], earlier: NDArray[Any], *, whole: bool = F
     if abs(slope) < max(2.0 * slope_sd, LEAST_LIGHT_CHANGE):
         slope, level = 0.0, y[used].mean(axis=0)
     return GelLightChange(gain=np.exp(level), gamma=1.0 + slope, gamma_sd=slope_sd)
+
+
+def _apart_from_presses(used: NDArray[np.bool_], lit: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The blocks without those around a press, whose slope falls outwards: they would agree with a false gamma."""
+    pressed = scipy.ndimage.binary_opening(lit & ~used, iterations=2)
+    near = max(1, round(NEAR_PRESS * float(np.sqrt(pressed.sum() / np.pi))))
+    apart = used & ~scipy.ndimage.binary_dilation(pressed, iterations=near)
+    return apart if apart.mean() >= FEWEST_BLOCKS else used
 
 
 def coarse_levels(levels: NDArray[Any]) -> NDArray[np.float64]:
