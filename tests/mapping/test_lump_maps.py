@@ -290,6 +290,7 @@ def test_a_press_that_hardly_enters_is_left_out_by_name_and_repeats_tell_the_sd_
     rng, indenter = np.random.default_rng(8), Indenter(shape="ball", radius_mm=3.0)
     curves = [ball_press(3.0, 12.0 * np.exp(rng.normal(0, 0.18)), 0.3, rng) for _ in range(40)]
     curves.append(ball_press(3.0, 12.0, 2.15, rng))
+    curves = [np.add(curve, [100.0, 0.0]) for curve in curves]  # a robot's own travel
     presses = [ScanPress(place_mm=(float(n % 10), 0.0), travel_force=curve) for n, curve in enumerate(curves)]
     observation = observe_stiffness(Scan(presses=tuple(presses), indenter=indenter), MapPrior(thickness_mm=30.0))
     assert len(observation.values) == 40

@@ -208,17 +208,22 @@ def _thinned(curve: Floats) -> Floats:
     return np.asarray(np.add.reduceat(curve, edges[:-1]) / np.diff(edges)[:, None])
 
 
+def _is_short(curve: Floats) -> bool:
+    """Whether too few points show a force for a fit of the contact."""
+    return bool((curve[:, 1] > 0.05 * curve[:, 1].max()).sum() < LEAST_FITTED)
+
+
 def find_touch(curve: Floats, even: _Punches, zero_sd_n: float) -> Touch:
     """The travel at contact, fitted together with the force's zero to a press of a stiffness that changes with depth.
 
-    ``curve`` has pairs of travel and force, shape (n, 2). A curve of few points begins at the last that shows no force.
-    ``zero_sd_n`` is the standard deviation of the force's zero in N.
+    ``curve`` has pairs of travel and force, shape (n, 2). A curve of few points begins at the last that shows no force,
+    or at travel 0. ``zero_sd_n`` is the standard deviation of the force's zero in N.
     """
     travel, force = curve[:, 0], curve[:, 1]
     top = float(force.max())
-    if (force > 0.05 * top).sum() < LEAST_FITTED:
-        before = np.flatnonzero(force <= 0.05 * top)
-        start = float(travel[before[-1]]) if len(before) and before[-1] < len(travel) - 1 else float(travel[0])
+    if _is_short(curve):
+        free = travel[force <= 0.05 * top]
+        start = float(free[-1]) if len(free) else min(float(travel[0]), 0.0)
         return Touch(depth_mm=travel - start, force_n=force, contact_sd_mm=CONTACT_SD_MM, noise_n=0.0)
     reach = float(np.ptp(travel))
     starts = travel[0] + reach * np.linspace(-0.1, 0.9, 201)
@@ -322,11 +327,11 @@ def read_touches(scan: Scan, prior: MapPrior) -> Touches:
         else:
             used.append(index)
     curves = [_thinned(np.asarray(scan.presses[index].travel_force)) for index in used]
-    farthest = max((float(max(np.ptp(curve[:, 0]), curve[-1, 0])) for curve in curves), default=0.0)
-    if farthest <= 0:
+    reaches = [float(curve[-1, 0] - (min(curve[0, 0], 0.0) if _is_short(curve) else curve[0, 0])) for curve in curves]
+    if max(reaches, default=0.0) <= 0:
         raise InputError("travel_force must reach a travel above 0 mm in every press")
     tissue = (prior.tissue_young_kpa, prior.thickness_mm, prior.poisson)
-    even = _punches(scan.indenter, float(np.ceil(10 * farthest)) / 10, tissue)
+    even = _punches(scan.indenter, float(np.ceil(11 * max(reaches))) / 10, tissue)
     zero_sd = min(FORCE_ZERO_SD_N, 0.1 * float(np.median([curve[:, 1].max() for curve in curves])))
     touches = [find_touch(curve, even, zero_sd) for curve in curves]
     ends = np.array([touch.depth_mm[-1] for touch in touches])
