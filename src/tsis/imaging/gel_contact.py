@@ -62,6 +62,7 @@ PEAK_NOISE = 8.0  # times the noise of the smoothed change
 LEAST_CHANGE = 3.0  # levels
 CENTRE_MODEL_SD = 0.03  # of the radius: what the fit's model misses
 RADIUS_MODEL_SD = {"rgb": 0.006, "white": 0.01}  # of the radius, by rendered frames (seed 501)
+LEAST_EXPLAINED, LEAST_TEXTURED = 0.6, 0.94  # of the change by a good contact; of a textured one after its blur
 TEXTURED_MODEL_SD = 0.03  # of the radius of textured objects, by rendered frames (benchmarks/textured_contacts.py)
 LEAST_QUALITY, REFUSED_QUALITY = 0.5, 0.45  # of a good contact; of one with a reason against it, at most
 MOVED = 0.1  # of the radius, between frames of a sequence
@@ -810,7 +811,7 @@ def _reasons(change: GelChange, fit: ContactFit, *, others: list[tuple[float, fl
     inside = np.hypot(place @ along / long, place @ across / short) <= 1.15
     total = max(int(np.count_nonzero(inside)), 1)
     reasons = []
-    if fit.explained < 0.6:
+    if fit.explained < (LEAST_TEXTURED if fit.textured else LEAST_EXPLAINED):
         reasons.append("poor fit")
     if fit.amplitude < max(3.0 * change.noise / np.sqrt(total / 10.0), 2.0):
         reasons.append("no contact")
