@@ -214,14 +214,27 @@ def test_a_calibration_file_keeps_every_value(tmp_path: Path) -> None:
     assert replace(again, light=None) == replace(named, light=None)
 
 
-def test_a_folder_of_the_demo_gives_the_estimate_of_the_demo(run: RunTsis, kept: Path, tmp_path: Path) -> None:
+REFERENCES = ("--reference-press", "demo/reference-0.5N.png", "--reference-press", "demo/reference-1N.png")
+
+
+@pytest.mark.parametrize("asked", [("demo",), (*FRAMES, *REFERENCES, *KNOWN, *FORCES, "--prior", "phantom-2011")])
+def test_the_folder_or_the_frames_of_a_demo_give_its_estimate(
+    run: RunTsis, kept: Path, tmp_path: Path, asked: tuple[str, ...]
+) -> None:
     first = json.loads((kept / "demo" / "result.json").read_text())["estimate"]
-    again = told(run, "examine", "demo", "--out", tmp_path / "made")["estimate"]
+    again = told(run, "examine", *asked, "--out", tmp_path / "made")["estimate"]
     assert again["presence"] == first["presence"]
     for name, found in again["parameters"].items():
         assert found["mean"] == first["parameters"][name]["mean"]
         assert found["interval_90"] == first["parameters"][name]["interval_90"]
     assert [frame["force_n"] for frame in again["provenance"]["images"]] == [0.5, 1.0]
+    for kind in ("images", "reference"):
+        was, is_now = (
+            [[frame[entry] for entry in ("name", "sha256", "force_n")] for frame in made["provenance"][kind]]
+            for made in (first, again)
+        )
+        assert was == is_now
+    assert again["provenance"]["probe"]["name"] == "tsis-domed"
 
 
 def test_an_option_replaces_what_the_folder_tells(run: RunTsis, tmp_path: Path) -> None:
@@ -229,8 +242,8 @@ def test_an_option_replaces_what_the_folder_tells(run: RunTsis, tmp_path: Path) 
         "estimate"
     ]
     assert [frame["force_n"] for frame in changed["provenance"]["images"]] == [0.52, 1.0]
-    wide = told(run, "examine", "demo", "--prior", "wide", "--out", tmp_path / "made")["estimate"]
-    assert wide["prior"].startswith("wide")
+    other = told(run, "examine", "demo", "--prior", "breast-ex-vivo", "--out", tmp_path / "made")["estimate"]
+    assert other["prior"].startswith("breast-ex-vivo")
 
 
 def test_a_table_of_presses_tells_forces_kinds_and_scale(run: RunTsis, kept: Path, tmp_path: Path) -> None:
@@ -253,7 +266,6 @@ def test_a_table_of_presses_tells_forces_kinds_and_scale(run: RunTsis, kept: Pat
     assert "must name files of its own" in refused.err
 
 
-REFERENCES = ("--reference-press", "demo/reference-0.5N.png", "--reference-press", "demo/reference-1N.png")
 BUDGET = ("examine", *FRAMES, *KNOWN, *FORCES, *REFERENCES, "--budget")
 
 
