@@ -375,3 +375,50 @@ def test_a_scan_of_many_presses_is_sampled_in_blocks() -> None:
     counts = [int(((places >= low) & (places < high)).all(axis=1).sum()) for low, high in areas]
     assert sum(counts) == len(places)
     assert max(counts) <= BLOCK
+
+
+def test_a_press_more_updates_the_map(found: LumpMap) -> None:
+    scan = scan_of([LUMP])
+    before = estimate_map(replace(scan, presses=scan.presses[:-1]), probe=PROBE, steps=3000, voxel_mm=3.0)
+    after = estimate_map(scan, probe=PROBE, steps=1000, voxel_mm=3.0, start=before)
+    assert after.provenance["started_from_earlier_map"] is True
+    assert len(after.places_mm) == len(scan.presses)
+    (lump,), (whole,) = after.lumps, found.lumps
+    for name in ("x_mm", "y_mm", "centre_depth_mm"):
+        low, high = whole.estimate.interval(0.99)[name]
+        assert low <= np.median(lump.estimate.samples[name]) <= high, name
+
+
+def test_a_lump_of_the_start_that_the_presses_deny_is_dropped(found: LumpMap) -> None:
+    assert estimate_map(scan_of([]), probe=PROBE, steps=3000, voxel_mm=3.0, start=found).lumps == ()
+
+
+def test_the_likelihood_of_one_length_is_a_part_of_the_whole() -> None:
+    observation = observe(scan_of([LUMP]), PROBE, None, MapPrior())
+    whole = BlockLikelihood(observation, MapPrior())
+    part = BlockLikelihood(observation, MapPrior(), length_mm=8.0)
+    mixed = [
+        [one.log_weights(observation.values)[number] for number, kind in enumerate(one.kinds) if kind.length_mm > 8]
+        for one in (whole, part)
+    ]
+    for row in mixed[1]:
+        assert min(np.abs(row - other).max() for other in mixed[0]) < 1e-6
+
+
+def test_shared_errors_of_the_kernel_are_not_averaged_away() -> None:
+    """A signal that errs by one factor in all presses costs little, one that errs by press costs much more."""
+    observation = observe(scan_of([LUMP]), PROBE, None, MapPrior())
+    likelihood = BlockLikelihood(observation, MapPrior())
+    shift = np.zeros((len(PLACES), 2))
+    signal = likelihood.signal(as_row(LUMP), shift)
+    likelihood.with_signal_error(as_row(LUMP), shift)
+    sign = np.random.default_rng(5).choice([-1.0, 1.0], len(PLACES))
+    costs = [
+        float(likelihood.log_weights(0.05 * factor[:, None] * signal).max()) for factor in (np.ones(len(sign)), sign)
+    ]
+    assert costs[0] > costs[1] + 5
+
+
+def test_a_start_that_is_no_map_is_refused() -> None:
+    with pytest.raises(InputError, match="start"):
+        estimate_map(scan_of([]), probe=PROBE, start=scan_of([]))  # type: ignore[arg-type]

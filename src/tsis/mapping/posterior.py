@@ -32,12 +32,15 @@ MARGIN = 0.5  # of the face's radius: how far beyond the presses lumps are sough
 CLEAR_OF_REFERENCE = 0.6  # of the face's radius: no lump's centre is nearer to a reference press
 FIELD_ERROR = 0.07  # of the field's effect on each number: second order, and meshes
 SIGNAL_ERROR = 0.04  # of a lump's signal: error of the model that differs between numbers
-# Errors of the kernel that all presses share, as solved scans show them: place, depth, logarithms of the diameter at
-# equal strength and of the strength
-PLACE_ERROR_MM, DEPTH_ERROR_MM, RIDGE_ERROR, STRENGTH_ERROR = 0.12, 0.5, 0.05, 0.03
+SHARED_ERROR = 0.04  # of a lump's signal in harmonic 0, half as much more in each further one: shared by all presses
+UNEVEN_ERROR = 0.5  # of the field's standard deviation: a lump's signal depends on the tissue around it
+# Errors of the kernel that all presses share, as solved scans show them: place and depth as parts of the depth,
+# logarithms of the diameter at equal strength and of the strength
+PLACE_ERROR, DEPTH_ERROR, RIDGE_ERROR, STRENGTH_ERROR = 0.02, 0.05, 0.05, 0.03
 PLACE_MATTERS_MM = 0.05  # standard deviation of a place from which its shift is sampled
 MOST_LUMPS = 12
 MOST_KINDS = 3  # of field that are sampled
+MIXED_MM = 5.0  # a field of a longer length comes also in equal parts with one of the shortest
 CONTACT = 0.9  # of the sum of the radii: lumps do not overlap by more
 
 
@@ -126,14 +129,25 @@ class FieldKind:
 class BlockLikelihood:
     """Likelihood of lumps for one block of presses."""
 
-    def __init__(self, observation: Observation, prior: MapPrior, *, report: Callable[[], None] | None = None) -> None:
+    def __init__(
+        self,
+        observation: Observation,
+        prior: MapPrior,
+        *,
+        length_mm: float | None = None,
+        report: Callable[[], None] | None = None,
+    ) -> None:
+        """Of all kinds of field, or of those of one length, which takes a fifth of the time."""
         self.observation, self.prior = observation, prior
+        lengths = LENGTHS_MM
+        if length_mm is not None:
+            lengths = LENGTHS_MM[sorted({0, int(np.abs(np.log(LENGTHS_MM / length_mm)).argmin())})]
         self.sds = np.append(SDS[prior.heterogeneity_sd * 0.99 > SDS], prior.heterogeneity_sd)
         width = np.gradient(self.sds) if len(self.sds) > 1 else np.ones(1)
         self.log_sd_weight = np.log(width / width.sum())
         with one_blas_thread():
             by_length = []
-            for length in LENGTHS_MM.tolist():
+            for length in lengths.tolist():
                 field = observation.field.covariance(
                     length,
                     observation.places_mm,
@@ -144,10 +158,14 @@ class BlockLikelihood:
                 by_length.append(field + FIELD_ERROR**2 * np.diag(np.diag(field)))
                 if report is not None:
                     report()
-        self._fields = [(length, False, field) for length, field in zip(LENGTHS_MM.tolist(), by_length, strict=True)]
-        for length in LENGTHS_MM[1:].tolist():
-            mixed = sum(w * field for w, field in zip(tail_weights(length), by_length, strict=True))
-            self._fields.append((length, True, np.asarray(mixed)))
+        by = dict(zip(lengths.tolist(), by_length, strict=True))
+        self._fields = [(length, False, field) for length, field in by.items()]
+        if length_mm is None:
+            for length in LENGTHS_MM[1:].tolist():
+                mixed = sum(w * field for w, field in zip(tail_weights(length), by_length, strict=True))
+                self._fields.append((length, True, np.asarray(mixed)))
+        short = float(lengths[0])  # beside unevenness of its own, what the model errs in from press to press
+        self._fields += [(length, True, (by[short] + field) / 2) for length, field in by.items() if length > MIXED_MM]
         self._even_kinds = self._turned(observation.noise, range(len(self._fields)), report)
         self.kinds = self._even_kinds
 
@@ -175,15 +193,34 @@ class BlockLikelihood:
                     report()
         return kinds
 
-    def with_signal_error(self, signal: Floats, residual: Floats) -> None:
-        """Add the error of the model for these signals to the noise; only probable kinds of field remain."""
+    def with_signal_error(self, lumps: Floats, shift_mm: Floats) -> None:
+        """Add the error of the model for these lumps to the noise; only probable kinds of field remain.
+
+        A part of it differs between numbers. The larger part is shared: what the kernel errs in one harmonic of one
+        lump, near to it and far from it, is the same in all presses, so that no number of presses averages it away.
+        """
+        seen = self.observation
+        signal = self.signal(lumps, shift_mm)
         self.kinds = self._even_kinds
-        best = self.log_weights(residual).max(axis=1)
+        weights = self.log_weights(seen.values - signal)
+        best = weights.max(axis=1)
+        uneven = UNEVEN_ERROR * self.sds[int(weights.max(axis=0).argmax())]
+        each, shared = np.hypot(SIGNAL_ERROR, uneven), np.hypot(SHARED_ERROR, uneven)
         order = np.argsort(-best)[:MOST_KINDS]
         kept = [int(index) for index in order if best[index] > best.max() - IMPROBABLE]
         mean = np.sqrt((signal**2).mean(axis=1, keepdims=True))
-        variance = (SIGNAL_ERROR * signal) ** 2 + (0.5 * SIGNAL_ERROR * mean) ** 2
-        self.kinds = self._turned(self.observation.noise + np.diag(variance.ravel()), kept)
+        variance = (each * signal) ** 2 + (0.5 * each * mean) ** 2
+        noise = seen.noise + np.diag(variance.ravel())
+        harmonic = np.array([output[0] for output in seen.table.shapes.outputs])
+        for lump in lumps:
+            alone = self.signal(lump[None], shift_mm)
+            far = np.hypot(*(seen.places_mm + shift_mm - lump[:2]).T) / seen.radius_mm
+            for slope in (np.ones(len(far)), np.clip(far - 1.0, -1.0, 1.0)):
+                columns = np.stack([alone * slope[:, None] * (harmonic == one) for one in np.unique(harmonic)])
+                size = shared * (1 + np.unique(harmonic) / 2)
+                flat = columns.reshape(len(columns), -1) * size[:, None]
+                noise += flat.T @ flat
+        self.kinds = self._turned(noise, kept)
 
     def settle(self) -> None:
         """Drop what only a change of the signal's error needs: most of the memory."""
@@ -226,13 +263,24 @@ STARTS = 3
 
 
 def greedy_fit(
-    likelihood: BlockLikelihood, region: Region, *, report: Callable[[], None] | None = None
+    likelihood: BlockLikelihood,
+    region: Region,
+    *,
+    start: Floats | None = None,
+    report: Callable[[], None] | None = None,
 ) -> tuple[Fit, Floats, Floats]:
-    """Lumps added one by one as long as the evidence grows; the candidates and their gains beside."""
+    """Lumps added one by one as long as the evidence grows; the candidates and their gains beside.
+
+    ``start`` has the lumps of an earlier fit (n, `LUMP_COLUMNS`), with which the search begins.
+    """
     presses = len(likelihood.observation.values)
     candidates = _candidates(region)
     signals = np.array([likelihood.signal(one[None], np.zeros((presses, 2))).ravel() for one in candidates])
     fit = _settled(likelihood, region, np.zeros((0, LUMP_COLUMNS)), np.zeros((presses, 2)))
+    if start is not None and len(start):
+        inside = np.array([region.moved_inside(one) for one in start])
+        likelihood.with_signal_error(inside, fit.shift_mm)
+        fit = _settled(likelihood, region, inside, fit.shift_mm)
     while True:
         gain = _gains(likelihood, fit, signals)
         if len(fit.lumps) >= MOST_LUMPS:
@@ -249,8 +297,7 @@ def greedy_fit(
             report()
         if best is None or best.log_evidence <= fit.log_evidence:
             return fit, candidates, gain
-        signal = likelihood.signal(best.lumps, best.shift_mm)
-        likelihood.with_signal_error(signal, likelihood.observation.values - signal)
+        likelihood.with_signal_error(best.lumps, best.shift_mm)
         fit = _settled(likelihood, region, best.lumps, best.shift_mm)
 
 
@@ -610,8 +657,7 @@ class Sampler:
     def _with_kernel_error(self) -> Floats:
         """The lumps with the error of the kernel that all presses share, so that no number of presses averages it."""
         lumps, rng, count = self.lumps.copy(), self.rng, len(self.lumps)
-        lumps[:, :2] += rng.normal(0.0, PLACE_ERROR_MM, (count, 2))
-        lumps[:, DEPTH] += rng.normal(0.0, DEPTH_ERROR_MM, count)
+        lumps[:, :3] += rng.normal(0.0, (PLACE_ERROR, PLACE_ERROR, DEPTH_ERROR), (count, 3)) * lumps[:, DEPTH, None]
         by = rng.normal(0.0, RIDGE_ERROR, count)
         factor = eshelby_factor(np.exp(lumps[:, LOG_CONTRAST])) * np.exp(
             -3 * by + rng.normal(0.0, STRENGTH_ERROR, count)

@@ -53,7 +53,8 @@ def recorded_scan(record: TargetRecord) -> StoredScan:
 
 def _scan_press(record: TargetRecord, press: StoredPress) -> ScanPress:
     stored = press.settings[PLACE]
-    number = {name: from_json_value(float, stored[name], f"place.{name}") for name in NUMBERS if name in stored}
+    known = [name for name in NUMBERS if name in stored]
+    number: dict[str, Any] = {name: from_json_value(float, stored[name], f"place.{name}") for name in known}
     x, y = number.pop("x_mm"), number.pop("y_mm")
     return ScanPress(
         place_mm=(x, y), frame=record.image(press), reference=press.role == REFERENCE, name=press.name, **number
