@@ -35,7 +35,6 @@ def test_a_map_of_a_virtual_scan_holds_its_lump(run_tsis: RunTsis, tmp_path: Pat
     [
         (["map"], "a scan must be given as a folder or a table, or by --target"),
         (["map", ".", "--target", "1"], "and not by both"),
-        (["map", "--target", "1", "--store", "empty"], "empty"),
         (["map", "nowhere"], "must be a folder with poses.csv"),
         (["map", ".", "--ball-mm", "2", "--punch-mm", "2"], "must not be given together"),
         (["simulate", "--scan", "s", "--lump", "1,2,3"], "--lump must be five numbers"),

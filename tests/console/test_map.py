@@ -69,6 +69,22 @@ def test_from_files_to_a_map_that_is_kept(console: RunningConsole, browser: Brow
     assert {"result.json", "index.html", "map.vti"} <= {file.name for file in folder.iterdir()}
 
 
+def test_a_press_at_the_next_place_updates_the_map(console: RunningConsole, browser: Browser) -> None:
+    with operating(browser, console, "/map") as page:
+        page.get_by_role("button", name="Use a simulated scan").click()
+        page.get_by_text("25 presses (pressures) by tsis-2011").wait_for(timeout=120_000)
+        page.get_by_role("button", name="Map the lumps").click()
+        page.get_by_text("Next place: x").wait_for(timeout=240_000)
+        view = page.get_by_role("img", name="Lumps in three dimensions")
+        view.locator("canvas").wait_for()
+        view.scroll_into_view_if_needed()
+        picture(page, "map-guide")
+        page.get_by_role("button", name="Press there with the virtual probe").click()
+        page.get_by_text("26 presses (pressures) by tsis-2011").wait_for(timeout=60_000)
+        page.get_by_text("Updated by 26 presses").wait_for(timeout=60_000)
+        page.get_by_role("heading", name="Next place: after 26 presses").wait_for()
+
+
 def test_what_cannot_be_mapped_is_said_in_a_sentence(
     console: RunningConsole, browser: Browser, tmp_path: Path, scan_folder: Path
 ) -> None:

@@ -14,7 +14,15 @@ import pytest
 from tsis.mapping.lump_map import Lump, LumpMap, MapNumbers, NextPlace
 from tsis.model.estimate import Estimate
 from tsis.present.html import html_bytes
-from tsis.present.lump_map import VOLUMES, lump_map_document, lump_map_page, nifti_files, vtk_bytes
+from tsis.present.lump_map import (
+    VOLUMES,
+    guide_page,
+    lump_balls,
+    lump_map_document,
+    lump_map_page,
+    nifti_files,
+    vtk_bytes,
+)
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -123,3 +131,28 @@ def test_a_contrast_that_cannot_be_told_is_a_bound() -> None:
         table for table in lump_map_page(bounded, title="Map", subtitle="").tables if table.title.startswith("Lumps")
     )
     assert "above 4" in table.rows[0]
+
+
+def test_the_spheres_of_the_view_have_the_spread_of_the_posterior() -> None:
+    found = map_of(21)
+    samples = found.lumps[0].estimate.samples
+    middle, *others = lump_balls(found.numbers, samples=400)
+    assert not middle.is_sample
+    assert middle.z_mm == pytest.approx(-np.median(samples["centre_depth_mm"]))
+    assert all(ball.is_sample for ball in others)
+    for name, values in {
+        "x_mm": [ball.x_mm for ball in others],
+        "centre_depth_mm": [-ball.z_mm for ball in others],
+        "diameter_mm": [ball.diameter_mm for ball in others],
+    }.items():
+        assert sorted(values) == pytest.approx(sorted(samples[name]))
+
+
+def test_a_guide_names_the_next_place_first_and_withholds_as_a_map() -> None:
+    found = map_of(22)
+    page = guide_page(found, title="Next place", subtitle="")
+    assert [picture.title for picture in page.pictures] == ["Plan view"]
+    assert page.tables[0].values == ((8.0, 4.0, 0.3),)
+    withheld = guide_page(replace(found, trusted=False), title="Next place", subtitle="")
+    assert withheld.tables == ()
+    assert withheld.pictures == ()

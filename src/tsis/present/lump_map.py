@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
 
 SHOWN = ("x_mm", "y_mm", "depth_mm", "diameter_mm", "contrast", "young_kpa")
+BALL = ("x_mm", "y_mm", "centre_depth_mm", "diameter_mm")
 DRAWN_DEPTHS_MM = (5.0, 10.0)  # of the drawn blind zones and planes of modulus
 LARGEST_DRAWN_MM = 20.0  # least diameter at the end of the blind zone's colours
 MOST_SECTIONS = 4
@@ -113,6 +114,39 @@ def lump_map_page(
         tables=(*_lumps_table(numbers), _counts_table(numbers), *_next_table(numbers), *flags),
         provenance=provenance,
     )
+
+
+def guide_page(found: LumpMap, *, title: str, subtitle: str) -> Page:
+    """The page of an update between two presses: the plan view, the lumps and where to press next, withheld as ever."""
+    whole = lump_map_page(found, title=title, subtitle=subtitle)
+    if not found.trusted:
+        return whole
+    return replace(whole, pictures=(_plan(found),), tables=(*_next_table(found.numbers), *_lumps_table(found.numbers)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ball:
+    """A sphere of the 3-D view: centre in mm, z upwards from the skin, diameter in mm, and how opaque it is."""
+
+    x_mm: float
+    y_mm: float
+    z_mm: float
+    diameter_mm: float
+    opacity: float
+    is_sample: bool
+
+
+def lump_balls(numbers: MapNumbers, *, samples: int = 25) -> tuple[Ball, ...]:
+    """Spheres of a view in three dimensions: each lump's medians, and samples of its posterior."""
+    balls = []
+    for lump in numbers.lumps:
+        rows = np.array([lump.estimate.untrusted.samples[name] for name in BALL]).T
+        chosen = rows[np.linspace(0, len(rows) - 1, min(samples, len(rows))).astype(int)]
+        for place, row in enumerate([np.median(rows, axis=0), *chosen]):
+            x, y, depth, diameter = row.tolist()
+            opacity = 0.8 if place == 0 else 0.06
+            balls.append(Ball(x_mm=x, y_mm=y, z_mm=-depth, diameter_mm=diameter, opacity=opacity, is_sample=place > 0))
+    return tuple(balls)
 
 
 def _cards(numbers: MapNumbers) -> tuple[Card, ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pytest
 
 from tsis.console.services.maps import RESULT, MapRepository, OpenedScan
@@ -83,3 +84,25 @@ def test_a_simulated_scan_is_read_as_a_user_s() -> None:
     assert opened.simulated
     assert stored.probe == "tsis-2011"
     assert len(stored.scan.presses) == 25
+
+
+def test_a_press_of_the_virtual_probe_adds_to_the_scan_and_changes_no_other() -> None:
+    opened = OpenedScan()
+    opened.simulate(5)
+    before, version = opened.read(None, None).scan, opened.version()
+    opened.press_at((3.5, -7.0))
+    after = opened.read(None, None).scan
+    assert opened.version() != version
+    assert after.presses[-1].place_mm == (3.5, -7.0)
+    assert len(after.presses) == len(before.presses) + 1
+    for was, now in zip(before.presses, after.presses, strict=False):
+        assert was.place_mm == now.place_mm
+        np.testing.assert_array_equal(np.asarray(was.pressure_kpa), np.asarray(now.pressure_kpa))
+
+
+def test_the_virtual_probe_presses_no_scan_of_a_user(tmp_path: Path) -> None:
+    opened = OpenedScan()
+    opened.open(tmp_path)
+    assert opened.version() == 0  # no table of places yet
+    with pytest.raises(InputError, match="simulated scan must be open"):
+        opened.press_at((0.0, 0.0))

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Literal
 
+import numpy as np
 from nicegui import ui
 
 from tsis.catalog.probes import list_probes
@@ -15,8 +16,9 @@ from tsis.console.services.jobs import DONE
 from tsis.console.services.maps import MapQuestion, MapRepository, OpenedScan, map_of
 from tsis.mapping.prior import MapPrior
 from tsis.mapping.scan import Indenter
+from tsis.mapping.scan_folder import POSES_FILE
 from tsis.model.image import require_pixel_scale
-from tsis.present.lump_map import scan_picture, scan_summary
+from tsis.present.lump_map import lump_balls, scan_picture, scan_summary
 from tsis.present.page import address
 
 if TYPE_CHECKING:
@@ -26,6 +28,7 @@ if TYPE_CHECKING:
     from tsis.console.services.jobs import Job
     from tsis.console.services.maps import MapResult
     from tsis.console.viewer import Viewer
+    from tsis.mapping.lump_map import LumpMap
     from tsis.mapping.scan_folder import StoredScan
     from tsis.present.page import Picture
 
@@ -37,6 +40,7 @@ SAYS = (
 ENDINGS = ".csv,.txt,.tsv,.xlsx,.json,.png,.bmp,.tif,.tiff,.jpg,.jpeg"
 EVERY_S = 0.4  # between two readings of the job
 DEFAULT_PROBE = "tsis-2011"
+BACKGROUND, LUMP_COLOUR, PRESS_COLOUR, EDGE_COLOUR = "#f4f6f8", "#c62828", "#222222", "#607080"  # of the 3-D view
 OF_SCAN = "as the scan states"
 SHAPES = {"": "a probe", "ball": "a ball", "punch": "a flat punch"}
 LABELS = {  # of the fields, by the parameters that errors name
@@ -58,6 +62,8 @@ class MapDraft:
     )
     shape: Literal["", "ball", "punch"] = ""
     job: Job | None = None
+    newest: LumpMap | None = None  # by which the next press is guided
+    mapped: int = 0  # version of the scan that it has
 
     def prior(self) -> MapPrior:
         """What is believed of tissue and lumps; `InputError` for an invalid field."""
@@ -153,6 +159,7 @@ class MapPage:
         with ui.element("div").classes("row"):
             self._start = widgets.button("Map the lumps", self._started, icon="scatter_plot", look="unelevated")
             self._end = widgets.button("Cancel", self._cancelled)
+            self._follow = ui.switch("Update the map as a press arrives", value=True)
         self._bar = widgets.ProgressBar("Progress of the map")
         self._message = ui.label().props('role="status"')
 
@@ -225,25 +232,42 @@ class MapPage:
                 widgets.figure(picture, source)
 
     async def _started(self) -> None:
+        await self._begin(None)
+
+    async def _begin(self, start: LumpMap | None) -> None:
+        """Map the scan, or update ``start`` by its newest presses."""
         draft = self._draft
 
         def asked() -> MapQuestion:
+            version = draft.opened.version()
             prior, stored = draft.prior(), draft.read()
             stated = stored.probe or DEFAULT_PROBE
             probe = "" if stored.scan.kind == "travel_force" else stated if draft.probe == OF_SCAN else draft.probe
+            draft.mapped = version
             return MapQuestion(
                 stored=stored,
                 probe=probe,
                 calibration=self._instrument.calibration,
                 prior=prior,
                 tissue_known=bool(draft.texts["tissue_young_kpa"].strip()),
+                start=start,
             )
 
         question = await self._viewer.attempt(asked)
         if question is not None:
-            title = f"map of {question.stored.scan.name or 'a scan'}"
+            title = f"{'map' if start is None else 'update'} of {question.stored.scan.name or 'a scan'}"
             draft.job = self._instrument.jobs.begin(title, map_of(question, self._maps, widgets.drawings))
             self._refresh()
+
+    async def _press_next(self) -> None:
+        """Press the virtual probe at the place that the newest map names."""
+        newest = self._draft.newest
+        if newest is None or not newest.trusted or not newest.next_places:
+            self._viewer.complain("No map names a next place yet: map the lumps first.")
+            return
+        place = newest.next_places[0]
+        await self._viewer.attempt(self._draft.opened.press_at, (place.x_mm, place.y_mm))
+        await self._read()
 
     def _cancelled(self) -> None:
         if self._draft.job is not None:
@@ -258,12 +282,20 @@ class MapPage:
         self._bar.show(state)
         if job is None or state is None:
             return
+        draft = self._draft
+        if not running and self._follow.value and draft.newest is not None:
+            version = draft.opened.version()
+            if version not in {0, draft.mapped}:
+                draft.mapped = version  # a press arrived, or was taken out
+                ui.timer(0.0, lambda: self._begin(draft.newest), once=True)
+                return
         if running:
             self._message.text = "Mapping: the first map of a probe takes a minute longer."
         elif job is not self._shown:
             self._shown = job
             self._message.text = state.sentence
             if state.status == DONE and job.result is not None:
+                draft.newest = job.result.found
                 self._show(job.result)
                 ui.timer(0.0, self._list, once=True)
 
@@ -272,9 +304,23 @@ class MapPage:
         self._result.set_visibility(True)
         with self._result:
             with widgets.title_row(f"{result.page.title}: {result.page.subtitle}"):
-                self._downloads(result.name)
+                if result.name:
+                    self._downloads(result.name)
+            if result.found.trusted:
+                self._guide(result.found)
             widgets.report_parts(result.page, result.pictures)
-            widgets.muted("Press at the next place, add the press to the scan, and map again.")
+
+    def _guide(self, found: LumpMap) -> None:
+        """The next place, and the lumps in a view that turns."""
+        if found.next_places:
+            place = found.next_places[0]
+            ui.label(f"Next place: x {place.x_mm:.1f} mm, y {place.y_mm:.1f} mm").classes("strong")
+        with ui.element("div").classes("row"):
+            if self._draft.opened.simulated:
+                widgets.button("Press there with the virtual probe", self._press_next, icon="touch_app")
+            else:
+                widgets.muted(f"Press there, and add the press to {POSES_FILE}: the map follows.")
+        turning_view(found)
 
     async def _list(self) -> None:
         names = await self._viewer.attempt(self._maps.names)
@@ -302,6 +348,35 @@ class MapPage:
         content = await self._viewer.attempt(self._maps.content, name, file)
         if content is not None:
             ui.download.content(content, f"{name}-{file}")
+
+
+def turning_view(found: LumpMap) -> None:
+    """Draw lumps, samples of their posterior and presses in three dimensions; the view turns, and needs no network."""
+    numbers = found.numbers
+    low, high = (np.array([end(numbers.x_mm), end(numbers.y_mm)]) for end in (np.min, np.max))
+    middle, size = (low + high) / 2, high - low
+    thickness = float(numbers.depth_mm[-1] + numbers.depth_mm[0])
+    widgets.muted("Drag to turn, scroll to zoom. Solid: medians; faint: samples, whose spread is the uncertainty.")
+    with ui.scene(width=640, height=400, grid=False, background_color=BACKGROUND) as scene:
+        for x, y in found.places_mm.tolist():
+            scene.cylinder(0.6, 0.6, 0.3).move(x, y, 0.0).rotate(np.pi / 2, 0.0, 0.0).material(PRESS_COLOUR)
+        for depth in (0.0, thickness):  # skin and support
+            corners = [(low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])]
+            for (x, y), (u, v) in zip(corners, corners[1:] + corners[:1], strict=True):
+                scene.line([x, y, -depth], [u, v, -depth]).material(EDGE_COLOUR)
+        for ball in lump_balls(numbers):
+            sphere = scene.sphere(ball.diameter_mm / 2).move(ball.x_mm, ball.y_mm, ball.z_mm)
+            sphere.material(LUMP_COLOUR, opacity=ball.opacity)
+    scene.move_camera(
+        x=middle[0],
+        y=middle[1] - 1.3 * size[1],
+        z=0.8 * size.max(),
+        look_at_x=middle[0],
+        look_at_y=middle[1],
+        look_at_z=-thickness / 3,
+        duration=0.0,
+    )
+    scene.props('role=img aria-label="Lumps in three dimensions"')
 
 
 async def map_page(instrument: Instrument, viewer: Viewer) -> None:

@@ -6,7 +6,7 @@ import re
 import shutil
 import tempfile
 import weakref
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,13 +16,14 @@ from tsis.catalog.probes import load_probe
 from tsis.console.services.jobs import JobCancelled
 from tsis.console.statuses import AbsentError
 from tsis.errors import InputError, RecordsError
+from tsis.files.atomic import write_durably
 from tsis.files.canonical_json import json_bytes
 from tsis.files.result_folder import free_folder, write_folder
 from tsis.mapping.estimation import estimate_map
 from tsis.mapping.scan_folder import POSES_FILE, calibrated, read_scan, scan_files
 from tsis.mapping.stiffness import suited_prior
 from tsis.present.html import html_bytes
-from tsis.present.lump_map import map_report
+from tsis.present.lump_map import guide_page, map_report
 from tsis.virtual.scan import THREE_LUMPS, grid_places, virtual_scan
 
 if TYPE_CHECKING:
@@ -41,6 +42,7 @@ FOLDER = "maps"
 RESULT, PAGE = "result.json", "index.html"
 UPLOADED, SIMULATED, SIMULATED_PROBE = "uploaded-scan", "simulated-scan", "tsis-2011"
 PRESSES_A_SIDE, SPACING_MM = 5, 10.0
+STEPS, GUIDE_STEPS = 20_000, 1000  # of the sampler: of a map that is kept, and of an update by a press
 NAME = re.compile(r"[A-Za-z0-9_-]{1,80}", re.ASCII)
 
 
@@ -79,6 +81,28 @@ class OpenedScan:
         self.source = write_folder(folder, scan_files(made, probe=probe.name))
         self.simulated = True
 
+    def press_at(self, place_mm: tuple[float, float]) -> None:
+        """Press the virtual probe at one place more of a simulated scan."""
+        if self.source is None or not self.simulated:
+            raise InputError("a simulated scan must be open for the virtual probe to press")
+        probe, before = load_probe(SIMULATED_PROBE), read_scan(self.source).scan
+        number = len(before.presses) + 1
+        places = np.array([before.presses[-1].place_mm, place_mm])  # a scan has two places at least
+        made = virtual_scan(probe, THREE_LUMPS, places, rng=np.random.default_rng(number))
+        press = replace(made.presses[-1], name=f"press {number}")
+        files = scan_files(replace(before, presses=(*before.presses, press)), probe=probe.name)
+        for name in (f"press-{number:03d}.csv", POSES_FILE):  # the places last, as they name the presses
+            write_durably(self.source / name, files[name])
+
+    def version(self) -> int:
+        """A number that changes when the scan's table does; 0 where there is none."""
+        if self.source is None:
+            return 0
+        try:
+            return (self.source / POSES_FILE if self.source.is_dir() else self.source).stat().st_mtime_ns
+        except OSError:
+            return 0
+
     def read(self, mm_per_pixel: tuple[float, float] | None, indenter: Indenter | None) -> StoredScan:
         """The scan as it lies on the disk now; errors as of `tsis.mapping.scan_folder.read_scan`."""
         if self.source is None:
@@ -91,7 +115,8 @@ class MapQuestion:
     """A scan to be mapped.
 
     ``probe`` is a name of the catalog, empty for an indenter's travel and force; where ``tissue_known`` is false, the
-    presses of an indenter tell the tissue's modulus.
+    presses of an indenter tell the tissue's modulus. ``start`` is the map before the newest presses: then the answer
+    guides to the next press, within seconds.
     """
 
     stored: StoredScan
@@ -99,11 +124,12 @@ class MapQuestion:
     calibration: UsableCalibration | None
     prior: MapPrior
     tissue_known: bool = True
+    start: LumpMap | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MapResult:
-    """A map, its page with drawn pictures, and the name of its folder in the workspace."""
+    """A map, its page with drawn pictures, and the name of its folder in the workspace; a guide is not kept."""
 
     found: LumpMap
     page: Page
@@ -127,7 +153,13 @@ def map_of(
             calibration=response,
             prior=prior,
             progress=job.advance,
+            start=question.start,
+            steps=STEPS if question.start is None else GUIDE_STEPS,
         )
+        if question.start is not None:
+            page = guide_page(found, title="Next place", subtitle=f"after {len(scan.presses)} presses")
+            job.say(f"Updated by {len(scan.presses)} presses: map the lumps anew before you use a number.")
+            return MapResult(found=found, page=page, pictures=draw(page), name="")
         citation = question.calibration.citation() if question.calibration else None
         report = map_report(found, scan, probe=question.probe, calibration=citation)
         files = {RESULT: json_bytes(report.document), PAGE: html_bytes(report.page), **report.volumes}
