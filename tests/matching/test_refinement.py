@@ -159,7 +159,7 @@ def test_a_slid_segment_slides_back(segment: slice) -> None:
     assert before is not None
     ((order, closed),) = chains(search.following)
     assert closed
-    proposals = list(segment_shifts(order, closed, ranking, before))
+    proposals = list(segment_shifts(order, closed, search.ahead, ranking, before))
     losses = [_ranked_loss(ranking, matches) for matches in proposals]
     assert losses == pytest.approx(sorted(losses), rel=1e-6), "the likeliest first"
     best = max((hard_evidence(search.field, target, each) for each in proposals), key=lambda item: item.log)  # type: ignore[union-attr]
@@ -167,6 +167,25 @@ def test_a_slid_segment_slides_back(segment: slice) -> None:
     assert best.log > before.log
     paired = best.matches != UNMATCHED
     assert np.mean(best.matches[paired] == np.arange(80)[paired]) > 0.95
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_segment_that_slid_over_a_skipped_target_slides_back(way: int) -> None:
+    """Only at one of its ends is a point without partner; at the other its partners leave a target out."""
+    source, target = _curve()
+    wrong = np.arange(80)
+    wrong[31:50] += way
+    wrong[50 if way > 0 else 30] = UNMATCHED
+    search = PoseSearch.of(source, target)
+    before = hard_evidence(search.field, target, wrong)
+    assert before is not None
+    ranking = Ranking.of(search.field, target)
+    ((order, closed),) = chains(search.following)
+    proposals = segment_shifts(order, closed, search.ahead, ranking, before)
+    best = min(proposals, key=lambda matches: _ranked_loss(ranking, matches))
+    paired = best != UNMATCHED
+    assert np.count_nonzero(paired) >= 78
+    np.testing.assert_array_equal(best[paired], np.arange(80)[paired])
 
 
 @pytest.mark.parametrize("shift", [3, 17, 41])

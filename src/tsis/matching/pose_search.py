@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from dataclasses import field as dataclass_field
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -82,12 +83,15 @@ def search_poses(search: PoseSearch, *, rng: np.random.Generator) -> list[PoseEv
     """Maps by falling evidence; slid neighbours are among them."""
     aligned = sorted(_aligned_maps(search), key=lambda pose: -pose.log)
     if aligned and complete(search, aligned[0]):
-        better = [_mended(search, pose) for pose in distinct(aligned, DIFFERENT)[:MENDED]]
-        return sorted([*better, *aligned], key=lambda pose: -pose.log)
+        ranking = outlines.Ranking.of(search.field, search.target)
+        better = [_mended(search, ranking, pose) for pose in distinct(aligned, DIFFERENT)[:MENDED]]
+        return sorted([*chain.from_iterable(better), *aligned], key=lambda pose: -pose.log)
     maps = [pose for moved in _annealed_maps(search) if (pose := settled(search, moved)) is not None]
     evidence = _refined(search, maps, aligned)
-    if not evidence or not _paired_whole(search, evidence[0]):
-        evidence = sorted([*evidence, *_laid_maps(search)], key=lambda pose: -pose.log)
+    followed = [_followed(search, pose) for pose in evidence[:1]]
+    if not any(_paired_whole(search, pose) for pose in evidence[:1]) and not any(_whole(search, p) for p in followed):
+        followed += _laid_maps(search)
+    evidence = sorted([*evidence, *followed], key=lambda pose: -pose.log)
     evidence = _improved_again(search, evidence)
     if evidence and (complete(search, evidence[0]) or _paired_whole(search, evidence[0])):
         return evidence
@@ -120,20 +124,8 @@ def _improved(search: PoseSearch, evidence: list[PoseEvidence]) -> list[PoseEvid
     top = max(done, key=lambda pose: pose.log)
     rotated = distinct(refinement.rotated(search.field, search.target, search.step, top), IMPROVED_DISTANCE)[:ROTATED]
     done += [*rotated, *(_followed(search, pose) for pose in rotated)]
+    done += _shifted_segments(search, ranking, max(done, key=lambda pose: pose.log))
     top = max(done, key=lambda pose: pose.log)
-    for _ in range(MOST_SEGMENTS):
-        items = [
-            pose
-            for order, closed in search.curves
-            if len(order) > 5
-            for matches in refinement.segment_shifts(order, closed, ranking, top)
-            if (pose := hard_evidence(search.field, search.target, matches, width=top.width)) is not None
-        ]
-        best = max(items, key=lambda pose: pose.log, default=top)
-        if best.log <= top.log + 0.01:
-            break
-        top = _followed(search, best)
-        done += [*items, top]
     if len(search.target) > DENSER * len(search.source):
         for pose in _target_slid_maps(search, top):
             done.append(pose)
@@ -142,12 +134,31 @@ def _improved(search: PoseSearch, evidence: list[PoseEvidence]) -> list[PoseEvid
     return sorted([*evidence, *done], key=lambda pose: -pose.log)
 
 
-def _mended(search: PoseSearch, pose: PoseEvidence) -> PoseEvidence:
-    """The map of an alignment after growth and re-pairing of patches: points of a curve may be in the wrong order."""
+def _shifted_segments(search: PoseSearch, ranking: outlines.Ranking, top: PoseEvidence) -> list[PoseEvidence]:
+    """Maps of segments of the curves that slid into gaps, while the likeliest gains."""
+    done: list[PoseEvidence] = []
+    for _ in range(MOST_SEGMENTS):
+        items = [
+            pose
+            for order, closed in search.curves
+            if len(order) > 5
+            for matches in refinement.segment_shifts(order, closed, search.ahead, ranking, top)
+            if (pose := hard_evidence(search.field, search.target, matches, width=top.width)) is not None
+        ]
+        best = max(items, key=lambda pose: pose.log, default=top)
+        if best.log <= top.log + 0.01:
+            break
+        top = _followed(search, best)
+        done += [*items, top]
+    return done
+
+
+def _mended(search: PoseSearch, ranking: outlines.Ranking, pose: PoseEvidence) -> list[PoseEvidence]:
+    """Maps of an alignment after growth and re-pairing: points of a curve may be in the wrong order, and off by one."""
     pose = refinement.grown(search.field, search.target, search.step, pose)
-    if pose.sigma <= CLEAN * SIGMAS[0]:
-        return pose
-    return refinement.repatched(search.field, search.target, search.step, pose)
+    if pose.sigma > CLEAN * SIGMAS[0]:
+        pose = refinement.repatched(search.field, search.target, search.step, pose)
+    return [pose, *_shifted_segments(search, ranking, pose)]
 
 
 def _target_slid_maps(search: PoseSearch, found: PoseEvidence) -> Iterator[PoseEvidence]:
@@ -214,7 +225,7 @@ def _aligned_maps(search: PoseSearch) -> list[PoseEvidence]:
     ]
 
 
-def settled(search: PoseSearch, moved: Floats) -> PoseEvidence | None:
+def settled(search: PoseSearch, moved: Floats, *, rounds: int = SOFT_ROUNDS) -> PoseEvidence | None:
     """The map that alternating soft pairs and fields reach from moved points, shape (n, d)."""
     if len(search.source) * len(search.target) > refinement.MANY_PAIRS:
         first = hard_evidence(
@@ -222,7 +233,7 @@ def settled(search: PoseSearch, moved: Floats) -> PoseEvidence | None:
         )
         return None if first is None else _tightened(search, first)
     sigma, best = LAST_SIGMA * search.step, None
-    for _ in range(SOFT_ROUNDS):
+    for _ in range(rounds):
         pairs = balanced_pairs(np.ascontiguousarray(moved), search.target, sigma, BALANCINGS)
         best = soft_evidence(search.field, search.target, pairs)
         if best is None:

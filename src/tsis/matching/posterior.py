@@ -170,9 +170,10 @@ def _judged(search: PoseSearch, maps: list[PoseEvidence]) -> Floats:
     """Log evidence of maps by falling evidence, shape (k,), under noise beyond the spacing summed over pairs.
 
     The evidence of a map is that of its best pairs. Under noise these fit almost any pose, some by chance better than
-    others, and a neighbour is as good a partner. There each pose has the evidence of soft pairs, which that of the best
-    pairs, with its differences divided, shares among the maps of the pose. In tables too large for soft pairs the
-    differences are divided between poses too.
+    others, and a neighbour is as good a partner. There each pose has the evidence of soft pairs or of its best pairs,
+    the larger, since the sum over all pairs exceeds either; that of the best pairs, with its differences divided,
+    shares it among the maps of the pose. In tables too large for soft pairs the differences are divided between poses
+    too.
     """
     logs = np.array([pose.log for pose in maps])
     noise = maps[0].sigma / search.step if maps else 0.0
@@ -187,7 +188,7 @@ def _judged(search: PoseSearch, maps: list[PoseEvidence]) -> Floats:
         most = POSE_DISTANCE**2 * len(first.moved)
         near = np.isneginf(judged) & np.array([_is_near(pose.moved, first.moved, most) for pose in maps])
         soft = settled(search, first.moved)
-        own = first.log if soft is None else soft.log
+        own = first.log if soft is None else max(soft.log, first.log)
         level = own if level is None else level
         within = logs[near] / divisor
         judged[near] = level + (own - level) / TEMPER + within - scipy.special.logsumexp(within)
@@ -274,7 +275,8 @@ def _log_normaliser(concentration: float, dimension: int) -> float:
     return math.log(float(np.trapezoid(density, angle)))
 
 
-MOSTLY = 0.9  # of the points of the smaller set, that have a partner in a map that noise has not torn apart
+MOSTLY = 0.9  # of the paired points of the most probable map, that soft pairs must hold to replace it
+LAST_ROUNDS = 8  # of soft pairs and fields, after which the answer no longer moves much
 NEAREST = 1.5  # largest distance of a pair, in spacings
 CERTAIN_DISTANCE = 0.2  # root-mean-square distance of partners, of the spacing, below which pairs are unambiguous
 INTERPOLATING = 1e-7  # bending ridge of a spline through unambiguous partners
@@ -291,10 +293,11 @@ def fit(
     best = posterior.best
     if best is None:
         return MatchFit(move=np.copy, matches=np.full(len(source), UNMATCHED), trust=np.zeros(len(source)))
-    if best.sigma > LEAST_SPACINGS * posterior.search.step and best.paired < MOSTLY * min(len(source), len(target)):
-        # Few pairs that noise brought near each other do not hold the map: all soft pairs do.
-        soft = settled(posterior.search, best.moved)
-        best = soft if soft is not None and soft.paired > best.paired else best
+    if best.sigma > LEAST_SPACINGS * posterior.search.step:
+        # Pairs that noise brought near each other follow it: all soft pairs hold the map.
+        soft = settled(posterior.search, best.moved, rounds=LAST_ROUNDS)
+        least = MOSTLY * best.paired if len(source) * len(target) <= MANY_PAIRS else best.paired + 1
+        best = soft if soft is not None and soft.paired >= least else best
     move = _interpolated(source, best.moved, target, posterior.search.step) or posterior.move(best)
     matches, trust = nearest_pairs(move(source), target, tolerance=posterior.search.step)
     return MatchFit(move=move, matches=matches, trust=trust)

@@ -28,7 +28,7 @@ from tsis.matching.spline import spread_indices
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from tsis.matching.methods import Floats, Integers
+    from tsis.matching.methods import Booleans, Floats, Integers
     from tsis.matching.outline import Ranking
     from tsis.matching.pose_evidence import SmoothField
 
@@ -277,20 +277,33 @@ def shifted(curve: tuple[Integers, bool], ranking: Ranking, pose: PoseEvidence) 
         yield matches
 
 
-def segment_shifts(order: Integers, closed: bool, ranking: Ranking, pose: PoseEvidence) -> Iterator[Integers]:
-    """Matches of which a segment between two unpaired points slid into one of the gaps, the likeliest first."""
+def segment_shifts(
+    order: Integers, closed: bool, ahead: Integers, ranking: Ranking, pose: PoseEvidence
+) -> Iterator[Integers]:
+    """Matches of which a segment beside an unpaired point slid into the gap, the likeliest first.
+
+    Its other end is at an unpaired point too, or where the partners skip a target along the curves, which ``ahead``,
+    shape (m,), describes.
+    """
     along = pose.matches[order]
     paired = along != UNMATCHED
-    if closed and not paired.all():
-        order = np.roll(order, -int(np.flatnonzero(~paired)[0]))
+    joined, kept = _joined_pairs(along, ahead)
+    if closed and not paired.all():  # the curve is cut where partners skip a target, else at a point without partner
+        cut = np.flatnonzero(joined & ~kept) + 1 if (joined & ~kept).any() else np.flatnonzero(~paired)
+        order = np.roll(order, -int(cut[0]))
         along = pose.matches[order]
         paired = along != UNMATCHED
+        joined, kept = _joined_pairs(along, ahead)
     count = len(order)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], paired, [False]]).astype(int)))
-    starts, ends = edges[::2], edges[1::2]
+    joined, kept = joined[:-1], kept[:-1]
+    for same in (kept, joined):
+        starts = np.flatnonzero(paired & ~np.append(False, same))
+        ends = np.flatnonzero(paired & ~np.append(same, False)) + 1
+        if len(starts) <= MOST_RUNS:
+            break
     if not 0 < len(starts) <= MOST_RUNS:
         return
-    before = np.diff(np.concatenate([[0], np.column_stack([starts, ends]).ravel(), [count]]))[::2]
+    before = np.append(starts, count) - np.append(0, ends)
     design, goal = ranking.design[order], ranking.target[np.maximum(along, 0)]
     base, right = _run_systems(design, goal, starts, ends)
     first, last = np.triu_indices(len(starts))
@@ -319,6 +332,13 @@ def segment_shifts(order: Integers, closed: bool, ranking: Ranking, pose: PoseEv
         matches = pose.matches.copy()
         matches[order] = slid_along
         yield matches
+
+
+def _joined_pairs(along: Integers, ahead: Integers) -> tuple[Booleans, Booleans]:
+    """Whether each partner, shape (n,), and the next have pairs, and whether they are neighbours along a curve too."""
+    after = np.roll(along, -1)
+    joined = (along != UNMATCHED) & (after != UNMATCHED)
+    return joined, joined & ((ahead[along] == after) | (ahead[after] == along))
 
 
 @fused
