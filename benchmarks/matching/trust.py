@@ -50,7 +50,7 @@ def run_cases(
     generator: str, *, seed: int, count: int, rows: Path, peers: tuple[str, ...] = (), among: int = 1
 ) -> list[TrustCase]:
     """All cases of our method, of ``among`` rivals in turn and of the peers, with those that the file already holds."""
-    cases = _read(rows)
+    cases = read_rows(rows)
     done = {(case.trial, case.method) for case in cases}
     rivals = [name for name in METHODS if name != OURS]
     with one_blas_thread(), rows.open("a", encoding="utf-8") as file:
@@ -102,7 +102,8 @@ def peer_case(trial: Trial, name: str) -> TrustCase:
     )
 
 
-def _read(rows: Path) -> list[TrustCase]:
+def read_rows(rows: Path) -> list[TrustCase]:
+    """Cases of a file of rows; none where it is absent."""
     lines = rows.read_text(encoding="utf-8").splitlines() if rows.exists() else []
     records = [json.loads(line) for line in lines]
     return [TrustCase(**{**record, "measures": tuple(record["measures"])}) for record in records]
@@ -309,7 +310,7 @@ def main() -> int:
         return bench.end()
     tables = [trust_table(cases), cell_table(cases), reliability_table(cases)]
     if peers:
-        tables.append(ratio_table(cases, best_peers(_read(bench.chosen_by) if bench.chosen_by else cases)))
+        tables.append(ratio_table(cases, best_peers(read_rows(bench.chosen_by) if bench.chosen_by else cases)))
     for table in tables:
         print("\n".join(table), end="\n\n")
     if bench.figure:
