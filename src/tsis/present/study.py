@@ -17,7 +17,6 @@ from tsis.files.result_folder import free_folder, require_room, write_folder
 from tsis.files.tables import table_bytes
 from tsis.present.document import envelope
 from tsis.present.figures import (
-    TRIAL_COLOURS,
     agreement_limits,
     detected_by_size_and_depth,
     read_over_true,
@@ -56,6 +55,7 @@ if TYPE_CHECKING:
     from tsis.study.roc import OperatingPoint, Roc
 
 
+DEVICE_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")  # distinct without red-green vision
 METHODS = {
     "wilson": "Wilson",
     "newcombe": "Newcombe",
@@ -609,7 +609,7 @@ def _curves(analysis: StudyAnalysis) -> Picture:
 
     def draw(figure: Figure) -> None:
         ax = figure.subplots()
-        for item, colour in zip(shown, TRIAL_COLOURS * len(shown), strict=False):
+        for item, colour in zip(shown, DEVICE_COLOURS * len(shown), strict=False):
             if item.curve is not None:
                 whole = item.counts is not None and item.counts.present and item.counts.absent
                 counts = item.counts if whole else None
