@@ -20,23 +20,22 @@ help:  ## say what there is
 demo: $(VENV)/.console  ## install, then press a virtual phantom and estimate its inclusion
 	$(BIN)/tsis demo
 
-# The tiers exclude each other: release, benchmark, slow, system, and the quick tests that are left.
+# The tiers exclude each other: release, slow, system, and the quick tests that are left.
 test: $(VENV)/.dev  ## install, then run the quick tests and all doctests: in process, no server, no browser
-	$(BIN)/pytest $(PYTEST_FLAGS) -m "not system and not slow and not benchmark and not release"
+	$(BIN)/pytest $(PYTEST_FLAGS) -m "not system and not slow and not release"
 
 peers: $(VENV)/.peers  ## real cameras' libraries for test-system; .ci/run lists Debian's packages
 
 test-system: $(VENV)/.dev  ## the tests that start programs, browsers, cameras, PostgreSQL or judges of DICOM files
-	$(BIN)/pytest $(PYTEST_FLAGS) -m "system and not slow and not benchmark and not release" tests docs
+	$(BIN)/pytest $(PYTEST_FLAGS) -m "system and not slow and not release" tests docs
 
 test-slow: $(VENV)/.dev  ## the tests that take minutes
-	$(BIN)/pytest $(PYTEST_FLAGS) -m "slow and not benchmark and not release"
+	$(BIN)/pytest $(PYTEST_FLAGS) -m "slow and not release"
 
 test-release: $(VENV)/.release  ## fresh environments: the built wheel, installed and used
 	$(BIN)/pytest -m release
 
 benchmark: $(VENV)/.dev  ## speed and accuracy beside those of other programs, one process at a time
-	$(BIN)/pytest -m benchmark -s tests benchmarks
 	$(BIN)/python -m benchmarks.speed
 	$(BIN)/python -m benchmarks.scaling --out build
 	$(BIN)/python -m benchmarks.coverage --protocol domed --presses 500

@@ -107,7 +107,7 @@ def pytest_collection_finish() -> None:
 @pytest.fixture(autouse=True)
 def _quick(request: pytest.FixtureRequest) -> Generator[None, None, None]:
     """Name the running test where it must start no process and open no port."""
-    if any(map(request.node.get_closest_marker, ("system", "slow", "benchmark", "release"))):
+    if any(map(request.node.get_closest_marker, ("system", "slow", "release"))):
         yield
         return
     _quick_test.append(request.node.nodeid)

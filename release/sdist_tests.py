@@ -25,7 +25,7 @@ EXTRAS = "analysis,camera,cluster,console,curves,dicom,map,postgres,study"
 CORE = tuple(
     f"tests/{name}" for name in ("model", "files", "mechanics", "optics", "imaging", "inclusion", "cli", "matching")
 )
-QUICK = "not system and not slow and not benchmark and not release"
+QUICK = "not system and not slow and not release"
 TOOLS = ("pytest", "pytest-xdist", "hypothesis")
 
 

@@ -8,17 +8,19 @@ import cv2
 import numpy as np
 from benchmarks.camera import SENSOR, galsim_noise, uneven_light, whole_frames
 from benchmarks.harness import Contest, Side, missing, timed, version
-from benchmarks.image_reading import frame_file, readers
+from PIL import Image
 
 import tsis
 from tsis.imaging.sensor import expose
+from tsis.instrument.image_files import read_image
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
 
     from benchmarks.harness import Place
 
-READ = ("png", "tif")
+READ = ("png", "bmp", "jpg", "tif")
 
 
 def frames(_place: Place) -> Iterator[Contest]:
@@ -56,3 +58,23 @@ def reading(place: Place) -> Iterator[Contest]:
                 for name, program in named.items()
             ),
         )
+
+
+def frame_file(folder: Path, suffix: str) -> Path:
+    """A bright patch with noise, written by OpenCV."""
+    rows, columns = np.mgrid[:492, :768]
+    noise = np.random.default_rng(0).normal(0.0, 2.0, rows.shape)
+    frame = (120 + 100 * np.exp(-((rows - 246) ** 2 + (columns - 384) ** 2) / 2e4) + noise).clip(0, 255)
+    path = folder / f"frame.{suffix}"
+    if not cv2.imwrite(str(path), frame.astype(np.uint8)):
+        raise OSError(f"OpenCV did not write {path.name}")
+    return path
+
+
+def readers(path: Path) -> dict[str, Callable[[], object]]:
+    """Calls that read the file, by program; the first is ours."""
+    return {
+        "tsis": lambda: read_image(path),
+        "OpenCV": lambda: cv2.imread(str(path), cv2.IMREAD_UNCHANGED),
+        "Pillow": lambda: np.asarray(Image.open(path)),
+    }
