@@ -67,7 +67,7 @@ if TYPE_CHECKING:
 
 
 MOST_SHOWN = 120  # letters of a value
-Record = TypeVar("Record", "Target", "StoredPress")
+Record = TypeVar("Record", bound="Target | StoredPress")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
