@@ -140,7 +140,7 @@ def lump_balls(numbers: MapNumbers, *, samples: int = 25) -> tuple[Ball, ...]:
     """Spheres of a view in three dimensions: each lump's medians, and samples of its posterior."""
     balls = []
     for lump in numbers.lumps:
-        rows = np.array([lump.estimate.untrusted.samples[name] for name in BALL]).T
+        rows = np.array([lump.estimate.samples[name] for name in BALL]).T
         chosen = rows[np.linspace(0, len(rows) - 1, min(samples, len(rows))).astype(int)]
         for place, row in enumerate([np.median(rows, axis=0), *chosen]):
             x, y, depth, diameter = row.tolist()
