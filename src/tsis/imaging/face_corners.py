@@ -49,17 +49,18 @@ def find_face_corners(frame: Any) -> tuple[tuple[float, float], ...]:
     bright = scipy.ndimage.gaussian_filter(bright, BLUR * bright.shape[1])
     if np.ptp(bright) < 1e-9:
         raise InputError("the frame must show a lit face before a dark surround; got one level everywhere")
-    lit = scipy.ndimage.binary_fill_holes(bright > skimage.filters.threshold_otsu(bright))
+    lit = scipy.ndimage.binary_fill_holes(bright > skimage.filters.threshold_otsu(bright))  # type: ignore[no-untyped-call]
     labels, count = scipy.ndimage.label(lit)
     region = labels == 1 + int(np.argmax(np.bincount(labels.ravel())[1:])) if count else lit
     if not SMALLEST < region.mean() < LARGEST:
         raise InputError(
             f"the face must cover {SMALLEST:.0%} to {LARGEST:.0%} of the frame; the lit part covers {region.mean():.0%}"
         )
-    hull = skimage.morphology.convex_hull_image(region)
-    outline = max(skimage.measure.find_contours(np.pad(hull, 1).astype(float), 0.5), key=len)[:-1, ::-1] - 1.0
+    hull = skimage.morphology.convex_hull_image(region)  # type: ignore[no-untyped-call]
+    lines = skimage.measure.find_contours(np.pad(hull, 1).astype(float), 0.5)  # type: ignore[no-untyped-call]
+    outline = max(lines, key=len)[:-1, ::-1] - 1.0
     corners = _exact_corners(outline, _four_corners(outline))
-    inside = skimage.draw.polygon2mask(hull.shape, corners[:, ::-1])
+    inside = skimage.draw.polygon2mask(hull.shape, corners[:, ::-1])  # type: ignore[no-untyped-call]
     if (region & inside).sum() < LEAST_FILLED * max(inside.sum(), region.sum()):
         raise InputError("the lit part must be one quadrilateral; got another shape: give the corners by hand")
     start = int(np.argmin(corners.sum(axis=1)))

@@ -84,11 +84,12 @@ def face_view(frame: NDArray[Any], sensor: GelSensor) -> NDArray[Any]:
         return frame
     columns, rows = sensor.image_px
     corners = np.array([(0, 0), (columns - 1, 0), (columns - 1, rows - 1), (0, rows - 1)], float)
-    upright = skimage.transform.ProjectiveTransform.from_estimate(corners, np.array(sensor.corners_px, float))
-    stacked = skimage.transform.warp(
-        np.atleast_3d(frame).astype(np.float64), upright, output_shape=(rows, columns), order=1, mode="edge",
-        preserve_range=True,
-    ).reshape(rows, columns, *frame.shape[2:])  # fmt: skip
+    places = np.array(sensor.corners_px, float)
+    upright = skimage.transform.ProjectiveTransform.from_estimate(corners, places)  # type: ignore[no-untyped-call]
+    channels = np.atleast_3d(frame).astype(np.float64)
+    size = {"output_shape": (rows, columns), "preserve_range": True}
+    warped = skimage.transform.warp(channels, upright, order=1, mode="edge", **size)  # type: ignore[no-untyped-call]
+    stacked = warped.reshape(rows, columns, *frame.shape[2:])
     return np.asarray(np.rint(stacked).astype(frame.dtype) if frame.dtype.kind == "u" else stacked)
 
 
@@ -177,7 +178,8 @@ def light_change(levels: NDArray[Any], earlier: NDArray[Any], *, whole: bool = F
     ``whole`` all of the frame is untouched.
     """
     now, before = (coarse_levels(part) for part in (levels, earlier))
-    lit = ((now > 2 * BLACK) & (now < GLARE - 5) & (before > 2 * BLACK) & (before < GLARE - 5)).all(axis=2)
+    in_range = (now > 2 * BLACK) & (now < GLARE - 5) & (before > 2 * BLACK) & (before < GLARE - 5)
+    lit: NDArray[np.bool_] = np.asarray(in_range.all(axis=2))
     nothing = GelLightChange(gain=np.ones(now.shape[2]), known=False)
     strip = np.ones(lit.shape, dtype=bool)
     margin = max(2, lit.shape[0] // 12)

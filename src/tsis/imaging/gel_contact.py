@@ -311,7 +311,7 @@ class _Window:
         weighted = shapes if self.even is None else shapes / self.texture(parameters)[:, None]
         normal = shapes.T @ weighted
         normal[np.diag_indices_from(normal)] += RIDGE * np.trace(normal)
-        weights = np.linalg.solve(normal, weighted.T @ self.data)
+        weights = np.asarray(np.linalg.solve(normal, weighted.T @ self.data), dtype=np.float64)
         return Solved(parameters, shapes, normal, weights, self.residual(parameters, shapes @ weights))
 
     def residual(self, parameters: NDArray[np.float64], fitted: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -704,9 +704,9 @@ def _find(change: GelChange, sensor: GelSensor, name: str) -> GelContact:
         ends = (1.0,) if is_oval else TEXTURED_STARTS
         rough = fits.at(START_RADIUS_PX, fit, starts=ends, texture=True) or fit
         sd = rough.radius_sd
-        rough = fits.at(FITTED_RADIUS_PX, rough, texture=True)
-        if rough is not None and rough.explained > fit.explained:
-            fit = replace(rough, radius_sd=max(rough.radius_sd, sd))
+        finer = fits.at(FITTED_RADIUS_PX, rough, texture=True)
+        if finer is not None and finer.explained > fit.explained:
+            fit = replace(finer, radius_sd=max(finer.radius_sd, sd))
     reasons = _reasons(change, fit, others=[_rescaled_point(other, step, 1) for other in others])
     return _contact(name, fit, reasons, sensor, columns, rows, change)
 
