@@ -167,10 +167,13 @@ def _force_of_frames(
     mapper = tsis.imaging.depth.DepthMapper(tsis.imaging.depth.parse_depth_calibration(document), sensor, untouched)
     paths = gel_frame_paths([path])
     paths = paths[:: -(-len(paths) // MOST_FORCES)]
-    times = gel_frame_times(paths) or [None] * len(paths)
-    scale, rows, problems = _scale(known, sensor), [], {}
+    seconds = gel_frame_times(paths)
+    scale = _scale(known, sensor)
+    rows: list[dict[str, Any]] = []
+    problems: dict[str, None] = {}
     with progress_bar("computing forces") as advance:
-        for number, (frame, time) in enumerate(zip(paths, times, strict=True), start=1):
+        for number, frame in enumerate(paths, start=1):
+            time = None if seconds is None else seconds[number - 1]
             depth = mapper.map(read_gel_frame(frame), name=frame.name)
             force = _pressed_force(depth, sensor, errors, scale)
             low, high = (0.0, 0.0) if force is None else force.interval_n()

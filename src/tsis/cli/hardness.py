@@ -331,8 +331,8 @@ def hardness(
             "a hardness estimate needs --calibration, --scale-mm and --force-n for each image, the last two where the "
             "calibration contains neither scale nor force line"
         )
-    forces = target_forces(force_n, len(paths)) if force_n else [None] * len(paths)
-    raw = read_frames(paths, forces, scale)
+    newtons = target_forces(force_n, len(paths)) if force_n else [None] * len(paths)
+    raw = read_frames(paths, newtons, scale)
     frames, response = known.pressed(raw)
     chosen = chosen_probe(probe) if probe else calibrated_probe(response.probe, unnamed=UNNAMED)
     balls = ball or []
