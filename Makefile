@@ -7,6 +7,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check
 PINNED := --constraint constraints.txt --build-constraint constraints.txt
 PYTHON ?=
 PYTEST_FLAGS ?= -n 2 --dist loadfile --no-loadscope-reorder  # in order: doctests, which are quick, come last
+SYSTEM_FLAGS ?= -n 3 --dist loadfile --no-loadscope-reorder  # two workers leave 40 % of two cores idle: they wait for browsers
 # extras that tests use; fem3d, which has no wheels on some machines, is in the group dev
 EXTRAS := analysis,camera,cluster,console,curves,dicom,map,postgres,study
 MANIFESTS := pyproject.toml constraints.txt
@@ -27,7 +28,7 @@ test: $(VENV)/.dev  ## install, then run the quick tests and all doctests: in pr
 peers: $(VENV)/.peers  ## real cameras' libraries for test-system; .ci/run lists Debian's packages
 
 test-system: $(VENV)/.dev  ## the tests that start programs, browsers, cameras, PostgreSQL or judges of DICOM files
-	$(BIN)/pytest $(PYTEST_FLAGS) -m "system and not slow and not release" tests docs
+	$(BIN)/pytest $(SYSTEM_FLAGS) -m "system and not slow and not release" tests docs
 
 test-slow: $(VENV)/.dev  ## the tests that take minutes
 	$(BIN)/pytest $(PYTEST_FLAGS) -m "slow and not release"
