@@ -162,9 +162,12 @@ def main() -> int:
     return bench.end(
         [
             Goal(
-                name="90 % interval holds, %", value=100 * np.mean([case.inside for case in cases]), least=85, most=95
+                name="90 % interval holds, %",
+                value=100 * float(np.mean([case.inside for case in cases])),
+                least=85,
+                most=95,
             ),
-            Goal(name="trusted, %", value=100 * np.mean([case.trusted for case in cases]), least=80),
+            Goal(name="trusted, %", value=100 * float(np.mean([case.trusted for case in cases])), least=80),
         ]
     )
 

@@ -75,7 +75,7 @@ def cells(shape: tuple[int, int], wave_px: float, rng: np.random.Generator) -> N
     count = max(int(shape[0] * shape[1] / wave_px**2), 4)
     seeds = rng.uniform(0, 1, (count, 2)) * shape
     y, x = np.mgrid[: shape[0], : shape[1]]
-    near = scipy.spatial.cKDTree(seeds).query(np.stack([y, x], axis=-1), k=2)[0]
+    near = np.asarray(scipy.spatial.cKDTree(seeds).query(np.stack([y, x], axis=-1), k=2)[0])
     wall = np.minimum(near[..., 1] - near[..., 0], 0.6 * wave_px)
     relief = -scipy.ndimage.gaussian_filter(wall, 0.06 * wave_px)
     return np.asarray((relief - relief.mean()) / relief.std())
@@ -136,9 +136,10 @@ def drawn_press(kind: str, name: str, rng: np.random.Generator) -> TexturedPress
     thickness = float(rng.uniform(*sensor.thickness_mm.limits))
     poisson = float(min(rng.uniform(*sensor.poisson.limits), 0.495))
     size = touched / side
-    centre = tuple(float(rng.uniform(1.35 * size, end - 1.35 * size)) for end in (columns, rows))
-    y, x = np.mgrid[:rows, :columns]
-    away = np.hypot(x - centre[0], y - centre[1]) * side
+    x, y = (float(rng.uniform(1.35 * size, end - 1.35 * size)) for end in (columns, rows))
+    centre = x, y
+    down, across = np.mgrid[:rows, :columns]
+    away = np.hypot(across - x, down - y) * side
     wave = float(rng.uniform(0.1, 0.45)) * touched
     relief = (dimples if rng.uniform() < 0.4 else roughness)((rows, columns), wave / side, rng)
     slope = float(np.exp(rng.uniform(*np.log((0.1, 0.5)))))  # root mean square of the texture's slope

@@ -167,7 +167,7 @@ def gel_film(folder: Path, *, lag_s: float, young_kpa: float = 60.0, ball_mm: fl
     flat = np.zeros((rows, columns))
 
     def force(time: float) -> float:
-        return 0.18 * float(np.clip((time - 0.5) / 1.2, 0.0, 1.0)) ** 1.5
+        return float(0.18 * np.clip((time - 0.5) / 1.2, 0.0, 1.0) ** 1.5)
 
     for number in range(28):
         newtons, depth = force(number / 12.5), flat

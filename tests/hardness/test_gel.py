@@ -349,7 +349,7 @@ def rising(lag_s: float, *, young_kpa: float = 60.0, presses: int = 2) -> list[d
 
 def test_a_lag_of_the_gauge_is_told_by_the_rise() -> None:
     """A fast rise and its end differ by the lag alone: without it the readings contradict each other, or mislead."""
-    options = {"sensor": GEL, "geometry": R_MM, "force_zero_sd_n": 0.0}
+    options: dict[str, Any] = {"sensor": GEL, "geometry": R_MM, "force_zero_sd_n": 0.0}
     late = rising(0.15)
     known, blind = (estimate_from_contacts(late, **options, lag_sd_s=sd) for sd in (0.1, 0.0))
     low, high = known.untrusted.interval(0.9)["young_kpa"]
@@ -360,7 +360,7 @@ def test_a_lag_of_the_gauge_is_told_by_the_rise() -> None:
 
 def test_the_error_of_a_press_is_shared_by_its_contacts_alone() -> None:
     contacts = rising(0.0, presses=3)
-    options = {"sensor": GEL, "geometry": R_MM, "force_zero_sd_n": 0.0, "press_sd": 0.08}
+    options: dict[str, Any] = {"sensor": GEL, "geometry": R_MM, "force_zero_sd_n": 0.0, "press_sd": 0.08}
     three = estimate_from_contacts(contacts, **options)
     one = estimate_from_contacts([contact | {"press": 0} for contact in contacts[:8]], **options)
     three_sd, one_sd = (float(np.log(found.untrusted.samples["young_kpa"]).std()) for found in (three, one))

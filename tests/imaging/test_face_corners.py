@@ -21,8 +21,10 @@ def seen_face(corners: Any, seed: int) -> Any:
     y, x = np.mgrid[:300, :400] / 300.0
     face = np.stack([90 + 60 * x, 110 + 50 * y, 100 + 40 * (1 - x)], axis=-1)
     upright = np.array([(0, 0), (399, 0), (399, 299), (0, 299)], float)
-    warp = skimage.transform.ProjectiveTransform.from_estimate(np.array(corners), upright)
-    frame = skimage.transform.warp(face, warp, output_shape=(480, 640), cval=8.0, preserve_range=True)
+    warp = skimage.transform.ProjectiveTransform.from_estimate(np.array(corners), upright)  # type: ignore[no-untyped-call]
+    frame = skimage.transform.warp(  # type: ignore[no-untyped-call]
+        face, warp, output_shape=(480, 640), cval=8.0, preserve_range=True
+    )
     frame = scipy.ndimage.gaussian_filter(frame, (1.5, 1.5, 0.0)) + rng.normal(0.0, 3.0, frame.shape)
     return np.clip(frame, 0, 255).astype(np.uint8)
 

@@ -382,9 +382,9 @@ def _headings(
             if not any(cell.strip() for cell in cells) or len(cells) > 1000:
                 continue
             columns = _columns(cells, asked)
-            units = sum(bool(parse_heading(cells[place]).unit) for place in columns)
+            stated = sum(bool(parse_heading(cells[place]).unit) for place in columns)
             continued = len(next((row for _, row in lines[at + 1 :] if any(row)), [])) == len(cells)
-            score = (len(set(columns.values())), units, continued, -at, len(cells) if delimiter != " " else 0)
+            score = (len(set(columns.values())), stated, continued, -at, len(cells) if delimiter != " " else 0)
             if best is None or score > best[0]:
                 best = score, delimiter, number, cells, lines[at + 1 :]
     if best is None:
