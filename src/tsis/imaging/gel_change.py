@@ -122,7 +122,7 @@ LIGHT_BLOCKS = (48, 64)  # rows and columns of the means by which the light is c
 GAMMA_PRIOR_SD = 0.15
 LEAST_LIGHT_CHANGE = 0.05  # relative: a deep press darkens the border of a white-light frame by some per cent
 LARGEST_GAIN, LARGEST_GAMMA = 1.5, 1.4  # or their inverse: beyond them a change of light is not corrected for
-NEAR_PRESS = 1.0  # of the radius of what is pressed: how far around it blocks do not count
+NEAR_PRESS = 0.5  # of the radius of what is pressed: how far around it blocks do not count
 FEWEST_BLOCKS = 0.1  # of all that must show the light alone
 
 
