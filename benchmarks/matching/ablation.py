@@ -55,7 +55,7 @@ def _as_it_lies(search: PoseSearch, *, rng: np.random.Generator) -> list[PoseEvi
     return [] if pose is None else [pose]
 
 
-_EVIDENCE = pose_evidence._evidence
+_EVIDENCE = pose_evidence.paired_evidence
 
 
 def _residual_evidence(
@@ -82,7 +82,7 @@ PARTS: dict[str, tuple[tuple[Any, str, Callable[..., Any]], ...]] = {
     ),
     "relaxation": ((pose_search, "poses", lambda *_, **__: []),),
     "pose_search": ((posterior, "search_poses", _as_it_lies),),
-    "pose_evidence": ((pose_evidence, "_evidence", _residual_evidence),),
+    "pose_evidence": ((pose_evidence, "paired_evidence", _residual_evidence),),
     "posterior": (
         (posterior, "_judged", _best_pairs),
         (posterior, "log_rotation_prior", lambda *_: 0.0),

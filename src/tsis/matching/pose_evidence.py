@@ -92,7 +92,7 @@ def soft_evidence(field: SmoothField, target: Floats, pairs: Floats) -> PoseEvid
     rows = np.flatnonzero(matches != UNMATCHED)
     if len(rows) <= field.points.shape[1] + 1:
         return None
-    return _evidence(field, rows, partners[rows], target, matches, scatter=max(scatter, 0.0), entropy=entropy)
+    return paired_evidence(field, rows, partners[rows], target, matches, scatter=max(scatter, 0.0), entropy=entropy)
 
 
 @fused
@@ -134,12 +134,12 @@ def hard_evidence(
     known = field.known.get(key)
     if known is None or known[0] is not target:
         partners = target[matches[rows]]
-        known = target, _evidence(field, rows, partners, target, matches, scatter=0.0, entropy=0.0, width=width)
+        known = target, paired_evidence(field, rows, partners, target, matches, scatter=0.0, entropy=0.0, width=width)
         field.known[key] = known
     return known[1]
 
 
-def _evidence(
+def paired_evidence(
     field: SmoothField,
     rows: Integers,
     partners: Floats,
