@@ -150,6 +150,11 @@ def paired_evidence(
     entropy: float,
     width: float | None = None,
 ) -> PoseEvidence:
+    """Evidence of the points ``rows`` with a partner each, over all widths of the kernel, or one.
+
+    ``partners`` has shape (pairs, d); ``scatter`` is the sum of squares of soft partners about their mean, ``entropy``
+    that of what they leave open; ``matches`` is kept for the answer.
+    """
     count, dimension = partners.shape
     chosen = [number for number, value in enumerate(WIDTHS) if width in (None, value)]
     size, stretch, rest, systems, logs = 0.0, 0.0, 0.0, [], []
