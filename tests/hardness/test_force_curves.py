@@ -92,6 +92,23 @@ def test_errors_of_force_and_radius_widen_the_interval() -> None:
     assert wide > 0.3 * YOUNG_KPA > narrow
 
 
+def test_a_curve_whose_parts_disagree_is_told_and_its_interval_holds_the_modulus_all_the_same() -> None:
+    """A slip takes an eighth of the peak force away, or waves of 15 % run over the force: neither is the model's."""
+    position, force = pressed(noise=5e-4)
+    below = np.maximum(position - 0.01, 0.0) / (position.max() - 0.01)
+    slipped = force - 0.12 * np.ptp(force) * (below > 0.6)
+    waved = force[:100].mean() + (force - force[:100].mean()) * (1 + 0.15 * np.sin(7 * below))
+    even, *others = (
+        tsis.hardness.indentation(ForceCurve(position_mm=position, force_n=curve), radius_mm=RADIUS_MM)
+        for curve in (force, slipped, waved)
+    )
+    assert "changes_with_depth" not in even.flags
+    for uneven in others:
+        low, high = uneven.interval()["young_kpa"]
+        assert "changes_with_depth" in uneven.flags
+        assert low < YOUNG_KPA < high
+
+
 def test_noise_alone_is_no_contact() -> None:
     rng = np.random.default_rng(3)
     estimate = tsis.hardness.indentation(

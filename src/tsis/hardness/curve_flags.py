@@ -55,5 +55,14 @@ POOR_FIT = Flag(
     withholds=True,
     says="The curve departs from that of this indenter by {percent:.0f} % of the peak: {cure}.",
 )
-INDENTATION_FLAGS = declared(NO_CONTACT, NOT_IDENTIFIED, ADHESION, HOLD_RELAXES, NO_BASELINE, SHALLOW_PART, POOR_FIT)
+CHANGES_WITH_DEPTH = Flag(
+    name="changes_with_depth",
+    means="shallow parts of the curve give another modulus than the whole",
+    cure="the sample may be layered, sticky or rough: state the depth beside the modulus",
+    raised="moduli of the first 50 to 100 % of the depth scatter by more than twice the sd of the fit",
+    says="Fits of the first 50 to 100 % of the depth scatter by {percent:.0f} %, which widens the interval: {cure}.",
+)
+INDENTATION_FLAGS = declared(
+    NO_CONTACT, NOT_IDENTIFIED, ADHESION, HOLD_RELAXES, NO_BASELINE, SHALLOW_PART, POOR_FIT, CHANGES_WITH_DEPTH
+)
 UNTRUSTED_FLAGS = withholding(INDENTATION_FLAGS)

@@ -19,6 +19,7 @@ from tsis.compiled import one_blas_thread
 from tsis.errors import InputError
 from tsis.hardness.curve_flags import (
     ADHESION,
+    CHANGES_WITH_DEPTH,
     HOLD_RELAXES,
     NO_BASELINE,
     NO_CONTACT,
@@ -56,6 +57,7 @@ SAMPLES, DRAWS = 4000, 600
 BINS = 120
 DEEPEST_BALL, DEEPEST_LAYER = 0.5, 0.25  # depth over the ball's radius and over the thickness
 MODEL_SD = (np.log(0.01), np.log(0.002))  # prior median of the model's relative error, and of a foot over the peak
+DEPTH_PARTS = (0.5, 0.6, 0.7, 0.8, 0.9, 1.0)  # of the used depth, to which the model is fitted anew
 APPROACH = 2.5  # length of the used approach over the used depth
 FINITE = {"ball": (0.05, 0.04)}  # F falls by this times sqrt(depth / radius): neo-Hookean bodies of nu 0.45-0.49
 
@@ -477,7 +479,13 @@ def _estimated(curve: ForceCurve, press: RigidIndenter, rng: np.random.Generator
         *_fit_findings(depth, rise, residual, left_out),
         *_retreat_findings(curve, loading, press, rise, noise, contact_mm),
     ]
-    reduced = np.exp(values[:, 0]) * np.exp(_systematic(press, depth, rise, rng, len(values)))
+    log_reduced = values[:, 0] + _systematic(press, depth, rise, rng, len(values))
+    scatter, sd = _scatter_over_depth(position, force, press, first[1]), float(values[:, 0].std())
+    if scatter > 2 * sd:
+        flagged.append(CHANGES_WITH_DEPTH.finding(percent=100 * scatter))
+    # What scatters beyond the fit's own uncertainty is the model's error: no one modulus belongs to all depths.
+    log_reduced += np.sqrt(max(scatter**2 - sd**2, 0.0)) * rng.standard_normal(len(values))
+    reduced = np.exp(log_reduced)
     low, high = press.poisson
     samples = reduced * (1 - rng.uniform(low, high, len(values)) ** 2)
     points = {
@@ -490,6 +498,18 @@ def _estimated(curve: ForceCurve, press: RigidIndenter, rng: np.random.Generator
         "residual_n": residual,
     }
     return _answer(curve, press, samples, flagged, points)
+
+
+def _scatter_over_depth(position: Floats, force: Floats, press: RigidIndenter, contact_mm: float) -> float:
+    """Standard deviation of the logarithm of the modulus over fits of the first parts of the depth."""
+    deepest = float(position.max()) - contact_mm
+    found = []
+    for part in DEPTH_PARTS:
+        beyond = np.flatnonzero(position > contact_mm + part * deepest)
+        end = int(beyond[0]) if beyond.size else position.size
+        if end >= LEAST_POINTS and (modulus := _first_fit(position[:end], force[:end], press)[0]) > 0:
+            found.append(np.log(modulus))
+    return float(np.std(found)) if len(found) > 2 else 0.0
 
 
 def _systematic(press: RigidIndenter, depth: Floats, rise: float, rng: np.random.Generator, count: int) -> Floats:
