@@ -56,6 +56,7 @@ def test_a_table_gives_the_forces_and_the_frames_are_read(folder: Path, table: s
     [
         ("Bild;Kraft (mN);Art\na.png;250;Ziel\nb.png;250;Referenz\nref.png;0;leer\n", "abref"),
         ("file,force_n,role\na.png,0.25,target\nb.png,0.25,plain\nref.png,0,untouched\n", "abref"),
+        ("file,force_n,kind\na.png,0.25,lump\nb.png,0.25,no lump\nref.png,0,blank\n", "abref"),
         ("file,force_n\nlump.png,0.25\nreference-1.png,0.25\nref.png,0\n", "renamed"),
     ],
 )

@@ -41,7 +41,7 @@ FILE_COLUMNS = (
 )
 ROLE_COLUMNS = ("role", "kind", "type", "class", "condition", "art")
 _UNTOUCHED_NAME = re.compile(r"untouched|no.?contact|background|blank|(^|[^a-z])(ref|reference|zero|empty)([^a-z]|$)")
-_PLAIN_NAME = re.compile(r"plain|healthy|control|(^|[^a-z])referen[cz]e?|without.?(lump|inclusion)")
+_PLAIN_NAME = re.compile(r"plain|healthy|control|(^|[^a-z])referen[cz]e?|(without|no).?(lump|inclusion)")
 _TARGET_NAME = re.compile(r"target|lump|inclusion|press|ziel")
 _FORCE_NAME = re.compile(r"(?<![\d.])(\d+(?:[.,]\d+)?)\s*_?(mN|N)(?![a-zA-Z])")
 
@@ -144,11 +144,8 @@ def _of_tables(tables: Sequence[Path], frames: Sequence[Path]) -> dict[str, _Tol
 
 
 def _by_frame(table: Path, rows: Sequence[CsvRow], frames: Sequence[Path]) -> dict[str, _Told]:
-    column = next((name for name in ROLE_COLUMNS if rows and name in rows[0]), "")
-    told = [
-        _Told(force_n=row.number("force_n"), role=_role(row.text(column)) if column else "", source=table.name)
-        for row in rows
-    ]
+    role_column = next((name for name in ROLE_COLUMNS if rows and name in rows[0]), "")
+    told = [_Told(force_n=row.number("force_n"), role=_role(row.text(role_column)), source=table.name) for row in rows]
     known = {key: frame.name for frame in frames for key in (frame.name, frame.stem)}
     for column in FILE_COLUMNS:
         texts = [row.text(column).replace("\\", "/").rpartition("/")[2] for row in rows if column in row]

@@ -127,10 +127,15 @@ def _of_store(
     with opened(folder, kind, database) as records:
         record = records.record(records.target(number))
         stored = tsis.records.places.recorded_scan(record)
-    for identity, calibration in record.calibrations.items():
-        calibration.require_usable(datetime.now(UTC))
-        return stored, tsis.calibration.frames.UsableCalibration(calibration=calibration, identity=identity)
-    return stored, None
+    if len(record.calibrations) > 1:
+        raise InputError(
+            f"the presses of target {number} must cite one calibration; they cite {len(record.calibrations)}"
+        )
+    if not record.calibrations:
+        return stored, None
+    ((identity, calibration),) = record.calibrations.items()
+    calibration.require_usable(datetime.now(UTC))
+    return stored, tsis.calibration.frames.UsableCalibration(calibration=calibration, identity=identity)
 
 
 def _calibration(scan: Path, given: Path | None) -> tsis.calibration.frames.UsableCalibration | None:

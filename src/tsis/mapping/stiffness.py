@@ -49,6 +49,7 @@ PRESS_SD = 0.05  # from press to press at one place, where few presses tell noth
 LEAST_REPEATS, LEAST_NEIGHBOURS, SAME_PLACE_MM = 3, 9, 0.5
 SHALLOWEST_SHARE = 0.3  # of the median depth: a press that ends higher is left out
 MOST_CONTACT_SHARE = 0.3  # of a press's depth, for the sd of its contact
+SOLVED_KPA = 5.0  # modulus of the tissue on which punches are solved
 RIGID = Layer(thickness_mm=0.2, young_kpa=9e5, poisson=0.3)
 
 
@@ -110,18 +111,25 @@ class _Punches:
         return np.asarray(self.local(steps)[0].mean(axis=1) * depth_mm)
 
 
-@lru_cache(maxsize=4)
 def _punches(indenter: Indenter, deepest_mm: float, tissue: tuple[float, float, float]) -> _Punches:
+    """Punches on even tissue, solved once for all moduli: a rigid punch's stiffness is proportional to the tissue's."""
+    young, thickness, poisson = tissue
+    solved = _solved_punches(indenter, deepest_mm, thickness, poisson)
+    return replace(solved, stiffness=young / SOLVED_KPA * solved.stiffness)
+
+
+@lru_cache(maxsize=4)
+def _solved_punches(indenter: Indenter, deepest_mm: float, thickness_mm: float, poisson: float) -> _Punches:
     if indenter.shape == "punch":
         radii = np.array([indenter.radius_mm])
     else:
         radii = np.linspace(0.25, 1.0, RADII) * min(np.sqrt(indenter.radius_mm * deepest_mm), indenter.radius_mm)
         radii = np.unique(np.maximum(radii, 1.0))
     distance = np.arange(0.0, indenter.radius_mm + REACH_MM + STEP_MM / 2, STEP_MM)
-    depth = np.arange(SHALLOWEST_MM, 0.98 * tissue[1], STEP_MM)
+    depth = np.arange(SHALLOWEST_MM, 0.98 * thickness_mm, STEP_MM)
     grids, stiffness = [], []
     for radius in radii.tolist():
-        slab = _punch(radius, tissue)
+        slab = _punch(radius, (SOLVED_KPA, thickness_mm, poisson))
         change = slab.stiffness_change()
         plain = slab.response(0)
         grids.append(_gridded(plain, change / plain.volume_mm3, distance, depth))
