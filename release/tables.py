@@ -23,10 +23,13 @@ from tsis.files.cache import SHIPPED_KEYS, shipped_tables
 from tsis.hardness.table import build_contact_table
 from tsis.inclusion import InclusionPrior
 from tsis.inclusion.posterior.uneven_tissue import build_field_table
+from tsis.inclusion.reading import covered_presses
 from tsis.inclusion.tissue import prior_on_tissue
 from tsis.mechanics import press
 from tsis.mechanics.finite_strain.neo_hookean_press import PressSeries
+from tsis.mechanics.lump_kernel import lump_kernel
 from tsis.mechanics.surrogate.correction_building import build_finite_correction
+from tsis.optics.face_light import irradiance
 from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:
@@ -36,6 +39,7 @@ FORCES_N = (0.5, 1.0)
 OTHER_KPA = 15.0  # tissue that the default prior's table of finite strain does not hold, so that the wide one is built
 TISSUE_PRIOR = "breast-ex-vivo"
 TISSUE_PROBES = ("tsis-2011", "tsis-domed")  # the catalog's probes for inclusions
+MAP_PROBE = "tsis-2011"  # of the virtual scans
 WHAT = {
     "contact-tables": "contact of soft spheres with the probe's face, for the hardness estimate",
     "covered": "presses that the tissue covers whole, the surrogate of the inclusion estimate",
@@ -44,6 +48,7 @@ WHAT = {
     "half-spaces": "compliance of a domed face on a half-space, as meshed for a press or by the virtual probe",
     "heterogeneity": "what uneven tissue does to the rings of a frame, for the inclusion estimate",
     "irradiance": "traced light on the face",
+    "lump-kernel": "what a lump anywhere under the probe does to a press, for the map of a scan",
 }
 
 
@@ -73,19 +78,24 @@ def compute_tables() -> Iterator[str]:
     for name in list_probes():
         build_contact_table(tsis.load_probe(name))
         yield name
+    lump_kernel(tsis.load_probe(MAP_PROBE))
+    yield MAP_PROBE
     for name in TISSUE_PROBES:
-        default = InclusionPrior()
+        probe, default = tsis.load_probe(name), InclusionPrior()
         tissue_prior = parse_prior(inclusion_prior_toml(TISSUE_PRIOR), InclusionPrior)
         others = {TISSUE_PRIOR: tissue_prior, "other-tissue": prior_on_tissue(default, OTHER_KPA)}
         for tissue, prior in {"default-prior": default, **others}.items():
-            build_finite_correction(tsis.load_probe(name), prior.box())
+            build_finite_correction(probe, prior.box())
             yield f"{name}-{tissue}"
-        build_field_table(tsis.load_probe(name), default)
+        for label, prior in {name: default, f"{name}-{TISSUE_PRIOR}": tissue_prior}.items():
+            build_field_table(probe, prior)
+            covered_presses(probe, prior)
+            yield label
+        irradiance(probe)
         yield name
-        PressSeries(tsis.load_probe(name)).press(tsis.load_phantom("size-8"), force_n=FORCES_N[0])
+        PressSeries(probe).press(tsis.load_phantom("size-8"), force_n=FORCES_N[0])
         yield f"{name}-size-8"
     virtual = VirtualProbe(tsis.load_probe("tsis-domed"), rng=np.random.default_rng(0))
-    yield "tsis-domed"
     phantom = tsis.load_phantom("size-8")
     press(virtual.probe, phantom, force_n=FORCES_N[0])
     yield "tsis-domed-press"
@@ -94,7 +104,7 @@ def compute_tables() -> Iterator[str]:
     images = [virtual.press(phantom, force_n=force) for force in FORCES_N]
     reference = [virtual.press(phantom.without_inclusion(), force_n=force) for force in FORCES_N]
     tsis.inclusion.estimate(images, probe=virtual.probe, calibration=virtual.calibration, reference=reference)
-    yield "tsis-domed"
+    yield "tsis-domed-estimate"  # which needs no other table
 
 
 if __name__ == "__main__":

@@ -96,19 +96,22 @@ def read_cached_arrays(kind: str, key: str) -> dict[str, NDArray[Any]] | None:
         return None
 
 
-def cached_arrays(kind: str, key: str, solve: Callable[[], dict[str, NDArray[Any]]]) -> dict[str, NDArray[Any]]:
+def cached_arrays(
+    kind: str, key: str, solve: Callable[[], dict[str, NDArray[Any]]], *, compressed: bool = False
+) -> dict[str, NDArray[Any]]:
     """Arrays from the cache; ``solve`` computes missing ones."""
     arrays = read_cached_arrays(kind, key)
     if arrays is None:
         arrays = solve()
-        write_cached_arrays(kind, key, arrays)
+        write_cached_arrays(kind, key, arrays, compressed=compressed)
     return arrays
 
 
-def write_cached_arrays(kind: str, key: str, arrays: Mapping[str, ArrayLike]) -> None:
-    """Store arrays by name as one npz file, atomically."""
+def write_cached_arrays(kind: str, key: str, arrays: Mapping[str, ArrayLike], *, compressed: bool = False) -> None:
+    """Store arrays by name as one npz file, atomically; ``compressed`` pays where many numbers are equal."""
     buffer = io.BytesIO()
-    np.savez(buffer, allow_pickle=False, **{name: np.asarray(values) for name, values in arrays.items()})
+    save = np.savez_compressed if compressed else np.savez
+    save(buffer, allow_pickle=False, **{name: np.asarray(values) for name, values in arrays.items()})
     write_cached(kind, key, buffer.getvalue())
 
 

@@ -241,7 +241,7 @@ def lump_kernel(
         with one_blas_thread():
             return _solve(probe, young_kpa, thickness_mm, poisson, density, corrected=corrected)
 
-    arrays = cached_arrays("lump-kernel", content_key(content), solve)
+    arrays = cached_arrays("lump-kernel", content_key(content), solve, compressed=True)  # a flat face has no shape
     values = {name: np.asarray(array, dtype=float) for name, array in arrays.items()}
     return LumpKernel(**values, poisson=poisson, thickness_mm=thickness_mm)
 
