@@ -52,11 +52,13 @@ def add_figures(app: "Sphinx", docname: str, source: list[str]) -> None:
 
 
 def add_reference(app: "Sphinx", docname: str, source: list[str]) -> None:
-    """The commands, the calls and the programming interface, as the code has them now."""
+    """The commands, the calls, the flags and the programming interface, as the code has them now."""
     if docname == "reference/cli":
         source[0] = source[0].replace("(all commands)", reference_pages.commands())
     elif docname == "reference/http":
         source[0] = source[0].replace("(all calls)", reference_pages.calls())
+    elif docname == "reference/flags":
+        source[0] = reference_pages.with_flags(source[0])
     elif docname == "reference/api":
         source[0] += "\n" + reference_pages.interface()
 

@@ -1,4 +1,4 @@
-"""Pages of the reference that follow from the code: every command, call over HTTP and public package."""
+"""Pages of the reference that follow from the code: every command, call over HTTP, flag and public package."""
 
 from __future__ import annotations
 
@@ -8,12 +8,28 @@ from typing import TYPE_CHECKING, Any
 import typer.main
 
 import tsis
+from tsis.calibration.guard.limits import GUARD_FLAGS, GuardLimits
 from tsis.cli.app import app
 from tsis.console.api.application import api_app
 from tsis.console.api.responses import CONTROL
+from tsis.hardness.curve_flags import INDENTATION_FLAGS
+from tsis.hardness.flags import HARDNESS_FLAGS
+from tsis.inclusion.flags import INCLUSION_FLAGS
+from tsis.mapping.flags import MAP_FLAGS
+from tsis.matching.flags import MATCHING_FLAGS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
+
+    from tsis.model.flag import Flag
+
+FLAGS: Mapping[str, Mapping[str, Flag]] = {
+    "an inclusion": INCLUSION_FLAGS,
+    "hardness": HARDNESS_FLAGS,
+    "a force curve": INDENTATION_FLAGS,
+    "a map": MAP_FLAGS,
+    "a match": MATCHING_FLAGS,
+}
 
 # in the order of the layers, from the values up
 PACKAGES = (
@@ -63,6 +79,29 @@ def calls() -> str:
         for method, call in methods.items()
     ]
     return "\n".join(["| call | what it does |", "| --- | --- |", *rows]) + "\n"
+
+
+def with_flags(page: str) -> str:
+    """The page with a table in place of each "(flags of ...)": every flag, as it is declared."""
+    for kind, flags in FLAGS.items():
+        rows = [
+            f"| `{one.name}` | {one.means} | {one.raised} | {one.cure} | {'**no**' if one.withholds else 'yes'} |"
+            for one in flags.values()
+        ]
+        head = ["| flag | what it means | raised | what to do | numbers |", "| --- | --- | --- | --- | --- |"]
+        page = page.replace(f"(flags of {kind})", "\n".join(head + rows))
+    return page.replace("(flags of a press)", _guard_flags())
+
+
+def _guard_flags() -> str:
+    limits = GuardLimits()
+    rows = [
+        f"| `{one.name}` | {one.means} | {getattr(limits, one.limit):g} {one.unit}: {one.raised} | {one.needs or '-'} "
+        f"| {one.cure} |"
+        for one in GUARD_FLAGS.values()
+    ]
+    head = ["| flag | what it means | limit | also needs | what to do |", "| --- | --- | --- | --- | --- |"]
+    return "\n".join(head + rows)
 
 
 def _act(call: Any) -> str:
