@@ -49,7 +49,6 @@ benchmark: $(VENV)/.dev  ## speed and accuracy beside those of other programs, o
 	$(BIN)/python -m benchmarks.simulation_based_calibration --exact 40
 	$(BIN)/python -m benchmarks.slow_reference
 	$(BIN)/python -m benchmarks.posterior_speed
-	$(BIN)/python -m benchmarks.held_out
 	$(BIN)/python -m benchmarks.mechanics
 	$(BIN)/python -m benchmarks.domed_second_code
 	$(BIN)/python -m benchmarks.domed_second_code_finite
