@@ -38,7 +38,6 @@ test-release: $(VENV)/.release  ## fresh environments: the built wheel, installe
 
 benchmark: $(VENV)/.dev  ## speed and accuracy beside those of other programs, one process at a time
 	$(BIN)/python -m benchmarks.speed
-	$(BIN)/python -m benchmarks.scaling --out build
 	$(BIN)/python -m benchmarks.coverage --protocol domed --presses 500
 	$(BIN)/python -m benchmarks.coverage --protocol flat --presses 500
 	$(BIN)/python -m benchmarks.coverage --protocol flat-alone --presses 500
@@ -56,7 +55,7 @@ benchmark: $(VENV)/.dev  ## speed and accuracy beside those of other programs, o
 	$(BIN)/python -m benchmarks.propagation
 	$(BIN)/python -m benchmarks.rays
 	$(BIN)/python -m benchmarks.camera
-	$(BIN)/python -m benchmarks.sweep_overhead
+	$(BIN)/python -m benchmarks.sweep_overhead --empty 100000 --runs 3
 	$(BIN)/python -m benchmarks.matching
 	$(BIN)/python -m benchmarks.calibration_force --runs 500
 	$(BIN)/python -m benchmarks.calibration_scale --runs 500
@@ -67,7 +66,6 @@ benchmark: $(VENV)/.dev  ## speed and accuracy beside those of other programs, o
 	$(BIN)/python -m benchmarks.detection_intervals
 	$(BIN)/python -m benchmarks.detection_study --targets 2000 --seed 1
 	$(BIN)/python -m benchmarks.store_speed
-	$(BIN)/python -m benchmarks.throughput
 	$(BIN)/python -m benchmarks.live_view
 	$(BIN)/python -m benchmarks.console_start
 	$(BIN)/python -m benchmarks.first_report
