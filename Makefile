@@ -43,18 +43,13 @@ benchmark: $(VENV)/.dev  ## speed and accuracy beside those of other programs, o
 	$(BIN)/python -m benchmarks.coverage --protocol flat-alone --presses 500
 	$(BIN)/python -m benchmarks.tissue
 	$(BIN)/python -m benchmarks.ablation --cases 12
-	$(BIN)/python -m benchmarks.stalls
 	$(BIN)/python -m benchmarks.nine_inclusions
 	$(BIN)/python -m benchmarks.simulation_based_calibration --exact 40
 	$(BIN)/python -m benchmarks.slow_reference
-	$(BIN)/python -m benchmarks.posterior_speed
 	$(BIN)/python -m benchmarks.mechanics
 	$(BIN)/python -m benchmarks.domed_second_code
 	$(BIN)/python -m benchmarks.domed_second_code_finite
-	$(BIN)/python -m benchmarks.slab_modes
-	$(BIN)/python -m benchmarks.propagation
 	$(BIN)/python -m benchmarks.rays
-	$(BIN)/python -m benchmarks.camera
 	$(BIN)/python -m benchmarks.sweep_overhead --empty 100000 --runs 3
 	$(BIN)/python -m benchmarks.matching
 	$(BIN)/python -m benchmarks.calibration_force --runs 500

@@ -2,23 +2,19 @@
 
     python -m benchmarks.rays [--rays 2e7]
 
-Speed stands beside Mitsuba (`pip install mitsuba`) on a clear cylinder of the probe's size, in the same run; where it
-is not installed it is named and left out.
+`benchmarks.speed` has the speed on a clear cylinder beside Mitsuba's.
 """
 
 from __future__ import annotations
 
 import os
 import sys
-import time
 from dataclasses import astuple, dataclass, replace
-from importlib import metadata
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from benchmarks.harness import Bench
-from benchmarks.peers.mitsuba_cylinder import VARIANTS, paths_per_second
-from rich.console import Console
+from benchmarks.harness import Bench, timed
 
 import tsis
 from tsis.mechanics import press
@@ -31,7 +27,7 @@ from tsis.optics.rays.reference import WAYS_OUT, trace_photons
 from tsis.optics.rays.tracing import trace_rays
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Iterator
 
     from numpy.typing import NDArray
 
@@ -64,7 +60,7 @@ class Speed:
 
 
 def speeds() -> Iterator[Speed]:
-    """Rays a second of this tracer and of the peer."""
+    """Rays a second of this tracer."""
     cores = os.cpu_count() or 1
     sphere = sphere_press(10.0, 0.8, (0.0, 0.0))
     for name, probe, pressed in (
@@ -74,41 +70,14 @@ def speeds() -> Iterator[Speed]:
         ("the catalog's lamps", PROBE, None),
     ):
         for threads in sorted({1, 2, cores}):
-            found = trace_rays(probe, pressed, rays=1e3, threads=threads)
-            fastest = least(lambda p=probe, d=pressed, n=threads: trace_rays(p, d, rays=SPEED_RAYS, threads=n))  # type: ignore[misc]
+            seconds = timed(partial(trace_rays, probe, pressed, rays=SPEED_RAYS, threads=threads))()
             found = trace_rays(probe, pressed, rays=1e5, threads=threads)
             closed = abs(sum(astuple(found.tally)) - 1)
             yield Speed(
                 program=f"tsis, {name}, {threads} threads",
-                per_second=SPEED_RAYS / fastest,
+                per_second=SPEED_RAYS / seconds,
                 outcome=f"{found.meetings:.2f} meetings a ray after it entered; tally closed to {closed:.1e}",
             )
-    try:
-        version = metadata.version("mitsuba")
-    except metadata.PackageNotFoundError:
-        Console(stderr=True).print("mitsuba is not installed and left out")
-        return
-    for variant in VARIANTS:
-        found_speed = paths_per_second(variant, SPEED_RAYS)
-        if found_speed is None:
-            Console(stderr=True).print(f"mitsuba's variant {variant} does not run on this machine and is left out")
-            continue
-        digits = "single precision" if "rgb" in variant else ""
-        yield Speed(
-            program=f"Mitsuba {version}, {variant}, all cores",
-            per_second=found_speed,
-            outcome=f"clear cylinder; {digits}, {'vectorised' if variant.startswith('llvm') else 'scalar'}",
-        )
-
-
-def least(call: Callable[[], object], repeats: int = 5) -> float:
-    """Shortest wall time of a call."""
-    times = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        call()
-        times.append(time.perf_counter() - start)
-    return min(times)
 
 
 def reference_scores() -> dict[str, float]:

@@ -10,12 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from benchmarks.harness import Bench, Choice, Contest, Goal, Place, Several, Side, in_turns, missing, timed, version
-from benchmarks.peers.chebyshev_rings import rings_by_numpy
-from benchmarks.peers.placement_matrix import area_and_variance
 from benchmarks.speed import PATHS, cells, measured
-
-from tsis.mechanics.surrogate.polynomial import Box, TissueSurrogate
-from tsis.study.roc import auc_covariance
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -122,23 +117,9 @@ def test_what_is_not_installed_is_named() -> None:
     assert missing("numpy") == ""
 
 
-def test_peers_that_are_written_here_answer_as_tsis_does() -> None:
-    rng = np.random.default_rng(3)
-    present = rng.random(300) < 0.4
-    scores = rng.normal(present, 1.0).round(1)
-    found = auc_covariance([scores], present)
-    assert area_and_variance(scores, present) == pytest.approx((found.auc[0], found.covariance[0, 0]), rel=1e-12)
-    rings = TissueSurrogate(
-        box=Box(), tissue_young_kpa=5.0, baseline=rng.normal(size=4), change=rng.normal(size=(5, 4, 3, 4))
-    )
-    asked = [rng.uniform(*interval, 2500) for interval in ((1.0, 15.0), (4.0, 12.0), (40.0, 120.0))]
-    assert rings_by_numpy(rings)(*asked) == pytest.approx(rings(*asked), rel=1e-9, abs=1e-12)
-
-
-def test_the_area_s_row_is_of_this_run(tmp_path: Path) -> None:
+def test_a_path_s_rows_are_of_this_run(tmp_path: Path) -> None:
     place = Place(folder=tmp_path, peer_python="python")
-    rows = list(measured({"area": PATHS["area"]}, place, turns=1, progress=lambda *_: None))
-    assert len(rows) == 2
+    rows = list(measured({"reading": PATHS["reading"]}, place, turns=1, progress=lambda *_: None))
+    assert [row.peer.split()[0] for row in rows] == ["OpenCV", "Pillow"] * 2
     for row in rows:
         assert row.ratio == row.peer_s[0] / row.own_s[0]
-        assert "scikit-learn" in row.peer
