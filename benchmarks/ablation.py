@@ -4,14 +4,13 @@
 
 The same frames are estimated by the full model, and by models that each take one nuisance as known. Printed are the
 mean standard deviations over the full model's, and how many 90 % intervals held. Frames are those of
-`benchmarks.coverage`, kept with ``--frames FOLDER``; tables are the full model's.
+`benchmarks.coverage`; tables are the full model's.
 """
 
 from __future__ import annotations
 
 import sys
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -96,9 +95,9 @@ def spread(bank: PressBank, index: int, tables: PressTables) -> list[tuple[NDArr
 
 def main() -> int:
     """Print the table."""
-    bench = Bench(__doc__, world=Choice(WORLDS, "prior"), cases=24, seed=86001, frames=Path)
+    bench = Bench(__doc__, world=Choice(WORLDS, "prior"), cases=24, seed=86001)
     prior, protocol, world = InclusionPrior(), PROTOCOLS[DEFAULT], WORLDS[bench.world]
-    bank = PressBank(protocol=protocol, prior=prior, seed=bench.seed, world=world, folder=bench.frames)
+    bank = PressBank(protocol=protocol, prior=prior, seed=bench.seed, world=world)
     tables = press_tables(protocol.probe, prior, bank.strain)
     found = []
     with progress_bar("estimating") as progress:

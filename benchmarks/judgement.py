@@ -106,6 +106,7 @@ class Judgement:
         honest samples; ``uniform_ranks`` the chance (Kolmogorov, Smirnov) of ranks this uneven from honest samples.
         """
         rmse = np.sqrt(((self.mean - self.truth) ** 2).mean(axis=0))
+        relative = 100 * np.abs(self.mean / self.truth - 1)
         blind = np.sqrt((((prior.low + prior.high) / 2 - self.truth) ** 2).mean(axis=0))
         sd = np.sqrt((self.sd**2).mean(axis=0))
         rows: dict[str, dict[str, Any]] = {}
@@ -115,6 +116,8 @@ class Judgement:
                 rows[name][f"coverage_{100 * level:.0f}"] = float(self.coverage(level)[i])
                 rows[name][f"coverage_{100 * level:.0f}_within"] = self.coverage_bounds(level)[i].tolist()
             rows[name] |= {
+                "median_error_percent": float(np.median(relative[:, i])),
+                "mean_error_percent": float(relative[:, i].mean()),
                 "rmse": float(rmse[i]),
                 "prior_mean_rmse": float(blind[i]),
                 "rmse_over_prior_mean": float(rmse[i] / blind[i]),

@@ -1,43 +1,26 @@
-"""Simulated cases kept on disk, so that another estimator judges the same frames in minutes.
-
-    python -m benchmarks.press_bank --protocol domed --presses 2000 --seed 1 --folder /tmp/bank
-
-Makes the cases that are missing, one after the other; `benchmarks.coverage --frames` reads them and makes what is
-missing itself. A folder holds one file a case, 0.4 MB a frame, and ``bank.json``, which says what was simulated.
-"""
+"""Simulated cases of one protocol in one world, each made when it is asked for."""
 
 from __future__ import annotations
 
-import io
-import json
-import sys
 from dataclasses import asdict, dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from benchmarks.harness import Bench, Choice
-from benchmarks.simulated_presses import DEFAULT, DRAWN, PROTOCOLS, Protocol, SimulatedCase, simulate
+from benchmarks.simulated_presses import DRAWN, Protocol, SimulatedCase, simulate
 from benchmarks.worlds import WORLDS, World, seen_by_product, simulate_world
 
 import tsis
-from tsis.cli.progress import progress_bar
-from tsis.errors import MechanicsError
-from tsis.files.atomic import remove_unfinished, write_durably
 from tsis.imaging.sensor import Sensor
-from tsis.inclusion import InclusionPrior
-from tsis.model.image import TactileImage
-from tsis.model.phantom import Inclusion, Phantom
 from tsis.optics.face_light import irradiance
 from tsis.virtual.probe import nominal_calibration
 
 if TYPE_CHECKING:
+    from tsis.inclusion import InclusionPrior
     from tsis.model.calibration import Calibration
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PressBank:
-    """Cases of one protocol and one seed: read where they are kept, simulated (and kept, given a folder) where not.
+    """An endless row of cases.
 
     Attributes
     ----------
@@ -45,8 +28,6 @@ class PressBank:
         What is simulated.
     world, blank
         What differs from the estimator's model, and whether the inclusion is left out.
-    folder
-        Where the protocol's folders lie; nothing is kept when None.
     """
 
     protocol: Protocol
@@ -54,25 +35,6 @@ class PressBank:
     seed: int
     world: World = WORLDS["as-model"]
     blank: bool = False
-    folder: Path | None = None
-
-    def __post_init__(self) -> None:
-        if self.folder is None:
-            return
-        result = json.dumps(self.content(), indent=2)
-        note = self._place / "bank.json"
-        if note.exists() and note.read_text() != result:
-            raise SystemExit(
-                f"{self._place} holds presses that were simulated otherwise (see {note}): give another folder"
-            )
-        self._place.mkdir(parents=True, exist_ok=True)
-        remove_unfinished(self._place)
-        write_durably(note, result.encode())
-
-    @property
-    def _place(self) -> Path:
-        assert self.folder is not None  # callers have asked
-        return self.folder / f"{self.name}-{self.seed}"
 
     @property
     def name(self) -> str:
@@ -105,16 +67,6 @@ class PressBank:
 
     def raw(self, index: int) -> SimulatedCase:
         """Case ``index`` before the product corrects its frames for lamps."""
-        if self.folder is None:
-            return self._simulated(index)
-        path = self._place / f"{index:06d}.npz"
-        if path.exists():
-            return _read(path.read_bytes(), believed(self.protocol))
-        case = self._simulated(index)
-        write_durably(path, _bytes(case))
-        return case
-
-    def _simulated(self, index: int) -> SimulatedCase:
         if self.name == self.protocol.name:
             return simulate(self.protocol, self.prior, seed=self.seed, index=index)
         return simulate_world(self.world, self.protocol, self.prior, seed=self.seed, index=index, blank=self.blank)
@@ -124,56 +76,3 @@ def believed(protocol: Protocol) -> Calibration:
     """What every virtual probe of the protocol is believed to answer."""
     probe = protocol.probe
     return replace(nominal_calibration(Sensor(), irradiance(probe)), probe=probe.name)
-
-
-def _bytes(case: SimulatedCase) -> bytes:
-    every = (*case.frames, *case.references)
-    about = {
-        "phantom": asdict(case.phantom),
-        "targets": len(case.frames),
-        "frames": [
-            {
-                "force_n": one.force_n,
-                "mm_per_pixel": one.mm_per_pixel,
-                "full_scale": one.full_scale,
-                "name": one.name,
-                "settings": dict(one.settings),
-            }
-            for one in every
-        ],
-    }
-    file = io.BytesIO()
-    np.savez(file, grey=np.array([one.grey for one in every], dtype=np.uint8), about=np.array(json.dumps(about)))
-    return file.getvalue()
-
-
-def _read(content: bytes, calibration: Calibration) -> SimulatedCase:
-    with np.load(io.BytesIO(content)) as file:
-        about, grey = json.loads(str(file["about"])), file["grey"]
-    frames = tuple(TactileImage(grey=one, **result) for one, result in zip(grey, about["frames"], strict=True))
-    phantom = about["phantom"]
-    inclusion = phantom["inclusion"]
-    return SimulatedCase(
-        phantom=Phantom(**phantom | {"inclusion": inclusion and Inclusion(**inclusion)}),
-        frames=frames[: about["targets"]],
-        references=frames[about["targets"] :],
-        calibration=calibration,
-    )
-
-
-def main() -> int:
-    """Make what is missing, in this process alone."""
-    bench = Bench(__doc__, protocol=Choice(PROTOCOLS, DEFAULT), presses=2000, seed=1, folder=Path)
-    bank = PressBank(protocol=PROTOCOLS[bench.protocol], prior=InclusionPrior(), seed=bench.seed, folder=bench.folder)
-    with progress_bar("pressing") as progress:
-        for index in range(bench.presses):
-            try:
-                bank.case(index)
-            except MechanicsError as error:
-                print(f"case {index}: {error}")
-            progress(index + 1, bench.presses)
-    return bench.end()
-
-
-if __name__ == "__main__":
-    sys.exit(main())

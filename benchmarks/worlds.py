@@ -1,16 +1,18 @@
-"""Worlds that differ from the estimator's: uneven tissue, finite strain, lamps, misplaced presses, and all together.
+"""Worlds that differ from the estimator's: uneven or layered tissue, finite strain, lamps, misplaced presses, and all.
 
 Uneven tissue is a random field of the logarithm of the modulus in three dimensions, a sum of plane waves, the same for
 all forces at one site and drawn anew for the reference site, zero inside the inclusion. What it changes is solved for
 the drawn tissue, inclusion and probe on a finer mesh of another order than the estimator's table, with six harmonics
 around the axis, and added to the press of even tissue. `benchmarks.misplaced` has offsets and tilts.
+
+A superficial layer, which target and reference have in common, is solved with the layer in the mesh, where the
+estimator's table is linear in the logarithm of its modulus.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
-from typing import Protocol as Protocol_
 
 import numpy as np
 from benchmarks.lamp_laws import LAMP_LAWS, CalibratedProbe, calibrated_probe
@@ -83,6 +85,14 @@ class MisplacedWorld(World):
     tilt_deg: float = 0.0
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LayeredWorld(World):
+    """A world with a superficial layer: its thickness in mm and its modulus over the tissue's."""
+
+    layer: tuple[float, float]
+
+
+LAYERS = tuple((thickness, factor) for thickness in (0.5, 1.0, 2.0, 3.0) for factor in (0.3, 0.7, 1.4, 3.0, 10.0))
 WORLDS: dict[str, World] = {
     world.name: world
     for world in (
@@ -100,6 +110,7 @@ WORLDS: dict[str, World] = {
         MisplacedWorld(name="off-axis", offset_mm=4.0),
         MisplacedWorld(name="tilt", tilt_deg=3.0),
         MisplacedWorld(name="all", sd=0.1, strain="finite", lamps="traced", offset_mm=4.0, tilt_deg=3.0),
+        *(LayeredWorld(name=f"layer-{mm:g}-{factor:g}", layer=(mm, factor)) for mm, factor in ((1.0, 1.0), *LAYERS)),
         *(World(name=f"lamps-{law}", lamps=law) for law in LAMP_LAWS),
         *(World(name=f"lamps-{law}-no-pads", lamps=law, dents_measured=False) for law in LAMP_LAWS),
     )
@@ -133,15 +144,6 @@ class RandomField:
         return np.asarray(np.sqrt(2 / WAVES) * parts @ ring)
 
 
-class TissueField(Protocol_):
-    """A field of log modulus of unit standard deviation."""
-
-    def harmonic(
-        self, order: int, radius_mm: NDArray[np.float64], depth_mm: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """Parts of cos and sin of ``order`` times the angle around the axis, shape (2, points)."""
-
-
 class UnevenProbe(VirtualProbe):
     """A virtual probe on tissue whose modulus is a random field."""
 
@@ -158,19 +160,29 @@ class UnevenProbe(VirtualProbe):
         self._change = np.zeros((2, 2, *x.shape))
         self._place, self._kernels = (0.0, 0.0), np.zeros((2, *self._change.shape))
 
-    def on_site(self, phantom: Phantom, field: TissueField, sd: float, *, harmonics: int = HARMONICS) -> None:
+    def on_site(self, phantom: Phantom, field: RandomField, sd: float) -> None:
         """Solve what the field changes, by unit and shape of a press: pressure and displacement over the grid."""
         self._change[:] = 0.0
         self._kernels[:] = 0.0
         if sd == 0:
             return
         slab = self._slab(phantom)
-        for order in range(harmonics + 1):
+        for order in range(HARMONICS + 1):
             radius, depth = slab.points_mm(order)
             parts = np.zeros((2, len(radius)))
             tissue = (radius < FARTHEST * self.probe.radius_mm) & ~slab.inside(radius, depth)
             parts[:, tissue] = sd * field.harmonic(order, radius[tissue], depth[tissue])
             self._change += field_change(slab, order, slab.response(order), parts, self._grid)
+
+    def on_layer(self, phantom: Phantom, layer: tuple[float, float]) -> None:
+        """Solve what a layer changes: the press with it less that without it, on one mesh."""
+        slab, even = (self._slab(phantom, (layer[0], factor)) for factor in (layer[1], 1.0))
+        change = np.array(slab.press()) - np.array(even.press())
+        radius, _ = self._grid
+        inside = radius <= self.probe.radius_mm
+        self._change = np.array(
+            [[inside * np.interp(radius, slab.radius_mm, press) for press in part] for part in change]
+        )
 
     def misplaced(self, phantom: Phantom, place: tuple[float, float], tilt: tuple[float, float]) -> None:
         """Move the inclusion of this site from the axis to a distance in mm and an angle, and tilt the probe.
@@ -189,7 +201,7 @@ class UnevenProbe(VirtualProbe):
                 parts = sphere.harmonic(order, response.radius_mm, response.depth_mm)
                 kernel += field_change(slab, order, response, parts, self._grid)
 
-    def _slab(self, phantom: Phantom) -> TissueFieldResponse:
+    def _slab(self, phantom: Phantom, layer: tuple[float, float] | None = None) -> TissueFieldResponse:
         """The site's tissue under the nominal probe."""
         stiffer, inclusion = self._stiffness, phantom.inclusion
         return TissueFieldResponse(
@@ -200,6 +212,7 @@ class UnevenProbe(VirtualProbe):
             inclusion=None
             if inclusion is None
             else (inclusion.diameter_mm, inclusion.depth_mm, inclusion.young_kpa / stiffer),
+            layer=layer,
             mesh=FINE_MESH,
         )
 
@@ -249,14 +262,19 @@ def simulate_world(
     lamps = calibrated_probe(world.lamps, protocol.probe, seed) if world.lamps else None
     virtual = UnevenProbe(protocol.probe, rng=rng, strain=world.strain, lamps=lamps)
     nearby = phantom.young_kpa * float(np.exp(virtual.calibration.site_sd * rng.standard_normal()))
-    drawn_sd, drawn_mm = rng.uniform(*RANDOM_SD), float(np.exp(rng.uniform(*np.log(RANDOM_MM))))
-    sd = drawn_sd if world.sd is None else world.sd
-    length = drawn_mm if world.length_mm is None else world.length_mm
+    layer = world.layer if isinstance(world, LayeredWorld) else None
+    if layer is None:
+        drawn_sd, drawn_mm = rng.uniform(*RANDOM_SD), float(np.exp(rng.uniform(*np.log(RANDOM_MM))))
+        sd = drawn_sd if world.sd is None else world.sd
+        length = drawn_mm if world.length_mm is None else world.length_mm
     missed = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(index, 1)))
     presses: list[tuple[TactileImage, ...]] = []
     for site in (phantom, replace(phantom.without_inclusion(), young_kpa=nearby)):
         with solved_data():
-            virtual.on_site(site, RandomField.drawn(length, rng, rough=world.rough), sd)
+            if layer is None:
+                virtual.on_site(site, RandomField.drawn(length, rng, rough=world.rough), sd)
+            else:
+                virtual.on_layer(site, layer)
             if isinstance(world, MisplacedWorld):
                 place, tilt = (
                     (missed.uniform(0.0, most), missed.uniform(0.0, 2 * np.pi))

@@ -1,11 +1,11 @@
-"""The table of assumptions, and the superficial layer that it presses."""
+"""The table of assumptions, and a spheroid that it presses."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
-from benchmarks.assumptions import INCLUSION, Layer, _spheroid, rows_of
+from benchmarks.assumptions import INCLUSION, _spheroid, rows_of
 
 import tsis
 
@@ -22,13 +22,6 @@ def test_a_row_is_the_mean_error_in_standard_deviations() -> None:
         ["x", "+1.0 ± 1.0", "-1.0 ± 1.0", "-1.0 ± 0.0", "1 of 2", "tilted"],
         ["y", "", "", "", "1 refused", ""],
     ]
-
-
-def test_a_layer_is_even_around_the_axis_and_ends_at_its_depth() -> None:
-    layer = Layer(thickness_mm=1.0, log_factor=0.3)
-    radius, depth = np.zeros(3), np.array([0.5, 0.99, 1.01])
-    assert layer.harmonic(0, radius, depth).tolist() == [[0.3, 0.3, 0.0], [0.0, 0.0, 0.0]]
-    assert not layer.harmonic(1, radius, depth).any()
 
 
 def test_a_spheroid_has_the_volume_of_the_sphere() -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import benchmarks.coverage
 import numpy as np
 import pytest
-from benchmarks.coverage import kept_at, run
+from benchmarks.coverage import beside_informed, held_or_named, kept_at, named_prior, prior_goals, run
 from benchmarks.judgement import Judgement, compared
 from benchmarks.press_bank import PressBank
 from benchmarks.simulated_presses import PROTOCOLS, simulate
@@ -32,8 +32,8 @@ FLAT = PROTOCOLS["flat"]
 UNEVEN = 1e-3  # chance below which ranks of a toy count as uneven; even ones of three parameters go below 0.01 in 3 %
 
 
-def bank(folder: Path | None = None, seed: int = 3) -> PressBank:
-    return PressBank(protocol=FLAT, prior=PRIOR, seed=seed, folder=folder)
+def bank(seed: int = 3) -> PressBank:
+    return PressBank(protocol=FLAT, prior=PRIOR, seed=seed)
 
 
 @pytest.mark.slow
@@ -95,21 +95,6 @@ def test_protocols_press_what_they_say() -> None:
     assert (
         PROTOCOLS["domed"].described == "tsis-domed, 0.5 and 1 N, each with a reference press, presses at small strain"
     )
-
-
-def test_a_bank_returns_what_was_pressed(tmp_path: Path) -> None:
-    pressed, kept, read = bank().case(0), bank(tmp_path).case(0), bank(tmp_path).case(0)
-    for case in (kept, read):
-        assert case.phantom == pressed.phantom
-        assert case.calibration == pressed.calibration
-        assert len(case.frames) == len(case.references) == 1
-        for one, other in zip(case.frames + case.references, pressed.frames + pressed.references, strict=True):
-            np.testing.assert_array_equal(one.grey, other.grey)
-            assert (one.force_n, one.scale(), one.axis_px, one.full_scale) == (1.0, other.scale(), other.axis_px, 255.0)
-            assert (one.name, dict(one.settings)) == (other.name, dict(other.settings))
-    assert len(list((tmp_path / "flat-3").glob("*.npz"))) == 1, "the last one was read, not pressed"
-    with pytest.raises(SystemExit, match=r"holds presses that were simulated otherwise .* give another folder"):
-        PressBank(protocol=FLAT, prior=replace(PRIOR, tissue_young_sd=0.2), seed=3, folder=tmp_path)
 
 
 def line_of(index: int) -> dict[str, Any]:
@@ -211,3 +196,39 @@ def test_a_refusal_of_the_estimator_is_a_line(monkeypatch: pytest.MonkeyPatch) -
 
     monkeypatch.setattr(benchmarks.coverage, "estimate", refuse)
     assert benchmarks.coverage.judge(bank(), 0) == {"index": 0, "refused": "not today"}
+
+
+@pytest.mark.parametrize("scale", [1.0, 1.3])
+def test_the_ratio_to_the_bound_is_that_of_the_errors(scale: float) -> None:
+    rng, spread, cases = np.random.default_rng(7), np.array([0.3, 0.2, 5.0]), 4000
+    truth = rng.uniform(PRIOR.low, PRIOR.high, (cases, 3))
+    mean = truth + scale * spread * rng.standard_normal((cases, 3))
+    known = {"sd": spread, "informed_sd": spread, "informed_rank": 3 * [0.5]}
+    lines = [{"truth": one, "mean": other, **known} for one, other in zip(truth, mean, strict=True)]
+    rows = {name: values for name, *values in beside_informed(lines)}
+    ratio, chance = (np.array(rows[name], dtype=float) for name in ("rmse over bound", "its standard error"))
+    assert (np.abs(ratio - scale) < 4 * chance).all()
+    assert rows["bound"] == ["0.3", "0.2", "5"]
+
+
+def test_errors_of_a_shipped_prior_are_beside_its_goals() -> None:
+    prior = named_prior("breast-ex-vivo")
+    assert np.array_equal(prior.young_kpa, (7.5, 65.0))
+    lines = [line_of(0) | {"truth": [2.0, 2.0, 2.0], "mean": [2.1, 2.02, 2.5]}]
+    goals = prior_goals(Judgement.of(lines).summary(prior))
+    assert [round(each.value, 6) for each in goals] == [5.0, 1.0, 25.0, 25.0]
+    assert [each.met for each in goals] == [False, True, False, False]
+
+
+def test_an_interval_under_a_layer_holds_or_the_layer_is_named() -> None:
+    missed = {"rank": [0.99, 0.5, 0.5]}
+    lines = [
+        line_of(1),
+        line_of(2) | missed,
+        line_of(3) | missed | {"trusted": False, "flags": ["superficial_layer"]},
+        {"index": 4, "refused": "too soft"},
+    ]
+    assert held_or_named(lines) == [
+        ["90 holds", "1 of 3", "3 of 3", "3 of 3"],
+        ["or the layer is named", "2 of 3", "3 of 3", "3 of 3"],
+    ]

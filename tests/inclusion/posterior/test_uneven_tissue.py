@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from benchmarks.layers import pressed
 from benchmarks.simulated_presses import PROTOCOLS
 from benchmarks.worlds import WORLDS, simulate_world
 from scipy.special import logsumexp
@@ -250,7 +249,7 @@ def test_layers_of_the_table_are_small_changes_of_solved_presses(
 
 @pytest.mark.parametrize(("factor", "flag"), [(1.0, None), (10.0, "superficial_layer")])
 def test_a_strong_layer_is_the_cause_of_distrust(factor: float, flag: str | None) -> None:
-    _, virtual, (targets, references) = pressed((1.0, factor), seed=4, index=0, strain="small", blank=False)
-    result = estimate(targets, probe=PROBE, calibration=virtual.calibration, reference=references, strain="small")
+    case = simulate_world(WORLDS[f"layer-1-{factor:g}"], PROTOCOLS["domed"], PRIOR, seed=4, index=0)
+    result = estimate(case.frames, probe=PROBE, calibration=case.calibration, reference=case.references, strain="small")
     assert ("superficial_layer" in result.flags) == (flag is not None)
     assert result.trusted == (flag is None)
