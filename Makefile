@@ -61,10 +61,7 @@ benchmark: $(VENV)/.dev  ## speed and accuracy beside those of other programs, o
 	$(BIN)/python -m benchmarks.detection_intervals
 	$(BIN)/python -m benchmarks.detection_study --targets 2000 --seed 1
 	$(BIN)/python -m benchmarks.store_speed
-	$(BIN)/python -m benchmarks.live_view
-	$(BIN)/python -m benchmarks.console_start
-	$(BIN)/python -m benchmarks.first_report
-	$(BIN)/python -m benchmarks.records_page
+	$(BIN)/python -m benchmarks.console
 
 studies: $(VENV)/.dev $(VENV)/.docs  ## every figure and table of the dissertation anew, beside the printed ones
 	$(BIN)/python -m studies.gallery
