@@ -1,9 +1,8 @@
 """Targets of a search: half hold an inclusion, most beside the probe's axis, all in uneven tissue, with every nuisance.
 
-A target is drawn once and can be pressed in two ways. In three dimensions (NGSolve, flat probes) inclusion and lumps
-are meshed where they lie. Elsewhere the inclusion is solved on the axis on a mesh finer and of another order than the
-estimator's, for the drawn tissue, and its change is moved; lumps are added as `benchmarks.uneven_tissue` says. Light is
-traced, cameras see pixels, and each virtual probe makes all its errors, which the two ways share.
+The inclusion is solved on the axis on a mesh finer and of another order than the estimator's, for the drawn tissue, and
+its change is moved; lumps are added as `benchmarks.uneven_tissue` says. Light is traced, cameras see pixels, and each
+virtual probe makes all its errors.
 """
 
 from __future__ import annotations
@@ -13,12 +12,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from benchmarks.simulated_presses import Protocol, SimulatedCase
-from benchmarks.uneven_tissue import SPACING_MM, FaceGrid, Site, lump_changes, uneven
+from benchmarks.uneven_tissue import FaceGrid, Site, lump_changes, uneven
 
 from tsis.imaging.rendering import render
 from tsis.inclusion import InclusionPrior
 from tsis.mechanics import press
-from tsis.mechanics.solid import SolidResolution, press_solid
 from tsis.model.phantom import Inclusion, Phantom
 from tsis.virtual.examinations import surround
 from tsis.virtual.probe import FINE_RESOLUTION, VirtualProbe
@@ -35,7 +33,6 @@ OFFSET_MM = 5.0  # largest; distances are uniform
 UNEVEN_SD = 0.1  # largest standard deviation of the log moduli of lumps; uniform
 PRIOR = InclusionPrior()
 COVERING_N = (0.5, 1.0)
-SOLID = SolidResolution(face=0.16, rim=0.14, inclusion=0.45, growth=0.8)  # a fifth of the default's time
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,24 +93,18 @@ class MovingProbe(VirtualProbe):
         super().__init__(probe, rng=rng, strain="small")
         self._grid = FaceGrid(probe)
         self._lumps: tuple[Inclusion, ...] = ()
-        self._solid = False
 
-    @property
-    def drawn(self) -> dict[str, float]:
-        """What this probe differs by from the nominal one."""
-        return {"gain": float(self._gain), "stiffness": self._stiffness}
-
-    def press_site(self, site: Site, *, force_n: float, solid: bool) -> TactileImage:
-        """One frame, by a press in three dimensions where ``solid``."""
-        self._solid, self._lumps = solid, site.lumps
-        return self.press(site.whole if solid else site.phantom, force_n=force_n)
+    def press_site(self, site: Site, *, force_n: float) -> TactileImage:
+        """One frame."""
+        self._lumps = site.lumps
+        return self.press(site.phantom, force_n=force_n)
 
     def _rendered_press(self, phantom: Phantom, force_n: float) -> NDArray[np.float64]:
         stiffer = self._stiffness
         soft, force = replace(phantom.without_inclusion(), young_kpa=phantom.young_kpa / stiffer), force_n / stiffer
         plain = self._nominal_press(soft, force)
         around = plain.on_grid(self._grid.axis, self._grid.axis)
-        found = self._solid_press(phantom, force) if self._solid else self._moved_press(phantom, soft, plain, around)
+        found = self._moved_press(phantom, soft, plain, around)
         below, beside, still = (
             render(each, self.sensor, self.calibration, contact_model=self._contact_model, light=self._light_on(each))
             for each in (replace(one, pressure_kpa=stiffer * one.pressure_kpa) for one in (plain, found, around))
@@ -124,19 +115,6 @@ class MovingProbe(VirtualProbe):
     def _nominal_press(self, phantom: Phantom, force_n: float) -> PressField:
         """A press of what is round about the axis, by the nominal probe."""
         return press(self.probe, phantom, force_n=force_n, resolution=FINE_RESOLUTION)
-
-    def _solid_press(self, phantom: Phantom, force_n: float) -> PressMap:
-        every = [replace(one, young_kpa=one.young_kpa / self._stiffness) for one in phantom.inclusions]
-        tissue = replace(
-            phantom,
-            young_kpa=phantom.young_kpa / self._stiffness,
-            inclusion=every[0] if every else None,
-            more_inclusions=tuple(every[1:]),
-        )
-        return press_solid(
-            self.probe, tissue, force_n=force_n, resolution=SOLID, reference_resolution=FINE_RESOLUTION, threads=1,
-            spacing_mm=SPACING_MM,
-        )  # fmt: skip
 
     def _moved_press(self, phantom: Phantom, soft: Phantom, plain: PressField, around: PressMap) -> PressMap:
         lump, moved = phantom.inclusion, np.zeros((2, *self._grid.x.shape))
@@ -159,15 +137,14 @@ class MovingProbe(VirtualProbe):
         )
 
 
-def examine(target: Target, protocol: Protocol, *, seed: int, solid: bool) -> tuple[SimulatedCase, dict[str, float]]:
-    """Press a target and its reference; what the probe differed by. Both ways of pressing make the same errors."""
+def examine(target: Target, protocol: Protocol, *, seed: int) -> SimulatedCase:
+    """Press a target and its reference."""
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(target.index, 1)))
     probe = MovingProbe(protocol.probe, rng=rng)
     frames, references = (
-        tuple(probe.press_site(site, force_n=force, solid=solid) for force in protocol.forces_n)
+        tuple(probe.press_site(site, force_n=force) for force in protocol.forces_n)
         for site in (target.site, target.reference)
     )
-    case = SimulatedCase(
+    return SimulatedCase(
         phantom=target.site.phantom, frames=frames, references=references, calibration=probe.calibration
     )
-    return case, probe.drawn

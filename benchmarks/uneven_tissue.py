@@ -2,9 +2,8 @@
 
 Lumps are spheres of 4 to 10 mm that do not meet; the logarithm of each one's modulus over the tissue's is normal. Their
 centres lie within 6 mm of the probe's axis and their tops 1 to 15 mm deep, so tissue farther out is even, and so is
-what lies between them. In three dimensions they are pressed as they are. Elsewhere what each changes is solved on the
-axis, moved beside it (`tsis.inclusion.posterior.rings.off_axis_profile`), and added up: right for weak lumps, as they
-are.
+what lies between them. What each changes is solved on the axis, moved beside it
+(`tsis.inclusion.posterior.rings.off_axis_profile`), and added up: right for weak lumps, as they are.
 """
 
 from __future__ import annotations
@@ -174,6 +173,3 @@ class FaceGrid:
         return np.array(
             [stays.pressure_kpa + self.covered * pressure, stays.face_displacement_mm + self.inside * moved]
         )
-
-
-__all__ = ["SPACING_MM", "FaceGrid", "LumpChanges", "Site", "lump_changes", "uneven"]

@@ -172,7 +172,7 @@ class PreparedProbe(MovingProbe):
     def press_prepared(self, phantom_name: str, site: Site, force_n: float) -> tsis.TactileImage:
         """One frame of a site whose tissue and inclusion are those of a phantom, all moduli times one factor."""
         self.phantom_name, self.nominal_n = phantom_name, force_n
-        return self.press_site(site, force_n=force_n, solid=False)
+        return self.press_site(site, force_n=force_n)
 
     def _round_press(self, phantom: Phantom, force_n: float) -> PressField:
         name = BLANK if phantom.inclusion is None else self.phantom_name

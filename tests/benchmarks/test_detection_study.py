@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.detection_judgement import DEPTHS_MM, DIAMETERS_MM, Searched, detection_limit, reaches
-from benchmarks.detection_report import report
+from benchmarks.detection_study import DEPTHS_MM, DIAMETERS_MM, Searched, detection_limit, figure_of, reaches, report
 from benchmarks.searched_presses import MovingProbe, draw
 from benchmarks.uneven_tissue import FaceGrid, Site, uneven
 
@@ -65,7 +64,7 @@ def test_around_the_axis_a_moved_change_is_what_the_estimate_takes_it_for() -> N
 def test_without_lumps_on_the_axis_a_press_is_that_of_the_virtual_probe() -> None:
     lump = Inclusion(diameter_mm=9.0, depth_mm=5.0, young_kpa=100.0)
     phantom = replace(TISSUE, inclusion=lump)
-    ours = MovingProbe(FLAT, rng=np.random.default_rng(3)).press_site(Site(phantom=phantom), force_n=1.0, solid=False)
+    ours = MovingProbe(FLAT, rng=np.random.default_rng(3)).press_site(Site(phantom=phantom), force_n=1.0)
     theirs = VirtualProbe(FLAT, rng=np.random.default_rng(3), strain="small").press(phantom, force_n=1.0)
     apart = ours.grey.astype(float) - theirs.grey
     assert np.abs(apart).mean() < 0.1
@@ -86,7 +85,7 @@ def test_a_lump_beside_the_axis_brightens_the_frame_over_it(monkeypatch: pytest.
     lump = Inclusion(diameter_mm=6.0, depth_mm=3.0, young_kpa=6.0, offset_mm=(4.0, 0.0))
     even, uneven_site = (Site(phantom=TISSUE, lumps=lumps) for lumps in ((), (lump,)))
     without, with_it = (
-        MovingProbe(FLAT, rng=np.random.default_rng(3)).press_site(site, force_n=1.0, solid=False).grey.astype(float)
+        MovingProbe(FLAT, rng=np.random.default_rng(3)).press_site(site, force_n=1.0).grey.astype(float)
         for site in (even, uneven_site)
     )
     row, column = np.unravel_index(np.argmax(with_it - without), without.shape)
@@ -103,20 +102,12 @@ def _lines(rng: np.random.Generator, targets: int = 600) -> list[dict[str, Any]]
         evidence = rng.normal(there * (size - depth / 2) - 1.0, 2.0)
         lines.append(
             {
-                "name": str(index),
-                "protocol": "domed",
-                "way": "moved",
                 "index": index,
                 "present": there,
                 "truth": [size, depth, 80.0 + index % 30],
                 "offset_mm": rng.uniform(0, 5),
-                "uneven_sd": rng.uniform(0, 0.1),
-                "tissue_kpa": rng.normal(5, 0.5),
-                "thickness_mm": rng.normal(30, 3),
-                "poisson": rng.normal(0.49, 0.001),
                 "presence": float(1 / (1 + np.exp(-evidence))),
                 "evidence": evidence,
-                "samples": [[size, depth, 80.0 + index % 30]] * 2,
                 "flags": ["no_inclusion"] if evidence < 0 else [],
             }
         )
@@ -155,17 +146,17 @@ def test_a_study_that_misses_its_area_ends_with_one(capsys: pytest.CaptureFixtur
     for line in good:
         line["evidence"] += 20.0 * line["present"]
         line["presence"] = float(1 / (1 + np.exp(-line["evidence"])))
-    answer = report(good, study="domed")
-    assert all(goal.met for goal in answer.goals)
+    searched, limits, goals = report(good)
+    assert all(goal.met for goal in goals)
     assert "all, by evidence" in capsys.readouterr().out
+    assert len(figure_of(searched, limits).axes) == 6  # four panels and two scales
     poor = [line | {"evidence": rng.normal(), "presence": rng.random()} for line in good]
-    (goal,) = report(poor, study="domed").goals
+    (goal,) = report(poor)[2]
     assert (goal.met, goal.name) == (False, "area, d >= 5 mm, h <= 8 mm, by evidence")
 
 
-def test_refused_targets_are_counted_and_left_out() -> None:
+def test_refused_targets_are_counted_and_left_out(capsys: pytest.CaptureFixture[str]) -> None:
     lines = _lines(np.random.default_rng(3))
-    refused = [{**line, "refused": "too soft"} for line in lines[:6]]
-    document = report(refused + lines[6:], study="domed").document
-    assert (document["targets"], document["refused"]["inclusions"], document["refused"]["blanks"]) == (600, 3, 3)
-    assert document["areas"]["all"]["inclusions"] == 297
+    searched, _, _ = report([{**line, "refused": "too soft"} for line in lines[:6]] + lines[6:])
+    assert "refused: 6 of 600, 3 of them inclusions" in capsys.readouterr().out
+    assert (len(searched.present), searched.curve().targets) == (594, 297)
