@@ -219,11 +219,11 @@ def steps(page: Page, count: int, number: int) -> dict[str, Callable[[], object]
         page.get_by_text(f"51-100 of {count}").wait_for()
 
     def sorted_by_last() -> None:
-        page.get_by_role("columnheader", name="Last press").click()
+        page.get_by_role("columnheader", name="Last press (UTC)").click()
         page.get_by_text(SEEN.format(count=count)).wait_for()
 
     def searched() -> None:
-        page.get_by_label("Search number or name").fill("with fr")
+        page.get_by_label("Search number, name, note or #tag").fill("with fr")
         page.get_by_text("1-1 of 1").wait_for()
 
     def shown() -> None:
