@@ -44,7 +44,7 @@ benchmark: $(VENV)/.dev  ## speed and accuracy beside those of other programs, o
 	$(BIN)/python -m benchmarks.tissue
 	$(BIN)/python -m benchmarks.ablation --cases 12
 	$(BIN)/python -m benchmarks.nine_inclusions
-	$(BIN)/python -m benchmarks.simulation_based_calibration --exact 40
+	$(BIN)/python -m benchmarks.simulation_based_calibration
 	$(BIN)/python -m benchmarks.slow_reference
 	$(BIN)/python -m benchmarks.mechanics
 	$(BIN)/python -m benchmarks.domed_second_code

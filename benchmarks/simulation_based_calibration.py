@@ -4,13 +4,9 @@
 
 Profiles come from the forward model itself, with all nuisances drawn and not linearised, and noise of a dense
 covariance: what is judged is the inference alone; `benchmarks.coverage` judges it together with the mechanics. If the
-posterior is right, ranks are uniform, intervals hold as often as they say, and no estimate has a smaller mean square
-error than the posterior mean. ``--exact N`` sets the first N beside the mean under the likelihood that is linearised
-anew at every inclusion, at its own best nuisances, by importance sampling around the fast posterior.
-
-The inclusion is uniform over the prior and the slab's thickness is normal, drawn again until the inclusion fits. The
-estimator does not know of the latter. ``--any-slab`` leaves it out: the polynomials answer for slabs that cannot be,
-and the prior is exactly the estimator's.
+posterior is right, ranks are uniform and intervals hold as often as they say. The inclusion is uniform over the prior
+and the slab's thickness is normal, drawn again until the inclusion fits; the estimator does not know of the latter.
+`benchmarks.slow_reference` sets single posteriors beside a sampler of everything.
 """
 
 from __future__ import annotations
@@ -23,7 +19,7 @@ import numpy as np
 from benchmarks.harness import Bench, Several
 from benchmarks.judgement import Judgement, rows_of
 from benchmarks.simulated_presses import SMALL, Protocol
-from scipy.stats import chisquare, gaussian_kde
+from scipy.stats import chisquare
 from threadpoolctl import threadpool_limits
 
 from tsis.cli.progress import progress_bar
@@ -43,18 +39,15 @@ from tsis.virtual.examinations import DEEPEST_FRACTION
 from tsis.virtual.probe import nominal_calibration
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
 
     from numpy.typing import NDArray
 
-    from tsis.inclusion.posterior.exploration import InclusionPosterior
 
 PROTOCOLS = {one.name: one for one in SMALL}
 ALONE = ("flat-alone", "domed")
 SPREAD_SD = 0.5  # mm**2, of the squared distance from the axis: either coordinate is known to 0.5 mm
 BINS = 20  # of the ranks
-KERNELS, PROPOSALS = 500, 500  # of the importance sampling of one draw
-RELINEARISATIONS = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -142,72 +135,22 @@ def noise(grey: NDArray[np.float64], variance: NDArray[np.float64], model: Forwa
     return np.asarray(covariance.reshape(grey.size, grey.size) + np.diag(variance.ravel()))
 
 
-def draw(
-    experiment: Experiment, rng: np.random.Generator, *, any_slab: bool = False
-) -> tuple[NDArray[np.float64], Profiles]:
+def draw(experiment: Experiment, rng: np.random.Generator) -> tuple[NDArray[np.float64], Profiles]:
     """An inclusion (diameter, depth, modulus) from the prior, and profiles of it with every nuisance drawn."""
     prior = experiment.model.prior
     inclusion = rng.uniform(prior.low, prior.high)
     sd = experiment.nuisance_sd(experiment.known(inclusion))
     nuisance = sd * rng.standard_normal(len(sd))
     bottom = inclusion[0] + inclusion[1]
-    while not any_slab and bottom >= DEEPEST_FRACTION * prior.thickness_mm * np.exp(nuisance[THICKNESS]):
+    while bottom >= DEEPEST_FRACTION * prior.thickness_mm * np.exp(nuisance[THICKNESS]):
         nuisance[THICKNESS] = sd[THICKNESS] * rng.standard_normal()
     return inclusion, experiment.observed(experiment.expected(inclusion, nuisance), rng)
 
 
-def exact_mean(
-    likelihood: InclusionLikelihood, prior: InclusionPrior, fast: InclusionPosterior, rng: np.random.Generator
-) -> tuple[NDArray[np.float64], float]:
-    """Posterior mean when each inclusion is linearised at its own best nuisances, and the effective sample size.
-
-    Kernels around samples of the fast posterior propose; weights put right whatever is wrong with them.
-    """
-    proposal = gaussian_kde(fast.samples[rng.choice(len(fast.samples), KERNELS, replace=False)].T)
-    points = proposal.resample(PROPOSALS, seed=rng).T
-    points = points[((points >= prior.low) & (points <= prior.high)).all(axis=1)]
-    start = likelihood.within(fast.fit.nuisance[0])
-    log_weight = np.array([_own_evidence(likelihood, point, start) for point in points]) - proposal.logpdf(points.T)
-    weight = np.exp(log_weight - log_weight.max())
-    weight /= weight.sum()
-    return weight @ points, float(1 / (weight**2).sum())
-
-
-def _own_evidence(
-    likelihood: InclusionLikelihood, inclusion: NDArray[np.float64], nuisance: NDArray[np.float64]
-) -> float:
-    for _ in range(RELINEARISATIONS):
-        nuisance = likelihood.within(likelihood(inclusion[None], nuisance).nuisance[0])
-    return float(likelihood(inclusion[None], nuisance).log_evidence[0])
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Calibrated:
-    """What came of the draws.
-
-    Attributes
-    ----------
-    judgement
-        Estimates beside truths.
-    exact
-        Means of the exact posterior of the first draws, shape (exact, 3).
-    effective
-        Effective sample size of each of them.
-    """
-
-    judgement: Judgement
-    exact: NDArray[np.float64]
-    effective: NDArray[np.float64]
-
-    def chances(self) -> NDArray[np.float64]:
-        """Chance of ranks this uneven from a right posterior, by chi-square, shape (3,)."""
-        counts = [np.histogram(column, bins=BINS, range=(0.0, 1.0))[0] for column in self.judgement.rank.T]
-        return np.array([chisquare(count).pvalue for count in counts])
-
-    def rmse_over_exact(self) -> NDArray[np.float64]:
-        """Root mean square error of the estimates over that of the exact means, over the same draws, shape (3,)."""
-        truth, mean = (values[: len(self.exact)] for values in (self.judgement.truth, self.judgement.mean))
-        return np.asarray(np.sqrt(((mean - truth) ** 2).mean(axis=0) / ((self.exact - truth) ** 2).mean(axis=0)))
+def chances(judgement: Judgement) -> NDArray[np.float64]:
+    """Chance of ranks this uneven from a right posterior, by chi-square, shape (3,)."""
+    counts = [np.histogram(column, bins=BINS, range=(0.0, 1.0))[0] for column in judgement.rank.T]
+    return np.array([chisquare(count).pvalue for count in counts])
 
 
 def run(
@@ -215,32 +158,22 @@ def run(
     draws: int,
     *,
     seed: int,
-    exact: int = 0,
-    any_slab: bool = False,
     prior: InclusionPrior | None = None,
     progress: Callable[[int, int], None] | None = None,
-) -> Calibrated:
+) -> Judgement:
     """Draw, estimate, rank."""
     prior = InclusionPrior() if prior is None else prior
     experiment = Experiment.of(protocol, prior)
     lines: list[dict[str, Any]] = []
-    best: list[tuple[NDArray[np.float64], float]] = []
     with threadpool_limits(limits=1, user_api="blas"):
         for index in range(draws):
             rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(index,)))
-            truth, data = draw(experiment, rng, any_slab=any_slab)
-            likelihood = InclusionLikelihood(experiment.model, data)
-            found = explore_inclusion(likelihood, prior)
+            truth, data = draw(experiment, rng)
+            found = explore_inclusion(InclusionLikelihood(experiment.model, data), prior)
             lines.append(_line(truth, found.samples))
-            if index < exact:
-                best.append(exact_mean(likelihood, prior, found, rng))
             if progress is not None:
                 progress(index + 1, draws)
-    return Calibrated(
-        judgement=Judgement.of(lines),
-        exact=np.reshape([mean for mean, _ in best], (-1, len(PARAMETERS))),
-        effective=np.array([effective for _, effective in best]),
-    )
+    return Judgement.of(lines)
 
 
 def _line(truth: NDArray[np.float64], samples: NDArray[np.float64]) -> dict[str, Any]:
@@ -255,37 +188,16 @@ def _line(truth: NDArray[np.float64], samples: NDArray[np.float64]) -> dict[str,
     }
 
 
-def rows(found: Calibrated, prior: InclusionPrior) -> list[Sequence[str]]:
-    """Lines of the table, a column a parameter."""
-    result: list[Sequence[str]] = [*rows_of(found.judgement.summary(prior))]
-    result.append(("uniform ranks, chi-square", *(f"{chance:.3g}" for chance in found.chances())))
-    if len(found.exact):
-        result.append(
-            (f"rmse over exact mean's, {len(found.exact)} draws", *(f"{one:.3f}" for one in found.rmse_over_exact()))
-        )
-    return result
-
-
 def main() -> int:
     """Print a table a protocol."""
-    bench = Bench(__doc__, protocol=Several(PROTOCOLS), draws=1000, exact=0, seed=1, any_slab=False)
+    bench = Bench(__doc__, protocol=Several(PROTOCOLS), draws=1000, seed=1)
     prior = InclusionPrior()
     for name in bench.protocol or ALONE:
         with progress_bar(name) as progress:
-            found = run(
-                PROTOCOLS[name],
-                bench.draws,
-                seed=bench.seed,
-                exact=bench.exact,
-                any_slab=bench.any_slab,
-                prior=prior,
-                progress=progress,
-            )
-        slabs = "any slab" if bench.any_slab else "slabs that hold the inclusion"
-        title = f"{bench.draws} draws, seed {bench.seed}, {slabs}: {PROTOCOLS[name].described}"
-        bench.table(title, (name, *PARAMETERS), rows(found, prior))
-        if len(found.exact):
-            print(f"effective samples behind the exact means: median {np.median(found.effective):.0f}")
+            found = run(PROTOCOLS[name], bench.draws, seed=bench.seed, prior=prior, progress=progress)
+        rows = [*rows_of(found.summary(prior))]
+        rows.append(["uniform ranks, chi-square", *(f"{chance:.3g}" for chance in chances(found))])
+        bench.table(f"{bench.draws} draws, seed {bench.seed}: {PROTOCOLS[name].described}", (name, *PARAMETERS), rows)
     return bench.end()
 
 
