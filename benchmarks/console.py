@@ -3,11 +3,10 @@
     python -m benchmarks.console [--only start live records report] [--times 3] [--seconds 20]
 
 The console is started as people start it, and opened in Chromium without a window or a graphics processor, at 1280 x
-800. ``start`` times the command until its page shows a heading, and *Start* until frames are shown; clicks and keys
-are counted by the page itself, as the filled buttons lead from the first page to the report. ``live`` asks the page
-what it has drawn of the virtual probe's 30 frames a second, and the system what the server takes of a core. ``records``
-times from each click to the moment at which the browser shows what was asked for, in a store whose rows are entered in
-bulk. ``report`` times from nothing to a saved PDF.
+800. ``start`` times the command until its page shows a heading, and *Start* until frames are shown. ``live`` asks the
+page what it has drawn of the virtual probe's 30 frames a second, and the system what the server takes of a core.
+``records`` times from each click to the moment at which the browser shows what was asked for, in a store whose rows are
+entered in bulk. ``report`` times from nothing to a saved PDF.
 """
 
 from __future__ import annotations
@@ -40,14 +39,7 @@ USER, SYSTEM = 11, 12  # fields of /proc/PID/stat behind the program's name
 SETTLE_S = 3.0
 OPENINGS = 5
 DRAWN_EVERY_S = 1.5  # the elements remember the last 120 drawings
-SECONDS, COUNT, MS, CORE = "{:.2f} s", "{:.0f}", "{:.1f} ms", "{:.1f} % of a core"
-FILLED = "main .q-btn--unelevated, main .filled"
-STEPS = ("Try the virtual probe", "Switch to the reference", "Snapshot", "Switch to the target", "Snapshot", "Estimate")
-COUNTED = """() => {
-  window.acts = { click: 0, keydown: 0 };
-  for (const kind of Object.keys(window.acts))
-    document.addEventListener(kind, (event) => event.isTrusted && window.acts[kind]++, { capture: true });
-}"""
+SECONDS, MS, CORE = "{:.2f} s", "{:.1f} ms", "{:.1f} % of a core"
 DRAWN = """() => ["figure.live", "figure.surface"].map((name) => {
   const figure = document.querySelector(name);
   return figure ? getElement(figure).measured() : [];
@@ -96,7 +88,7 @@ def connected(page: Page) -> None:
 
 
 def start(bench: Bench, browser: Browser, folder: Path) -> Iterator[Goal]:
-    """From the command to the page, from *Start* to the image, and the clicks of one examination."""
+    """From the command to the page, and from *Start* to the image."""
     for number in range(bench.times):
         begun = time.monotonic()
         with running_console(emptied(folder, f"start-{number}")) as console:
@@ -111,18 +103,6 @@ def start(bench: Bench, browser: Browser, folder: Path) -> Iterator[Goal]:
             page.context.close()
         yield Goal(name=f"run {number + 1}, command to first page", value=first_s, most=2.5, form=SECONDS)
         yield Goal(name=f"run {number + 1}, Start to image", value=image_s, most=1.0, form=SECONDS)
-    with running_console(emptied(folder, "counted")) as console:
-        page = opened(console, browser)
-        connected(page)
-        page.evaluate(COUNTED)
-        for name in STEPS:
-            page.locator(FILLED).get_by_text(name, exact=True).click()
-        page.locator(FILLED).get_by_text("Report", exact=True).click()
-        page.wait_for_url("**/records/1")
-        acts: dict[str, int] = page.evaluate("window.acts")
-        page.context.close()
-    yield Goal(name="clicks from first page to report", value=acts["click"], form=COUNT)
-    yield Goal(name="keys from first page to report", value=acts["keydown"], form=COUNT)
 
 
 def drawn(page: Page, seconds: float) -> tuple[float, list[float], float]:
