@@ -23,8 +23,6 @@ import numpy as np
 from benchmarks.harness import Bench
 from benchmarks.misplaced import SphereField
 from benchmarks.worlds import FINE_MESH
-from rich.console import Console
-from rich.table import Table
 from scipy.interpolate import RectBivariateSpline
 
 import tsis
@@ -186,36 +184,32 @@ def under_a_dome(offsets_mm: tuple[float, ...]) -> Iterator[tuple[tuple[float, f
             yield (diameter, depth), offset, force, float(np.abs(error).max()), float(np.sqrt(np.mean(error**2)))
 
 
-def print_dome(offsets_mm: tuple[float, ...]) -> None:
+def print_dome(bench: Bench) -> None:
     """Print `under_a_dome`."""
-    columns = ("sphere", "offset", "force", "worst / rms, %", "worst / rms over (offset/R)²")
-    table = Table(*columns, title="pressure under tsis-domed, errors over the peak of the change")
-    for (diameter, depth), offset, force, worst, rms in under_a_dome(offsets_mm):
+    rows = []
+    for (diameter, depth), offset, force, worst, rms in under_a_dome(tuple(bench.offsets)):
         square = (offset / RADIUS_MM[-1]) ** 2
-        table.add_row(
-            f"d {diameter:g} h {depth:g}",
-            f"{offset:g} mm",
-            f"{force:g} N",
-            f"{100 * worst:.1f} / {100 * rms:.1f}",
-            f"{worst / square:.2f} / {rms / square:.2f}",
-        )
-    Console(width=170).print(table)
+        of_square = f"{worst / square:.2f} / {rms / square:.2f}"
+        peak = f"{100 * worst:.1f} / {100 * rms:.1f}"
+        rows.append((f"d {diameter:g} h {depth:g}", f"{offset:g} mm", f"{force:g} N", peak, of_square))
+    heads = ("sphere", "offset", "force", "worst / rms, %", "worst / rms over (offset/R)²")
+    bench.table("pressure under tsis-domed, errors over the peak of the change", heads, rows)
 
 
 def main() -> int:
     """Measure and print."""
     bench = Bench(__doc__, fine=False, offsets=[*OFFSETS_MM], dome=False)
     if bench.dome:
-        print_dome(tuple(bench.offsets))
+        print_dome(bench)
         return bench.end()
-    columns = ("change", "left on the axis", "moved", "moved and grown", "of the change", "by the round model")
-    table = Table("sphere", "offset", "", *columns, "seen at", title="worst ring / rms, per cent")
+    cells = []
     for row in rows(tuple(bench.offsets), FINE if bench.fine else None):
         parts = (row.change, row.left_on_axis, row.only_moved, row.moved, row.of_change, row.from_profile)
-        cells = [f"{worst:.3f} / {rms:.3f}" for worst, rms in parts]
         sphere = "d {:g} h {:g} E {:g}".format(*row.sphere)
-        table.add_row(sphere, f"{row.offset_mm:g} mm", row.quantity, *cells, f"{row.place_mm:.3f} mm")
-    Console(width=170).print(table)
+        errors = [f"{worst:.3f} / {rms:.3f}" for worst, rms in parts]
+        cells.append((sphere, f"{row.offset_mm:g} mm", row.quantity, *errors, f"{row.place_mm:.3f} mm"))
+    heads = ("change", "left on the axis", "moved", "moved and grown", "of the change", "by the round model")
+    bench.table("worst ring / rms, per cent", ("sphere", "offset", "", *heads, "seen at"), cells)
     return bench.end()
 
 

@@ -1,10 +1,10 @@
-"""How often the press guard raises a flag where it should and where it should not, and what it costs.
+"""How often the press guard raises a flag where it should and where it should not.
 
     python -m benchmarks.press_guard --presses 100 --seed 1
 
 Each press draws a probe, a phantom and a force; a virtual probe with its own gain, stiffness, pattern and traced light
 presses. Faults are made on the light of the press by other means than the guard reads it with, at a random size: clear
-ones of 1.5 to 4 times the limit, slight ones of 0.1 to 0.67 times. A third table follows settling against the
+ones of 1.5 to 4 times the limit, slight ones of 0.1 to 0.67 times. A second table follows settling against the
 mechanics of a relaxing press, which knows nothing of the fit. Intervals are Wilson's, at 95 %.
 """
 
@@ -14,14 +14,10 @@ import sys
 from collections import defaultdict
 from dataclasses import dataclass
 from functools import partial
-from time import perf_counter
 from typing import TYPE_CHECKING
 
-import cv2
 import numpy as np
 from benchmarks.harness import Bench
-from rich.console import Console
-from rich.progress import track
 from scipy import ndimage
 from scipy.optimize import brentq
 from scipy.stats import binomtest, norm
@@ -32,6 +28,7 @@ from tsis.calibration.guard.reading import FrameShape, GuardReference
 from tsis.calibration.guard.watch import PressHistory, PressWatch, WatchState, check_press
 from tsis.calibration.lamps import ReferencePatch
 from tsis.calibration.settling import assess_history
+from tsis.cli.progress import progress_bar
 from tsis.instrument.camera import Frame
 from tsis.mechanics.small_strain.relaxation import relaxing_press, settling_time_s
 from tsis.model.image import TactileImage
@@ -39,7 +36,7 @@ from tsis.model.phantom import Relaxation
 from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -223,8 +220,7 @@ def rates(presses: int, seed: int) -> Iterable[tuple[str, str, str, str]]:
     clear: dict[str, list[bool]] = defaultdict(list)
     slight: dict[str, list[bool]] = defaultdict(list)
     innocent: dict[str, list[bool]] = defaultdict(list)
-    children = np.random.SeedSequence(seed).spawn(presses)
-    for number, child in enumerate(track(children, description="presses", console=Console(stderr=True))):
+    for number, child in enumerate(_each(presses, seed, "presses")):
         rng = np.random.default_rng(child)
         press = drawn_press(rng)
         names = raised(press, press.frame(press.light, rng))
@@ -239,6 +235,13 @@ def rates(presses: int, seed: int) -> Iterable[tuple[str, str, str, str]]:
         yield flag, shares(clear[flag]), shares(slight[flag]), shares(innocent[flag])
 
 
+def _each(presses: int, seed: int, what: str) -> Iterator[np.random.SeedSequence]:
+    with progress_bar(what) as progress:
+        for number, child in enumerate(np.random.SeedSequence(seed).spawn(presses)):
+            yield child
+            progress(number + 1, presses)
+
+
 def _factor(between: tuple[float, float], rng: np.random.Generator) -> float:
     return float(np.exp(rng.uniform(*np.log(between))))
 
@@ -248,9 +251,7 @@ def settling_rows(presses: int, seed: int) -> Iterable[tuple[str, str, str, str,
     probe, phantom = tsis.load_probe("tsis-2011"), tsis.load_phantom("plain")
     for noise in (1e-3, 3e-3, 1e-2):
         false, late, errors = [], [], []
-        for child in track(
-            np.random.SeedSequence(seed).spawn(presses), description=f"noise {noise:g}", console=Console(stderr=True)
-        ):
+        for child in _each(presses, seed, f"noise {noise:g}"):
             rng = np.random.default_rng(child)
             count = int(rng.integers(1, 4))
             given = rng.dirichlet(np.ones(count)) * rng.uniform(0.1, 0.6)
@@ -294,47 +295,9 @@ def _watched(time: Light, value: Light, settled_s: float) -> tuple[float | None,
     return None, halfway
 
 
-def cost_rows(seed: int) -> Iterable[tuple[str, str, str]]:
-    """Time of one step of the live guard beside what others do with one frame of 768 x 492 pixels."""
-    rng = np.random.default_rng(seed)
-    press = drawn_press(rng)
-    pixels = press.frame(press.light, rng).astype(np.uint8)
-    watch = PressWatch(FrameShape.of(press.image(press.light)), reference=press.reference)
-    state, steps = WatchState(), []
-    for number in range(300):
-        frame = Frame(pixels=pixels, sequence=number, time_s=number / RATE_HZ)
-        start = perf_counter()
-        _, state = watch.step(state, frame, 1.0)
-        steps.append(perf_counter() - start)
-    mean = _median_time(lambda: pixels.mean())
-    above = (pixels > 40).astype(np.uint8)
-    parts = _median_time(lambda: cv2.connectedComponentsWithStats(above))
-    blurred = _median_time(lambda: cv2.GaussianBlur(pixels.astype(np.float32), (0, 0), 2.0))
-    own = float(np.median(steps))
-    for name, seconds in (
-        ("press guard, all flags (median)", own),
-        ("press guard, slowest of a hundred", float(np.quantile(steps, 0.99))),
-        ("NumPy, mean of the frame", mean),
-        ("OpenCV, connected parts of the frame", parts),
-        ("OpenCV, Gaussian blur of two pixels", blurred),
-    ):
-        yield name, f"{1e3 * seconds:.2f} ms", f"{seconds / own:.2f}"
-
-
-def _median_time(call: Callable[[], object]) -> float:
-    call()
-    times = []
-    for _ in range(50):
-        start = perf_counter()
-        call()
-        times.append(perf_counter() - start)
-    return float(np.median(times))
-
-
 def main() -> int:
     """Measure and print."""
     bench = Bench(__doc__, presses=100, settling=100, seed=1)
-    cv2.setNumThreads(1)
     bench.table(
         "Share of presses in which a flag is raised (95 % interval)",
         ("flag", "fault of 1.5 to 4 limits", "fault of 0.1 to 0.67 limits", "no fault"),
@@ -345,7 +308,6 @@ def main() -> int:
         ("noise", "said too early", "later than true (median)", "error of the waiting time (median)", "stated"),
         settling_rows(bench.settling, bench.seed),
     )
-    bench.table("Time a frame", ("what", "time", "over the guard's"), cost_rows(bench.seed))
     return bench.end()
 
 
