@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import asyncio
 import re
 import tomllib
 from functools import cache
@@ -10,6 +11,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
+from nicegui import ui
 from tests.console.pages.open_page import RecordingViewer, on_a_page
 
 import tsis
@@ -58,10 +60,20 @@ def test_a_click_on_a_free_camera_takes_it_from_nobody() -> None:
 def test_who_answers_the_question_takes_it_over() -> None:
     async def requested(buttons: ControlButtons) -> None:
         await buttons._take_control()
-        await buttons._take_control()
-        assert buttons._dialog.value
-        assert buttons._question.text.startswith("Bob is using the camera")
-        await buttons._take_over()
+        client = buttons._viewer._client
+
+        async def clicked() -> None:
+            with client:
+                await buttons._take_control()
+
+        again = asyncio.create_task(clicked())
+        await asyncio.sleep(0)  # the question is asked now
+        (dialog,) = (item for item in client.elements.values() if isinstance(item, ui.dialog))
+        assert any(
+            str(getattr(item, "text", "")).startswith("Bob is using the camera") for item in dialog.descendants()
+        )
+        dialog.submit(True)
+        await again
 
     assert after(requested)[0] == "Ann"
 

@@ -179,7 +179,7 @@ class PageVisibility(Element, component="presence.js"):
         self.on("operator", lambda event: viewer.reported_operator(event.args))
 
 
-TAKE, RELEASE = "Take the camera", "Release the camera"
+TAKE, RELEASE, OVER = "Take the camera", "Release the camera", "Take over the camera?"
 UNTIL_CLOSED_MS = 0  # duration of a message that stays until it is closed
 
 
@@ -195,15 +195,6 @@ class ControlButtons:
         self._take = widgets.button(TAKE, self._take_control, look="flat dense")
         self._release = widgets.button(RELEASE, self._release_control, look="flat dense")
         self._release.set_visibility(False)
-        with (
-            ui.dialog().props('role="alertdialog" aria-label="Take over the camera?"') as self._dialog,
-            ui.element("div").classes("panel question"),
-        ):
-            widgets.panel_title("Take over the camera?")
-            self._question = ui.label()
-            with ui.element("div").classes("row"):
-                widgets.button("Take over", self._take_over, look="unelevated dense")
-                widgets.button("Cancel", self._dialog.close, look="outline dense")
 
     def show(self, now: InstrumentState) -> None:
         """Show the applicable button; notify when somebody else has taken the camera."""
@@ -231,19 +222,13 @@ class ControlButtons:
 
     async def _take_control(self) -> None:
         owner = self._instrument.control.owner()
-        if owner is None or owner.identity == self._viewer.identity:
-            await self._take_as(over=False)
-        else:
-            self._question.text = _question(owner)
-            self._dialog.open()
+        other = owner is not None and owner.identity != self._viewer.identity
+        if owner is None or not other or await widgets.is_confirmed(OVER, yes="Take over", why=_question(owner)):
+            await self._take_as(over=other)
 
     def _release_control(self) -> None:
         self._instrument.control.release(self._viewer.identity)
         self._released, self._in_control = True, False
-
-    async def _take_over(self) -> None:
-        self._dialog.close()
-        await self._take_as(over=True)
 
     async def _take_as(self, *, over: bool) -> None:
         """Take the camera; from another owner only after confirmation."""
