@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections import Counter, OrderedDict
+from collections import Counter
 from dataclasses import dataclass
-from functools import partial
-from threading import Lock
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,7 +31,7 @@ from tsis.present.page import address
 from tsis.present.study import study_page, targets_table
 from tsis.present.target import count_of
 from tsis.study.analysis import analyse
-from tsis.study.folder import MOST_TARGETS, printed_targets, random_targets, verify_study
+from tsis.study.folder import MOST_TARGETS, open_study, printed_targets, random_targets, verify_study
 from tsis.study.plan import TARGETS
 from tsis.study.readings import READING_COLUMNS, export_readings, import_table
 
@@ -50,8 +49,6 @@ if TYPE_CHECKING:
 
 
 MOST_RESULTS = 4
-_results: OrderedDict[tuple[Path, str], StudyResult] = OrderedDict()
-_lock = Lock()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,16 +106,15 @@ def view_study(repository: StudyRepository, name: str) -> StudyView:
 
 def study_result(study: Study) -> StudyResult:
     """Results of an unblinded study, cached until the log grows."""
-    key = (study.folder.resolve(), study.chain.head)
-    with _lock:
-        if key not in _results:
-            analysis = analyse(study)
-            page, drawn = study_page(analysis), any(device.curve is not None for device in analysis.devices)
-            curves = address(page.pictures[0]) if drawn else ""
-            _results[key] = StudyResult(page=page, curves=curves, targets=targets_table(analysis))
-            if len(_results) > MOST_RESULTS:
-                _results.popitem(last=False)
-        return _results[key]
+    return _result(study.folder.resolve(), study.chain.head)
+
+
+@lru_cache(MOST_RESULTS)
+def _result(folder: Path, head: str) -> StudyResult:  # another head, another log
+    analysis = analyse(open_study(folder))
+    page, drawn = study_page(analysis), any(device.curve is not None for device in analysis.devices)
+    curves = address(page.pictures[0]) if drawn else ""
+    return StudyResult(page=page, curves=curves, targets=targets_table(analysis))
 
 
 def who_field(viewer: Viewer, label: str) -> ui.input:
