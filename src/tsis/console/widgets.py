@@ -25,7 +25,7 @@ from tsis.present.target import time_text
 from tsis.records.values import ROLE_NAMES, StoredPress
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Awaitable, Callable, Iterable, Iterator, Mapping, Sequence
     from datetime import datetime
     from typing import Self
 
@@ -509,6 +509,58 @@ def file_field(viewer: Viewer, label: str, *, accept: str, act: Callable[..., ob
 
     field.on_upload(uploaded)
     return field
+
+
+class FilesField:
+    """Files that are dropped or chosen, of which ``folder`` keeps copies, beside a path on the console's computer.
+
+    ``opened`` is called with the place of each, and whether it is a copy; only the camera's owner may open a path.
+    """
+
+    def __init__(
+        self,
+        viewer: Viewer,
+        name: str,
+        path_label: str,
+        *,
+        accept: Iterable[str],
+        folder: Callable[[], Path],
+        opened: Callable[[Path, bool], Awaitable[None]],
+    ) -> None:
+        self._viewer, self._folder, self._opened = viewer, folder, opened
+        too_large = f"A file is larger than {LARGEST_MIB} MiB or has an unsupported format."
+        self.element = FileField(
+            label="Drop files here, or choose them",
+            multiple=True,
+            auto_upload=True,
+            max_file_size=LARGEST_MIB * 2**20,
+            on_upload=self.uploaded,
+            on_rejected=lambda: viewer.complain(too_large),
+        ).props("flat bordered")
+        self.element.props["accept"] = ",".join(accept)
+        self.element.name_parts(name)
+        explain(self.element, name)
+        with ui.element("div").classes("row") as self.row:
+            self._path = unit_field(path_label, keys="text").classes("path")
+            button("Open", self._open, icon="folder_open")
+
+    async def uploaded(self, event: UploadEventArguments) -> None:
+        """Open an uploaded file, which keeps its name without any folder."""
+        file = self._folder() / uploaded_name(event)
+        try:
+            await event.file.save(file)
+        except OSError as error:
+            self._viewer.complain(f"There is no space for a copy of {file.name}: {error.strerror or error}")
+            return
+        await self._opened(file, True)
+
+    async def _open(self) -> None:
+        if not self._viewer.commands:
+            self._viewer.complain(
+                "Only the user who controls the camera may open paths on its computer: drop the files here."
+            )
+        elif self._path.value:
+            await self._opened(Path(self._path.value).expanduser(), False)
 
 
 def set_class(element: Element, name: str, present: bool) -> None:

@@ -36,7 +36,7 @@ def test_own_images_are_opened_measured_and_saved(tmp_path: Path, monkeypatch: p
                     shutil.copy(mine / name, to)
 
                 event: Any = SimpleNamespace(file=SimpleNamespace(name=f"../{name}", save=save))
-                await page.uploaded(event)
+                await page.files.uploaded(event)
 
             for name in ("press.png", "broken.png"):
                 await upload(name)
@@ -75,7 +75,7 @@ def test_frames_of_a_demo_are_ordered_and_known_by_their_names_and_stay_on_other
         async def done(viewer: RecordingViewer) -> None:
             page = images.OwnImagesPage(instrument, viewer)
             for file in sorted(mine.iterdir(), reverse=True):
-                await page._open(file)
+                await page.open(file)
             assert [(row.name, row.role.value, row.force.value) for row in page.rows] == [
                 ("target-0.5N.png", "target", "0.5"),
                 ("target-1N.png", "target", "1"),

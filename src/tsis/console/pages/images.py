@@ -37,8 +37,6 @@ from tsis.records.values import ROLE_NAMES
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from nicegui.events import UploadEventArguments
-
     from tsis.console.services.instrument import Instrument
     from tsis.console.viewer import Viewer
     from tsis.imaging.contact import ImageFinding
@@ -112,22 +110,14 @@ class OwnImagesPage:
         self.rows: list[FrameRow] = []
         with widgets.panel("My images"):
             widgets.muted(SAYS.format(frames=MOST_OWN_FRAMES, most=widgets.LARGEST_MIB))
-            field = widgets.FileField(
-                label="Drop files here, or choose them",
-                multiple=True,
-                auto_upload=True,
-                max_file_size=widgets.LARGEST_MIB * 2**20,
-                on_upload=self.uploaded,
-                on_rejected=lambda: viewer.complain(
-                    f"A file is larger than {widgets.LARGEST_MIB} MiB or has an unsupported format."
-                ),
-            ).props("flat bordered")
-            field.props["accept"] = ",".join(OPENABLE)
-            field.name_parts("Choose images")
-            widgets.explain(field, "Choose images")
-            with ui.element("div").classes("row"):
-                self.path_field = widgets.unit_field("File or folder on the console's computer", "").classes("path")
-                widgets.button("Open", self.open_path, icon="folder_open")
+            self.files = widgets.FilesField(
+                viewer,
+                "Choose images",
+                "File or folder on the console's computer",
+                accept=OPENABLE,
+                folder=lambda: self._opened.folder,
+                opened=self.open,
+            )
             self._refused = widgets.message_list()
         with widgets.panel("Frames") as self._panel:
             with ui.element("div").classes("scroll"):
@@ -148,26 +138,8 @@ class OwnImagesPage:
         self._results = ui.element("section").classes("stack").props("role=status")
         self._show()
 
-    async def uploaded(self, event: UploadEventArguments) -> None:
-        """Open an uploaded file, which keeps its name without any folder."""
-        file = self._opened.folder / widgets.uploaded_name(event)
-        try:
-            await event.file.save(file)
-        except OSError as error:
-            self._viewer.complain(f"There is no space for a copy of {file.name}: {error.strerror or error}")
-            return
-        await self._open(file)
-
-    async def open_path(self) -> None:
-        """Open a file or folder of the console's machine; only for the owner of the camera."""
-        if not self._viewer.commands:
-            self._viewer.complain(
-                "Only the user who controls the camera may open paths on its computer: drop the files here."
-            )
-        elif self.path_field.value:
-            await self._open(Path(self.path_field.value).expanduser())
-
-    async def _open(self, path: Path) -> None:
+    async def open(self, path: Path, _: bool = False) -> None:
+        """Open a file or folder, and say what of it cannot be opened."""
         refused = await self._viewer.attempt(self._opened.open, [path])
         with self._refused:
             for message in refused or ():

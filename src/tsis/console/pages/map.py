@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -22,7 +21,7 @@ from tsis.present.lump_map import lump_balls, scan_picture, scan_summary
 from tsis.present.page import address
 
 if TYPE_CHECKING:
-    from nicegui.events import UploadEventArguments
+    from pathlib import Path
 
     from tsis.console.services.instrument import Instrument
     from tsis.console.services.jobs import Job
@@ -37,7 +36,7 @@ SAYS = (
     "Drop poses.csv (file, x_mm, y_mm) and the presses that it names, or one table of travel and force. They stay on "
     "the console's computer."
 )
-ENDINGS = ".csv,.txt,.tsv,.xlsx,.json,.png,.bmp,.tif,.tiff,.jpg,.jpeg"
+ENDINGS = (".csv", ".txt", ".tsv", ".xlsx", ".json", ".png", ".bmp", ".tif", ".tiff", ".jpg", ".jpeg")
 EVERY_S = 0.4  # between two readings of the job
 DEFAULT_PROBE = "tsis-2011"
 BACKGROUND, LUMP_COLOUR, PRESS_COLOUR, EDGE_COLOUR = "#f4f6f8", "#c62828", "#222222", "#607080"  # of the 3-D view
@@ -117,22 +116,15 @@ class MapPage:
 
     def _files(self) -> None:
         widgets.muted(SAYS)
-        self._upload = upload = widgets.FileField(
-            label="Drop files here, or choose them",
-            multiple=True,
-            auto_upload=True,
-            max_file_size=widgets.LARGEST_MIB * 2**20,
-            on_upload=self._uploaded,
-            on_rejected=lambda: self._viewer.complain(
-                f"A file is larger than {widgets.LARGEST_MIB} MiB or has an unsupported format."
-            ),
-        ).props("flat bordered")
-        upload.props["accept"] = ENDINGS
-        upload.name_parts("Choose the files of a scan")
-        widgets.explain(upload, "Choose the files of a scan")
-        with ui.element("div").classes("row"):
-            self._path = widgets.unit_field("Folder or table on the console's computer", keys="text").classes("path")
-            widgets.button("Open", self._open, icon="folder_open")
+        self._upload = widgets.FilesField(
+            self._viewer,
+            "Choose the files of a scan",
+            "Folder or table on the console's computer",
+            accept=ENDINGS,
+            folder=lambda: self._draft.opened.uploads,
+            opened=self._opened,
+        )
+        with self._upload.row:
             widgets.button("Use a simulated scan", self._simulate, icon="science")
             widgets.button("Close the scan", self._close, icon="close")
 
@@ -168,29 +160,16 @@ class MapPage:
         shown = widgets.unit_field(LABELS[name], texts[name], unit=unit).classes("long-label")
         shown.on_value_change(lambda event: texts.update({name: event.value or ""}))
 
-    async def _uploaded(self, event: UploadEventArguments) -> None:
-        opened = self._draft.opened
-        file = opened.uploads / (PurePosixPath(event.file.name.replace("\\", "/")).name or "unnamed")
-        try:
-            await event.file.save(file)
-        except OSError as error:
-            self._viewer.complain(f"There is no space for a copy of {file.name}: {error.strerror or error}")
-            return
-        opened.uploaded(file)
-        await self._read(quiet=True)  # the files of a scan arrive one by one
-
-    async def _open(self) -> None:
-        if not self._viewer.commands:
-            self._viewer.complain(
-                "Only the user who controls the camera may open paths on its computer: drop the files here."
-            )
-        elif self._path.value:
-            self._draft.opened.open(Path(self._path.value).expanduser())
-            await self._read()
+    async def _opened(self, path: Path, uploaded: bool) -> None:
+        if uploaded:
+            self._draft.opened.uploaded(path)
+        else:
+            self._draft.opened.open(path)
+        await self._read(quiet=uploaded)  # the files of a scan arrive one by one
 
     def _close(self) -> None:
         self._draft.opened.clear()
-        self._upload.reset()
+        self._upload.element.reset()
         self._summary.clear()
         with self._summary:
             widgets.muted("No scan is open.")
