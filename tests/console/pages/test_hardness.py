@@ -44,7 +44,7 @@ def test_without_camera_or_calibration_it_says_what_to_do_first(lit: Instrument,
     write_calibration(pressed()[1], file)
 
     async def script(operator: Operator) -> None:
-        await operator.sees("Next: start the camera, on the page Examine; it is stopped.", "The camera is stopped.")
+        await operator.sees("Next: start the camera; it is stopped.", "The camera is stopped.")
         assert not operator.enabled("Estimate")
         lit.start(by=lit.control.owner().identity)  # type: ignore[union-attr]
         await operator.sees("Next: activate a calibration, on the page Camera; there is none")
@@ -113,7 +113,7 @@ def test_the_virtual_probe_has_no_object_until_one_lies_under_it(lit: Instrument
     async def script(operator: Operator) -> None:
         await operator.sees("Next: place an object under the virtual probe.", "Virtual sphere")
         assert not operator.enabled("Estimate")
-        assert operator.named("Press and save") == []
+        assert operator.named("Snapshot") == []
 
     at_console(lit, script, "/hardness")
 
@@ -147,10 +147,17 @@ def pressed_ball(store: Store, number: int, forces: dict[str, tuple[float, ...]]
 
 
 def state(
-    choice: CameraChoice, *, running: bool = True, lost: bool = False, calibration: str = "c", busy: str = ""
+    choice: CameraChoice,
+    *,
+    running: bool = True,
+    lost: bool = False,
+    calibration: str = "c",
+    busy: str = "",
+    role: str = "target",
 ) -> Any:
     camera = SimpleNamespace(choice=choice, running=running, lost=lost)
-    return SimpleNamespace(camera=camera, calibration=calibration, calibration_identity=calibration, busy=busy)
+    identity = {"calibration": calibration, "calibration_identity": calibration}
+    return SimpleNamespace(camera=camera, **identity, busy=busy, role=role)
 
 
 def test_of_each_force_the_newest_press_counts(store: Store) -> None:
@@ -199,7 +206,7 @@ def test_what_stands_in_the_way_is_named() -> None:
     assert inactive.startswith("activate a calibration")  # before the first press, as the banner says
     assert missing_text(state(real), scaled=True, responds=True) == ()
     (stopped,) = missing_text(state(real, running=False), scaled=True, responds=True)
-    assert stopped == "start the camera, on the page Examine; it is stopped."
+    assert stopped == "start the camera; it is stopped."
     (starts,) = missing_text(state(real, running=False, busy="starting the camera"), scaled=True, responds=True)
     assert starts == "wait; the console is starting the camera."
     (away,) = missing_text(state(real, lost=True), scaled=True, responds=True)
@@ -210,9 +217,12 @@ def test_what_stands_in_the_way_is_named() -> None:
     assert deaf == "choose another calibration; 'c' lacks the response to pressure."
     (blind,) = missing_text(state(real), scaled=False, responds=True)
     assert blind == "choose another calibration; 'c' lacks the size of a pixel."
+    (other,) = missing_text(state(real, role="plain"), scaled=True, responds=True)
+    assert other == "choose what is pressed, the target or a ball; now it is “reference (no inclusion)”."
+    assert missing_text(state(real, role="ball"), scaled=True, responds=True) == ()
 
 
-START = "Next: start the camera, on the page Examine; it is stopped."
+START = "Next: start the camera; it is stopped."
 
 
 def test_a_target_that_was_not_read_is_said_to_be_read(tmp_path: Path) -> None:

@@ -13,13 +13,14 @@ from nicegui.element import Element
 
 from tsis.__about__ import LARGEST_TARGET
 from tsis.console import widgets
+from tsis.console.live.hub import FIRST_MAP
 from tsis.console.live.panel import FramePanel
 from tsis.console.live.press_curve import PressCurve
 from tsis.console.live.view import LiveView, SurfaceView
 from tsis.console.messages import FORCE, field_messages, plain_message
 from tsis.console.pages.records import ReportButton, flag_text
 from tsis.console.services.captures import MOST_SEQUENCE_FRAMES
-from tsis.console.services.choice import CameraChoice
+from tsis.console.services.choice import PLAIN, CameraChoice
 from tsis.console.services.jobs import FAILED, tissue_title
 from tsis.console.services.memory import LIGHT_N
 from tsis.errors import TsisError
@@ -49,6 +50,8 @@ if TYPE_CHECKING:
     from tsis.present.page import Picture
     from tsis.records.store import Store
     from tsis.records.values import StoredEstimate, StoredPress, Target
+
+    Act = Callable[[], Awaitable[object]]
 
 
 STEPS = 200  # of a slider
@@ -189,9 +192,6 @@ def drawn(estimate: Estimate) -> tuple[tuple[Picture, str], ...]:
     return tuple((picture, address(picture)) for picture in estimate_pictures(estimate))
 
 
-REFERENCES = ("plain", "ball")  # roles of reference presses: of tissue, and of spheres
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WorkStep:
     """A step of the work on a target: its name, whether it is done, what to do, and the page where it is done."""
@@ -207,10 +207,8 @@ class WorkStep:
 def work_steps(state: InstrumentState, saved: SavedTarget) -> tuple[WorkStep, ...]:
     """The order of work on the present target, with what is done."""
     camera, sphere = state.camera, state.camera.choice.is_sphere
-    reference = next(role for role in state.roles if role in REFERENCES)
     begun = [] if not saved.presses else [item.made for item in saved.estimates if item.made >= saved.presses[0].taken]
-    ready = {reference, "target"} <= saved.roles
-    return (
+    steps = (
         WorkStep(
             name="camera",
             title="Camera",
@@ -228,12 +226,10 @@ def work_steps(state: InstrumentState, saved: SavedTarget) -> tuple[WorkStep, ..
         WorkStep(name="target", title=f"Target {state.target}", done=True, cure=""),
         WorkStep(
             name="reference",
-            title="Press on the ball" if sphere else "Reference press",
-            done=reference in saved.roles,
-            cure="Press the ball of known radius, and save a snapshot."
-            if sphere
-            else "Press tissue without an inclusion, and save a snapshot.",
-            role=reference,
+            title="Reference press",
+            done=PLAIN in saved.roles,
+            cure="Press tissue without an inclusion, and save a snapshot.",
+            role=PLAIN,
         ),
         WorkStep(
             name="presses",
@@ -245,7 +241,7 @@ def work_steps(state: InstrumentState, saved: SavedTarget) -> tuple[WorkStep, ..
         WorkStep(
             name="estimate",
             title="Hardness" if sphere else "Estimate",
-            done=ready and bool(begun),
+            done=bool(begun) and {"target", "target" if sphere else PLAIN} <= saved.roles,
             cure="Measure the hardness." if sphere else "Estimate, or save more presses first.",
             address="/hardness" if sphere else "",
         ),
@@ -256,6 +252,7 @@ def work_steps(state: InstrumentState, saved: SavedTarget) -> tuple[WorkStep, ..
             cure="Save the report.",
         ),
     )
+    return tuple(step for step in steps if not sphere or step.name != "reference")  # a ball is for soft probes alone
 
 
 def next_step(steps: Sequence[WorkStep]) -> WorkStep:
@@ -290,9 +287,7 @@ class WorkOrder:
                 self._cure = widgets.status()
                 self._choose = widgets.button("Switch to the target", self._choose_role, look="unelevated dense")
                 self._choose.set_visibility(False)
-                self._take = widgets.button("Take the presses", self._take_presses, look="unelevated dense")
-                with self._take:
-                    ui.tooltip("The virtual probe presses target and reference with two forces, and saves each press.")
+                self._take = TakeButton(instrument, viewer).element
                 controls.add(self._choose, self._take)
 
     def saved(self, saved: SavedTarget) -> None:
@@ -318,7 +313,7 @@ class WorkOrder:
         self._choose.text = "Switch to the target" if self._role == "target" else "Switch to the reference"
         self._cure.text = f"Next: {step.cure}"
         choice = state.camera.choice
-        by_itself = choice.is_virtual and not choice.is_sphere and bool(step.role) and not first
+        by_itself = choice.is_virtual and bool(step.role) and not first
         self._take.set_visibility(by_itself)
         self._choose.set_visibility(bool(self._role) and not by_itself)
         self.main = "first" if first else "take" if by_itself else "role" if self._role else step.name
@@ -344,15 +339,24 @@ class WorkOrder:
             self._instrument.choose(CameraChoice(), by=self._viewer.identity)
         self._instrument.start(by=self._viewer.identity)
 
-    async def _take_presses(self) -> None:
-        with widgets.loading(self._take):
-            saved = await self._viewer.attempt(self._instrument.take_presses, by=self._viewer.identity)
-        if saved:
-            self._viewer.notify(f"Saved {widgets.count_text(len(saved), 'press')} of target {saved[0].target.number}.")
-
     async def _choose_role(self) -> None:
         role = self._role
         await self._viewer.attempt(lambda: self._instrument.hold(role=role, by=self._viewer.identity))
+
+
+class TakeButton:
+    """Has the virtual probe make all presses of a target."""
+
+    def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
+        self._instrument, self._viewer = instrument, viewer
+        self.element = widgets.button("Take the presses", self._take, look="unelevated dense")
+        self.element.tooltip("The virtual probe presses target and reference with two forces, and saves each press.")
+
+    async def _take(self) -> None:
+        with widgets.loading(self.element):
+            saved = await self._viewer.attempt(self._instrument.take_presses, by=self._viewer.identity)
+        if saved:
+            self._viewer.notify(f"Saved {widgets.count_text(len(saved), 'press')} of target {saved[0].target.number}.")
 
 
 def _step_item(step: WorkStep, *, here: bool) -> None:
@@ -621,16 +625,31 @@ class Keys(Element, component="keys.js"):
             on(event, act)
 
 
+def act_on_keys(live: LivePanel, press: PressPanel, estimate: Act, report: Act) -> None:
+    """Have the page's keys act on its live image, its press, its estimate and its report."""
+    acts: dict[str, Callable[..., Awaitable[object]]] = {
+        "snapshot": press.snapshot,
+        "step": press.step,
+        "role": press.choose_role,
+        "run": press.run.click,
+        "estimate": estimate,
+        "report": report,
+    }
+    Keys(alone=live.single, force=press.force.element, acts=acts)
+
+
 MEASURE_EVERY_S = 0.3  # the newest frame
 
 
 class LivePanel:
     """The live image with its tools, beside it a relief on request."""
 
-    def __init__(self, instrument: Instrument) -> None:
+    def __init__(self, instrument: Instrument, *, map_name: str = FIRST_MAP) -> None:
         self._surface: SurfaceView | None = None
         with ui.element("div").classes("panel live-panel") as self.single:
-            self.frames = FramePanel(lambda map_name: LiveView(map_name=map_name), instrument.newest_image, self._shown)
+            self.frames = FramePanel(
+                lambda name: LiveView(map_name=name), instrument.newest_image, self._shown, map_name=map_name
+            )
             self.view = self.frames.view
             with self.frames.switches:
                 ui.switch("Freeze", value=False, on_change=lambda event: self.view.freeze(bool(event.value)))
@@ -704,18 +723,7 @@ def examine_page(instrument: Instrument, viewer: Viewer) -> None:
                         settings = SettingsPanel(instrument, viewer, controls)
                     with ui.tab_panel(recorded):
                         sequence = SequencePanel(instrument, viewer, controls)
-    Keys(
-        alone=live.single,
-        force=press.force.element,
-        acts={
-            "snapshot": press.snapshot,
-            "step": press.step,
-            "role": press.choose_role,
-            "run": press.run.click,
-            "estimate": estimate.estimate,
-            "report": estimate.report,
-        },
-    )
+    act_on_keys(live, press, estimate.estimate, estimate.report)
 
     def show(state: InstrumentState) -> None:
         nonlocal latest
@@ -762,9 +770,10 @@ class PressPanel:
             )
         controls.add(self.run.element, self._save, back, on, self._target.element, choice, self.force.element)
 
-    def show(self, state: InstrumentState, *, main: str) -> None:
-        """Show the instrument's press; ``main`` as of `WorkOrder`."""
+    def show(self, state: InstrumentState, *, main: str, possible: bool = True) -> None:
+        """Show the instrument's press; ``main`` as of `WorkOrder`; whether it is ``possible`` to save one."""
         self.run.show(state.camera, main=main == "camera")
+        self._save.set_visibility(possible)
         widgets.set_filled(self._save, main in TO_PRESS)
         self._target.show(state.target)
         self._role.show(state.role, {role: ROLE_NAMES[role] for role in state.roles})
@@ -772,6 +781,8 @@ class PressPanel:
 
     async def snapshot(self) -> None:
         """Save the press, after a force that was just typed and the snapshots that were asked for before."""
+        if not self._save.visible:  # the page says what comes first
+            return
         async with self._saving:
             await self.force.taken()
             press: SavedPress | None = await self._viewer.attempt(self._instrument.snapshot, by=self._viewer.identity)

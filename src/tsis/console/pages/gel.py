@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from nicegui import ui
@@ -10,8 +9,8 @@ from nicegui import ui
 from tsis.catalog.probes import list_probes
 from tsis.catalog.sensors import list_sensors
 from tsis.console import widgets
-from tsis.console.live.view import LiveView
 from tsis.console.pages.camera import choose_and_start
+from tsis.console.pages.examine import MEASURE_EVERY_S, LivePanel
 from tsis.console.services.choice import CameraChoice
 from tsis.imaging.gel_contact import REASONS
 from tsis.virtual.camera import GEL_PRESS_SETTING, GEL_PRESSES, virtual_gel_sensor
@@ -34,17 +33,16 @@ class GelPage:
         self._instrument, self._viewer, self._gel = instrument, viewer, instrument.gel
         self._controls = widgets.OperatorControls(viewer)
         with ui.element("div").classes("split camera-columns"):
-            with ui.element("section").classes("panel stack"):
-                with ui.element("div").classes("row"):
+            with ui.element("section").classes("stack"):
+                with ui.element("div").classes("panel row"):
                     self._run = widgets.RunButton(instrument, viewer)
                     self._virtual = widgets.button("Use a virtual sensor", self.use_virtual)
                     press = widgets.select_field({UNTOUCHED: "untouched"}, value=UNTOUCHED, label="Virtual press")
                     self._press = widgets.ChoiceField(viewer, press, self._pressed)
                     ui.element("div").classes("spring")
                     ui.link("Another camera", "/camera")
-                self.view = LiveView(map_name="grey")
-                self._camera = ui.label().classes("muted camera-line")
                 self._controls.why()
+                self._live = LivePanel(instrument, map_name="grey")
             with ui.element("div").classes("stack"):
                 with widgets.panel("Contact", style="panel stack tight"):
                     self._message = ui.label().props("role=status")
@@ -60,14 +58,13 @@ class GelPage:
                     ]
         self._controls.add(self._run.element, self._virtual, take, press, sensor, *files)
         viewer.follow(self.show)
+        viewer.every(MEASURE_EVERY_S, self._live.frames.tools.refresh)
 
     def show(self, state: InstrumentState) -> None:
         """Show the instrument's state and the reading of the newest frame."""
         setup, camera = self._gel.setup, state.camera
-        scale = None if setup.sensor is None or not camera.rows else setup.sensor.scale_of(camera.columns, camera.rows)
-        self.view.update_state(replace(state, camera=replace(camera, mm_per_pixel=scale)))
+        self._live.show(state)
         self._run.show(camera)
-        self._camera.text = widgets.camera_line(state)
         self._press.element.set_visibility(bool(virtual_gel_sensor(camera.choice.spec)) and camera.running)
         place = next((item.value for item in camera.settings if item.name == GEL_PRESS_SETTING), 0.0)
         presses = {str(number): f"press {number}" for number in range(1, GEL_PRESSES + 1)}

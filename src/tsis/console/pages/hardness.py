@@ -11,10 +11,17 @@ from tsis.calibration.frames import apply_calibration
 from tsis.catalog.phantoms import list_spheres
 from tsis.catalog.probes import load_probe
 from tsis.console import widgets
-from tsis.console.live.view import LiveView
 from tsis.console.messages import with_field_labels
-from tsis.console.pages.examine import snapshot_text
-from tsis.console.pages.records import flag_text
+from tsis.console.pages.examine import (
+    MEASURE_EVERY_S,
+    FlagList,
+    ForceRow,
+    LivePanel,
+    PressPanel,
+    TakeButton,
+    act_on_keys,
+)
+from tsis.console.pages.records import ReportButton, flag_text
 from tsis.console.services.choice import BALL_MM, CameraChoice
 from tsis.console.services.instrument import newest_presses
 from tsis.console.services.jobs import FAILED
@@ -24,9 +31,9 @@ from tsis.hardness.table import build_contact_table
 from tsis.model.require import require_number
 from tsis.present.hardness import hardness_page
 from tsis.records.importing import target_by_number
+from tsis.records.values import ROLE_NAMES
 
 if TYPE_CHECKING:
-    from tsis.console.services.captures import SavedPress
     from tsis.console.services.instrument import Instrument
     from tsis.console.services.jobs import Job, JobState
     from tsis.console.services.state import InstrumentState
@@ -37,6 +44,7 @@ if TYPE_CHECKING:
 
 
 HARDNESS, TARGET, BALL = "hardness", "target", "ball"
+PLACE = "place an object under the virtual probe."
 PRESSES = 2  # at different forces, of which the second tests the first
 
 
@@ -82,8 +90,8 @@ def missing_text(state: InstrumentState, *, scaled: bool, responds: bool) -> tup
     """
     camera = state.camera
     if camera.choice.is_virtual and not (camera.choice.is_sphere and camera.running):
-        return ("place an object under the virtual probe.",)
-    stopped = "start the camera, on the page Examine; it is stopped."
+        return (PLACE,)
+    stopped = "start the camera; it is stopped."
     results = [] if camera.running else [f"wait; the console is {state.busy}." if state.busy else stopped]
     if camera.running and camera.lost:
         results.append("wait until the camera is back; it is away.")
@@ -92,6 +100,8 @@ def missing_text(state: InstrumentState, *, scaled: bool, responds: bool) -> tup
     elif not responds or not (scaled or camera.choice.is_virtual):  # whose scale is known
         lacking = "size of a pixel" if responds else "response to pressure"
         results.append(f"choose another calibration; {state.calibration!r} lacks the {lacking}.")
+    if state.role not in (TARGET, BALL):
+        results.append(f"choose what is pressed, the target or a ball; now it is “{ROLE_NAMES[state.role]}”.")
     return tuple(results)
 
 
@@ -213,6 +223,10 @@ class ObjectPart:
         else:
             self._message.text = ""
 
+    def show_next(self, placing: bool) -> None:
+        """Say whether placing an object is the next step."""
+        widgets.set_filled(self._lay, placing)
+
     def radius(self) -> dict[str, float]:
         """The typed options of an estimate; `InputError` when they cannot be of an object under this probe."""
         radius_text, sd_text = ((each.value or "").strip() for each in (self.radius_field, self.sd_field))
@@ -258,81 +272,30 @@ class ObjectPart:
         self._instrument.set_target(number, by=self._viewer.identity)
 
 
-FORCES_N = ("0.7", "1.2")  # that are offered
+class PressList:
+    """The presses of the next estimate, and the radius of the ball, which shows how much the probe itself yields."""
 
+    def __init__(self) -> None:
+        self._list = widgets.Redrawn(ui.element("ol").classes("hardness-presses"))
+        self._none = widgets.muted(f"None yet; {PRESSES} at different forces are best.")
+        with ui.element("div").classes("row") as self._ball:
+            radius = widgets.number_text_of_field(BALL_MM)
+            self.ball_mm = widgets.unit_field("Radius of the ball", radius, unit="mm").classes("hardness-number")
+            widgets.muted("A rigid ball shows how much the probe itself yields.")
 
-class PressPart:
-    """Takes presses and shows the saved ones."""
-
-    def __init__(self, instrument: Instrument, viewer: Viewer, controls: widgets.OperatorControls) -> None:
-        self._instrument, self._viewer = instrument, viewer
-        self._gauge = False
-        self._offered = FORCES_N[0]
-        with ui.element("div").classes("panel stack tight"):
-            widgets.panel_title("2  Presses")
-            self._list = widgets.Redrawn(ui.element("ol").classes("hardness-presses"))
-            self._none = widgets.muted(f"None yet; {PRESSES} at different forces are best.")
-            with ui.element("div").classes("row") as self._row:
-                self._force = widgets.unit_field("Force", FORCES_N[0], unit="N").classes("hardness-number")
-                self._press = controls.add(
-                    widgets.button("Press and save", lambda: self._save(TARGET), icon="photo_camera", look="unelevated")
-                )
-            self._extra = ui.expansion("Rigid ball, for a soft probe").props("dense").classes("hardness-ball")
-            with self._extra:
-                widgets.muted("A rigid ball shows how much the probe itself yields.")
-                with ui.element("div").classes("row"):
-                    self.ball_mm = widgets.unit_field(
-                        "Radius of the ball", widgets.number_text_of_field(BALL_MM), unit="mm"
-                    )
-                    self._ball_force = widgets.unit_field("Force on the ball", FORCES_N[0], unit="N")
-                    for field in (self.ball_mm, self._ball_force):
-                        field.classes("hardness-number")
-                    self._ball = controls.add(widgets.button("Press the ball and save", lambda: self._save(BALL)))
-
-    def show(self, state: InstrumentState) -> None:
-        """Ask for forces where there is no gauge."""
-        force = None if state.frame_analysis is None else state.frame_analysis.force
-        self._gauge = force is not None and force.source == "gauge"
-        self._force.set_visibility(not self._gauge)
-        self._ball_force.set_visibility(not self._gauge)
-
-    def show_presses(self, saved: SavedPresses) -> None:
-        """Show the presses of the next estimate, and offer the next force."""
+    def show(self, saved: SavedPresses, role: str) -> None:
+        """Show the presses; the radius where a ball is or was pressed."""
+        self._ball.set_visibility(role == BALL or any(press.role == BALL for press in saved.presses))
         lines = tuple(press_text(press) for press in saved.presses)
         if self._list.changes_to(lines):
             self._none.set_visibility(not lines)
             with self._list.element:
                 for line in lines:
                     widgets.list_message(line)
-        offered = FORCES_N[min(len(saved.on_object), 1)]
-        if self._force.value == self._offered != offered:
-            self._force.set_value(offered)
-        self._offered = offered
-
-    def allow(self, possible: bool) -> None:
-        """Show whether a press can be saved now."""
-        for part in (self._row, self._extra):
-            part.set_visibility(possible)
 
     def ball_radius(self) -> float:
         """The typed radius in mm; `InputError` when it is no number."""
         return widgets.typed_number("reference_radius_mm", self.ball_mm.value)
-
-    async def _save(self, role: str) -> None:
-        button, field = (self._press, self._force) if role == TARGET else (self._ball, self._ball_force)
-        with widgets.loading(button):
-            press: SavedPress | None = await widgets.submit(
-                self._viewer, {"force_n": field}, self._pressed, role, field.value
-            )
-        if press is not None:
-            self._viewer.notify(snapshot_text(press))
-
-    def _pressed(self, role: str, text: str | None) -> SavedPress:
-        force_n = None if self._gauge else widgets.typed_number("force_n", text)
-        state = self._instrument.state()
-        if (state.role, state.force_n) != (role, force_n):
-            self._instrument.hold(role=role, force_n=force_n, by=self._viewer.identity)
-        return self._instrument.snapshot(by=self._viewer.identity)
 
 
 def press_text(press: StoredPress) -> str:
@@ -352,19 +315,21 @@ LABELS = {
 class Estimating:
     """Begins the estimate, with the typed radii."""
 
-    def __init__(self, instrument: Instrument, viewer: Viewer, measured: ObjectPart, presses: PressPart) -> None:
+    def __init__(self, instrument: Instrument, viewer: Viewer, measured: ObjectPart, presses: PressList) -> None:
         self._instrument, self._viewer, self._object, self._presses = instrument, viewer, measured, presses
         with ui.element("div").classes("panel stack tight"):
             with widgets.title_row("3  Estimate"):
-                self._button = widgets.button("Estimate", self._begin, icon="analytics", look="unelevated")
+                self.report = ReportButton(viewer)
+                self._button = widgets.button("Estimate", self.begin, icon="analytics", look="unelevated")
             self._bar = widgets.ProgressBar("Progress of the estimate")
             self._message = widgets.status()
 
-    def show(self, job: JobState | None, *, enough: bool, two: bool) -> None:
-        """Show whether it can begin, and how far it is."""
+    def show(self, job: JobState | None, *, enough: bool, two: bool, filled: bool) -> None:
+        """Show whether it can begin, whether it is the next step, and how far it is."""
         running = job is not None and job.running
         failed = job is not None and job.status == FAILED
         self._button.set_enabled(enough and not running)
+        widgets.set_filled(self._button, filled)
         self._bar.show(job)
         if running:
             text = "The contact of a probe that was never used before is solved once, which takes some minutes."
@@ -375,7 +340,9 @@ class Estimating:
         self._message.text = text
         widgets.set_class(self._message, "doubtful", failed)
 
-    async def _begin(self) -> None:
+    async def begin(self) -> None:
+        """Estimate the hardness of the present object."""
+
         def begin() -> Job:
             number = self._instrument.state().target
             presses = saved_presses(self._instrument.store, number).presses
@@ -402,29 +369,34 @@ class HardnessPage:
         self._mark: object = None
         self._trouble = ""
         self._controls = widgets.OperatorControls(viewer)
-        with ui.element("div").classes("split hardness"):
-            with ui.element("section").classes("panel").props('aria-label="Live image"'):
-                self._live = LiveView()
-                self._analysis = widgets.muted()
+        with ui.element("div").classes("panel hardness-next"):
+            self._next = ui.label().classes("strong").props("role=status")
+            self._controls.why()
+        with ui.element("div").classes("split examine hardness"):
+            with ui.element("section").classes("stack").props('aria-label="Live image"'):
+                self._live = LivePanel(instrument)
             with ui.element("section").classes("stack").props('aria-label="Steps"'):
-                with ui.element("div").classes("panel hardness-next"):
-                    self._next = ui.label().classes("strong").props("role=status")
-                    self._controls.why()
                 self._object = ObjectPart(instrument, viewer, self._controls)
-                self._presses = PressPart(instrument, viewer, self._controls)
+                with ui.element("div").classes("panel stack tight"):
+                    with widgets.title_row("2  Presses"):
+                        self._take = TakeButton(instrument, viewer)
+                        self._controls.add(self._take.element)
+                    self._press = PressPanel(instrument, viewer, self._controls)
+                    with self._press.force_row:
+                        self._force = ForceRow()
+                    self._flags = FlagList()
+                    self._presses = PressList()
                 self._estimating = Estimating(instrument, viewer, self._object, self._presses)
         self._result = HardnessPanel(viewer)
+        act_on_keys(self._live, self._press, self._estimating.begin, self._estimating.report.save)
         viewer.every(EVERY_S, self._refresh)
+        viewer.every(MEASURE_EVERY_S, self._live.frames.tools.refresh)
         viewer.follow(self._show)
 
     def _show(self, state: InstrumentState) -> None:
         self._state = state
-        self._live.update_state(state)
-        analysis = state.frame_analysis
-        self._analysis.text = "" if analysis is None else "; ".join(flag.advice for flag in analysis.flags)
-        widgets.set_class(self._analysis, "doubtful", analysis is not None and bool(analysis.flags))
-        self._controls.show(state)
-        self._presses.show(state)
+        for part in (self._live, self._controls, self._force, self._flags):
+            part.show(state)
         self._notify(state)
 
     async def _refresh(self) -> None:
@@ -454,7 +426,7 @@ class HardnessPage:
         read = self._results.number == state.target
         result = self._results if read else SavedPresses(number=state.target)
         self._object.show(state, result)
-        self._presses.show_presses(result)
+        self._presses.show(result, state.role)
         active = state.active
         missing = missing_text(
             state,
@@ -465,5 +437,10 @@ class HardnessPage:
         running = job is not None and job.running
         text = next_step_text(result, missing, estimating=running) if read else f"Target {state.target} is being read."
         self._next.text = self._trouble or text
-        self._presses.allow(not missing)
-        self._estimating.show(job, enough=len(result.on_object) >= 1, two=len(result.on_object) >= PRESSES)
+        enough, pressing = len(result.on_object) >= PRESSES, not missing and len(result.on_object) < PRESSES
+        self._press.show(state, main="presses" if pressing else "camera", possible=not missing)
+        self._take.element.set_visibility(not missing and state.camera.choice.is_virtual)
+        self._object.show_next(missing == (PLACE,))
+        widgets.set_filled(self._take.element, pressing)
+        self._estimating.report.show(result.number if result.estimate is not None else None)
+        self._estimating.show(job, enough=bool(result.on_object), two=enough, filled=enough and not result.is_current)

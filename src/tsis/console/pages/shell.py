@@ -268,7 +268,7 @@ class Help:
         with widgets.open_dialog(self._client.layout, title, style="dialog-card help") as self._open:
             for text in page["text"]:
                 ui.label(text)
-            keys = [(item.cap, item.does) for item in SHORTCUTS] if address == "/" else []
+            keys = [(item.cap, item.does) for item in SHORTCUTS] if address in ("/", "/hardness") else []
             for heading, facts in (
                 ("Keys", [(key, does) for key, does in (*keys, *KEYS_OF_ALL)]),
                 ("Fields", fields),

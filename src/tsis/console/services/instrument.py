@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -69,7 +69,7 @@ if TYPE_CHECKING:
     from tsis.records.values import StoredEstimate, StoredPress, Target, TargetRecord
 
 
-FIRST_FORCES_N = (0.5, 1.0)
+FIRST_FORCES_N, SPHERE_FORCES_N = (0.5, 1.0), (0.7, 1.2)
 NO_PRESS = "target {} must have a press on the target to be estimated; it has none (press it, save a snapshot)"
 
 
@@ -301,6 +301,8 @@ class Instrument:
         """The state that pages show; it never waits for the camera or a command."""
         active, gauge, sequence = self._active.now(), self._gauge, self._commands.sequence
         calibration, camera = active.calibration, camera_state(self.camera_controller, active.scale)
+        if camera.rows and (sensor := self.gel.setup.sensor) is not None:  # whose own scale holds then
+            camera = replace(camera, mm_per_pixel=sensor.scale_of(camera.columns, camera.rows))
         return InstrumentState(
             camera=camera,
             target=self._target,
@@ -437,18 +439,18 @@ class Instrument:
             )
 
     def take_presses(self, *, by: str) -> tuple[SavedPress, ...]:
-        """Have the virtual probe press target and reference, each with two forces, and save every press.
+        """Have the virtual probe press target and reference, a sphere alone, with two forces, and save every press.
 
         The forces are those of the target's tissue where it was read. Raises as `hold` and `snapshot`, and
         `ControlError` for another camera.
         """
         choice = self.camera_controller.choice
-        if not choice.is_virtual or choice.is_sphere:
-            raise ControlError("only the virtual probe presses tissue by itself; press it, and save a snapshot")
+        if not choice.is_virtual:
+            raise ControlError("only the virtual probe presses by itself; press the target, and save a snapshot")
         tissue = self._tissues.of(self._target)
-        forces_n = FIRST_FORCES_N if tissue is None else tissue.forces_n
+        forces_n = SPHERE_FORCES_N if choice.is_sphere else FIRST_FORCES_N if tissue is None else tissue.forces_n
         saved = []
-        for role in (TARGET, PLAIN):
+        for role in (TARGET,) if choice.is_sphere else (TARGET, PLAIN):
             for force_n in forces_n:
                 self.hold(role=role, force_n=force_n, by=by)
                 saved.append(self.snapshot(by=by))
