@@ -150,10 +150,8 @@ class MapPage:
         )
         with ui.element("div").classes("row"):
             self._start = widgets.button("Map the lumps", self._started, icon="scatter_plot", look="unelevated")
-            self._end = widgets.button("Cancel", self._cancelled)
             self._follow = ui.switch("Update the map as a press arrives", value=True)
-        self._bar = widgets.ProgressBar("Progress of the map")
-        self._message = ui.label().props('role="status"')
+        self._job = widgets.JobLine("Progress of the map", self._cancelled)
 
     def _typed(self, name: str, unit: str) -> None:
         texts = self._draft.texts
@@ -255,10 +253,8 @@ class MapPage:
     def _refresh(self) -> None:
         job = self._draft.job
         state = None if job is None else job.state()
-        running = state is not None and state.running
+        running = self._job.show(state, "Mapping: the first map of a probe takes a minute longer.")
         self._start.set_enabled(not running)
-        self._end.set_visibility(running)
-        self._bar.show(state)
         if job is None or state is None:
             return
         draft = self._draft
@@ -268,11 +264,8 @@ class MapPage:
                 draft.mapped = version  # a press arrived, or was taken out
                 ui.timer(0.0, lambda: self._begin(draft.newest), once=True)
                 return
-        if running:
-            self._message.text = "Mapping: the first map of a probe takes a minute longer."
-        elif job is not self._shown:
+        if not running and job is not self._shown:
             self._shown = job
-            self._message.text = state.sentence
             if state.status == DONE and job.result is not None:
                 draft.newest = job.result.found
                 self._show(job.result)
