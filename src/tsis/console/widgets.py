@@ -284,7 +284,7 @@ def unit_field(label: str, value: str = "", *, about: str = "", unit: str = "", 
 
     ``keys`` are those of a telephone: ``"decimal"``, ``"numeric"`` or ``"text"``.
     """
-    field = ui.input(label, value=value).props("dense outlined hide-bottom-space autocomplete=off")
+    field = ui.input(label or None, value=value).props("dense outlined hide-bottom-space autocomplete=off")
     field.props["inputmode"] = keys
     if unit:
         with field.add_slot("append"):
@@ -706,6 +706,13 @@ def list_message(message: str, style: str = "") -> None:
         ui.label(on_pages(message)).classes(style)
 
 
+def scrolling(label: str) -> Element:
+    """A place that scrolls sideways where a table is too wide, also by keys; ``label`` is what readers say."""
+    place = ui.element("div").classes("scroll").props("role=region tabindex=0")
+    place.props["aria-label"] = label
+    return place
+
+
 def rows_under(headings: Iterable[str], *, caption: str = "", label: str = "", style: str = "table") -> Element:
     """Place a table, its ``label`` unseen; what is made in what this gives becomes its rows."""
     with ui.element("table").classes(style) as table:
@@ -799,7 +806,7 @@ def table(content: Table) -> None:
     """Rows of text under headings."""
     with ui.element("section"):
         panel_title(content.title, level=3)
-        with ui.element("div").classes("scroll"), rows_under(content.headings):
+        with scrolling(content.title), rows_under(content.headings):
             for item in content.rows:
                 row(item)
 

@@ -68,7 +68,14 @@ class MeasuringTools:
             "grey level along the line",
             {
                 "grid": {"left": 52, "right": 12, "top": 10, "bottom": 40},
-                "xAxis": {"type": "value", "name": "distance / px", "nameGap": 24, "min": 0, "max": "dataMax"},
+                "xAxis": {
+                    "type": "value",
+                    "name": "distance / px",
+                    "nameGap": 24,
+                    "min": 0,
+                    "max": "dataMax",
+                    "axisLabel": {"showMaxLabel": False},  # which is no round number
+                },
                 "yAxis": {"type": "value", "name": "grey level", "nameGap": 36, "scale": True},
                 "series": [],
             },

@@ -69,7 +69,7 @@ export default {
       const extent = Math.max(...levels) - low;
       if (!this.top || extent > this.top || extent < 0.4 * this.top) this.top = TOPS.find((top) => top >= extent) ?? 255;
       const colour = getComputedStyle(this.$refs.place).color;
-      const axis = { type: "value", min: 0, axisLine: { lineStyle: { color: colour } }, axisLabel: { color: colour }, nameTextStyle: { color: colour } };
+      const axis = { type: "value", min: 0, axisLine: { lineStyle: { color: colour } }, axisLabel: { color: colour, formatter: (place) => +place.toFixed(1) }, nameTextStyle: { color: colour } };
       const [from, to, gamma] = this.ends;
       const share = (level) => Math.min(Math.max((level - from) / (to - from), 0), 1) ** gamma;
       this.chart.setOption({

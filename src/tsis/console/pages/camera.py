@@ -289,7 +289,7 @@ class SearchPanel:
 
     def _show_cameras(self, findings: CameraListing) -> None:
         if findings.cameras:
-            with ui.element("div").classes("scroll"), widgets.rows_under(("Camera", "Source", "Details", "")):
+            with widgets.scrolling("Cameras"), widgets.rows_under(("Camera", "Source", "Details", "")):
                 for camera in findings.cameras:
                     self._line(camera)
         if findings.missing:

@@ -120,7 +120,7 @@ class OwnImagesPage:
             )
             self._refused = widgets.message_list()
         with widgets.panel("Frames") as self._panel:
-            with ui.element("div").classes("scroll"):
+            with widgets.scrolling("Opened frames"):
                 headings = ("Picture", "File", "Size", "Pressed on", "Force", "")
                 self._rows = widgets.rows_under(headings, label="Frames")
             with ui.element("div").classes("row"):

@@ -105,7 +105,7 @@ class MapPage:
             self._result = ui.element("section").classes("panel stack").props('aria-label="Map"')
             self._result.set_visibility(False)
             with widgets.panel("Earlier maps"):
-                self._earlier = ui.element("div").classes("scroll")
+                self._earlier = widgets.scrolling("Earlier maps")
         ui.timer(EVERY_S, self._refresh)
         ui.timer(0.0, self._first, once=True)
 

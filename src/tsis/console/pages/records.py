@@ -345,6 +345,7 @@ PICTURE = """<q-td :props="props">
     :alt="'first press of target ' + props.row.number">
 </q-td>"""
 ROOM = {
+    "name": "min-width: 9em",
     "last": "min-width: 7em",
     "result": "min-width: 15em",
     "note": "min-width: 12em",

@@ -600,7 +600,7 @@ def study_listing(instrument: Instrument, viewer: Viewer) -> None:
     repository = StudyRepository(instrument.terms.workspace)
     with ui.element("div").classes("split empty-first") as columns:
         with widgets.panel("Studies"):
-            studies = ui.element("div").classes("scroll")
+            studies = widgets.scrolling("Studies")
         with ui.element("section").classes("panel stack"):
             _NewStudy(repository, viewer)
     shown: object = None
