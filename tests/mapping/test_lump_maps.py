@@ -239,10 +239,13 @@ def test_a_wrong_scale_is_withheld() -> None:
 def test_presses_without_contact_and_repeats_are_left_out_by_name() -> None:
     scan = scan_of([])
     idle = replace(scan.presses[0], force_n=0.0, name="idle")
-    again = replace(scan.presses[1], name="again")
-    observation = observe(Scan(presses=(idle, *scan.presses[1:], again)), PROBE, None, MapPrior())
-    assert len(observation.values) == 8
-    assert [text.split()[0] for text in observation.left_out] == ["idle", "again"]
+    again = replace(scan.presses[1], name="again", place_sd_mm=0.5)
+    missed = replace(scan.presses[2], name="missed", pressure_kpa=np.full((RINGS, SECTORS), 0.002))
+    unread = replace(missed, name="unread", force_n=None)
+    presses = (idle, scan.presses[1], missed, unread, *scan.presses[3:], again)
+    observation = observe(Scan(presses=presses), PROBE, None, MapPrior())
+    assert len(observation.values) == 7
+    assert [text.split()[0] for text in observation.left_out] == ["idle", "again", "missed", "unread"]
 
 
 def test_a_stiff_ball_or_punch_without_image_finds_a_lump() -> None:
@@ -315,6 +318,39 @@ def test_a_bad_press_is_refused_in_one_sentence(change: dict[str, object], messa
     given = {"place_mm": (0.0, 0.0), "pressure_kpa": np.ones((8, 12)), "force_n": 1.0, **change}
     with pytest.raises(InputError, match=message):
         ScanPress(**given)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("pressure", "force", "place", "message"),
+    [
+        (1e3, 1.0, 1.0, "check the units"),  # Pa
+        (-1.0, 1.0, 1.0, "check the units"),
+        (1.0, 0.102, 1.0, "check the units"),  # kilograms
+        (1.0, 1.0, 1e-3, "give x_mm and y_mm in millimetres"),  # metres
+        (1.0, 1.0, 0.1, "give x_mm and y_mm in millimetres"),  # centimetres
+        (0.0, 1.0, 1.0, "check the units"),
+    ],
+)
+def test_slips_of_units_are_named_before_anything_is_estimated(
+    pressure: float, force: float, place: float, message: str
+) -> None:
+    presses = [
+        replace(
+            press,
+            pressure_kpa=pressure * np.asarray(press.pressure_kpa),
+            force_n=force,
+            place_mm=(place * press.place_mm[0], place * press.place_mm[1]),
+        )
+        for press in scan_of([LUMP]).presses
+    ]
+    with pytest.raises(InputError, match=message):
+        estimate_map(Scan(presses=tuple(presses)), probe=PROBE, steps=500)
+
+
+def test_an_error_names_the_first_of_many_presses() -> None:
+    presses = [replace(press, force_n=0.0, name=f"p{number}") for number, press in enumerate(scan_of([]).presses)]
+    with pytest.raises(InputError, match=r"p2 has no contact.*And 6 more"):
+        estimate_map(Scan(presses=tuple(presses)), probe=PROBE)
 
 
 def test_bad_scans_are_refused_in_one_sentence() -> None:

@@ -15,7 +15,7 @@ from tsis.inclusion.checks.sectors import RINGS, SECTORS, harmonic, harmonic_noi
 from tsis.inclusion.estimation import check_calibration
 from tsis.inclusion.frames import OUTER_FRACTION
 from tsis.inclusion.posterior.rings import ring_means
-from tsis.mapping.scan import LEAST_FORCE_N
+from tsis.mapping.scan import LEAST_FORCE_N, first_few
 from tsis.mapping.signals import DIAMETERS_MM, LEAST_KPA, SHAPES, SignalTable
 from tsis.mapping.uneven_field import FieldResponses
 from tsis.mechanics.lump_kernel import lump_kernel
@@ -40,6 +40,10 @@ STEP = 0.02  # of logarithms of modulus and thickness, for derivatives
 POINTS = 25  # radii of the profiles
 REPEATABILITY = 1e-3  # of the mean pressure, beside the stated noise
 LEAST_PLACE_SD_MM = 0.03
+LEAST_READ_FORCE_N = 0.01  # a press of unknown force whose pressures amount to less has no contact
+NO_CONTACT = 0.1  # of the stated force, to which the pressures amount where the probe did not touch
+WRONG_UNIT = 4.0  # a ratio of pressures and force that no tissue has: the next unit is a factor of 7 or more away
+LEAST_SPAN = 0.5  # of the face's radius: places nearer together than that are in another unit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -108,6 +112,11 @@ class EvenSlab:
     by_thickness: Floats  # derivative by the logarithm of the thickness, (parts, rings)
     tilt: Floats  # harmonic 1 per radian, (rings,)
 
+    def force_n(self, round_kpa: Floats) -> float:
+        """Force to which ring means of the pressure amount, in newtons."""
+        weight = np.arange(len(round_kpa)) + 0.5
+        return float((weight * (round_kpa - self.bare[1])).sum() / (weight * self.bare[0]).sum())
+
 
 @lru_cache(maxsize=4)
 def _slab(probe: Probe, young_kpa: float, thickness_mm: float, poisson: float, rings: int, harmonics: int) -> EvenSlab:
@@ -151,11 +160,16 @@ def observe(scan: Scan, probe: Probe, calibration: Calibration | None, prior: Ma
     harmonics, rings, sectors = _resolution(scan, used)
     slab = _slab(probe, prior.tissue_young_kpa, prior.thickness_mm, prior.poisson, rings, harmonics)
     shapes = slab.table.shapes
+    read = {index: _harmonics(scan.presses[index], probe, calibration, harmonics, sectors) for index in used}
+    forces_read = {index: slab.force_n(measured[0].real) for index, (measured, _) in read.items()}
+    used, idle = _in_contact(scan, forces_read)
+    left_out += idle
+    require_places([scan.presses[index].place_mm for index in used], probe.radius_mm, left_out)
     presses = [scan.presses[index] for index in used]
     values, blocks, forces, force_sds = [], [], [], []
-    for press in presses:
-        measured, variance = _harmonics(press, probe, calibration, harmonics, sectors)
-        force, sd = _force(press, calibration, measured[0].real, slab)
+    for index, press in zip(used, presses, strict=True):
+        measured, variance = read[index]
+        force, sd = _force(press, calibration, forces_read[index])
         expected = np.zeros_like(measured)
         expected[0] = force * slab.bare[0] + slab.bare[1]
         level = REPEATABILITY * float(np.abs(expected[0]).mean())
@@ -193,18 +207,50 @@ def _usable(scan: Scan) -> tuple[list[int], list[str]]:
         force = press.measured_force_n
         if force is not None and force < LEAST_FORCE_N:
             left_out.append(f"{name} has no contact: its force is {force:g} N.")
-        elif (
-            (key := (press.place_mm, press.angle_deg, force)) in seen
-            and press.place_sd_mm == 0
-            and _same(scan, used, press)
-        ):
+        elif (key := (press.place_mm, press.angle_deg, force)) in seen and _same(scan, used, press):
             left_out.append(f"{name} repeats another press: same place and same values.")
         else:
             used.append(index)
             seen.add(key)
-    if len({scan.presses[index].place_mm for index in used}) < 2:
-        raise InputError(f"presses must hold at least two usable places; {' '.join(left_out) or 'got one'}")
+    require_places([scan.presses[index].place_mm for index in used], 0.0, left_out)
     return used, left_out
+
+
+def require_places(places: list[tuple[float, float]], radius_mm: float, left_out: list[str]) -> None:
+    """`InputError` for fewer than two places, or places all within a part of the radius of what pressed."""
+    if len(set(places)) < 2:
+        raise InputError(f"presses must hold at least two usable places; {first_few(left_out) or 'got one'}")
+    span = float(np.ptp(places, axis=0).max())
+    if span < LEAST_SPAN * radius_mm:
+        raise InputError(
+            f"place_mm must span at least {LEAST_SPAN * radius_mm:g} mm, half the radius of what pressed; got "
+            f"{span:.3g} mm: give x_mm and y_mm in millimetres, or press farther apart"
+        )
+
+
+def _in_contact(scan: Scan, forces_read: dict[int, float]) -> tuple[list[int], list[str]]:
+    """Presses whose pressures amount to a force, and a sentence for each other one.
+
+    `InputError` where the pressures of the median press do not amount to the force that is stated.
+    """
+    used, read = list(forces_read), np.array(list(forces_read.values()))
+    stated = np.array([scan.presses[index].measured_force_n or np.nan for index in used])
+    known = ~np.isnan(stated)
+    if known.any():
+        middle = np.flatnonzero(known)[np.argsort((read / stated)[known])[known.sum() // 2]]
+        if not 1 / WRONG_UNIT < read[middle] / stated[middle] < WRONG_UNIT:
+            raise InputError(
+                f"force_n must fit the pressures; those of the median press amount to {read[middle]:.3g} N, and "
+                f"{stated[middle]:.3g} N is stated: check the units (kPa, N), the probe and its calibration"
+            )
+    unknown = max(float(np.median(read)), LEAST_READ_FORCE_N / NO_CONTACT)
+    idle = read < NO_CONTACT * np.where(known, stated, unknown)
+    names = [scan.presses[index].name or f"press {index + 1}" for index in used]
+    return [index for index, without in zip(used, idle, strict=True) if not without], [
+        f"{name} has no contact: its pressures amount to {force:.2g} N."
+        for name, force, without in zip(names, read, idle, strict=True)
+        if without
+    ]
 
 
 def _same(scan: Scan, used: list[int], press: ScanPress) -> bool:
@@ -274,15 +320,13 @@ def _of_frame(press: ScanPress, probe: Probe, calibration: Calibration, harmonic
     return np.array(values), np.array(noise)
 
 
-def _force(press: ScanPress, calibration: Calibration | None, round_kpa: Floats, slab: EvenSlab) -> tuple[float, float]:
-    """Force in newtons and its relative standard deviation; read off the mean pressure where it is unknown."""
+def _force(press: ScanPress, calibration: Calibration | None, read_n: float) -> tuple[float, float]:
+    """Force in newtons and its relative standard deviation; that read off the pressures where it is unknown."""
     force = press.measured_force_n
     if force is not None:
         known = FORCE_SD if calibration is None else calibration.force_sd
         return force, known if press.force_sd is None else press.force_sd
-    weight = np.arange(len(round_kpa)) + 0.5
-    read = float((weight * (round_kpa - slab.bare[1])).sum() / (weight * slab.bare[0]).sum())
-    return max(read, LEAST_FORCE_N), UNKNOWN_FORCE_SD
+    return max(read_n, LEAST_FORCE_N), UNKNOWN_FORCE_SD
 
 
 def _nuisances(

@@ -18,12 +18,25 @@ from tsis.model.image import TactileImage
 from tsis.model.require import require_array, require_number, require_one_of, require_pair, require_type
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
 
 FARTHEST_MM = 2000.0  # of a place from the scan's origin
 LEAST_FORCE_N = 1e-3  # a press below it has no contact
 MEASURES = ("frame", "pressure_kpa", "travel_force")
+TOLD = 3  # presses that an error or a flag names
+
+
+def first_few(sentences: Sequence[str]) -> str:
+    """The first sentences, and how many more there are.
+
+    >>> first_few(["A has no place.", "B has no place.", "C has no place.", "D has no place."])
+    'A has no place. B has no place. C has no place. And 1 more.'
+    """
+    more = len(sentences) - TOLD
+    return " ".join([*sentences[:TOLD], *([f"And {more} more."] if more > 0 else [])])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -192,7 +205,10 @@ class Scan(ContentValue):
         for press in self.presses:
             require_type("presses", press, ScanPress)
         if len(self.presses) < 2:
-            raise InputError(f"presses must hold at least two presses at different places; got {len(self.presses)}")
+            raise InputError(
+                f"presses must hold at least two presses at different places; got {len(self.presses)}"
+                + (f": {first_few(self.left_out)}" if self.left_out else "")
+            )
         if len({press.place_mm for press in self.presses}) < 2:
             raise InputError("presses must lie at different places; got all at one")
         kinds = {self._kind(press) for press in self.presses}
@@ -200,8 +216,8 @@ class Scan(ContentValue):
             raise InputError(f"presses must all measure the same; got {' and '.join(sorted(kinds))}")
         if ("travel_force" in kinds) != (self.indenter is not None):
             raise InputError(
-                "indenter must be given with pairs of travel and force, and only with them: "
-                'Indenter(shape="ball", radius_mm=...)'
+                "indenter must be given with pairs of travel and force, and only with them: --ball-mm or --punch-mm, "
+                'in Python Indenter(shape="ball", radius_mm=...)'
             )
 
     @staticmethod

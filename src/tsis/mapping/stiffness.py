@@ -15,7 +15,7 @@ import numpy as np
 import scipy
 
 from tsis.errors import InputError
-from tsis.mapping.observation import LEAST_PLACE_SD_MM, Observation
+from tsis.mapping.observation import LEAST_PLACE_SD_MM, Observation, require_places
 from tsis.mapping.prior import MapPrior
 from tsis.mapping.scan import LEAST_FORCE_N, Indenter
 from tsis.mapping.signals import SignalTable
@@ -351,8 +351,7 @@ def read_touches(scan: Scan, prior: MapPrior) -> Touches:
             "the others."
         )
     kept = np.flatnonzero(deep)
-    if len({scan.presses[used[place]].place_mm for place in kept}) < 2:
-        raise InputError(f"presses must hold at least two usable places; {' '.join(left_out)}")
+    require_places([scan.presses[used[place]].place_mm for place in kept], scan.indenter.radius_mm, left_out)
     count = 1 if scan.indenter.shape == "punch" else LEVELS
     return Touches(
         index=tuple(used[place] for place in kept),
