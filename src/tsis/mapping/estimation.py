@@ -11,7 +11,7 @@ import numpy as np
 import scipy
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.errors import InputError
+from tsis.errors import FileInputError, InputError
 from tsis.files.archive import read_arrays
 from tsis.files.atomic import write_durably
 from tsis.files.cache import content_key
@@ -20,6 +20,7 @@ from tsis.mapping.answers import (
     AREA_MM,
     BLIND_CONTRAST,
     BLIND_STEP_MM,
+    PLACES,
     PRESENT,
     Voxels,
     area_probability,
@@ -43,11 +44,11 @@ from tsis.mapping.flags import (
     UNEVEN_AT_END,
     UNTRUSTED_MAP_FLAGS,
 )
-from tsis.mapping.lump_map import LumpMap, MapNumbers
+from tsis.mapping.lump_map import LumpMap, MapNumbers, NextPlace
 from tsis.mapping.observation import observe
 from tsis.mapping.posterior import BlockLikelihood, Region, Sampler, Samples, greedy_fit, of_presses
 from tsis.mapping.prior import MapPrior
-from tsis.mapping.scan import Scan
+from tsis.mapping.scan import Scan, first_few
 from tsis.mapping.signals import LUMP_COLUMNS
 from tsis.mapping.stiffness import observe_stiffness, suited_prior
 from tsis.model.estimate import IMPROBABLE, Estimate, probability_bound
@@ -60,8 +61,7 @@ if TYPE_CHECKING:
 
     from tsis.mapping.lump_map import Lump
     from tsis.mapping.observation import Observation
-    from tsis.mapping.posterior import Fit
-    from tsis.mapping.signals import Floats
+    from tsis.mapping.signals import Floats, Integers
     from tsis.model.calibration import Calibration
     from tsis.model.flag import Finding
 
@@ -70,23 +70,37 @@ BLOCK = 25  # most presses that share a block; with its neighbours a block has a
 NEIGHBOURS = 0.9  # of the face's radius: presses this near to a block's area are sampled with it
 STRAINS = ("small", "finite")
 LARGEST_RESUME_BYTES = 2**28
+RESUMED = (
+    *("counts", "lumps", "sd", "length_mm", "shift_mm", "misfit", "numbers", "index"),
+    *("z", "y", "x", "even", "variance", "blind_mm", "gains"),
+)  # arrays of a finished block in the file
 HARD_MISFIT = 1.35  # mean square of the whitened residual above which no model error of a few per cent explains it
 TYPICAL_SIZE_MM, TYPICAL_TOP_MM = 8.0, 8.0  # of the lump by which the blind zone is judged
 LARGE_BLIND = 0.1  # of the area
+MOST_VOXELS = 4_000_000
+REPORTS = 38  # of progress a block, beside one in 500 steps
+LARGE_MM2 = 20_000.0  # an area that few presses may have
+FARTHEST = 5.0  # radii of the face from press to press, over the area of a block: farther apart all is blind
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Block:
-    """One block of presses, sampled."""
+    """One block of presses, sampled, and the map's fields within its core.
 
-    likelihood: BlockLikelihood
-    region: Region
+    The likelihood, which takes most of the memory, is not kept.
+    """
+
     core_low: Floats
     core_high: Floats
-    fit: Fit
     samples: Samples
     misfit: float  # mean square of the whitened residual
     numbers: int
+    index: Integers  # of its presses in the scan
+    voxels: tuple[Integers, Integers, Integers]  # of the core along depth, y and x
+    even: Floats  # mean of the logarithm of the tissue's modulus in these voxels
+    variance: Floats  # of that logarithm
+    blind_mm: Floats  # least diameter that the presses would have shown
+    gains: list[NextPlace]
 
     def of_core(self, lumps: Floats) -> Floats:
         """The lumps whose centre lies in the core."""
@@ -169,7 +183,10 @@ def estimate_map(
         require_type("probe", probe, Probe)
         observation = observe(scan, probe, calibration, prior)
     areas = block_areas(observation.places_mm)
-    done, total = 0, len(areas) * (38 + steps // 500)
+    whole = Region.of(observation, prior, expected=prior.lumps_per_scan)
+    voxels = Voxels.of(whole.low[:2], whole.high[:2], prior.thickness_mm, voxel_mm)
+    _require_size(observation, areas, voxels, voxel_mm)
+    done, total = 0, len(areas) * (REPORTS + steps // 500)
 
     def report() -> None:
         nonlocal done
@@ -177,15 +194,34 @@ def estimate_map(
         if progress is not None:
             progress(done, total)
 
-    stored = _Resumed(resume, _key(scan, probe, calibration, prior, seed, steps, start is not None))
+    stored = _Resumed(resume, _key(scan, probe, calibration, prior, voxel_mm, seed, steps, start is not None))
     blocks = []
-    whole = Region.of(observation, prior, expected=prior.lumps_per_scan)
     for number, (low, high) in enumerate(areas):
-        blocks.append(_block(observation, prior, whole, low, high, stored, number, seed, steps, start, report))
-    result = _map(scan, observation, blocks, prior, voxel_mm, seed, guides=start is not None)
+        blocks.append(_block(observation, prior, whole, voxels, low, high, stored, number, seed, steps, start, report))
+    result = _map(scan, observation, blocks, prior, voxels, seed, guides=start is not None)
     if progress is not None:
         progress(total, total)
     return result
+
+
+def _require_size(
+    observation: Observation, areas: list[tuple[Floats, Floats]], voxels: Voxels, voxel_mm: float
+) -> None:
+    """`InputError` for places too far apart, and for more voxels than a computer's memory holds."""
+    places = observation.places_mm
+    for low, high in areas:
+        inside = places[((places >= low) & (places < high)).all(axis=1)]
+        area, apart = float(np.prod(np.ptp(inside, axis=0))), FARTHEST * observation.radius_mm
+        if area > max(LARGE_MM2, len(inside) * apart**2):
+            raise InputError(
+                f"presses must lie within some {apart:g} mm of one another; {len(inside)} of them are spread over "
+                f"{area / 100:.0f} cm2: give x_mm and y_mm in mm, or map each part by itself"
+            )
+    count = int(np.prod(voxels.shape))
+    if count > MOST_VOXELS:
+        raise InputError(
+            f"voxel_mm must give at most {MOST_VOXELS} voxels; {voxel_mm:g} mm gives {count}: give larger voxels"
+        )
 
 
 def block_areas(places: Floats) -> list[tuple[Floats, Floats]]:
@@ -213,6 +249,7 @@ def _block(
     observation: Observation,
     prior: MapPrior,
     whole: Region,
+    voxels: Voxels,
     low: Floats,
     high: Floats,
     stored: _Resumed,
@@ -222,7 +259,12 @@ def _block(
     start: LumpMap | None,
     report: Callable[[], None],
 ) -> Block:
-    reach = NEIGHBOURS * observation.radius_mm
+    kept = stored.block(number, low, high)
+    if kept is not None:
+        for _ in range(REPORTS + steps // 500):
+            report()
+        return kept
+    reach, alone = NEIGHBOURS * observation.radius_mm, bool(np.isinf(low).all() and np.isinf(high).all())
     places = observation.places_mm
     near = np.flatnonzero(((places >= low - reach) & (places <= high + reach)).all(axis=1))
     part = of_presses(observation, near)
@@ -236,11 +278,8 @@ def _block(
     fit, candidates, gain = greedy_fit(likelihood, region, start=rows, report=report)
     if not len(fit.lumps):
         likelihood.with_signal_error(fit.lumps, fit.shift_mm)
-    samples = stored.samples(number)
-    if samples is None:
-        rng = np.random.default_rng([seed, number])
-        samples = Sampler(likelihood, region, fit, candidates, gain, rng).run(steps, report=report)
-        stored.keep(number, samples)
+    rng = np.random.default_rng([seed, number])
+    samples = Sampler(likelihood, region, fit, candidates, gain, rng).run(steps, report=report)
     likelihood.settle()
     residual = part.values - likelihood.signal(fit.lumps, fit.shift_mm)
     weights = likelihood.log_weights(residual)
@@ -248,16 +287,43 @@ def _block(
     field = likelihood.kinds[int(kind)]
     turned = field.turn @ residual.ravel()
     misfit = float((turned**2 / (1 + likelihood.sds[int(sd)] ** 2 * field.size)).mean())
-    return Block(
-        likelihood=likelihood,
-        region=region,
+    fit = replace(fit, kind=int(kind), sd=int(sd))
+    x, y = (np.flatnonzero((axis >= low[k]) & (axis < high[k])) for k, axis in enumerate((voxels.x_mm, voxels.y_mm)))
+    own = Voxels(x_mm=voxels.x_mm[x], y_mm=voxels.y_mm[y], depth_mm=voxels.depth_mm)
+    even = variance = blind = np.zeros(own.shape)
+    gains: list[NextPlace] = []
+    if len(x) and len(y):
+        even, variance = uneven_modulus(likelihood, fit.lumps, fit.shift_mm, own)
+        blind = _blind(likelihood, samples, own)
+        rng = np.random.default_rng([seed, 10**6 + 1 + number])
+        for place in next_places(likelihood, region, samples.lumps, fit, rng):
+            at = np.array([place.x_mm, place.y_mm])
+            if alone or ((at >= low) & (at < high)).all():
+                gains.append(place)
+    block = Block(
         core_low=low,
         core_high=high,
-        fit=replace(fit, kind=int(kind), sd=int(sd)),
         samples=samples,
         misfit=misfit,
         numbers=part.values.size,
+        index=part.index,
+        voxels=(np.arange(voxels.shape[0]), y, x),
+        even=even,
+        variance=variance,
+        blind_mm=blind,
+        gains=gains,
     )
+    stored.keep(number, block)
+    return block
+
+
+def _blind(likelihood: BlockLikelihood, samples: Samples, voxels: Voxels) -> Floats:
+    """Least diameter that the presses of a block would have shown, at its voxels."""
+    sd = float(np.mean(samples.sd))
+    length = float(np.exp(np.mean(np.log(samples.length_mm))))
+    grid = (_axis(voxels.x_mm), _axis(voxels.y_mm))
+    points = np.array([(a, b) for b in grid[1] for a in grid[0]])
+    return blind_diameter(visibility(likelihood, sd, length, points, BLIND_CONTRAST), grid, voxels)
 
 
 def _rows_within(earlier: LumpMap, low: Floats, high: Floats) -> Floats:
@@ -273,45 +339,63 @@ def _rows_within(earlier: LumpMap, low: Floats, high: Floats) -> Floats:
 
 
 class _Resumed:
-    """Samples of finished blocks in a file, as long as it belongs to the same estimate."""
+    """Finished blocks in a file, as long as it belongs to the same estimate."""
 
     def __init__(self, path: Path | None, key: str) -> None:
         self._path, self._key = path, key
         self._arrays: dict[str, Any] = {}
+        if path is not None and not path.parent.is_dir():
+            raise InputError(f"resume must name a file in a folder that exists; there is no {str(path.parent)!r}")
         if path is not None and path.exists():
-            arrays = read_arrays(read_bytes(path, most=LARGEST_RESUME_BYTES))
+            try:
+                arrays = read_arrays(read_bytes(path, most=LARGEST_RESUME_BYTES))
+            except FileInputError as error:
+                raise FileInputError(f"resume must name a file that an estimate wrote; {path.name}: {error}") from error
             if "key" not in arrays or bytes(arrays["key"].tobytes()).decode() != key:
                 raise InputError(
-                    f"resume must name a file of the same scan, prior, seed and steps; {path.name} is of others: "
-                    "name another file"
+                    f"resume must name a file of the same scan, prior, voxels, seed and steps; {path.name} is of "
+                    "others: name another file"
                 )
             self._arrays = arrays
 
-    def samples(self, number: int) -> Samples | None:
-        """Samples of a block, or None."""
-        if f"sd{number}" not in self._arrays:
+    def block(self, number: int, low: Floats, high: Floats) -> Block | None:
+        """A finished block, or None."""
+        if f"misfit{number}" not in self._arrays:
             return None
-        counts, rows = self._arrays[f"counts{number}"], self._arrays[f"lumps{number}"]
-        return Samples(
-            lumps=tuple(np.split(rows, np.cumsum(counts)[:-1])),
-            sd=self._arrays[f"sd{number}"],
-            length_mm=self._arrays[f"length{number}"],
-            shift_mm=self._arrays[f"shift{number}"],
-            accepted={},
+        kept = {name: self._arrays[f"{name}{number}"] for name in RESUMED}
+        return Block(
+            core_low=low,
+            core_high=high,
+            samples=Samples(
+                lumps=tuple(np.split(kept["lumps"], np.cumsum(kept["counts"])[:-1])),
+                sd=kept["sd"],
+                length_mm=kept["length_mm"],
+                shift_mm=kept["shift_mm"],
+                accepted={},
+            ),
+            misfit=float(kept["misfit"]),
+            numbers=int(kept["numbers"]),
+            index=kept["index"],
+            voxels=(kept["z"], kept["y"], kept["x"]),
+            even=kept["even"],
+            variance=kept["variance"],
+            blind_mm=kept["blind_mm"],
+            gains=[NextPlace(x_mm=x, y_mm=y, gain_nats=gain) for x, y, gain in kept["gains"].tolist()],
         )
 
-    def keep(self, number: int, samples: Samples) -> None:
+    def keep(self, number: int, block: Block) -> None:
         """Write a finished block."""
         if self._path is None:
             return
-        self._arrays |= {
-            "key": np.frombuffer(self._key.encode(), dtype=np.uint8),
-            f"counts{number}": np.array([len(lumps) for lumps in samples.lumps]),
-            f"lumps{number}": np.concatenate(samples.lumps),
-            f"sd{number}": samples.sd,
-            f"length{number}": samples.length_mm,
-            f"shift{number}": samples.shift_mm,
-        }
+        samples, (z, y, x) = block.samples, block.voxels
+        gains = np.array([(place.x_mm, place.y_mm, place.gain_nats) for place in block.gains]).reshape(-1, 3)
+        values = (
+            *(np.array([len(lumps) for lumps in samples.lumps]), np.concatenate(samples.lumps)),
+            *(samples.sd, samples.length_mm, samples.shift_mm, block.misfit, block.numbers, block.index),
+            *(z, y, x, block.even, block.variance, block.blind_mm, gains),
+        )
+        self._arrays["key"] = np.frombuffer(self._key.encode(), dtype=np.uint8)
+        self._arrays |= {f"{name}{number}": np.asarray(value) for name, value in zip(RESUMED, values, strict=True)}
         buffer = io.BytesIO()
         np.savez(buffer, **self._arrays)
         write_durably(self._path, buffer.getvalue())
@@ -322,6 +406,7 @@ def _key(
     probe: Probe | None,
     calibration: Calibration | None,
     prior: MapPrior,
+    voxel_mm: float,
     seed: int,
     steps: int,
     guides: bool,
@@ -338,7 +423,7 @@ def _key(
             "probe": None if probe is None else asdict(probe),
             "calibration": None if calibration is None else calibration.provenance(),
             "prior": asdict(prior),
-            "run": [seed, steps, guides],
+            "run": [voxel_mm, seed, steps, guides],
         }
     )
 
@@ -356,15 +441,13 @@ def _map(
     observation: Observation,
     blocks: list[Block],
     prior: MapPrior,
-    voxel_mm: float,
+    voxels: Voxels,
     seed: int,
     *,
     guides: bool,
 ) -> LumpMap:
     rng = np.random.default_rng([seed, 10**6])
     states = _combined(blocks)
-    whole = Region.of(observation, prior, expected=prior.lumps_per_scan)
-    voxels = Voxels.of(whole.low[:2], whole.high[:2], prior.thickness_mm, voxel_mm)
     lumps: list[Lump] = []
     findings: list[Finding] = []
     for cluster in clusters(states):
@@ -374,7 +457,11 @@ def _map(
             findings += said
     counts = np.bincount([len(one) for one in states])
     probability, first, second = painted(states, voxels)
-    even, variance, blind, gains = _fields(blocks, states, voxels, prior, whole, rng)
+    even, variance, blind = np.zeros(voxels.shape), np.zeros(voxels.shape), np.full(voxels.shape, np.inf)
+    for block in blocks:
+        box = np.ix_(*block.voxels)
+        even[box], variance[box], blind[box] = block.even, block.variance, block.blind_mm
+    gains = sorted((place for block in blocks for place in block.gains), key=lambda place: -place.gain_nats)
     tissue = prior.tissue_young_kpa * np.exp(even + variance / 2)
     square = tissue**2 * np.exp(variance)
     mean = (1 - probability) * tissue + prior.tissue_young_kpa * first
@@ -397,7 +484,7 @@ def _map(
             prior=str(prior),
         ),
         blind_diameter_mm=blind,
-        next_places=tuple(gains),
+        next_places=tuple(gains[:PLACES]),
     )
     findings += _findings(
         observation, blocks, states, lumps, prior, blind, voxels, sd, len(scan.presses) + len(scan.left_out)
@@ -405,7 +492,7 @@ def _map(
     flags = tuple(flag for flag, _ in findings)
     shift = np.zeros((len(observation.values), 2))
     for block in blocks:
-        inside = np.isin(observation.index, block.likelihood.observation.index)
+        inside = np.isin(observation.index, block.index)
         shift[inside] = block.samples.shift_mm
     return LumpMap(
         untrusted=numbers,
@@ -430,41 +517,6 @@ def _map(
     )
 
 
-def _fields(
-    blocks: list[Block], states: tuple[Floats, ...], voxels: Voxels, prior: MapPrior, whole: Region, rng: Any
-) -> tuple[Floats, Floats, Floats, list[Any]]:
-    """Log modulus of the tissue, its variance, the blind zone and the next places, put together from the blocks."""
-    even, variance, blind = np.zeros(voxels.shape), np.zeros(voxels.shape), np.full(voxels.shape, np.inf)
-    gains = []
-    for block in blocks:
-        x = np.flatnonzero((voxels.x_mm >= block.core_low[0]) & (voxels.x_mm < block.core_high[0]))
-        y = np.flatnonzero((voxels.y_mm >= block.core_low[1]) & (voxels.y_mm < block.core_high[1]))
-        if not len(x) or not len(y):
-            continue
-        own = Voxels(x_mm=voxels.x_mm[x], y_mm=voxels.y_mm[y], depth_mm=voxels.depth_mm)
-        box = np.ix_(np.arange(voxels.shape[0]), y, x)
-        mean, spread = uneven_modulus(block.likelihood, block.fit.lumps, block.fit.shift_mm, own)
-        even[box], variance[box] = mean, spread
-        sd = float(np.mean(block.samples.sd))
-        length = float(np.exp(np.mean(np.log(block.samples.length_mm))))
-        grid = (_axis(own.x_mm), _axis(own.y_mm))
-        points = np.array([(a, b) for b in grid[1] for a in grid[0]])
-        seen = visibility(block.likelihood, sd, length, points, BLIND_CONTRAST)
-        blind[box] = blind_diameter(seen, grid, own)
-        lumps = tuple(block.samples.lumps)
-        found = next_places(block.likelihood, block.region, lumps, block.fit, rng)
-        gains += [
-            place
-            for place in found
-            if len(blocks) == 1
-            or (
-                block.core_low[0] <= place.x_mm < block.core_high[0]
-                and block.core_low[1] <= place.y_mm < block.core_high[1]
-            )
-        ]
-    return even, variance, blind, sorted(gains, key=lambda place: -place.gain_nats)[:5]
-
-
 def _axis(axis: Floats) -> Floats:
     count = max(2, int(np.ceil((axis[-1] - axis[0]) / BLIND_STEP_MM)) + 1)
     return np.linspace(axis[0], axis[-1] + 1e-9 * (len(axis) == 1), count)
@@ -485,7 +537,7 @@ def _findings(
     if observation.left_out:
         found.append(
             PRESSES_LEFT_OUT.finding(
-                count=len(observation.left_out), all_presses=presses, reasons=" ".join(observation.left_out)
+                count=len(observation.left_out), all_presses=presses, reasons=first_few(observation.left_out)
             )
         )
     means = [lump.estimate.untrusted.mean for lump in lumps]
