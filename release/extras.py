@@ -23,10 +23,12 @@ FIRST = {  # code or command that uses the extra
         "import h5netcdf, zarr, numpy, pandas, tsis; result = tsis.Estimate(samples={'depth_mm': numpy.arange(9.0)}, "
         "prior_sd={'depth_mm': 1.0}); result.to_arviz(); tsis.TactileImage(grey=numpy.eye(8)).to_xarray()"
     ),
-    "camera": "from tsis.instrument.drivers import OpenCVDevice, VideoFile; import cv2; cv2.VideoCapture()",
-    "camera-aravis": "from tsis.instrument import find_cameras; find_cameras(['aravis'])",
+    "camera": "import tsis.instrument.drivers.opencv; import cv2; cv2.VideoCapture()",
+    "camera-aravis": "from tsis.instrument.discovery import find_cameras; find_cameras(['aravis'])",
     "camera-genicam": "import harvesters.core, genicam.gentl; import tsis.instrument.drivers.genicam",
-    "camera-pylon": "from tsis.instrument import find_cameras; assert 'pylon' not in find_cameras(['pylon']).missing",
+    "camera-pylon": (
+        "from tsis.instrument.discovery import find_cameras; assert 'pylon' not in find_cameras(['pylon']).missing"
+    ),
     "cluster": ["sweep", "run", "plan.toml", "--out", "data"],
     "console": "import tsis.console.pages, tsis.console.api, tsis.records, tsis.present.pdf",
     "dicom": "import tsis.records.dicom; import highdicom, pydicom",

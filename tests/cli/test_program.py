@@ -59,7 +59,7 @@ def test_an_interrupt_is_said(run_tsis: RunTsis, monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr("tsis.inclusion.estimate", interrupted)
     finished = run_tsis("demo", "--strain", "small")
     assert finished.code == 130
-    assert finished.err == "Interrupted; nothing half-written is left.\n"
+    assert finished.err == "Interrupted; no incomplete file remains.\n"
     assert list(tmp_path.iterdir()) == []
 
 
@@ -203,4 +203,4 @@ def test_an_interruption_while_the_program_loads_is_one_sentence() -> None:
     program = "import signal, sys; from tsis.cli import main; sys.meta_path.insert(0, I()); main()"
     interrupt = "class I:\n def find_spec(self, name, *_):\n  if name == 'typer': signal.raise_signal(signal.SIGINT)\n"
     finished = subprocess.run([sys.executable, "-c", interrupt + program], capture_output=True, text=True, check=False)
-    assert (finished.returncode, finished.stderr) == (130, "Interrupted; nothing half-written is left.\n")
+    assert (finished.returncode, finished.stderr) == (130, "Interrupted; no incomplete file remains.\n")

@@ -14,5 +14,5 @@ def main() -> None:
 
         run()
     except KeyboardInterrupt:
-        sys.stderr.write("Interrupted; nothing half-written is left.\n")
+        sys.stderr.write("Interrupted; no incomplete file remains.\n")
         sys.exit(INTERRUPTED)

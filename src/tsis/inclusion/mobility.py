@@ -163,7 +163,7 @@ def mobility(
         if progress is not None:
             progress(number + 1, len(frames))
     position = np.array(positions)
-    step = np.hypot(*np.diff(position, axis=0).T)
+    step = np.hypot(*np.diff(position, axis=0).T)  # (6.14)
     observed = np.isfinite(position[:, 0])
     noise = float(np.mean(spread)) if spread else 0.0
     any_step = bool(np.isfinite(step).any())

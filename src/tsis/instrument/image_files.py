@@ -1,4 +1,4 @@
-"""Image files: decoding to grey levels, encoding of raw frames, and silent decoders."""
+"""Image files: decoding to grey levels, encoding of raw frames, and silencing of decoders."""
 
 from __future__ import annotations
 
@@ -265,7 +265,7 @@ def png_bytes(image: TactileImage) -> bytes:
 def whole_levels(grey: NDArray[Any], full_scale: float) -> NDArray[Any]:
     """Grey levels as whole numbers of 8 bits when the full scale is at most 255, else of 16.
 
-    Raises `InputError` when they are not whole numbers in [0, full_scale], or more than a readable file may contain.
+    Raises `InputError` when they are not whole numbers in [0, full_scale], or there are too many pixels.
     """
     if grey.size > LARGEST_PIXELS:
         raise InputError(f"grey must have at most {LARGEST_PIXELS} pixels to be stored; got {grey.shape}")

@@ -41,18 +41,19 @@ def _page(address: str, module: str, name: str) -> Callable[..., object]:
         return getattr(import_module(f"{__name__}.{module}"), name)(*given, **parts)
 
     names = ("instrument", "viewer", *re.findall(r"\{(\w+)\}", address))
+    # The shell gives a page what its signature names.
     build.__signature__ = Signature([Parameter(item, Parameter.POSITIONAL_OR_KEYWORD) for item in names])  # type: ignore[attr-defined]
     return build
 
 
-LIBRARIES = ("scipy.interpolate", "scipy.ndimage", "scipy.stats")  # parts that estimates and reports need
+PRELOADED = ("scipy.interpolate", "scipy.ndimage", "scipy.stats")  # parts that estimates and reports need
 
 
 def load_pages() -> None:
-    """Load the modules of all pages and what their work needs: the first time then is as quick as later ones."""
+    """Load the modules of all pages and what their work needs: so that the first visit to a page is fast."""
     for _, _, _, module, _ in _PAGES:
         import_module(f"{__name__}.{module}")
-    for name in LIBRARIES:
+    for name in PRELOADED:
         import_module(name)
 
 
@@ -60,6 +61,6 @@ PAGES: dict[str, tuple[str, Callable[..., object]]] = {
     address: (title, _page(address, module, name)) for _, address, title, module, name in _PAGES
 }
 GROUPS: dict[str, tuple[str, ...]] = {
-    group: tuple(address for of, address, *_ in _PAGES if of == group and "{" not in address)
+    group: tuple(address for page_group, address, *_ in _PAGES if page_group == group and "{" not in address)
     for group in (MEASURE, CALIBRATE, RECORDS, TOOLS)
 }

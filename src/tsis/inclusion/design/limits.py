@@ -28,30 +28,30 @@ class DesignLimits:
         Force of the weakest press.
     covering_force_n
         Least force in newtons at which the contact covers the face on tissue without inclusion; 0 for a flat face.
-    whole_fraction
+    full_contact_fraction
         Fraction of the inclusions with full contact in the weakest press. Estimates of the others are not trusted.
     brightest_grey
         Largest grey level of any press, background included.
     full_scale
         Grey level at which the camera clips.
-    read_mm
+    profile_diameter_mm
         Diameter of the evaluated face.
-    view_mm
+    picture_side_mm
         Shorter side of the picture on the face.
     """
 
     strain: float
     least_force_n: float
     covering_force_n: float
-    whole_fraction: float
+    full_contact_fraction: float
     brightest_grey: float
     full_scale: float
-    read_mm: float
-    view_mm: float
+    profile_diameter_mm: float
+    picture_side_mm: float
 
     @property
     def broken(self) -> dict[str, str]:
-        """Violated limits by name, strain, contact, saturation or view, with a message each."""
+        """Messages of the violated limits, by name: strain, contact, saturation or view."""
         slack, findings = 1 + ROUNDING, dict[str, str]()
         if self.strain > STRAIN_LIMIT * slack:
             findings["strain"] = (
@@ -67,10 +67,10 @@ class DesignLimits:
                 f"The brightest point has {self.brightest_grey:.0f} grey levels; the camera clips at "
                 f"{self.full_scale:g}: expose less."
             )
-        if self.read_mm > self.view_mm * slack:
+        if self.profile_diameter_mm > self.picture_side_mm * slack:
             findings["view"] = (
-                f"The profile covers {self.read_mm:.1f} mm of the face; the picture shows {self.view_mm:.1f} mm: "
-                "use another lens."
+                f"The profile covers {self.profile_diameter_mm:.1f} mm of the face; "
+                f"the picture shows {self.picture_side_mm:.1f} mm: use another lens."
             )
         return findings
 
@@ -78,25 +78,27 @@ class DesignLimits:
 def limits_of(view: PlannedView, inclusions: Floats) -> DesignLimits:
     """The limited values of a protocol without inclusion and on the inclusions (n, 3)."""
     forces, sensor = view.protocol.forces_n, view.sensor
-    at_none, per_newton = nominal_strains(view.surrogate, probe=view.protocol.probe, prior=view.model.prior)
+    strain_at_no_force, per_newton = nominal_strains(view.surrogate, probe=view.protocol.probe, prior=view.model.prior)
     sides = (sensor.columns * sensor.mm_per_pixel[0], sensor.rows * sensor.mm_per_pixel[1])
     return DesignLimits(
-        strain=at_none + max(forces) * per_newton,
+        strain=strain_at_no_force + max(forces) * per_newton,
         least_force_n=min(forces),
-        covering_force_n=_covers(view, None),
-        whole_fraction=sum(_covers(view, inclusion) <= min(forces) * (1 + ROUNDING) for inclusion in inclusions)
+        covering_force_n=_covering_force_n(view, None),
+        full_contact_fraction=sum(
+            _covering_force_n(view, inclusion) <= min(forces) * (1 + ROUNDING) for inclusion in inclusions
+        )
         / len(inclusions),
         brightest_grey=float(max(view.grey(None).max(), view.grey(inclusions).max())),
         full_scale=sensor.full_scale,
-        read_mm=2 * OUTER_FRACTION * view.protocol.probe.radius_mm,
-        view_mm=min(sides),
+        profile_diameter_mm=2 * OUTER_FRACTION * view.protocol.probe.radius_mm,
+        picture_side_mm=min(sides),
     )
 
 
-def covering_n(view: PlannedView, inclusions: Floats) -> float:
+def greatest_covering_force_n(view: PlannedView, inclusions: Floats) -> float:
     """Least force at which the contact covers the face without inclusion and on all inclusions (n, 3)."""
-    return max(_covers(view, inclusion) for inclusion in (None, *inclusions))
+    return max(_covering_force_n(view, inclusion) for inclusion in (None, *inclusions))
 
 
-def _covers(view: PlannedView, inclusion: Floats | None) -> float:
+def _covering_force_n(view: PlannedView, inclusion: Floats | None) -> float:
     return covering_force_n(view.surrogate, view.model.prior, inclusion)

@@ -15,7 +15,7 @@ import scipy
 from tsis.errors import InputError
 from tsis.inclusion.design.alternatives import CRITERIA, Design, calibration_for, design_of, score, with_moduli
 from tsis.inclusion.design.information import even_inclusions, information_of, planned_view
-from tsis.inclusion.design.limits import covering_n
+from tsis.inclusion.design.limits import greatest_covering_force_n
 from tsis.inclusion.design.protocol import LARGEST_FORCE_N, LEAST_FORCE_N
 from tsis.inclusion.frames import largest_force_n
 from tsis.model.require import require_integer, require_one_of
@@ -185,7 +185,7 @@ def _moduli(probe: Probe, octaves: Floats) -> list[float]:
 
 def _forces(view: PlannedView, inclusions: Floats) -> _Forces:
     """Range from full contact to the first limit: strain, saturation or the largest force."""
-    covering = covering_n(view, inclusions)
+    covering = greatest_covering_force_n(view, inclusions)
     most = {
         "strain": largest_force_n(view.surrogate, probe=view.protocol.probe, prior=view.model.prior),
         "saturation": _clipping_n(view, inclusions),
