@@ -15,7 +15,6 @@ import os
 import sys
 import tempfile
 import time
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -163,7 +162,7 @@ def opening_s(console: RunningConsole, browser: Browser) -> float:
 
 
 def records(bench: Bench, browser: Browser, folder: Path) -> Iterator[Goal]:
-    """Pages of a store of many presses, reached by their links."""
+    """The list of a store of many presses, and one of its targets, reached by their links."""
     place, rng = emptied(folder, "large"), np.random.default_rng(2)
     grown(place / "records", bench.rows, bench.targets)
     with open_store(place / "records") as store:
@@ -174,8 +173,6 @@ def records(bench: Bench, browser: Browser, folder: Path) -> Iterator[Goal]:
     with running_console(place) as console:
         for _ in range(bench.times):
             page = opened(console, browser)
-            page.get_by_role("navigation").get_by_role("link", name="About", exact=True).click()
-            page.get_by_role("heading", level=1, name="About").wait_for()
             connected(page)
             for name, act in steps(page, bench.targets + 1, target.number).items():
                 began = time.perf_counter()
@@ -210,11 +207,6 @@ def steps(page: Page, count: int, number: int) -> dict[str, Callable[[], object]
         page.get_by_role("link", name="with frames").click()
         page.get_by_text(f"Target {number}: with frames").wait_for()
 
-    def visited(name: str) -> None:
-        navigation.get_by_role("link", name=name, exact=True).click()
-        page.get_by_role("heading", level=1, name=name, exact=True).wait_for()
-
-    names = navigation.get_by_role("link").all_inner_texts()
     return {
         f"list of {count} targets": listed,
         "its next sheet": turned,
@@ -222,7 +214,6 @@ def steps(page: Page, count: int, number: int) -> dict[str, Callable[[], object]
         "searched (200 ms of it the wait for the next letter)": searched,
         "a target": shown,
         f"its {SHEET} pictures, from then on": lambda: page.wait_for_function(LOADED, arg=SHEET),
-        **{f"page {name}": partial(visited, name) for name in names},
     }
 
 
