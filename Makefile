@@ -48,7 +48,6 @@ benchmark: $(VENV)/.dev  ## speed and accuracy beside those of other programs, o
 	$(BIN)/python -m benchmarks.slow_reference
 	$(BIN)/python -m benchmarks.mechanics
 	$(BIN)/python -m benchmarks.domed_second_code
-	$(BIN)/python -m benchmarks.domed_second_code_finite
 	$(BIN)/python -m benchmarks.rays
 	$(BIN)/python -m benchmarks.sweep_overhead --empty 100000 --runs 3
 	$(BIN)/python -m benchmarks.matching

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.successors import DEPTH_MM, EVALUATED, PRIOR, SPHERES, relative_errors, sphere, sphere_rows, totals
+from benchmarks.successors import DEPTH_MM, EVALUATED, PRIOR, SPHERES, relative_errors, rows_of, sphere
 
 from tsis.inclusion.prior import PARAMETERS
 
@@ -20,16 +20,15 @@ def test_every_stated_sphere_lies_well_inside_the_prior() -> None:
 
 
 def test_a_row_is_the_mean_over_repeats_beside_what_others_print() -> None:
-    common = {"number": 3, "truth": [10.0, DEPTH_MM, 40.0], "sd": [0.5, 0.5, 8.0], "trusted": True}
     lines: list[dict[str, Any]] = [
-        {"case": "3-0", **common, "mean": [11.0, 10.0, 30.0], "identified": [True, True, True]},
-        {"case": "3-1", **common, "mean": [10.0, 9.0, 40.0], "identified": [True, True, False]},
-        {"case": "4-0", "refused": "too dark"},
+        {"number": number, "truth": [float(d), DEPTH_MM, float(young)], "sd": [0.5, 0.5, young / 5]}
+        | {"mean": [d * wide, deep, young * stiff]}
+        for number, (d, young) in enumerate(SPHERES)
+        for wide, deep, stiff in ((1.1, 10.0, 0.75), (1.0, 9.0, 1.0))
     ]
-    rows = sphere_rows(lines)
-    assert rows[3] == ["10 mm, 40 kPa", "10", "5", "5", "5", "12.5", "20", "1 of 2", "2 of 2"]
-    assert rows[4][-2:] == ["refused", ""]
-    assert totals(lines)[0][3:] == ["5", "5", "12.5", "", "25 where identified", ""]
+    rows = rows_of(lines)
+    assert rows[3] == ["10 mm, 40 kPa", "10", "5", "5", "5", "12.5", "20"]
+    assert rows[-2] == ["mean", "7.46", "3.49", "5", "5", "12.5", ""]
 
 
 def test_their_table_does_not_quite_bear_out_their_typical_errors() -> None:

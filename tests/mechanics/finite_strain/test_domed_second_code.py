@@ -1,4 +1,4 @@
-"""Domed contact at finite strain against another code; see benchmarks/domed_second_code_finite.py."""
+"""Domed contact at finite strain against another code; see benchmarks/domed_second_code.py."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.domed_second_code_finite import CASES, PROBE, STORED, deviation, own, solved
+from benchmarks.domed_second_code import CASES, FINITE_STRAIN, PROBE, deviation, own, solved
 
-STATES: dict[str, list[dict[str, Any]]] = json.loads(STORED.read_text(encoding="utf-8"))["usual"]
+STATES: dict[str, list[dict[str, Any]]] = json.loads(FINITE_STRAIN.read_text(encoding="utf-8"))["usual"]
 MISSED = ("large", "wide", "deep", "far", "stiff", "faint")  # beyond 9 mm; see docs/reference/benchmarks.md
 FIELDS = ("pressure_kpa", "displacement_mm")
 
@@ -59,7 +59,7 @@ def test_a_state_solved_anew() -> None:
 @pytest.mark.slow
 def test_forces_are_the_derivative_of_the_energy() -> None:
     pytest.importorskip("ngsolve", reason="the extra fem3d is not installed")
-    from benchmarks.domed_second_code_finite import MESHES
+    from benchmarks.domed_second_code import MESHES
     from benchmarks.peers.ngsolve_dome import DomedPress
 
     model, generator = DomedPress(PROBE, CASES["medium"].phantom, MESHES["coarse"]), np.random.default_rng(0)

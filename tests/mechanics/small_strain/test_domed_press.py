@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from benchmarks.domed_second_code import FORCES_N, SPHERES, STORED, deviations, kernel
+from benchmarks.domed_second_code import FORCES_N, SMALL_STRAIN, SPHERES, deviations, kernel
 from hypothesis import given
 from hypothesis import strategies as st
 from tests.mechanics.closed_forms import bonded_layer_ratio, hertz, punch_stiffness
@@ -312,7 +312,7 @@ def test_the_block_keeps_its_size_where_the_slab_is_thin() -> None:
     assert block_radius_mm(DOMED, 30.0, 20.0) == 13.0
 
 
-STORED_CASES: list[dict[str, Any]] = json.loads(STORED.read_text(encoding="utf-8"))["small_strain"]["cases"]
+STORED_CASES: list[dict[str, Any]] = json.loads(SMALL_STRAIN.read_text(encoding="utf-8"))["small_strain"]["cases"]
 
 
 def test_every_case_is_stored() -> None:
