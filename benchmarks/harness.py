@@ -37,7 +37,7 @@ from rich.table import Table
 import tsis
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
 GOAL_HEADS = ("figure", "goal", "ours", "peer", "")
 LIBRARIES = ("numpy", "scipy", "numba")
@@ -256,7 +256,7 @@ def duration(seconds: float) -> str:
     return f"{seconds / 1e-9:.3g} ns"
 
 
-def counted(counts: dict[str, int]) -> str:
+def counted(counts: Mapping[str, int]) -> str:
     """Counts by name in words, the most frequent first."""
     return ", ".join(f"{name} {number}" for name, number in sorted(counts.items(), key=lambda each: -each[1])) or "none"
 

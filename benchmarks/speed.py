@@ -23,7 +23,7 @@ from functools import partial
 from pathlib import Path
 from statistics import median
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import cv2
 import numpy as np
@@ -128,7 +128,7 @@ def waves(_place: Place) -> Iterator[Contest]:
     """Beam propagation beside the frequency domain, whose march knows the modes of the flat guide already."""
     guide, dent = thin_guide("dissertation"), Dent(depth_um=4.0)
 
-    def guided(method: str) -> float:
+    def guided(method: Literal["bpm", "fdfd"]) -> float:
         return float(abs(propagate(guide, dent, method=method, modes=WAVES).powers.guided.mean()))
 
     off = abs(guided("bpm") - guided("fdfd"))
