@@ -223,8 +223,12 @@ def main() -> int:
     if trusted is not None:
         shares = " / ".join(f"{100 * share:.0f}" for share in trusted.coverage(0.9))
         print(f"90 % intervals of the {len(trusted.truth)} trusted: {shares} % hold")
-    identified = np.mean([line["identified"] for line in lines if "identified" in line], axis=0)
-    print("identified: " + " / ".join(f"{100 * share:.0f}" for share in identified) + " %")
+    kept = [line for line in lines if "identified" in line]
+    named = np.array([line["identified"] for line in kept])
+    relative = np.where(named, 100 * np.abs(found.mean / found.truth - 1), np.nan)
+    for name, share, errors in zip(PARAMETERS, named.mean(axis=0), relative.T, strict=True):
+        of_named = f", median error {np.nanmedian(errors):.3g} %" if share else ""
+        print(f"{name} identified: {share:.0%}{of_named}")
     print(f"flags: {counted(found.flags)}\nrefused: {counted(found.refused)}")
     print("; ".join(f"{name} {value:.3g}" for name, value in presences(lines, without).items()))
     return bench.end(prior_goals(numbers) if bench.prior else ()) or int(not found.keeps_the_claim())
