@@ -17,12 +17,14 @@ from tsis.catalog.probes import list_probes, load_probe, parse_probe
 from tsis.console.pages.design import LAMP, LAYER, ProbeDraft, QuestionDraft, draft_message, file_name
 from tsis.console.widgets import typed_forces
 from tsis.errors import InputError
+from tsis.present.page import address
 from tsis.virtual.planned_probe import DesignQuestion, analyse_designs, compared_designs
 
 if TYPE_CHECKING:
     from tests.console.pages.simulated import Operator
 
     from tsis.console.services.instrument import Instrument
+    from tsis.present.page import Picture
 
 
 def test_what_is_typed_is_drawn_and_what_is_wrong_is_said_beside_it(lit: Instrument) -> None:
@@ -57,6 +59,22 @@ def test_what_is_typed_is_drawn_and_what_is_wrong_is_said_beside_it(lit: Instrum
         await operator.types("How many", "6")
         await operator.sees("; 6 lamps")
 
+    at_console(lit, script, "/design")
+
+
+def test_a_page_that_opens_draws_its_probe_once(lit: Instrument, monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn: list[str] = []
+
+    def counted(picture: Picture) -> str:
+        drawn.append(picture.alt)
+        return address(picture)
+
+    async def script(operator: Operator) -> None:
+        await operator.sees("2 mm of 140 kPa, 3 mm of 80 kPa, 5 mm of 34 kPa, glass; 4 lamps")
+        await operator.sees("camera stopped")  # the page has gone on meanwhile
+        assert 1 <= len(drawn) <= 2  # for its fields, and as it is opened
+
+    monkeypatch.setattr("tsis.console.pages.design.address", counted)
     at_console(lit, script, "/design")
 
 

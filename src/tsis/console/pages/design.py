@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import re
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -470,9 +471,12 @@ class Section:
         self._fault = ui.label().classes("doubtful").props('role="status"')
 
     async def draw(self) -> None:
-        """Draw the probe as it is now."""
+        """Draw the probe as it is now; of several changes at once the last one is drawn."""
         self._requested += 1
         turn = self._requested
+        await asyncio.sleep(0)
+        if turn != self._requested:  # each field of a page that opens asks for it
+            return
         try:
             probe = self._editor.probe.probe()
         except InputError as error:
