@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import shutil
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 from tests.console.pages.open_page import RecordingViewer, on_a_page, texts
 from tests.console.services.instruments import lit_instrument
 from tests.console.services.test_captures import disc
+from tests.waiting import HANGS_S
 
 from tsis.console.pages import images
 from tsis.console.services.captures import measure_images
@@ -61,6 +64,25 @@ def test_own_images_are_opened_measured_and_saved(tmp_path: Path, monkeypatch: p
         on_a_page(instrument, done)
         (press,) = instrument.store.record(instrument.store.target(1)).presses
         assert (press.force_n, press.mm_per_pixel) == (0.5, (0.1, 0.1))
+
+
+def test_of_files_that_arrive_at_once_none_is_lost(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each file is opened in a thread of its own while the page draws those before."""
+    files = [disc(tmp_path, f"press-{number}.png") for number in range(8)]
+    opened, all_read = images.OpenedFrames(), threading.Barrier(len(files))
+
+    def picture(_: object) -> str:
+        all_read.wait(HANGS_S)  # each thread has seen no other's frame
+        return ""
+
+    monkeypatch.setattr(images, "_picture", picture)
+    shown = iter(opened.frames)
+    with ThreadPoolExecutor(len(files)) as threads:
+        assert list(threads.map(lambda file: opened.open([file]), files)) == [()] * len(files)
+    assert list(shown) == []
+    assert [path.name for path in opened.frames] == [file.name for file in files]
+    opened.remove(files[0])
+    assert len(opened.frames) == len(files) - 1
 
 
 def test_frames_of_a_demo_are_ordered_and_known_by_their_names_and_stay_on_other_pages(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import shutil
 import tempfile
+import threading
 import weakref
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -73,7 +74,8 @@ class OpenedFrames:
     def __init__(self) -> None:
         self.folder = Path(tempfile.mkdtemp(prefix="tsis-images-"))
         weakref.finalize(self, shutil.rmtree, self.folder, ignore_errors=True)
-        self.frames: dict[Path, OpenedFrame] = {}
+        self.frames: dict[Path, OpenedFrame] = {}  # another one after each change, since files arrive at once
+        self._changing = threading.Lock()
         self.scale = ""
 
     def open(self, paths: Sequence[Path]) -> tuple[str, ...]:
@@ -83,16 +85,24 @@ class OpenedFrames:
         """
         beside = [file for file in self.frames if any(path.suffix == SIDECAR for path in paths)]
         opened = open_images([*paths, *beside], frames_in=self.folder)
+        found: dict[Path, OpenedFrame] = {}
         for image in opened.images:
-            if image.path in self.frames or len(self.frames) < MOST_OWN_FRAMES:
-                before = self.frames.get(image.path)
-                if before is not None and before.image == image:  # what was typed for it stays
-                    continue
-                force = widgets.number_text_of_field(image.force_n)
-                picture = _picture(image) if before is None else before.picture
-                self.frames[image.path] = OpenedFrame(image=image, picture=picture, role=image.role, force=force)
-        self.frames = dict(sorted(self.frames.items(), key=lambda item: item[1].image.order))
+            before = self.frames.get(image.path)
+            if before is not None and before.image == image:  # what was typed for it stays
+                continue
+            force = widgets.number_text_of_field(image.force_n)
+            picture = _picture(image) if before is None else before.picture
+            found[image.path] = OpenedFrame(image=image, picture=picture, role=image.role, force=force)
+        with self._changing:
+            room = MOST_OWN_FRAMES - len(self.frames.keys() - found.keys())
+            frames = (self.frames | dict(list(found.items())[: max(room, 0)])).items()
+            self.frames = dict(sorted(frames, key=lambda item: item[1].image.order))
         return opened.refused
+
+    def remove(self, path: Path) -> None:
+        """Take a frame out."""
+        with self._changing:
+            self.frames = {other: frame for other, frame in self.frames.items() if other != path}
 
 
 def _picture(image: OwnImage) -> str:
@@ -165,7 +175,7 @@ class OwnImagesPage:
                 widgets.button("Close", dialog.close)
 
     def _remove(self, row: FrameRow) -> None:
-        del self._opened.frames[row.path]
+        self._opened.remove(row.path)
         self._show()
 
     def scale(self) -> tuple[float, float] | None:
