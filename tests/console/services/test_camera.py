@@ -405,6 +405,7 @@ def test_the_next_run_activates_it_again_for_its_camera(tmp_path: Path) -> None:
         first.use_calibration(fits, by=ANN)
     with lit_instrument(tmp_path) as again:
         assert again.state().trouble == ("Calibration 'bench' of the last session is active again.",)
+        assert again.state().good_news == again.state().trouble
         again.start(by=ANN)
         state = again.state()
         assert (state.calibration_identity, state.trouble) == (fits.identity, ())
@@ -430,6 +431,7 @@ def test_a_calibration_that_cannot_be_read_again_says_so(tmp_path: Path, damage:
     with lit_instrument(tmp_path) as again:
         (message,) = again.state().trouble
         assert message.startswith("The calibration of the last session was not activated: ")
+        assert again.state().good_news == ()
         assert again.calibration is None
 
 

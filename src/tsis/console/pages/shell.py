@@ -159,7 +159,7 @@ class Notices:
         if self._trouble.changes_to(now.trouble):
             with self._trouble.element:
                 for message in now.trouble:
-                    ui.label(message)
+                    ui.label(message).classes("calm" if message in now.good_news else "")
         other = now.owner is not None and now.owner.identity != self._viewer.identity
         if self._calm.changes_to(now.owner if other else None) and now.owner is not None and other:
             with self._calm.element:

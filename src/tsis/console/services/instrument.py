@@ -327,6 +327,7 @@ class Instrument:
             gauge="" if gauge is None else gauge.name,
             active=calibration,
             tissue=self._tissues.of(self._target),
+            good_news=() if self._active.chosen is None else self._notices[1:],
         )
 
     def choose(self, choice: CameraChoice, *, by: str) -> None:

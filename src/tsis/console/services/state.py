@@ -96,8 +96,8 @@ class InstrumentState:
         The running or last sequence; None before the first.
     jobs
         Longer work, the newest last.
-    trouble
-        Messages of problems, the most urgent first.
+    trouble, good_news
+        Messages of problems, the most urgent first; those of them that ask nothing of anybody.
     busy
         The running command that others must wait for, as ``"starting the camera"``; empty without one.
     gauge
@@ -122,6 +122,7 @@ class InstrumentState:
     gauge: str = ""
     active: UsableCalibration | None = None
     tissue: TissueReading | None = None
+    good_news: tuple[str, ...] = ()
 
     @property
     def lifted(self) -> bool:
