@@ -110,6 +110,12 @@ def test_probabilities_of_numbers_voxels_and_areas_fit_each_other(found: LumpMap
     assert np.isfinite(numbers.modulus_sd_kpa).all()
 
 
+def test_unevenness_is_known_no_better_than_its_steps(found: LumpMap) -> None:
+    for name, most in (("sd", MapPrior().heterogeneity_sd), ("length_mm", 18.0)):
+        low, high = found.unevenness.interval(0.9)[name]
+        assert 1.15 * low < high <= most
+
+
 def test_deep_lumps_must_be_larger_to_be_seen(found: LumpMap) -> None:
     numbers = found.numbers
     middle = found.blind_diameter_mm[:, len(numbers.y_mm) // 2, len(numbers.x_mm) // 2]

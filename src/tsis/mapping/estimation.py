@@ -46,11 +46,12 @@ from tsis.mapping.flags import (
 )
 from tsis.mapping.lump_map import LumpMap, MapNumbers, NextPlace
 from tsis.mapping.observation import observe
-from tsis.mapping.posterior import BlockLikelihood, Region, Sampler, Samples, greedy_fit, of_presses
+from tsis.mapping.posterior import BlockLikelihood, Region, Sampler, Samples, field_sds, greedy_fit, of_presses
 from tsis.mapping.prior import MapPrior
 from tsis.mapping.scan import Scan, first_few
 from tsis.mapping.signals import LUMP_COLUMNS
 from tsis.mapping.stiffness import observe_stiffness, suited_prior
+from tsis.mapping.uneven_field import LENGTHS_MM
 from tsis.model.estimate import IMPROBABLE, Estimate, probability_bound
 from tsis.model.probe import Probe
 from tsis.model.require import require_integer, require_number, require_one_of, require_type
@@ -479,7 +480,10 @@ def _map(
         count_probability=counts / counts.sum(),
         lumps=tuple(lumps),
         unevenness=Estimate(
-            samples={"sd": sd, "length_mm": length},
+            samples={
+                "sd": _within_cells(sd, field_sds(prior), seed),
+                "length_mm": _within_cells(length, LENGTHS_MM, seed),
+            },
             prior_sd={"sd": prior.heterogeneity_sd / np.sqrt(12), "length_mm": 5.0},
             prior=str(prior),
         ),
@@ -515,6 +519,13 @@ def _map(
             "started_from_earlier_map": guides,
         },
     )
+
+
+def _within_cells(values: Floats, grid: Floats, seed: int) -> Floats:
+    """Values of a coarse grid spread evenly over the logarithm within their cells: they are known no better."""
+    edges = np.log(np.concatenate([grid[:1], np.sqrt(grid[1:] * grid[:-1]), grid[-1:]]))
+    cell = np.abs(np.log(grid) - np.log(values)[:, None]).argmin(axis=1)
+    return np.asarray(np.exp(np.random.default_rng([seed, 10**5]).uniform(edges[cell], edges[cell + 1])))
 
 
 def _axis(axis: Floats) -> Floats:

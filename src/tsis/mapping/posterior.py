@@ -126,6 +126,11 @@ class FieldKind:
     size: Floats
 
 
+def field_sds(prior: MapPrior) -> Floats:
+    """Standard deviations of the field that are sampled, up to the prior's largest."""
+    return np.append(SDS[prior.heterogeneity_sd * 0.99 > SDS], prior.heterogeneity_sd)
+
+
 class BlockLikelihood:
     """Likelihood of lumps for one block of presses."""
 
@@ -142,7 +147,7 @@ class BlockLikelihood:
         lengths = LENGTHS_MM
         if length_mm is not None:
             lengths = LENGTHS_MM[sorted({0, int(np.abs(np.log(LENGTHS_MM / length_mm)).argmin())})]
-        self.sds = np.append(SDS[prior.heterogeneity_sd * 0.99 > SDS], prior.heterogeneity_sd)
+        self.sds = field_sds(prior)
         width = np.gradient(self.sds) if len(self.sds) > 1 else np.ones(1)
         self.log_sd_weight = np.log(width / width.sum())
         with one_blas_thread():

@@ -152,8 +152,7 @@ def lump_balls(numbers: MapNumbers, *, samples: int = 25) -> tuple[Ball, ...]:
 def _cards(numbers: MapNumbers) -> tuple[Card, ...]:
     likeliest = int(np.argmax(numbers.count_probability))
     share = float(numbers.count_probability[likeliest])
-    ends = dict.fromkeys(f"{100 * end:.2g}" for end in numbers.unevenness.interval(INTERVAL_LEVEL)["sd"])
-    unevenness = " to ".join(ends) if len(ends) > 1 else f"about {next(iter(ends))}"  # it is learnt in few steps
+    unevenness = " to ".join(f"{100 * end:.2g}" for end in numbers.unevenness.interval(INTERVAL_LEVEL)["sd"])
     return (
         Card(
             title="Lumps",
