@@ -264,7 +264,7 @@ def plan_view(found: LumpMap, ax: Axes) -> Axes:
     if numbers.next_places:
         first = numbers.next_places[0]
         ax.plot([first.x_mm], [first.y_mm], "*", color=NEXT_COLOUR, markersize=9, label="press next")
-    ax.legend(loc="upper right", fontsize=7)
+    ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, fontsize=7, frameon=False)  # hides no corner
     ax.set(xlabel="x / mm", ylabel="y / mm", aspect="equal")
     return ax
 
