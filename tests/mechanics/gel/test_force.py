@@ -146,3 +146,14 @@ def test_force_refuses_maps_that_hold_no_press() -> None:
     edge = np.zeros((120, 160))
     edge[:10, :10] = 0.2
     assert "border" in gel_force(edge, sensor=SENSOR, draws=20).problems[0]
+
+
+def test_a_shallow_press_is_not_called_deep(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A correction beyond what was measured is named by itself."""
+    y, x = (np.mgrid[:120, :160] - np.array([59.5, 79.5])[:, None, None]) * 0.126
+    cap = np.maximum(0.25 - (x**2 + y**2) / 12.0, 0.0)
+    assert not gel_force(cap, sensor=SENSOR, draws=20).problems
+    monkeypatch.setattr("tsis.mechanics.gel.force.LARGEST_CORRECTION", 1.0)
+    (problem,) = gel_force(cap, sensor=SENSOR, draws=20).problems
+    assert problem.startswith("large strain raises the force 1.0")
+    assert "deep" not in problem

@@ -257,10 +257,15 @@ def _problems(sensor: GelSensor, pressed: NDArray[np.bool_], deepest: float, cor
         problems.append(f"the gel of {sensor.name} is {sensor.shape}, and the model is a flat layer")
     if pressed[[0, -1]].any() or pressed[:, [0, -1]].any():
         problems.append("the contact reaches the border of the map, and the force beyond it is not seen")
-    if deepest > DEEPEST or correction > LARGEST_CORRECTION:
+    if deepest > DEEPEST:
         problems.append(
             f"the press is {100 * deepest:.0f} % of the gel's thickness deep, more than the correction for large "
             "strain was measured for"
+        )
+    elif correction > LARGEST_CORRECTION:
+        problems.append(
+            f"large strain raises the force {correction:.2f} times, more than the {LARGEST_CORRECTION:g} times that were "
+            "measured"
         )
     return tuple(problems)
 
