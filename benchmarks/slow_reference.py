@@ -418,10 +418,11 @@ def rows(protocol: str, inclusion: Sequence[float], found: Comparison) -> list[l
 
     numbers, one = ", ".join(f"{value:g}" for value in inclusion), found.sampled
     factor, error = found.sampled_log_bayes_factor()
+    told = "" if found.plain is None else f"{factor:.2f} ± {error:.2f}"
     apart = zip(found.shift, found.widening, strict=True)
     return [
         [f"{protocol} ({numbers})", "tsis", *cells(found.mean, found.sd), f"{found.log_bayes_factor:.2f}", ""],
-        ["", "sampler", *cells(one.mean, one.sd), f"{factor:.2f} ± {error:.2f}", f"{one.effective:.0f}"],
+        ["", "sampler", *cells(one.mean, one.sd), told, f"{one.effective:.0f}"],
         ["", "apart", *(f"{shift:+.3f} sd, x {wide:.3f}" for shift, wide in apart), "", f"{one.seconds:.0f} s"],
     ]
 
