@@ -264,8 +264,8 @@ def _problems(sensor: GelSensor, pressed: NDArray[np.bool_], deepest: float, cor
         )
     elif correction > LARGEST_CORRECTION:
         problems.append(
-            f"large strain raises the force {correction:.2f} times, more than the {LARGEST_CORRECTION:g} times that were "
-            "measured"
+            f"large strain raises the force {correction:.2f} times, more than the {LARGEST_CORRECTION:g} times that "
+            "were measured"
         )
     return tuple(problems)
 
