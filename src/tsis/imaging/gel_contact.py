@@ -56,14 +56,18 @@ LEAST_TEXTURE = 0.05  # of the logarithm of a texture's variance
 SEARCH_COLUMNS = 160  # a search does not need more
 TEXTURED, TEXTURED_STARTS = 0.95, (0.75, 1.0, 1.35)  # explained fraction below which a texture is tried, and radii
 START_RADIUS_PX, FITTED_RADIUS_PX = 8.0, 15.0  # of a first and of the last fit: block means of larger contacts
+MANY_MINIMA = 0.3  # standard deviation of the radius over it, which only several minima give
 ROUND = 0.995  # explained fraction beyond which unequal axes can not explain clearly more
 STARTS, AGAIN = (0.65, 0.85, 1.1), (0.6, 0.8, 1.0, 1.25)  # radii of a first and a second fit, relative
 PEAK_NOISE = 8.0  # times the noise of the smoothed change
 LEAST_CHANGE = 3.0  # levels
 CENTRE_MODEL_SD = 0.03  # of the radius: what the fit's model misses
-RADIUS_MODEL_SD = {"rgb": 0.006, "white": 0.01}  # of the radius, by rendered frames (seed 501)
+RADIUS_MODEL_SD = {"rgb": 0.008, "white": 0.01}  # of the radius, by rendered frames (seeds 501 and 8804)
 LEAST_EXPLAINED, LEAST_TEXTURED = 0.6, 0.94  # of the change by a good contact; of a textured one after its blur
-TEXTURED_MODEL_SD = 0.03  # of the radius of textured objects, by rendered frames (benchmarks/textured_contacts.py)
+# By rendered frames (benchmarks/textured_contacts.py, seed 8804): of the radius of textured objects, and of what the edge
+# is blurred beyond the optics, which may be the object's own softness.
+TEXTURED_MODEL_SD = {"rgb": 0.03, "white": 0.06}
+SOFT_EDGE_SD = 0.4
 LEAST_QUALITY, REFUSED_QUALITY = 0.5, 0.45  # of a good contact; of one with a reason against it, at most
 MOVED = 0.1  # of the radius, between frames of a sequence
 LARGEST_SHIFT = 0.45  # of the markers' pitch, from the movement of the neighbours: beyond it another may be meant
@@ -156,6 +160,8 @@ class ContactFit:
         Mean square residual times the pixels that err together, square grey levels.
     textured
         Whether the imprint of a texture was counted, which makes the edge less sharp.
+    edge_blur
+        Standard deviation of the blur of the fitted edge, as a fraction of the radius.
     """
 
     centre: tuple[float, float]
@@ -167,6 +173,7 @@ class ContactFit:
     amplitude: float
     patch_variance: float
     textured: bool = False
+    edge_blur: float = 0.0
 
     @property
     def radius(self) -> float:
@@ -537,6 +544,7 @@ def _result(window: _Window, solution: Solved, start: tuple[float, float], limit
         amplitude=float(np.sqrt(np.square(part).sum(axis=1).mean())),
         patch_variance=variance,
         textured=window.even is not None,
+        edge_blur=BLUR * float(np.exp(x[6] - x[2])),
     )
 
 
@@ -702,6 +710,8 @@ def _find(change: GelChange, sensor: GelSensor, name: str) -> GelContact:
     fit = fit if gel is None else replace(fit, radius_sd=max(fit.radius_sd, sd))
     if fit.explained < TEXTURED:
         ends = (1.0,) if is_oval else TEXTURED_STARTS
+        if fit.radius_sd > MANY_MINIMA * fit.radius:  # so far away is another radius that explains the change as well
+            ends = (*ends, 1.0 + fit.radius_sd / fit.radius)
         rough = fits.at(START_RADIUS_PX, fit, starts=ends, texture=True) or fit
         sd = rough.radius_sd
         finer = fits.at(FITTED_RADIUS_PX, rough, texture=True)
@@ -833,8 +843,9 @@ def _contact(
 ) -> GelContact:
     radius, scale = fit.radius, sensor.scale_of(columns, rows)
     centre_sd = tuple(float(np.hypot(part, CENTRE_MODEL_SD * radius)) for part in fit.centre_sd)
-    model_sd = TEXTURED_MODEL_SD if fit.textured else RADIUS_MODEL_SD[sensor.light]
-    radius_sd = float(np.hypot(fit.radius_sd, model_sd * radius))
+    model_sd = (TEXTURED_MODEL_SD if fit.textured else RADIUS_MODEL_SD)[sensor.light]
+    soft_sd = SOFT_EDGE_SD * max(fit.edge_blur - BLUR, 0.0)
+    radius_sd = float(np.hypot(fit.radius_sd, np.hypot(model_sd, soft_sd) * radius))
     good_fit = float(np.clip((fit.explained - 0.5) / 0.4, 0.0, 1.0))
     quality = good_fit * float(np.clip(1.5 - radius_sd / radius / 0.1, 0.0, 1.0))
     reason = "poor fit" if good_fit < LEAST_QUALITY else "uncertain"
