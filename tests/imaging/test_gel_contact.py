@@ -14,6 +14,7 @@ from tsis.catalog.sensors import load_sensor
 from tsis.errors import ImageMismatchError, InputError
 from tsis.imaging.gel_contact import (
     ContactFit,
+    GelContact,
     GelLayer,
     blurred_profile,
     contacts,
@@ -231,6 +232,28 @@ def test_textured_and_soft_edged_objects_have_their_radius(kind: str, number: in
     assert contact.good, contact.reasons
     assert contact.radius_px == pytest.approx(made.radius_px, rel=0.07)
     assert np.hypot(*np.subtract(contact.centre_px, made.centre_px)) < 0.1 * made.radius_px
+
+
+def soft_edge(name: str, number: int) -> tuple[GelContact, float]:
+    made = drawn_press("soft edge", name, np.random.default_rng([8804, 5, number]))
+    (contact,) = contacts([made.frame], sensor=made.sensor, reference=made.reference)
+    return contact, made.radius_px
+
+
+@pytest.mark.parametrize(("name", "number"), [("gelsight-wedge", 7), ("gelsight-mini", 15)])
+def test_the_radius_of_a_soft_edge_is_uncertain(name: str, number: int) -> None:
+    """By what a sharp edge would leave uncertain, these erred by five standard deviations."""
+    contact, radius_px = soft_edge(name, number)
+    assert contact.good
+    assert abs(contact.radius_px - radius_px) < 2.0 * contact.radius_sd_px
+    assert contact.radius_sd_px < 0.05 * contact.radius_px
+
+
+def test_a_contact_that_two_radii_explain_is_no_good_one() -> None:
+    """Half the radius, with a texture, explained this change as well as the whole."""
+    contact, _ = soft_edge("9dtact", 26)
+    assert not contact.good
+    assert contact.reasons == ("uncertain",)
 
 
 @pytest.mark.parametrize(("sd", "order"), [(0.06, 1), (0.2, 1), (0.1, 0)])

@@ -64,8 +64,8 @@ LEAST_CHANGE = 3.0  # levels
 CENTRE_MODEL_SD = 0.03  # of the radius: what the fit's model misses
 RADIUS_MODEL_SD = {"rgb": 0.008, "white": 0.01}  # of the radius, by rendered frames (seeds 501 and 8804)
 LEAST_EXPLAINED, LEAST_TEXTURED = 0.6, 0.94  # of the change by a good contact; of a textured one after its blur
-# By rendered frames (benchmarks/textured_contacts.py, seed 8804): of the radius of textured objects, and of what the edge
-# is blurred beyond the optics, which may be the object's own softness.
+# By rendered frames (benchmarks/textured_contacts.py, seed 8804): of the radius of textured objects, and of the blur of
+# the edge beyond that of the optics, which may be the object's own softness.
 TEXTURED_MODEL_SD = {"rgb": 0.03, "white": 0.06}
 SOFT_EDGE_SD = 0.4
 LEAST_QUALITY, REFUSED_QUALITY = 0.5, 0.45  # of a good contact; of one with a reason against it, at most
