@@ -39,6 +39,7 @@ BLUR = 0.06  # of the contact radius, where the fit of the optics' blur starts
 LIMITS = np.array([0.8, 0.8, 0.6, 0.4, 0.4, 2.5, 1.5])  # of the parameters about their start
 STEEPEST = 0.7  # sine of the slope at the edge of a contact; the profile of steeper ones is not told from a wider one
 SHARPEST = 1.0  # limit of the logarithm of the blur under white light
+AT_LIMIT, UNKNOWN_SD = 0.98, 0.25  # share of that limit from which the radius is not known, and its relative sd then
 FIXED = 1e-6  # limit of a parameter that is known
 FEWEST_PIXELS = 60
 TEXTURE_FALL = 0.5  # power of 1 - rho² by which the variance of a texture's imprint falls to the edge
@@ -532,6 +533,10 @@ def _result(window: _Window, solution: Solved, start: tuple[float, float], limit
     prior = 3.0 * variance / np.square(limits)
     variances = np.diag(np.linalg.inv(jacobian.T @ jacobian + np.diag(prior))) * variance
     half, radius = float(np.hypot(x[3], x[4])), window.radius * float(np.exp(x[2]))
+    radius_sd = radius * float(np.sqrt(variances[2]))
+    if window.even is not None and window.gel is not None and x[6] > AT_LIMIT * SHARPEST:
+        # A hill without an edge, and its shape left to a texture: that of twice the radius explains it as well.
+        radius_sd = max(radius_sd, UNKNOWN_SD * radius)
     inside = (window.reduced(x)[2] < 1.0) & (window.weight.ravel() > 0)
     part = fitted[inside] - fitted[~inside].mean(axis=0) if inside.any() and not inside.all() else np.zeros((1, 1))
     return ContactFit(
@@ -539,7 +544,7 @@ def _result(window: _Window, solution: Solved, start: tuple[float, float], limit
         semi_axes=(radius * float(np.exp(half)), radius * float(np.exp(-half))),
         angle_deg=float(0.5 * np.degrees(np.arctan2(x[4], x[3]))) if half > 1e-5 else 0.0,
         centre_sd=(window.radius * float(np.sqrt(variances[0])), window.radius * float(np.sqrt(variances[1]))),
-        radius_sd=radius * float(np.sqrt(variances[2])),
+        radius_sd=radius_sd,
         explained=window.explained(fitted, TEXTURE_BLUR * radius if window.even is not None else 0.0),
         amplitude=float(np.sqrt(np.square(part).sum(axis=1).mean())),
         patch_variance=variance,
