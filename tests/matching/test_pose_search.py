@@ -5,11 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from benchmarks.matching.distort import even_texture, strokes
+from benchmarks.matching.trust_shapes import trust_trial
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from tsis.matching.methods import NormalFrame
+from tsis.matching.pose_evidence import hard_evidence
+from tsis.matching.pose_search import PoseSearch, search_poses
 from tsis.matching.posterior import pose_posterior
 from tsis.matching.relaxation import Pose, agreed, poses, rotations
 
@@ -137,3 +140,24 @@ def test_where_no_draw_is_plausible_the_source_is_only_moved() -> None:
     found = agreed(source, np.full((20, 2), 3.0), np.ones(20), rng=np.random.default_rng(0))
     np.testing.assert_allclose(found.affine[1:], np.eye(2))
     np.testing.assert_allclose(source.mean(axis=0) + found.affine[0], 3.0)
+
+
+@pytest.mark.parametrize(
+    ("generator", "family", "number", "seed"),
+    [
+        ("test", "clusters", 8, 81103),  # a cluster lies far from where the others predict it
+        ("test", "clusters", 9, 81103),
+        ("test", "lobes", 2, 81103),  # clutter holds a third of the outline
+        ("calibration", "oval", 7, 81102),  # the outline fits itself nearly as well half a turn on
+    ],
+)
+def test_no_map_among_outliers_is_less_likely_than_the_true_pairs(
+    generator: str, family: str, number: int, seed: int
+) -> None:
+    trial = trust_trial(generator, family, "outliers", number, seed=seed)
+    search = PoseSearch.of(_inside(trial.source), _inside(trial.target))
+    found = search_poses(search, rng=np.random.default_rng(0))
+    true = hard_evidence(search.field, search.target, trial.truth)
+    assert true is not None
+    assert found[0].log > true.log - 0.5
+    assert min(np.sqrt(((pose.moved - true.moved) ** 2).sum(axis=1).mean()) for pose in found) < 0.02

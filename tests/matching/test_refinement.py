@@ -19,6 +19,7 @@ from tsis.matching.refinement import (
     grown,
     one_to_one,
     predicted,
+    reattached,
     repatched,
     segment_shifts,
     shifted,
@@ -268,3 +269,23 @@ def test_many_points_out_of_reach_have_no_pair() -> None:
     points = np.random.default_rng(4).normal(size=(260, 2))
     assert np.all(one_to_one(points, points + 50.0, 1.0) == UNMATCHED)
     np.testing.assert_array_equal(one_to_one(points, points[::-1], 1e-6), np.arange(260)[::-1])
+
+
+def test_a_part_that_moved_away_is_found_among_clutter() -> None:
+    rng = np.random.default_rng(5)
+    source = np.vstack([rng.normal([-0.8, 0], 0.3, (30, 2)), rng.normal([0.9, 0], 0.2, (15, 2))])
+    moved = source + np.where(np.arange(45)[:, None] < 30, 0.0, [0.3, 0.8])
+    target = np.vstack([moved, rng.uniform(-2, 2, (30, 2))])
+    matches = np.where(np.arange(45) < 30, np.arange(45), UNMATCHED)
+    pose = hard_evidence(SmoothField.of(source), target, matches)
+    assert pose is not None
+    proposed = list(reattached(SmoothField.of(source), target, 0.1, pose))
+    assert all(np.array_equal(each[:30], matches[:30]) for each in proposed)
+    assert max(np.count_nonzero(each[30:] == np.arange(30, 45)) for each in proposed) >= 10
+
+
+def test_without_free_targets_nothing_moves_away() -> None:
+    source, target = _curve()
+    pose = hard_evidence(SmoothField.of(source), target, np.where(np.arange(80) < 60, np.arange(80), UNMATCHED))
+    assert pose is not None
+    assert not list(reattached(SmoothField.of(source), target[:60], 0.1, pose))

@@ -81,6 +81,10 @@ class PoseSearch:
 
 def search_poses(search: PoseSearch, *, rng: np.random.Generator) -> list[PoseEvidence]:
     """Maps by falling evidence; slid neighbours are among them."""
+    return _shifted_again(search, _reattached_again(search, _searched(search, rng)))
+
+
+def _searched(search: PoseSearch, rng: np.random.Generator) -> list[PoseEvidence]:
     aligned = sorted(_aligned_maps(search), key=lambda pose: -pose.log)
     if aligned and complete(search, aligned[0]):
         ranking = outlines.Ranking.of(search.field, search.target)
@@ -100,6 +104,46 @@ def search_poses(search: PoseSearch, *, rng: np.random.Generator) -> list[PoseEv
     if len(search.source) * len(search.target) > refinement.MANY_PAIRS and evidence and more[0] is evidence[0]:
         return more
     return _improved_again(search, more)
+
+
+def _reattached_again(search: PoseSearch, evidence: list[PoseEvidence]) -> list[PoseEvidence]:
+    """All maps, and those whose points without partner moved together to free targets, while the likeliest gains."""
+    few = len(search.source) * len(search.target) <= refinement.MANY_PAIRS
+    for _ in range(MOST_PASSES if evidence and few else 0):
+        top = evidence[0]
+        done = [
+            _followed(search, pose)
+            for matches in refinement.reattached(search.field, search.target, search.step, top)
+            if (pose := hard_evidence(search.field, search.target, matches, width=top.width)) is not None
+        ]
+        if not done:
+            break
+        best = max(done, key=lambda pose: pose.log)
+        if best.log > top.log:
+            done.append(refinement.repatched(search.field, search.target, search.step, best))
+        evidence = sorted([*evidence, *done], key=lambda pose: -pose.log)
+        if evidence[0].log < top.log + LEAST_GAIN:
+            break
+    return evidence
+
+
+def _shifted_again(search: PoseSearch, evidence: list[PoseEvidence]) -> list[PoseEvidence]:
+    """All maps, and those of the likeliest slid along its outline by any number of points, until none is likelier.
+
+    A shape that nearly has a symmetry fits its outline in several places; all of them must be among the maps.
+    """
+    ranking = outlines.Ranking.of(search.field, search.target)
+    for _ in range(MOST_PASSES if evidence else 0):
+        top = evidence[0]
+        slid_maps = [
+            _followed(search, pose)
+            for matches in refinement.shifted(search.outline, ranking, top)
+            if (pose := hard_evidence(search.field, search.target, matches, width=top.width)) is not None
+        ]
+        evidence = sorted([*evidence, *slid_maps], key=lambda pose: -pose.log)
+        if evidence[0].log < top.log + LEAST_GAIN:
+            break
+    return evidence
 
 
 def _improved_again(search: PoseSearch, evidence: list[PoseEvidence]) -> list[PoseEvidence]:

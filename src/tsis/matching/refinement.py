@@ -48,6 +48,9 @@ STIFF_WIDTH, STIFF_AMPLITUDE = 1.6, 0.1
 MOST_SHIFTS, FOLLOWED_SHIFTS = 400, 8
 ROTATIONS = 24  # of the plane
 MANY_PAIRS = 60_000
+# Fraction of the points without partner from which they are moved together, displacements that are tried, their largest
+# length in root-mean-square radii, and the cells that count them, in spacings
+LEAST_LOOSE, DISPLACEMENTS, REACH, CELL = 0.05, 6, 1.5, 1.5
 MOST_RUNS, SEGMENT_SHIFTS, FOLLOWED_SEGMENTS = 30, (-2, -1, 1, 2), 3
 
 
@@ -332,6 +335,33 @@ def segment_shifts(
         matches = pose.matches.copy()
         matches[order] = slid_along
         yield matches
+
+
+def reattached(field: SmoothField, target: Floats, step: float, pose: PoseEvidence) -> Iterator[Integers]:
+    """Matches in which the points without partner, moved together, meet free targets, those first that meet most.
+
+    Growth adds pairs near their predicted places. A part of the shape that the deformation moved farther, or that a
+    part of the clutter holds, has to be found anew: displacements from its places to free targets are counted.
+    """
+    loose = np.flatnonzero(pose.matches == UNMATCHED)
+    free = np.setdiff1d(np.arange(len(target)), pose.matches)
+    if len(loose) < max(LEAST_LOOSE * len(pose.matches), field.points.shape[1] + 1) or len(free) < len(loose) / 2:
+        return
+    size = CELL * step
+    for places in (pose.affine[0] + field.points[loose] @ pose.affine[1:], pose.moved[loose]):
+        away = (target[free] - places[:, None]).reshape(-1, target.shape[1])
+        cells, count = np.unique(np.rint(away[np.linalg.norm(away, axis=1) < REACH] / size), axis=0, return_counts=True)
+        if not len(cells):
+            continue
+        beside = scipy.spatial.distance.cdist(cells, cells, "chebyshev") <= 1
+        votes = beside @ count + count  # a cell's own pairs count twice
+        for _ in range(DISPLACEMENTS):
+            most = int(votes.argmax())
+            near = one_to_one(places + cells[most] * size, target[free], 2 * step)
+            matches = pose.matches.copy()
+            matches[loose] = np.where(near == UNMATCHED, UNMATCHED, free[near])
+            yield matches
+            votes[beside[most]] = 0
 
 
 def _joined_pairs(along: Integers, ahead: Integers) -> tuple[Booleans, Booleans]:
