@@ -233,7 +233,7 @@ def trust_cases(trial: Trial, methods: Sequence[str], *, rotation_sd_deg: float 
 
 
 def fit_trust(measures: Floats, right: Floats) -> Floats:
-    """Weights, shape (k,), of the logistic regression of being right, shape (n,), on measures, shape (n, 9).
+    """Weights, shape (k,), of the logistic regression of being right, shape (n,), on measures, shape (n, 8).
 
     A weak ridge on standardised columns bounds the weights, which are not negative but for the constant.
     """

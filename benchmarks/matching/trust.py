@@ -232,7 +232,7 @@ def best_peers(cases: list[TrustCase]) -> dict[tuple[str, str], str]:
 
 def calibration(cases: list[TrustCase]) -> list[str]:
     """The weights of all cases, thresholds, and wrong answers above `LEVELS` with weights of the other trials."""
-    sound = [case for case in cases if case.measures and case.measures[-1] and case.measures[6] <= WIDEST]
+    sound = [case for case in cases if case.measures and case.measures[-1] and case.measures[5] <= WIDEST]
     measures, right = np.array([case.measures for case in sound]), np.array([case.error <= WRONG for case in sound])
     fold = np.array([int(case.trial.rsplit("/", 1)[1]) % FOLDS for case in sound])
     logit = np.empty(len(sound))

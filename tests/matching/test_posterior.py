@@ -209,13 +209,13 @@ def test_a_mirrored_or_sheared_map_is_not_sound(matrix: np.ndarray) -> None:
     assert not is_sound(lambda points: points @ matrix, cloud)
 
 
-CLEAR = (50.0, 1e4, 0.0, 0.0, -3.0, 0.0, 0.3, -50.0, 1.0)  # measures of an answer beyond doubt
+CLEAR = (50.0, 0.0, 0.0, -3.0, 0.0, 0.3, -50.0, 1.0)  # measures of an answer beyond doubt
 
 
 @pytest.mark.parametrize(
     ("place", "value", "most"),
-    [(6, 1.0, 0.9), (8, 0.0, 0.5), (0, 2.5, 0.97), (1, 0.0, 0.9), (7, 0.0, 0.0)],
-    ids=["stretched more than any in the calibration", "folded", "a rival", "symmetric", "unrelated"],
+    [(5, 1.0, 0.9), (7, 0.0, 0.5), (0, 2.5, 0.97), (6, 0.0, 0.0)],
+    ids=["stretched more than any in the calibration", "folded", "a rival", "unrelated"],
 )
 def test_one_doubt_makes_an_answer_unreliable(place: int, value: float, most: float) -> None:
     assert probability_right(np.array(CLEAR)) >= 0.999

@@ -84,7 +84,7 @@ def doubts(measures: Floats, *, rivals: float, most: float) -> Iterator[Finding]
 
     ``rivals`` is the probability of other poses, ``most`` the greatest that a reliable answer may have.
     """
-    hidden, stray, noise, far, unrelated, sound = (float(measures[place]) for place in (2, 3, 4, 5, 7, 8))
+    hidden, stray, noise, far, unrelated, sound = (float(measures[place]) for place in (1, 2, 3, 4, 6, 7))
     found = []
     chance = math.exp(min(unrelated, 0.0))
     if chance > LIKELY_UNRELATED:

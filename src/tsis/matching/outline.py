@@ -6,7 +6,6 @@ equally many points, all their alignments are few enough to be compared at once.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -29,7 +28,6 @@ AMPLITUDE, SIGMA = 0.1, SIGMAS[1]  # of the field that ranks the alignments
 MOST_POINTS = 400
 NEIGHBOURS = 5
 LONGEST = 3.0  # median distances of neighbours: a longer gap separates two curves
-MOVED = 0.25  # root-mean-square radii
 LEAST_PIECE, MOST_PIECES, LAID = 12, 3, 6  # points of a piece, number of pieces, and of places of each
 LOCAL = 4  # steps on either side whose median is the step at a point
 LEFT_OUT = 9 * (2 * SIGMAS[1]) ** 2  # loss of a point beyond the end of a curve: as of three standard deviations
@@ -126,30 +124,6 @@ def outline_alignments(field: SmoothField, target: Floats, following: Integers, 
         matches[here] = orders[number]
         alignments.append(matches)
     return alignments
-
-
-def self_resemblance(field: SmoothField, outline: tuple[Integers, bool]) -> float:
-    """Least loss of an alignment of the outline, a `main_curve`, with itself that moves it by more than `MOVED`.
-
-    It is about zero for a shape with a symmetry, and infinite where the source is no single curve.
-    """
-    points = field.points
-    if points.shape[1] != 2 or len(points) > MOST_POINTS:
-        return math.inf
-    order, closed = outline
-    if not len(order):
-        return math.inf
-    along = points[order]
-    if closed:
-        shifts = np.arange(len(order))[:, None] + np.arange(len(order))
-        aligned = along[shifts % len(order)]
-    else:
-        aligned = np.stack([along, along[::-1]])
-    far = np.sqrt(((aligned - along) ** 2).sum(axis=2).mean(axis=1)) > MOVED
-    if not far.any():
-        return math.inf
-    precision = _precision(field, order)
-    return float(_losses(aligned[far], precision).min())
 
 
 def _losses(aligned: Floats, precision: Floats) -> Floats:
