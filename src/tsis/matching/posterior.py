@@ -332,7 +332,7 @@ MOST_UNSOUND = 0.5
 WIDEST, MOST_SHEARED = 0.9, 0.9  # log ratio of singular values from which an answer has at most this confidence
 WEIGHTS = (-0.17, 2.82, 1.13)
 # Accepted share of wrong answers among reliable ones, and the least confidence of these: stricter than calibrated
-# (0.978 for one in a thousand), because more answers to shapes not calibrated on were wrong, and few lie at lower levels
+# (0.978 for one in a thousand), because more answers to shapes not calibrated on were wrong, and few lie below
 THRESHOLDS = ((0.001, 0.985), (0.003, 0.96), (0.01, 0.87), (0.03, 0.7))
 
 
