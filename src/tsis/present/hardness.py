@@ -119,7 +119,7 @@ def _frame(image: TactileImage) -> Picture:
         draw=on_axes(tactile_image, image),
         size=(4.2, 3.0),
         alt=f"Grey levels of {image.name or 'a frame'}",
-        caption=f"{image.force_n:g} N by the gauge.",
+        caption=f"{image.force_n:g} N.",
     )
 
 

@@ -97,5 +97,5 @@ def force_over_depth(estimate: Estimate, ax: Axes) -> Axes:
     ax.plot(depth, np.array(fit["force_n"]) / 10**power, ".", markersize=3, label="curve")
     ax.plot(depth, np.array(fit["fitted_n"]) / 10**power, linewidth=1, label="fit")
     ax.set(xlabel="depth / µm", ylabel=f"force / {unit}")
-    ax.legend(frameon=False)
+    ax.legend(frameon=False, loc="upper left")  # above the curve; to look for the best place takes long
     return ax
