@@ -231,9 +231,9 @@ def test_limits_are_those_of_a_press(views: dict[str, PlannedView]) -> None:
     assert found.strain == pytest.approx(nominal_strain(field.approach_mm, DOMED, 30.0), rel=0.01)
     assert press(DOMED, plain, force_n=1.03 * found.covering_force_n).pressure_kpa[-2] > 0
     assert press(DOMED, plain, force_n=0.97 * found.covering_force_n).pressure_kpa[-2] == 0
-    assert (found.profile_diameter_mm, found.picture_side_mm) == pytest.approx((19.2, 492 * 0.0392))
+    assert (found.read_mm, found.view_mm) == pytest.approx((19.2, 492 * 0.0392))
     assert not found.broken
-    assert 0.5 < found.full_contact_fraction < 1.0
+    assert 0.5 < found.whole_fraction < 1.0
     most = largest_force_n(view.surrogate, probe=view.protocol.probe, prior=view.model.prior)
     strongest = limits_of(at_forces(view, (0.2, 1.01 * most)), even_inclusions(PRIOR))
     assert set(strongest.broken) == {"strain", "contact", "saturation"}
@@ -401,11 +401,11 @@ def design(*forces_n: float, strain: float = 0.1) -> Design:
         strain=strain,
         least_force_n=min(forces_n),
         covering_force_n=0.0,
-        full_contact_fraction=1.0,
+        whole_fraction=1.0,
         brightest_grey=100.0,
         full_scale=255.0,
-        profile_diameter_mm=20.0,
-        picture_side_mm=24.0,
+        read_mm=20.0,
+        view_mm=24.0,
     )
     return Design(protocol=protocol_of(tsis.load_probe("tsis-2011"), forces_n), information=SILENT, limits=limits)
 

@@ -137,7 +137,7 @@ def _row(design: Design) -> tuple[str, ...]:
         f"{errors['young_kpa']:.1f}",
         f"{design.information.identified_fraction:.0%}",
         f"{limits.strain:.2f}",
-        f"{limits.full_contact_fraction:.0%}",
+        f"{limits.whole_fraction:.0%}",
         f"{limits.brightest_grey:.0f}",
         ", ".join(limits.broken),
     )

@@ -28,26 +28,26 @@ class DesignLimits:
         Force of the weakest press.
     covering_force_n
         Least force in newtons at which the contact covers the face on tissue without inclusion; 0 for a flat face.
-    full_contact_fraction
+    whole_fraction
         Fraction of the inclusions with full contact in the weakest press. Estimates of the others are not trusted.
     brightest_grey
         Largest grey level of any press, background included.
     full_scale
         Grey level at which the camera clips.
-    profile_diameter_mm
+    read_mm
         Diameter of the evaluated face.
-    picture_side_mm
+    view_mm
         Shorter side of the picture on the face.
     """
 
     strain: float
     least_force_n: float
     covering_force_n: float
-    full_contact_fraction: float
+    whole_fraction: float
     brightest_grey: float
     full_scale: float
-    profile_diameter_mm: float
-    picture_side_mm: float
+    read_mm: float
+    view_mm: float
 
     @property
     def broken(self) -> dict[str, str]:
@@ -67,10 +67,10 @@ class DesignLimits:
                 f"The brightest point has {self.brightest_grey:.0f} grey levels; the camera clips at "
                 f"{self.full_scale:g}: expose less."
             )
-        if self.profile_diameter_mm > self.picture_side_mm * slack:
+        if self.read_mm > self.view_mm * slack:
             findings["view"] = (
-                f"The profile covers {self.profile_diameter_mm:.1f} mm of the face; "
-                f"the picture shows {self.picture_side_mm:.1f} mm: use another lens."
+                f"The profile covers {self.read_mm:.1f} mm of the face; "
+                f"the picture shows {self.view_mm:.1f} mm: use another lens."
             )
         return findings
 
@@ -84,14 +84,14 @@ def limits_of(view: PlannedView, inclusions: Floats) -> DesignLimits:
         strain=strain_at_no_force + max(forces) * per_newton,
         least_force_n=min(forces),
         covering_force_n=_covering_force_n(view, None),
-        full_contact_fraction=sum(
+        whole_fraction=sum(
             _covering_force_n(view, inclusion) <= min(forces) * (1 + ROUNDING) for inclusion in inclusions
         )
         / len(inclusions),
         brightest_grey=float(max(view.grey(None).max(), view.grey(inclusions).max())),
         full_scale=sensor.full_scale,
-        profile_diameter_mm=2 * OUTER_FRACTION * view.protocol.probe.radius_mm,
-        picture_side_mm=min(sides),
+        read_mm=2 * OUTER_FRACTION * view.protocol.probe.radius_mm,
+        view_mm=min(sides),
     )
 
 
