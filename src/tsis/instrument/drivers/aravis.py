@@ -482,7 +482,7 @@ class Stream:
         return np.ctypeslib.as_array(lent).view(self._dtype).reshape(self._shape)
 
 
-HELD_S, AGAIN_S = 4.0, 0.25  # a program that died holds a camera until its heartbeat ends, by default after 3 s
+HELD_S, AGAIN_S = 6.0, 0.25  # a program that died holds a camera until its heartbeat ends, by default after 3 s
 CONTROLLER_ADDRESS = 0x0A14  # GigE Vision's register of the controller's network address; 0 where not stored
 
 
