@@ -1,8 +1,8 @@
 """The tables that ship with the package, so that no first answer waits for them: `make tables`.
 
-They are what the catalog's probes need at default settings. Each is what the product itself computes and caches;
-`tsis/tables/tables.toml` says what each is and gives the key under which the product asks for it.
-`tests/files/test_shipped_tables.py` computes them again and compares.
+They are what the catalog's probes need under the default prior and that of breast tissue, and a virtual scan's map.
+Each is what the product itself computes and caches; `tsis/tables/tables.toml` says what each is and gives the key under
+which the product asks for it. `tests/files/test_shipped_tables.py` computes them again and compares.
 """
 
 from __future__ import annotations

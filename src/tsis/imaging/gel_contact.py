@@ -224,6 +224,11 @@ def blurred_profile(profile: NDArray[np.float64], sd: float, *, order: int) -> N
     return np.asarray((1.0 - part) * below + part * above)
 
 
+def edge_blur(parameters: NDArray[np.float64]) -> float:
+    """Standard deviation of the blur of a fitted edge, as a fraction of the contact's radius."""
+    return BLUR * float(np.exp(parameters[6] - parameters[2]))
+
+
 @dataclass(frozen=True, slots=True)
 class Solved:
     """Parameters of an ellipse, its shapes with their normal matrix and best weights, and the residual."""
@@ -276,7 +281,7 @@ class _Window:
     def shapes(self, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
         """Columns that explain the change for an ellipse, weighted, shape (pixels, columns)."""
         u, v, rho = self.reduced(parameters)
-        blur = BLUR * float(np.exp(parameters[6] - parameters[2]))  # of the contact's radius
+        blur = edge_blur(parameters)
         if self.gel is None:
             slope = _outer_slope(_NODES, float(np.exp(parameters[5])), float(parameters[7]))
             along = np.interp(rho, _NODES, blurred_profile(slope, blur, order=1)) / np.maximum(rho, 1e-9)
@@ -549,7 +554,7 @@ def _result(window: _Window, solution: Solved, start: tuple[float, float], limit
         amplitude=float(np.sqrt(np.square(part).sum(axis=1).mean())),
         patch_variance=variance,
         textured=window.even is not None,
-        edge_blur=BLUR * float(np.exp(x[6] - x[2])),
+        edge_blur=edge_blur(x),
     )
 
 

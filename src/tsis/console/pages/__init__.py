@@ -41,7 +41,7 @@ def _page(address: str, module: str, name: str) -> Callable[..., object]:
         return getattr(import_module(f"{__name__}.{module}"), name)(*given, **parts)
 
     names = ("instrument", "viewer", *re.findall(r"\{(\w+)\}", address))
-    # The shell gives a page what its signature names.
+    # `ui.sub_pages` of NiceGUI gives a page the parts of its address that its signature names.
     build.__signature__ = Signature([Parameter(item, Parameter.POSITIONAL_OR_KEYWORD) for item in names])  # type: ignore[attr-defined]
     return build
 
@@ -50,7 +50,7 @@ PRELOADED = ("scipy.interpolate", "scipy.ndimage", "scipy.stats")  # parts that 
 
 
 def load_pages() -> None:
-    """Load the modules of all pages and what their work needs: so that the first visit to a page is fast."""
+    """Load the modules of all pages and what their work needs, so that the first visit to a page is fast."""
     for _, _, _, module, _ in _PAGES:
         import_module(f"{__name__}.{module}")
     for name in PRELOADED:
