@@ -111,11 +111,7 @@ def _reattached_again(search: PoseSearch, evidence: list[PoseEvidence]) -> list[
     few = len(search.source) * len(search.target) <= refinement.MANY_PAIRS
     for _ in range(MOST_PASSES if evidence and few else 0):
         top = evidence[0]
-        done = [
-            _followed(search, pose)
-            for matches in refinement.reattached(search.field, search.target, search.step, top)
-            if (pose := hard_evidence(search.field, search.target, matches, width=top.width)) is not None
-        ]
+        done = _followed_maps(search, top, refinement.reattached(search.field, search.target, search.step, top))
         if not done:
             break
         best = max(done, key=lambda pose: pose.log)
@@ -135,11 +131,7 @@ def _shifted_again(search: PoseSearch, evidence: list[PoseEvidence]) -> list[Pos
     ranking = outlines.Ranking.of(search.field, search.target)
     for _ in range(MOST_PASSES if evidence else 0):
         top = evidence[0]
-        slid_maps = [
-            _followed(search, pose)
-            for matches in refinement.shifted(search.outline, ranking, top)
-            if (pose := hard_evidence(search.field, search.target, matches, width=top.width)) is not None
-        ]
+        slid_maps = _followed_maps(search, top, refinement.shifted(search.outline, ranking, top))
         evidence = sorted([*evidence, *slid_maps], key=lambda pose: -pose.log)
         if evidence[0].log < top.log + LEAST_GAIN:
             break
@@ -223,6 +215,12 @@ def _target_slid_maps(search: PoseSearch, found: PoseEvidence) -> Iterator[PoseE
                 break
             top = pose
             yield pose
+
+
+def _followed_maps(search: PoseSearch, top: PoseEvidence, proposals: Iterable[Integers]) -> list[PoseEvidence]:
+    """The maps that growth and order reach from matches which a map proposes."""
+    maps = (hard_evidence(search.field, search.target, matches, width=top.width) for matches in proposals)
+    return [_followed(search, pose) for pose in maps if pose is not None]
 
 
 def _followed(search: PoseSearch, pose: PoseEvidence) -> PoseEvidence:
