@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from benchmarks.matching.distort import even_texture, strokes
+from benchmarks.matching.fresh_shapes import fresh_trial
 from benchmarks.matching.trust_shapes import trust_trial
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -142,9 +143,19 @@ def test_where_no_draw_is_plausible_the_source_is_only_moved() -> None:
     np.testing.assert_allclose(source.mean(axis=0) + found.affine[0], 3.0)
 
 
+def test_runs_beside_hidden_parts_slide_by_different_numbers() -> None:
+    """Of a spiral a third is hidden; slid by one, two and three points its three runs fit nearly as well."""
+    trial = fresh_trial("spring", "occlusion", 4, seed=91713)
+    search = PoseSearch.of(_inside(trial.source), _inside(trial.target))
+    np.testing.assert_array_equal(search_poses(search, rng=np.random.default_rng(0))[0].matches, trial.truth)
+
+
 @pytest.mark.parametrize(
     ("generator", "family", "number", "seed"),
     [
+        ("test", "contour", 12, 91714),  # strays stand between the points of a half of the outline
+        ("test", "lobes", 1, 60019),
+        ("test", "open", 10, 60019),
         ("test", "clusters", 8, 81103),  # a cluster lies far from where the others predict it
         ("test", "clusters", 9, 81103),
         ("test", "lobes", 2, 81103),  # clutter holds a third of the outline

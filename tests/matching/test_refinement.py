@@ -17,6 +17,7 @@ from tsis.matching.refinement import (
     MANY_PAIRS,
     chained,
     grown,
+    halved,
     one_to_one,
     predicted,
     reattached,
@@ -206,6 +207,42 @@ def test_a_curve_in_its_place_is_not_proposed_first() -> None:
     assert truth is not None
     first = next(iter(shifted(chains(search.following)[0], Ranking.of(search.field, target), truth)))
     assert not np.array_equal(first, np.arange(80))
+
+
+@pytest.mark.parametrize(("shift", "extra"), [(5, 0), (-4, 2), (2, -1)])
+def test_runs_of_an_open_curve_slide_back_each_by_its_own_number(shift: int, extra: int) -> None:
+    """Pairs of the first 20 points slid by ``shift``, those of the last 20 by ``extra`` more; between them all hide."""
+    angle = np.linspace(0.3, 5.0, 80)
+    source = angle[:, None] * np.column_stack([np.cos(angle), np.sin(angle)]) / 3
+    search = PoseSearch.of(source, source)
+    (order, closed), *_ = search.curves
+    assert not closed
+    place = np.argsort(order)
+    seen = (place >= 10) & (place < 30) | (place >= 50) & (place < 70)
+    slid = place + shift + np.where(place >= 50, extra, 0)
+    before = np.full(80, UNMATCHED)
+    before[order[slid[seen]]] = np.flatnonzero(seen)
+    pose = hard_evidence(search.field, source, before)
+    assert pose is not None
+    proposals = list(shifted((order, closed), Ranking.of(search.field, source), pose))
+    truth = np.where(seen, np.arange(80), UNMATCHED)
+    assert any(np.array_equal(each, truth) for each in proposals)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_pairs_on_one_side_are_left_from_each_side(dimension: int) -> None:
+    points = np.random.default_rng(5).normal(size=(50, dimension))
+    matches = np.where(np.arange(50) % 7 == 0, UNMATCHED, np.arange(50)[::-1])
+    sides = list(halved(points, matches))
+    assert len(sides) == 3**dimension - 1
+    for side in sides:
+        kept = side != UNMATCHED
+        np.testing.assert_array_equal(side[kept], matches[kept])
+        left = points - points.mean(axis=0)
+        kept_mean, other = left[kept].mean(axis=0), left[(matches != UNMATCHED) & ~kept]
+        assert (other @ kept_mean).mean() < 0
+    paired = np.sum([side != UNMATCHED for side in sides], axis=0)
+    np.testing.assert_array_equal(paired, np.where(matches == UNMATCHED, 0, len(sides) // 2))
 
 
 def test_partners_one_to_one_mend_what_soft_pairs_leave(warped: Warped) -> None:

@@ -111,7 +111,10 @@ def _reattached_again(search: PoseSearch, evidence: list[PoseEvidence]) -> list[
     few = len(search.source) * len(search.target) <= refinement.MANY_PAIRS
     for _ in range(MOST_PASSES if evidence and few else 0):
         top = evidence[0]
-        done = _followed_maps(search, top, refinement.reattached(search.field, search.target, search.step, top))
+        again = refinement.reattached(search.field, search.target, search.step, top)
+        done = _followed_maps(search, top, again)
+        if done:
+            done += _followed_maps(search, top, refinement.halved(search.source, top.matches))
         if not done:
             break
         best = max(done, key=lambda pose: pose.log)
@@ -256,7 +259,8 @@ def _laid_maps(search: PoseSearch) -> list[PoseEvidence]:
     width = outlines.RANK_WIDTH
     maps = [hard_evidence(search.field, search.target, matches, width=width) for matches in pairs]
     upright = [pose for pose in maps if pose is not None and np.linalg.det(pose.affine[1:]) > 0]
-    return [_followed(search, pose) for pose in distinct(upright, DIFFERENT)[:FOLLOWED]]
+    # Before they are followed, few pairs on clutter may have more evidence than many on a curve with strays.
+    return [_followed(search, pose) for pose in distinct(upright, DIFFERENT)]
 
 
 def _aligned_maps(search: PoseSearch) -> list[PoseEvidence]:

@@ -6,6 +6,7 @@ the paired region exceeds the distance of the points. Each move proposes other p
 
 from __future__ import annotations
 
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +22,7 @@ from tsis.matching.methods import (
     pairs_within,
     ridge_map,
 )
+from tsis.matching.outline import LEAST_PIECE, LEFT_OUT
 from tsis.matching.pose_evidence import WIDTHS, PoseEvidence, gaussian_kernel, hard_evidence
 from tsis.matching.relaxation import rotations, whitening
 from tsis.matching.spline import spread_indices
@@ -46,6 +48,7 @@ STRAINS = (0.35, 0.3, 0.25, 0.15, 0.1)  # standard deviations of an edge, in spa
 STIFFNESSES = (2.0, 1.0, 0.5, 0.25, 0.0)  # standard deviations of a pair of the stiff map, in spacings
 STIFF_WIDTH, STIFF_AMPLITUDE = 1.6, 0.1
 MOST_SHIFTS, FOLLOWED_SHIFTS = 400, 8
+RATES = (0, -1, 1, -2, 2, -3, 3)  # points by which the last run of pairs slides farther than the first
 ROTATIONS = 24  # of the plane
 MANY_PAIRS = 60_000
 # Fraction of the points without partner from which they are moved together, displacements that are tried, their largest
@@ -263,21 +266,37 @@ def _run_matches(
 
 
 def shifted(curve: tuple[Integers, bool], ranking: Ranking, pose: PoseEvidence) -> Iterator[Integers]:
-    """Matches that slid along a closed curve of the source by any number of points, the likeliest first."""
+    """Matches that slid along a curve of the source by any number of points, the likeliest first.
+
+    Runs of pairs beside hidden parts also slide by different numbers, which grow or fall along the curve: a hidden part
+    may have more or fewer points than the map gives it. Pairs that slide beyond an end of an open curve are dropped.
+    """
     order, closed = curve
-    if not closed or not 0 < len(order) <= MOST_SHIFTS:
-        return
     count = len(order)
-    along = pose.matches[order]
+    along = pose.matches[order] if count else np.empty(0, dtype=np.int64)
     chosen = np.flatnonzero(along != UNMATCHED)
-    places = (chosen[None, :] + np.arange(count)[:, None]) % count
-    loss = ranking.placed_loss(order, places, np.ones(places.shape, dtype=bool), ranking.target[along[chosen]])
+    if not len(chosen) or count > MOST_SHIFTS:
+        return
+    if closed:  # the curve is cut at its longest hidden part
+        widest = int(np.diff(chosen, prepend=chosen[-1] - count).argmax())
+        order, along = np.roll(order, -chosen[widest]), np.roll(along, -chosen[widest])
+        chosen = np.flatnonzero(along != UNMATCHED)
+    run = np.cumsum(np.diff(chosen, prepend=chosen[0]) > 1)
+    rates = np.array(RATES) if 0 < run[-1] <= MOST_RUNS else np.zeros(1)
+    steps = np.arange(count) if closed else np.arange(-chosen[-1], count - chosen[0])
+    extra = np.rint(rates[:, None] * run / max(run[-1], 1)).astype(np.int64)
+    places = (chosen + extra[:, None, :] + steps[None, :, None]).reshape(-1, len(chosen))
+    inside = np.ones(places.shape, dtype=bool) if closed else (places >= 0) & (places < count)
+    kept = inside.sum(axis=1) >= min(LEAST_PIECE, len(chosen))
+    places, inside = places[kept] % count, inside[kept]
+    loss = ranking.placed_loss(order, places, inside, ranking.target[along[chosen]])
+    loss += LEFT_OUT * (~inside).sum(axis=1)
     lowest = (loss <= np.roll(loss, 1)) & (loss <= np.roll(loss, -1))
-    lowest[0] = False
     for number in np.lexsort((loss, ~lowest))[:FOLLOWED_SHIFTS]:
         matches = np.full(len(pose.matches), UNMATCHED, dtype=np.int64)
-        matches[order[places[number]]] = along[chosen]
-        yield matches
+        matches[order[places[number, inside[number]]]] = along[chosen[inside[number]]]
+        if (matches != pose.matches).any():
+            yield matches
 
 
 def segment_shifts(
@@ -362,6 +381,17 @@ def reattached(field: SmoothField, target: Floats, step: float, pose: PoseEviden
             matches[loose] = np.where(near == UNMATCHED, UNMATCHED, free[near])
             yield matches
             votes[beside[most]] = 0
+
+
+def halved(points: Floats, matches: Integers) -> Iterator[Integers]:
+    """Matches of which only the pairs on one side of the source's centre are left, from each side.
+
+    Where clutter holds a part of the shape, the map grows anew from the other part.
+    """
+    centred = points - points.mean(axis=0)
+    for side in product((-1, 0, 1), repeat=points.shape[1]):
+        if any(side):
+            yield np.where(centred @ np.array(side) > 0, matches, UNMATCHED)
 
 
 def _joined_pairs(along: Integers, ahead: Integers) -> tuple[Booleans, Booleans]:
