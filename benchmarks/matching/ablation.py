@@ -1,10 +1,11 @@
-"""What the match of the method tprl loses without each of its modules, on trials of the third generator.
+"""What the match of the method tprl loses without each of its modules, on trials of the third generator and in clutter.
 
     python -m benchmarks.matching.ablation --seed 60015 --cases 5 --rows ablation.jsonl
 
-runs ``--cases`` trials of each family and degradation as they are and without each part of `PARTS`, and prints the
-table. Differences of the share of wrong answers have the standard error of pairs. A run that was stopped continues with
-the rows in the file. Without
+runs ``--cases`` trials of each family and degradation as they are and without each part of `PARTS`, and prints a table.
+A second one is of clutter: five times as many trials of each shape of the second generator, of textures and of surfaces
+in space, all with outliers. ``--parts relaxation`` leaves the other parts out. Differences of the share of wrong
+answers have the standard error of pairs. A run that was stopped continues with the rows in the file. Without
 
 - ``outline`` no points are joined to curves: no alignment, no piece is laid, nothing slides;
 - ``refinement`` the maps of the search stay as soft and nearest pairs leave them;
@@ -28,20 +29,25 @@ from unittest.mock import patch
 import numpy as np
 from benchmarks.harness import Bench
 from benchmarks.matching import summary
+from benchmarks.matching.distort import Distortion, distort, even_texture, scattered_texture, tactile_surface
 from benchmarks.matching.fresh_shapes import AMOUNTS, SHAPES, fresh_trial
 from benchmarks.matching.summary import TrustCase, trust_cases
 from benchmarks.matching.trust import CLOSE, OURS, WRONG, read_rows
+from benchmarks.matching.trust_shapes import FAMILIES, trust_trial
 
 from tsis.compiled import one_blas_thread
 from tsis.matching import pose_evidence, pose_search, posterior
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable, Iterator, Sequence
+
+    from benchmarks.matching.distort import Trial
 
     from tsis.matching.methods import Floats, Integers
     from tsis.matching.pose_evidence import PoseEvidence, SmoothField
     from tsis.matching.pose_search import PoseSearch
 
+TEXTURES = (scattered_texture, even_texture, tactile_surface)
 RESIDUAL, MISSING = 0.03, 4.5  # standard deviation of a pair in radii, and log probability of a point without partner
 
 
@@ -91,31 +97,51 @@ PARTS: dict[str, tuple[tuple[Any, str, Callable[..., Any]], ...]] = {
 }
 
 
-def run_parts(seed: int, count: int, rows: Path) -> list[TrustCase]:
-    """The cases of all trials without each part; the method of a case names the part."""
-    cases = read_rows(rows)
-    done = {(case.trial, case.method) for case in cases}
+def fresh_trials(seed: int, count: int) -> Iterator[Trial]:
+    """Trials of each family and degradation of the third generator."""
+    for number in range(count):
+        for degradation in AMOUNTS:
+            for family in SHAPES:
+                yield fresh_trial(family, degradation, number, seed=seed)
+
+
+def clutter_trials(seed: int, count: int) -> Iterator[Trial]:
+    """Trials with outliers: of each shape of the second generator, and of textures and surfaces without curves."""
+    for number in range(count):
+        for family in FAMILIES:
+            yield trust_trial("test", family, "outliers", number, seed=seed)
+        for place, shape in enumerate(TEXTURES):
+            rng = np.random.default_rng([seed, place, number])
+            amounts = Distortion(
+                bending=0.04, affine=0.1, outlier_ratio=rng.uniform(0.2, 1.0), rotation_deg=rng.uniform(0.0, 60.0)
+            )
+            name = f"clutter/{shape.__name__}/outliers/{number}"
+            yield distort(shape(100, rng=rng), amounts, rng=rng, name=name)
+
+
+def run_parts(trials: Iterable[Trial], parts: Sequence[str], rows: Path) -> list[TrustCase]:
+    """The cases of the trials as they are and without each of the parts; the method of a case names the part."""
+    cases = {(case.trial, case.method): case for case in read_rows(rows)}
+    found = []
     with one_blas_thread(), rows.open("a", encoding="utf-8") as file:
-        for number in range(count):
-            for degradation in AMOUNTS:
-                for family in SHAPES:
-                    trial = fresh_trial(family, degradation, number, seed=seed)
-                    for part in [part for part in PARTS if (trial.name, part) not in done]:
-                        with ExitStack() as stack:
-                            for module, name, instead in PARTS[part]:
-                                stack.enter_context(patch.object(module, name, instead))
-                            case = replace(next(trust_cases(trial, (OURS,))), method=part)
-                        cases.append(case)
-                        file.write(json.dumps(asdict(case)) + "\n")
+        for trial in trials:
+            for part in parts:
+                if (trial.name, part) not in cases:
+                    with ExitStack() as stack:
+                        for module, name, instead in PARTS[part]:
+                            stack.enter_context(patch.object(module, name, instead))
+                        cases[trial.name, part] = replace(next(trust_cases(trial, (OURS,))), method=part)
+                    file.write(json.dumps(asdict(cases[trial.name, part])) + "\n")
                     file.flush()
-    return cases
+                found.append(cases[trial.name, part])
+    return found
 
 
 def part_rows(cases: list[TrustCase]) -> list[list[str]]:
     """A row for each part: mean error, wrong answers more than with it, withheld though close, seconds."""
-    own: dict[str, dict[str, TrustCase]] = {part: {} for part in PARTS}
+    own: dict[str, dict[str, TrustCase]] = {}
     for case in cases:
-        own[case.method][case.trial] = case
+        own.setdefault(case.method, {})[case.trial] = case
     names = sorted(own["nothing"])
     base = np.array([own["nothing"][name].error > WRONG for name in names], dtype=float)
     table = []
@@ -140,10 +166,13 @@ def part_rows(cases: list[TrustCase]) -> list[list[str]]:
 
 def main() -> int:
     """Run the trials and print the table."""
-    bench = Bench(__doc__, seed=int, cases=5, rows=Path("ablation.jsonl"))
-    cases = run_parts(bench.seed, bench.cases, bench.rows)
+    bench = Bench(__doc__, seed=int, cases=5, parts=",".join(PARTS), rows=Path("ablation.jsonl"))
+    parts = list(dict.fromkeys(["nothing", *filter(None, bench.parts.split(","))]))
     heads = ("without", "mean RMS", "wrong, %", "more", "confidently wrong", "withheld though close, %", "ms")
-    bench.table("Without each module", heads, part_rows(cases))
+    fresh = run_parts(fresh_trials(bench.seed, bench.cases), parts, bench.rows)
+    bench.table("Without each module", heads, part_rows(fresh))
+    clutter = run_parts(clutter_trials(bench.seed, 5 * bench.cases), parts, bench.rows)
+    bench.table("Without each module, in clutter", heads, part_rows(clutter))
     return bench.end()
 
 
