@@ -30,11 +30,11 @@ from benchmarks.simulated_presses import DEFAULT, PROTOCOLS
 from benchmarks.worlds import WORLDS, LayeredWorld
 
 import tsis
-from tsis.catalog.priors import inclusion_prior_toml, list_inclusion_priors, parse_prior
+from tsis.catalog.priors import list_inclusion_priors
 from tsis.cli.progress import progress_bar
 from tsis.errors import TsisError
 from tsis.files.cache import cache_folder, content_key
-from tsis.inclusion import InclusionPrior, estimate
+from tsis.inclusion import InclusionPrior, estimate, load_prior
 from tsis.inclusion.prior import PARAMETERS
 
 if TYPE_CHECKING:
@@ -147,11 +147,6 @@ def beside_informed(lines: list[dict[str, Any]]) -> list[list[str]]:
     return [[name, *(f"{value:.3g}" for value in values)] for name, values in rows.items()]
 
 
-def named_prior(name: str) -> InclusionPrior:
-    """A shipped prior, as it is."""
-    return replace(parse_prior(inclusion_prior_toml(name), InclusionPrior), name=name)
-
-
 def prior_goals(numbers: dict[str, dict[str, Any]]) -> list[Goal]:
     """What is asked of shipped priors."""
     asked = (("diameter_mm", "median", 3.0), ("depth_mm", "median", 3.0), ("young_kpa", "median", 8.0))
@@ -188,7 +183,7 @@ def main() -> int:
     )
     bank = PressBank(
         protocol=PROTOCOLS[bench.protocol],
-        prior=named_prior(bench.prior) if bench.prior else InclusionPrior(heterogeneity_sd=bench.heterogeneity_sd),
+        prior=load_prior(bench.prior) if bench.prior else InclusionPrior(heterogeneity_sd=bench.heterogeneity_sd),
         seed=bench.seed,
         world=WORLDS[bench.world],
     )

@@ -6,10 +6,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import tsis
-from tsis.cli.options import chosen_prior
 from tsis.imaging import features
 from tsis.imaging.corrections import subtract_background
-from tsis.inclusion import estimate
+from tsis.inclusion import estimate, load_prior
 from tsis.present.figures import marginal, tactile_image
 from tsis.virtual.probe import VirtualProbe
 
@@ -19,7 +18,7 @@ def main() -> None:
     probe, phantom, prior = (
         tsis.load_probe("tsis-domed"),
         tsis.load_phantom("hardness-40"),
-        chosen_prior("breast-ex-vivo"),
+        load_prior("breast-ex-vivo"),
     )
     virtual = VirtualProbe(probe, rng=np.random.default_rng(0))
     virtual.no_contact()  # as `tsis demo` does first, so that these are its frames

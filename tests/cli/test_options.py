@@ -22,7 +22,7 @@ from tsis.catalog.probes import list_probes, load_probe, probe_toml
 from tsis.cli.options import calibrated_probe, chosen_prior, chosen_probe, other_priors, read_probe
 from tsis.errors import FileInputError, InputError, NotCalibratedError, UnknownNameError
 from tsis.hardness.posterior import HardnessPrior
-from tsis.inclusion import InclusionPrior, estimate
+from tsis.inclusion import InclusionPrior, estimate, load_prior
 from tsis.inclusion.budget import PriorShift, prior_sensitivity, with_prior_sensitivity
 from tsis.instrument.image_files import read_image
 from tsis.mechanics import press
@@ -315,7 +315,8 @@ def test_the_hardness_is_estimated_with_the_prior_of_the_file(
 def test_a_shipped_prior_cites_its_source_and_is_named_in_results(name: str) -> None:
     text = inclusion_prior_toml(name)
     assert "Source" in text
-    prior = chosen_prior(name)
+    prior = load_prior(name)
+    assert chosen_prior(name) == prior
     assert str(prior).startswith(f"{name}: ")
     assert replace(prior, name="") == parse_prior(text, InclusionPrior)
     assert name not in other_priors(prior)

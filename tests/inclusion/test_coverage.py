@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 import benchmarks.coverage
 import numpy as np
 import pytest
-from benchmarks.coverage import beside_informed, held_or_named, kept_at, named_prior, prior_goals, run
+from benchmarks.coverage import beside_informed, held_or_named, kept_at, prior_goals, run
 from benchmarks.judgement import Judgement, compared
 from benchmarks.press_bank import PressBank
 from benchmarks.simulated_presses import PROTOCOLS, simulate
 from benchmarks.worlds import WORLDS
 
 from tsis.errors import InputError
-from tsis.inclusion import InclusionPrior
+from tsis.inclusion import InclusionPrior, load_prior
 from tsis.inclusion.prior import PARAMETERS
 from tsis.model.estimate import Estimate
 from tsis.model.phantom import Inclusion
@@ -212,7 +212,7 @@ def test_the_ratio_to_the_bound_is_that_of_the_errors(scale: float) -> None:
 
 
 def test_errors_of_a_shipped_prior_are_beside_its_goals() -> None:
-    prior = named_prior("breast-ex-vivo")
+    prior = load_prior("breast-ex-vivo")
     assert np.array_equal(prior.young_kpa, (7.5, 65.0))
     lines = [line_of(0) | {"truth": [2.0, 2.0, 2.0], "mean": [2.1, 2.02, 2.5]}]
     goals = prior_goals(Judgement.of(lines).summary(prior))

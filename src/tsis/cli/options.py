@@ -126,13 +126,7 @@ def chosen_prior(given: str | None, tissue_kpa: float | None = None) -> tsis.inc
     """The prior of a name or of a file, the default one without; for tissue of another modulus where that is given."""
     if tissue_kpa is not None:
         return tsis.inclusion.tissue.prior_on_tissue(chosen_prior(given), tissue_kpa)
-    if given is None:
-        return tsis.inclusion.InclusionPrior()
-    if given in tsis.catalog.priors.list_inclusion_priors():
-        text = tsis.catalog.priors.inclusion_prior_toml(given)
-        prior: tsis.inclusion.InclusionPrior = tsis.catalog.priors.parse_prior(text, tsis.inclusion.InclusionPrior)
-        return replace(prior, name=given)
-    return tsis.catalog.priors.read_prior_file(given, tsis.inclusion.InclusionPrior)
+    return tsis.inclusion.InclusionPrior() if given is None else tsis.inclusion.load_prior(given)
 
 
 ShowPrior = Annotated[bool, _show_prior("inclusion")]

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from tsis.inclusion import tissue as tissue
     from tsis.inclusion.estimation import estimate as estimate
     from tsis.inclusion.prior import InclusionPrior as InclusionPrior
+    from tsis.inclusion.prior import load_prior as load_prior
 
 if not TYPE_CHECKING:  # modules and names load when they are first used
     __getattr__, __dir__, _ = lazy_loader.attach(
@@ -49,5 +50,5 @@ if not TYPE_CHECKING:  # modules and names load when they are first used
             "shape",
             "tissue",
         ],
-        submod_attrs={"prior": ["InclusionPrior"], "estimation": ["estimate"]},
+        submod_attrs={"prior": ["InclusionPrior", "load_prior"], "estimation": ["estimate"]},
     )

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tsis.catalog.priors import inclusion_prior_toml, list_inclusion_priors, parse_prior, read_prior_file
 from tsis.errors import InputError
 from tsis.mechanics.surrogate.polynomial import Box
 from tsis.model.require import require_number, require_pair, require_type
@@ -140,6 +141,24 @@ class InclusionPrior:
             thickness_mm=(max(CLEARANCE * deepest, self.thickness_mm / slab), self.thickness_mm * slab),
             poisson=self.poisson,
         )
+
+
+def load_prior(name: str) -> InclusionPrior:
+    """Load a shipped prior by its name, or one from a TOML file by its path.
+
+    Raises
+    ------
+    FileInputError
+        When ``name`` is no shipped prior, and the file is missing or no prior.
+
+    Examples
+    --------
+    >>> load_prior("breast-ex-vivo").young_kpa
+    (7.5, 65.0)
+    """
+    if name not in list_inclusion_priors():
+        return read_prior_file(name, InclusionPrior)
+    return replace(parse_prior(inclusion_prior_toml(name), InclusionPrior), name=name)
 
 
 def _unevenness(sd: float) -> str:
