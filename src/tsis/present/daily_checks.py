@@ -9,8 +9,8 @@ import numpy as np
 
 from tsis.present.document import envelope
 from tsis.present.figures import drift_chart
+from tsis.present.labels import counted
 from tsis.present.page import Card, Page, Picture, Table, on_axes
-from tsis.present.study import counted
 from tsis.study.drift import CHARTED, ewma_run_length, shewhart_run_length
 
 if TYPE_CHECKING:

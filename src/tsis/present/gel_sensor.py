@@ -10,6 +10,7 @@ import numpy as np
 from tsis.files.tables import table_bytes
 from tsis.imaging.gel_contact import REASONS
 from tsis.present.figures import gel_contact
+from tsis.present.labels import counted
 from tsis.present.page import Card, Page, Picture, Table
 
 if TYPE_CHECKING:
@@ -112,7 +113,7 @@ def gel_contacts_page(
     good = sum(contact.good for contact in contacts)
     return Page(
         title="Contacts",
-        subtitle=f"{len(contacts)} frames",
+        subtitle=counted(len(contacts), "frame"),
         cards=(Card(title="Good contacts", value=f"{good} of {len(contacts)}", doubtful=good == 0),),
         notes=contact_notes(contacts),
         pictures=(

@@ -37,6 +37,18 @@ class QuantityLabel:
         return f"{name} / {self.unit}" if self.unit else name
 
 
+def counted(count: int, what: str) -> str:
+    """A number of things.
+
+    Examples
+    --------
+    >>> counted(1, "frame"), counted(2, "frame"), counted(2, "press")
+    ('1 frame', '2 frames', '2 presses')
+    """
+    plural = f"{what}es" if what.endswith("s") else f"{what}s"
+    return f"{count} {what if count == 1 else plural}"
+
+
 def plain_number(value: float, digits: int = 4) -> str:
     """A number rounded to so many digits, in full where it is large.
 

@@ -12,11 +12,10 @@ import numpy as np
 from tsis.errors import InputError
 from tsis.present.document import envelope
 from tsis.present.figures import agreement_limits, read_over_true
-from tsis.present.labels import KNOWN, quantity_of
+from tsis.present.labels import KNOWN, counted, quantity_of
 from tsis.present.page import Card, Page, Picture, Table, on_axes
 from tsis.present.study import (
     NUMBERS,
-    counted,
     ends,
     interval_document,
     limit_intervals,

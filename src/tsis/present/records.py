@@ -9,8 +9,8 @@ from tsis.errors import PluginError, RecordsError, TsisError
 from tsis.files.json_values import free_to_json
 from tsis.files.result_folder import require_absent
 from tsis.plugins import find_plugins, load_plugin
+from tsis.present.labels import counted
 from tsis.present.page import Table
-from tsis.present.target import count_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -211,7 +211,7 @@ def recomputation_document(target: Target, recomputation: Recomputation) -> dict
 
 def verdict(store_verification: StoreVerification) -> str:
     """Whether the store is sound."""
-    fault = f"NOT as it was stored: {count_of(len(store_verification.faults), 'fault')}"
+    fault = f"NOT as it was stored: {counted(len(store_verification.faults), 'fault')}"
     state = "as it was stored" if store_verification.sound else fault
     return f"The store is {state}: {store_verification.rows} rows and {store_verification.files} files were read."
 
@@ -247,9 +247,9 @@ def store_verification_document(store_verification: StoreVerification) -> dict[s
 
 def entered_text(target: Target, *, new: bool, added: int, present: int, estimates: int) -> str:
     """The target of imported presses, and how many are new."""
-    parts = [f"{count_of(added, 'press')} added"]
+    parts = [f"{counted(added, 'press')} added"]
     parts += [f"{present} there already"] if present else []
-    parts += [f"{count_of(estimates, 'estimate')} added"] if estimates else []
+    parts += [f"{counted(estimates, 'estimate')} added"] if estimates else []
     return f"target {target.number}{' (new)' if new else ''}; {', '.join(parts)}"
 
 
@@ -258,5 +258,5 @@ def import_message(taken: ImportedTarget) -> str:
     text = entered_text(
         taken.target, new=taken.new, added=taken.presses, present=taken.present, estimates=taken.estimates
     )
-    differing = f"; {count_of(taken.differing, 'press')} here differ from it and stay" if taken.differing else ""
+    differing = f"; {counted(taken.differing, 'press')} here differ from it and stay" if taken.differing else ""
     return f"Taken in as {text}{differing}."

@@ -25,7 +25,7 @@ from tsis.present.figures import (
     scores_by_truth,
 )
 from tsis.present.html import html_bytes
-from tsis.present.labels import quantity_of
+from tsis.present.labels import counted, quantity_of
 from tsis.present.page import Card, Page, Picture, Table, on_axes
 from tsis.study.analysis import FEW, analyse
 from tsis.study.folder import ANALYSED, enter_analysis, unblind
@@ -117,17 +117,6 @@ def small(value: float, digits: int = 3) -> str:
     """
     least = 10.0**-digits
     return f"below {least:g}" if 0 < value < LEAST_SHOWN * least / 1e-3 else f"{value:.{digits}f}"
-
-
-def counted(count: int, what: str) -> str:
-    """A number of things.
-
-    Examples
-    --------
-    >>> counted(1, "target"), counted(2, "target")
-    ('1 target', '2 targets')
-    """
-    return f"{count} {what}" if count == 1 else f"{count} {what}s"
 
 
 def score_text(score: float, *, probability: bool) -> str:

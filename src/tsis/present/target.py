@@ -21,7 +21,7 @@ from tsis.present.calibration import content_rows
 from tsis.present.hardness import HARDNESS, estimate_cards, estimate_messages_of, hardness_rows, modulus_picture
 from tsis.present.images import change_picture, force_of, frame_picture, profile_picture, sheet_picture, surface_picture
 from tsis.present.inclusion import estimate_table, marginals_picture, trade_off_picture
-from tsis.present.labels import quantity_of
+from tsis.present.labels import counted, quantity_of
 from tsis.present.page import Card, Page, Table
 
 if TYPE_CHECKING:
@@ -218,12 +218,6 @@ def time_text(when: datetime) -> str:
     return f"{when.astimezone(UTC):%Y-%m-%d %H:%M:%S}"
 
 
-def count_of(number: int, what: str) -> str:
-    """``"1 press"``, ``"2 presses"``."""
-    plural = f"{what}es" if what.endswith("s") else f"{what}s"
-    return f"{number} {what if number == 1 else plural}"
-
-
 def roles(presses: Sequence[StoredPress]) -> str:
     """Number of presses of each role."""
     from tsis.records.values import ROLE_NAMES  # slow to import
@@ -270,7 +264,7 @@ def origin(stored: StoredEstimate) -> str:
     version = f"tsis {stored.environment['tsis']}" if "tsis" in stored.environment else "an unknown version of tsis"
     again = f" It replaces {stored.supersedes[:SHORT]}." if stored.supersedes else ""
     return (
-        f"Estimated {time_text(stored.made)} UTC by {version} from {count_of(len(stored.presses), 'press')} of probe "
+        f"Estimated {time_text(stored.made)} UTC by {version} from {counted(len(stored.presses), 'press')} of probe "
         f"{stored.probe or 'not named'} with calibration {stored.calibration[:SHORT]}.{again}"
     )
 
@@ -278,9 +272,9 @@ def origin(stored: StoredEstimate) -> str:
 def _coverage(record: TargetRecord, stored: StoredEstimate) -> tuple[str, ...]:
     held = {press.id for press in record.presses}
     left, gone = len(held.difference(stored.presses)), len(set(stored.presses).difference(held))
-    sentences = [f"The estimate does not rest on {count_of(left, 'other press')} of this target."] if left else []
+    sentences = [f"The estimate does not rest on {counted(left, 'other press')} of this target."] if left else []
     if gone:
-        sentences.append(f"The store no longer shows {count_of(gone, 'press')} that the estimate rests on.")
+        sentences.append(f"The store no longer shows {counted(gone, 'press')} that the estimate rests on.")
     return tuple(sentences)
 
 
@@ -511,7 +505,7 @@ def target_cards(record: TargetRecord) -> tuple[Card, ...]:
     if not result:
         return (
             Card(title="Estimate", value="none yet", detail="the frames are kept and can be estimated", doubtful=True),
-            Card(title="Recorded", value=count_of(len(record.presses), "press"), detail=roles(record.presses)),
+            Card(title="Recorded", value=counted(len(record.presses), "press"), detail=roles(record.presses)),
         )
     cards = []
     for stored in result:

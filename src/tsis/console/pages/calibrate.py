@@ -23,6 +23,7 @@ from tsis.errors import InputError, TsisError
 from tsis.files.json_values import to_json_value
 from tsis.model.require import require_integer
 from tsis.present.calibration import calibration_page, content_rows
+from tsis.present.labels import counted
 from tsis.present.page import Table
 from tsis.virtual.calibration_bench import bench_name
 
@@ -106,7 +107,7 @@ class TypedLoading:
         if not self._table.changes_to(forces_n):
             return
         with self._table.element:
-            widgets.muted(f"{len(forces_n)} frames" if forces_n else "No frame yet.")
+            widgets.muted(counted(len(forces_n), "frame") if forces_n else "No frame yet.")
             for force in forces_n:
                 ui.label(f"{force:g} N").classes("chip")
 

@@ -27,9 +27,9 @@ from tsis.console.viewer import LONGEST_OPERATOR, Viewer
 from tsis.errors import InputError, TsisError
 from tsis.files.reading import one_line
 from tsis.model.require import require_number
+from tsis.present.labels import counted
 from tsis.present.page import address
 from tsis.present.study import study_page, targets_table
-from tsis.present.target import count_of
 from tsis.study.analysis import analyse
 from tsis.study.folder import MOST_TARGETS, open_study, printed_targets, random_targets, verify_study
 from tsis.study.plan import TARGETS
@@ -227,7 +227,7 @@ class Unblinding:
         with widgets.open_dialog(self._container, title, style="dialog-card study-dialog") as dialog:
             self._dialog = dialog
             if blind:
-                ui.label(f"{UNBLINDING_MEANS} The study has {count_of(len(study.readings), 'reading')}.")
+                ui.label(f"{UNBLINDING_MEANS} The study has {counted(len(study.readings), 'reading')}.")
             if verification.faults:
                 ui.label(FAULTY).classes("flag")
                 widgets.message_list(str(fault) for fault in verification.faults[:MOST_SHOWN])
@@ -235,9 +235,9 @@ class Unblinding:
             although.set_visibility(blind and bool(left))
             if blind:
                 for device, lacking in left:
-                    ui.label(
-                        f"{device} has not read {lacking} of {count_of(len(study.plan.codes), 'target')}."
-                    ).classes("flag")
+                    ui.label(f"{device} has not read {lacking} of {counted(len(study.plan.codes), 'target')}.").classes(
+                        "flag"
+                    )
             self._who = who = who_field(page.viewer, "Done by")
 
             async def begin() -> None:
@@ -298,8 +298,8 @@ def verify_button(page: StudyPage, place: ui.element) -> None:
 def verdict(verification: StudyVerification) -> str:
     """Whether the study is unchanged."""
     if verification.sound:
-        return f"The study is unchanged, all {count_of(verification.lines, 'line')} of its log."
-    return f"The study was CHANGED: it differs in {count_of(len(verification.faults), 'place')}."
+        return f"The study is unchanged, all {counted(verification.lines, 'line')} of its log."
+    return f"The study was CHANGED: it differs in {counted(len(verification.faults), 'place')}."
 
 
 NO_READINGS = "No readings yet. Run the virtual probe, or import the readings of another device."

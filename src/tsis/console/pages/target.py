@@ -32,13 +32,12 @@ from tsis.inclusion.flags import INCLUSION_FLAGS
 from tsis.model.image import TactileImage
 from tsis.present.hardness import HARDNESS, estimate_messages_of
 from tsis.present.images import comparison, difference
-from tsis.present.labels import in_order, quantity_of
+from tsis.present.labels import counted, in_order, quantity_of
 from tsis.present.page import flags_table
 from tsis.present.records import recomputation_message, recomputation_notes, shift_table
 from tsis.present.target import (
     IDENTITY_NOTE,
     SHORT,
-    count_of,
     history_tables,
     measure,
     newest_first,
@@ -621,7 +620,7 @@ def estimate_button(page: TargetPage, view: TargetView) -> ui.button:
 
 def _ask(page: TargetPage, view: TargetView) -> None:
     chosen, number, last = tuple(page.presses.chosen), view.target.number, view.record.estimate
-    ways = {"newest": NEWEST, **({"chosen": f"the {count_of(len(chosen), 'press')} chosen below"} if chosen else {})}
+    ways = {"newest": NEWEST, **({"chosen": f"the {counted(len(chosen), 'press')} chosen below"} if chosen else {})}
     with widgets.open_dialog(page.dialogs, f"Estimate target {number}") as dialog:
         kind = widgets.select_field(list(ESTIMATES), value=ESTIMATES[0] if last is None else last.kind, label="What")
         way = ui.radio(ways, value="chosen" if chosen else "newest").props("dense")
