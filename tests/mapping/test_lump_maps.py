@@ -207,6 +207,23 @@ def test_the_sampler_is_calibrated_on_worlds_of_its_own_prior() -> None:
     assert share.mean() > 0.84
 
 
+def test_a_press_beside_its_stated_place_is_put_back_and_the_lump_stays() -> None:
+    presses = list(scan_of([LUMP]).presses)
+    beside = PLACES.index((0.0, 0.0))
+    presses[beside] = replace(presses[beside], place_mm=(-1.5, 1.0), place_sd_mm=1.5)
+    observation = observe(Scan(presses=tuple(presses)), PROBE, None, MapPrior())
+    likelihood, region = BlockLikelihood(observation, MapPrior()), Region.of(observation, MapPrior(), expected=1.0)
+    fit, candidates, gain = greedy_fit(likelihood, region)
+    samples = Sampler(likelihood, region, fit, candidates, gain, np.random.default_rng(2)).run(1200)
+    for shift_mm in (fit.shift_mm, samples.shift_mm):
+        assert shift_mm[beside] == pytest.approx((1.5, -1.0), abs=0.25)
+        assert np.abs(np.delete(shift_mm, beside, axis=0)).max() < 0.2
+    assert {len(lumps) for lumps in samples.lumps} == {1}
+    assert np.median([lumps[0, :2] for lumps in samples.lumps], axis=0) == pytest.approx(LUMP[:2], abs=0.3)
+    assert samples.accepted["place"] > 0.05
+    assert samples.accepted["shift"] > 0
+
+
 def test_states_give_a_cluster_one_lump_each() -> None:
     rng = np.random.default_rng(1)
     first, second = np.array([0.0, 0.0, 9.0, 2.0, 2.0]), np.array([12.0, 0.0, 9.0, 2.0, 2.0])
