@@ -11,6 +11,7 @@ from release.extras import FIRST, PLAIN, built_wheel, cost, extras, installed
 from release.notebooks import NOTEBOOKS, code_of, five_lines
 
 import tsis
+from tsis.present.labels import quantity_of
 
 pytestmark = pytest.mark.release
 README = Path(__file__).parents[2] / "README.md"
@@ -39,10 +40,9 @@ def test_version_is_that_of_the_repository(programs: Path, tmp_path: Path) -> No
 def test_demo_finds_what_the_readme_prints(programs: Path, tmp_path: Path) -> None:
     found = json.loads(run(programs, tmp_path, "demo", "--json"))["estimate"]["parameters"]
     rows = [line.strip("| ").split(" | ") for line in README.read_text("utf-8").splitlines() if line.startswith("| ")]
-    printed = {name: values for name, *values in rows if name in found}
-    assert set(printed) == {"diameter_mm", "depth_mm", "young_kpa"}
-    for name, (mean, interval, *spreads, truth) in printed.items():
-        one = found[name]
+    printed = {heading: values for heading, *values in rows}
+    for name, one in found.items():
+        mean, interval, *spreads, truth = printed[quantity_of(name).axis]
         means = [float(mean), *map(float, interval.split(" to ")), float(truth)]
         assert [one["mean"], *one["interval_90"], one["truth"]] == pytest.approx(means, 0.01)
         assert [one["sd"], one["prior_sd"]] == pytest.approx([float(each) for each in spreads], 0.05)
