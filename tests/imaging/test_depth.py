@@ -55,6 +55,8 @@ def test_depth_of_rendered_presses_that_were_not_calibrated(name: str, known: in
     calibration = calibrate_depth(
         [press.frame for press in made[:known]], sensor=sensor, reference=made[0].reference, ball_mm=6.0
     )
+    assert calibration.other_sd_mm is not None
+    assert calibration.other_sd_mm > np.sqrt(np.mean(np.square(calibration.errors_mm)))  # the best method was taken
     again = parse_depth_calibration(parse_object(depth_calibration_json(calibration), "depth.json", values=10**6))
     assert again.method == calibration.method
     mapper = DepthMapper(again, sensor, made[0].reference)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -96,6 +96,12 @@ def test_a_rendered_ball_has_its_centre_and_radius(name: str, seed: int) -> None
     assert contact.radius_px == pytest.approx(made.radius_px, rel=0.08)
     assert abs(contact.radius_px - made.radius_px) < 3.0 * contact.radius_sd_px
     assert np.hypot(*np.subtract(contact.centre_px, made.centre_px)) < 0.05 * made.radius_px
+    rows, columns = made.frame.shape[:2]
+    scale = made.sensor.scale_of(columns, rows)
+    assert scale is not None
+    found = asdict(contact)
+    assert found["area_mm2"] == pytest.approx(np.pi * made.radius_px**2 * scale[0] * scale[1], rel=0.17)
+    assert found["area_sd_mm2"] / found["area_mm2"] == pytest.approx(2 * found["radius_sd_mm"] / found["radius_mm"])
 
 
 def test_sixteen_bits_are_the_same_frame() -> None:
