@@ -128,6 +128,7 @@ def test_cells_behind_the_last_heading_may_be_empty() -> None:
         (b"0.5,1.5\n0.6,1.6\n", "write the headings in a line above"),
         (b"force (px),radius_mm\n1,2\n", "the unit 'px'"),
         (b"force (MN),radius_mm\n1,2\n", "the unit 'MN'"),
+        (b"force_MN,radius_mm\n1,2\n", "the unit 'MN'"),
         (b"force (mm),radius_mm\n1,2\n", "the unit 'mm'"),
         (b"force_N,force_mN,radius_mm\n1,1000,2\n", "one of them twice"),
         (b"force_N\tradius_mm\n1,234\t2\n", "one decimal mark"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -160,7 +161,26 @@ TABLES = {  # headings, a row, size of the units of length and force, decimal ma
     "mark-10.csv": ("Reading,Load [N],Travel [mm],Time [s]", "{n},{f},{p},{n}", 1.0, 1.0, "."),
     "mecmesin.txt": ("Time (s)\tLoad (mN)\tDisplacement (µm)", "{n}\t{f}\t{p}", 1e3, 1e3, "."),
     "deutsch.csv": ("Zeit / s;Kraft / N;Weg / mm", "{n};{f};{p}", 1.0, 1.0, ","),
-}
+    "univert.csv": ("SetName,Cycle,Time_S,Displacement_mm,Force_N", "Set1,1-Press,{n},{p},{f}", 1.0, 1.0, "."),
+    "wavematrix.csv": (
+        '"Total Time (s)","Step","Displacement(Linear:Digital Position) (mm)","Load(Linear:Load) (N)"',
+        "{n},2,{p},{f}", 1.0, 1.0, ".",
+    ),
+    "triboscan.txt": (
+        "\nNumber of Points = 600\n\nDepth (nm)\tLoad (µN)\tTime (s)\tDepth (V)\tLoad (V)",
+        "{p}\t{f}\t{n}\t0.1\t0.2", 1e6, 1e6, ".",
+    ),
+    "anton-paar.txt": ("Sample: gel\n\nTime [s]\tPd [nm]\tFn [mN]", "{n}\t{p}\t{f}", 1e6, 1e3, "."),
+    "trapezium.csv": ('"1 _ 1","","",\n"Time","Force","Stroke"\n"sec","N","mm"', '"{n}","{f}","{p}"', 1.0, 1.0, "."),
+    "testsuite.txt": (
+        "MTS793|MPT|ENU|1|2|.|/|:|1|0|0|A\n\nAxial Displacement\tAxial Force\tRunning Time\nmm\tN\tSec",
+        "{p}\t{f}\t{n}", 1.0, 1.0, ".",
+    ),
+    "nanosuite.csv": (
+        "Segment,Displacement Into Surface,Load On Sample,Time On Sample\n,nm,mN,s", ",{p},{f},{n}", 1e6, 1e3, "."
+    ),
+    "femtotools.txt": ("Index,Phase,Displacement [µm],Time [s],Force A [µN]", "{n},1,{p},{n},{f}", 1e3, 1e6, "."),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", TABLES)
@@ -184,13 +204,66 @@ def test_exports_are_read_by_name_and_unit(tmp_path: Path, name: str) -> None:
         (b"", "must hold data"),
         (b"depth,force\n1,2\n", "unit"),
         (b"PK\x03\x04 broken", "ZIP"),
-        (b"a,b\n1,2\n", "missing"),
+        (b"a,b\n1,2\n", "missing.* call the column force .N."),
+        (b'"a (s)","b (mm)"\n1,2\n', "missing: force_n; got 'a .s., b .mm.'"),
+        (b"Calc_Ramp_Ex_nm\tDefl_V_Ex\n1\t0.2\n", "multiply it by spring constant and sensitivity"),
+        (b"Extend Z-Sense(nm),Extend T-B(V)\n1,0.2\n", "multiply it by spring constant and sensitivity"),
+        (b"\\*Force file list\r\n\\Version: 0x09200000\r\n\x1a\x00", "NanoScope: export force and separation"),
+        (b"[DataSet]\r\nVersion=2\r\n#!\x00", "Nanosurf: export"),
+        (b"TDSm\x0e\x00", "LabVIEW: write its channels as CSV"),
+        (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1\x00", "Excel: save its sheet as CSV"),
+        (b"MATLAB 5.0 MAT-file\x00", "MAT file: write it by writetable"),
+        (b"\x93NUMPY\x01\x00", "numpy.savetxt"),
+        (b"IGOR\nWAVES/D\tForce\nBEGIN\n1\nEND\n", "Igor: save its waves as delimited text"),
+        (b'{"force_n": [1, 2]}', "JSON: write a table"),
     ],
 )
 def test_other_files_are_refused_in_a_sentence(tmp_path: Path, content: bytes, message: str) -> None:
     path = tmp_path / "curve.csv"
     path.write_bytes(content)
     with pytest.raises(FileInputError, match=message):
+        read_curves(path)
+
+
+def test_a_workbook_is_no_archive_of_curves(tmp_path: Path) -> None:
+    path = tmp_path / "curves.xlsx"
+    with zipfile.ZipFile(path, "w") as book:
+        book.writestr("[Content_Types].xml", "<Types/>")
+        book.writestr("xl/worksheets/sheet1.xml", "<worksheet/>")
+    with pytest.raises(FileInputError, match="a workbook: save its sheet as CSV"):
+        read_curves(path)
+
+
+def jpk_text(position: NDArray[np.float64], force: NDArray[np.float64], spring: float) -> str:
+    """A text as JPK's program exports it: each segment has a head of its own, heights fall towards the sample."""
+    lines = ["# xPosition: 0.0", "# date: Tue Mar 22 17:41:56 GMT 2011", "#"]
+    height = 5e-5 - 1e-3 * position - force / spring
+    for segment, order in (("extend", slice(None)), ("retract", slice(None, None, -1))):
+        lines += [
+            f"# segment: {segment}",
+            "# columns: height vDeflection smoothedMeasuredHeight seriesTime",
+            '# fancyNames: "Height" "Vertical Deflection" "Height (measured & smoothed)" "Series Time"',
+            f"# springConstant: {spring}",
+            "# units: m N m s",
+            "#",
+        ]
+        lines += [f"9 {f:.9E} {h:.12E} 0.1" for h, f in zip(height[order], force[order], strict=True)]
+        lines.append("")
+    return "\n".join(lines)
+
+
+def test_a_text_that_jpk_exported_gives_the_place_of_the_tip(tmp_path: Path) -> None:
+    position, force = pressed(2.0, 0.01)
+    path = tmp_path / "curve.txt"
+    path.write_text(jpk_text(position, force, 0.05))
+    (curve,) = read_curves(path)
+    assert len(curve.force_n) == 2 * len(force)
+    assert curve.position_mm[:600] - curve.position_mm[0] == pytest.approx(position - position[0], abs=1e-8)
+    assert curve.force_n[:600] == pytest.approx(force, rel=1e-6)
+    low, high = interval(curve, radius_mm=0.01)
+    assert low < 2.0 < high
+    path.write_text(jpk_text(position, force, 0.05).replace("units: m N", "units: m V"))
+    with pytest.raises(FileInputError, match=r"vDeflection in N .* export it calibrated"):
         read_curves(path)
 
 

@@ -38,6 +38,7 @@ UNITS: dict[str, dict[str, float]] = {
         "µN": 1e-6,
         "uN": 1e-6,
         "nN": 1e-9,
+        "pN": 1e-12,
         "cN": 1e-2,
         "dN": 0.1,
         "daN": 10.0,
@@ -89,22 +90,48 @@ UNITS: dict[str, dict[str, float]] = {
     "angle": {"deg": 1.0, "°": 1.0, "degrees": 1.0, "rad": 180.0 / math.pi},
     "fraction": {"1": 1.0, "%": 0.01},
 }
+MEGA_OR_MILLI = ("MN", "Mn", "mPa", "mpa", "MM2")  # units whose capitals leave two meanings
 # Other words for the first words of a heading, by the one that tsis uses.
 SYNONYMS = {
     "force": (
         *("load", "normal force", "contact force", "compressive load", "standard force", "fn", "fz", "f"),
+        *("axial force", "axial load", "load on sample", "force a"),
         *("kraft", "standardkraft", "prüfkraft", "force normale"),
     ),
     "radius": ("contact radius",),
     "area": ("contact area",),
-    "depth": ("indentation", "indentation depth", "dent", "contact depth"),
-    "time": ("t", "elapsed time", "elapsed", "timestamp", "zeit", "prüfzeit", "temps"),
+    "depth": ("indentation", "indentation depth", "dent", "contact depth", "penetration depth", "pd"),
+    "time": (
+        "t",
+        "elapsed time",
+        "elapsed",
+        "running time",
+        "time on sample",
+        "timestamp",
+        "zeit",
+        "prüfzeit",
+        "temps",
+    ),
     "young": ("youngs modulus", "young modulus", "young's modulus", "modulus", "elastic modulus", "e"),
     "travel": ("displacement", "indentation", "depth", "position", "z", "weg"),
     "displacement": (
         *("travel", "position", "extension", "compressive extension", "distance", "stroke", "crosshead", "z"),
+        *("axial displacement", "displacement into surface"),
         *("weg", "standardweg", "traverse", "déplacement"),
     ),
+}
+KINDS = {  # what begins so is no table: what it is, and the cure
+    b"PK\x03\x04": ("a workbook or an archive", "save its sheet as CSV"),
+    b"\xd0\xcf\x11\xe0": ("a workbook of Excel", "save its sheet as CSV"),
+    b"\x89HDF": ("an HDF5 file", "write its columns as CSV"),
+    b"\x93NUMPY": ("an array of NumPy", "write it by numpy.savetxt with a line of headings"),
+    b"MATLAB 5.0": ("a MAT file", "write it by writetable"),
+    b"TDSm": ("a TDMS file of LabVIEW", "write its channels as CSV"),
+    b"PAR1": ("a Parquet file", "write it as CSV"),
+    b"IGOR": ("a text of Igor", "save its waves as delimited text"),
+    b"\\*F": ("a file of NanoScope", "export force and separation as ASCII, with their units"),
+    b"[DataSet]": ("a NID file of Nanosurf", "export force and position as CSV"),
+    b'{"': ("JSON", "write a table with a row for each point"),
 }
 DEVIATION = ("std", "stdev", "stddev", "standard deviation", "sigma")
 INDEX_HEADINGS = frozenset(
@@ -199,6 +226,9 @@ def table_text(content: bytes, name: str) -> str:
     >>> table_text("force / µN".encode("utf-16"), "a.csv")
     'force / µN'
     """
+    for start, (what, cure) in KINDS.items():
+        if content.startswith(start):
+            raise FileInputError(f"{name} must be a table of text; it is {what}: {cure}")
     zeros = content[:200].count(0)
     try:
         if content.startswith((b"\xff\xfe", b"\xfe\xff")):
@@ -213,7 +243,7 @@ def table_text(content: bytes, name: str) -> str:
             line = content[: error.start].count(b"\n") + 1
             raise FileInputError(f"{name} must be a table in UTF-8; line {line} holds other bytes") from error
     if "\0" in text:
-        raise FileInputError(f"{name} must be a table of text; it holds zero bytes")
+        raise FileInputError(f"{name} must be a table of text; it holds zero bytes: save the table as CSV")
     return text
 
 
@@ -235,7 +265,7 @@ def parse_heading(text: str) -> Heading:
     (Heading(words='force', unit='mN'), Heading(words='depth sd', unit='mm'))
     """
     plain = text.strip().strip("\"'").strip()
-    bracketed = re.fullmatch(r"(.*?)\s*[\[(<{]\s*([^\[\](){}<>]*?)\s*[\])>}]\s*(\w*)", plain)
+    bracketed = re.fullmatch(r"(.*?)(?:\s*\([^()]*\))?\s*[\[(<{]\s*([^\[\](){}<>]*?)\s*[\])>}]\s*(\w*)", plain)
     slashed = re.fullmatch(r"([^/]+?)\s*/\s*([^/]+(?:/mm[2²])?)", plain)
     spoken = re.fullmatch(r"(.+?)(?:\s*\([^()]*\))?(?:[\s_]+in[\s_]+|\s*,\s*)(\S+)", plain)
     if bracketed:
@@ -247,7 +277,7 @@ def parse_heading(text: str) -> Heading:
     parts = re.split(r"[\s_]+", plain)
     for place in range(len(parts) - 1, 0, -1):
         unit = _unit(parts[place])
-        if _dimension(unit):
+        if _dimension(unit) or unit in MEGA_OR_MILLI:
             return Heading(words=_words(" ".join(parts[:place] + parts[place + 1 :])), unit=unit)
         if parts[place].lower() not in (*ENDS, *DEVIATION):
             break
@@ -271,7 +301,7 @@ def _dimension(unit: str) -> tuple[str, float] | None:
     known = [(dimension, units[unit]) for dimension, units in UNITS.items() if unit in units]
     if known:
         return known[0]
-    if unit in ("MN", "Mn", "mPa", "mpa", "MM2"):  # mega or milli
+    if unit in MEGA_OR_MILLI:
         return None
     folded = [
         (dimension, size)
@@ -395,11 +425,14 @@ def _headings(
     where = f"{name}, line {number}"
     columns = _columns(cells, asked)
     lost = [column for column in needed if column not in columns.values()]
-    if lost and failure is not None:
+    if lost and failure is not None and (delimiter == " " or len(cells) == 1):  # by none of the others it is a table
         raise failure
     if lost:
         got = ", ".join(cell.strip() for cell in cells)
-        cure = "" if any(re.search("[^\\W\\d_]", cell) for cell in cells) else "; write the headings in a line above"
+        wanted = parse_heading(lost[0])
+        cure = f"; call the column {wanted.words}" + (f" ({_spelled(wanted.unit)})" if wanted.unit else "")
+        if not any(re.search("[^\\W\\d_]", cell) for cell in cells):
+            cure = "; write the headings in a line above"
         raise FileInputError(
             f"the headings must hold {', '.join(needed)}; missing: {', '.join(lost)}; got {got!r:.120}{cure} ({where})"
         )
@@ -435,7 +468,20 @@ def _columns(cells: Sequence[str], asked: Sequence[str]) -> dict[int, str]:
         own = spelled.get(parse_heading(cell[:LONGEST_CELL]).words) if cell.strip() else None
         if own is not None and place not in columns:
             columns[place] = own
-    return columns
+    return {place: name for place, name in columns.items() if not _outdone(place, cells, columns)}
+
+
+def _outdone(place: int, cells: Sequence[str], columns: Mapping[int, str]) -> bool:
+    """Whether another column of that name has a unit of its dimension, and this one has none, as Depth (V)."""
+    name = columns[place]
+    wanted = _dimension(parse_heading(name).unit)
+
+    def fits(cell: str) -> bool:
+        unit = _dimension(parse_heading(cell[:LONGEST_CELL]).unit)
+        return unit is not None and wanted is not None and unit[0] == wanted[0]
+
+    rivals = [other for other in columns if columns[other] == name and other != place]
+    return not fits(cells[place]) and any(fits(cells[other]) for other in rivals)
 
 
 def _require_single(

@@ -1,8 +1,9 @@
-"""Files of force curves: tables of any program with units, text of Optics11's Chiaro, and JPK through afmformats.
+"""Files of force curves: tables of any program with units, texts of Optics11 and JPK, and JPK through afmformats.
 
 Mark-10 and Mecmesin export tables whose columns name force, travel and time with their units; lines before the headings
 are left out. A Chiaro file states the tip's radius and the maker's modulus; its indenter's position is that of the
-piezo less the bending of the cantilever.
+piezo less the bending of the cantilever. A text that JPK's program exported has a block for each segment, whose head
+names columns, units and the spring constant.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 
 LARGEST_BYTES = 256 * 2**20
 MOST_CURVES = 10_000
-AFM_ENDINGS = (".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".h5", ".ibw", ".nid", ".ntmdt", ".tab")
+AFM_ENDINGS = (".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".h5", ".ibw", ".tab")
 DEPTHS = ("depth_mm", "displacement_mm")
 _CHIARO = re.compile(r"^(?P<name>[^\t\n]+?)\t(?P<value>[-+\d.]+)\s*$", re.MULTILINE)
 
@@ -77,6 +78,8 @@ def _zipped(file: Path, content: bytes) -> Iterator[ForceCurve]:
 
 
 def _require_few(file: Path, members: Sequence[zipfile.ZipInfo]) -> None:
+    if {"[Content_Types].xml", "mimetype"} & {item.filename for item in members}:
+        raise file_error(file, "must hold texts of curves; it is a workbook: save its sheet as CSV")
     if not 0 < len(members) <= MOST_CURVES or sum(item.file_size for item in members) > LARGEST_BYTES:
         raise file_error(file, f"must hold 1 to {MOST_CURVES} curves of at most {LARGEST_BYTES} bytes together")
 
@@ -85,6 +88,13 @@ def _text_curve(content: bytes, name: str, where: str) -> ForceCurve:
     text = table_text(content, where)
     if "Tip radius (um)" in text[:5000] and "Piezo (nm)" in text[:5000]:
         return _chiaro_curve(text, name, where)
+    if re.search(r"^# columns: .*vDeflection", text, re.MULTILINE):
+        return _jpk_text_curve(text, name, where)
+    if re.search(r"defl_(?:nm|v)_|t-b\s*\(v\)", text[:5000].lower()):
+        raise FileInputError(
+            f"{where} must hold a force; it holds the deflection of a cantilever: export force and separation, or "
+            "multiply it by spring constant and sensitivity, and name the columns force (nN) and depth (nm)"
+        )
     rows = list(parse_csv_rows(content, where, ("force_n",), ("time_s",), one_of=DEPTHS, ignore_others=True))
     if not rows:
         raise FileInputError(f"{where} must hold a curve below its headings; it has no row")
@@ -119,6 +129,44 @@ def _chiaro_curve(text: str, name: str, where: str) -> ForceCurve:
         if key in stated:
             recorded[label] = unit * stated[key]
     return _curve(where, name, 1e-6 * (piezo - bent), 1e-6 * load, time, radius, recorded)
+
+
+JPK_HEIGHTS = (
+    *("smoothedMeasuredHeight", "measuredHeight", "smoothedStrainGaugeHeight", "strainGaugeHeight"),
+    *("smoothedCapacitiveSensorHeight", "capacitiveSensorHeight", "height"),
+)
+
+
+def _jpk_text_curve(text: str, name: str, where: str) -> ForceCurve:
+    """All segments of a text of JPK in their order: the tip is at the height plus the bending of the cantilever."""
+    rows: list[list[float]] = []
+    head: dict[str, str] = {}
+    spring = np.inf
+    try:
+        for line in text.splitlines():
+            if line.startswith("#"):
+                key, _, value = line.strip("# ").partition(":")
+                head[key.strip()] = value.strip()
+            elif line.strip():
+                columns = dict(
+                    zip(head["columns"].split(), zip(line.split(), head["units"].split(), strict=True), strict=True)
+                )
+                spring = float(head.get("springConstant", np.inf))
+                height = next(columns[each] for each in JPK_HEIGHTS if each in columns)
+                time = columns.get("seriesTime", columns.get("time", ("nan", "s")))
+                if (columns["vDeflection"][1], height[1]) != ("N", "m"):
+                    raise FileInputError(
+                        f"{where} must hold vDeflection in N and heights in m; got {columns['vDeflection'][1]!r:.20} "
+                        f"and {height[1]!r:.20}: export it calibrated"
+                    )
+                rows.append([float(part) for part, _ in (height, columns["vDeflection"], time)])
+    except (KeyError, ValueError, StopIteration) as error:
+        raise FileInputError(
+            f"{where} must be a text of JPK with vDeflection and a height, columns and units above; {one_line(error)}"
+        ) from error
+    height_m, force, time_s = np.array(rows).T if rows else np.empty((3, 0))
+    times = None if not np.all(np.isfinite(time_s)) else time_s
+    return _curve(where, name, -1e3 * (height_m + force / spring), force, times, None, {"spring_n_per_m": spring})
 
 
 def _cell(row: Any, key: str) -> float:
@@ -159,4 +207,6 @@ def _afm_curves(file: Path) -> Iterator[ForceCurve]:
     except (FileInputError, MemoryError, KeyboardInterrupt, SystemExit, GeneratorExit):
         raise
     except BaseException as error:  # a damaged file; errors of afmformats are no `Exception`
-        raise file_error(file, f"must be a force curve that afmformats reads; {one_line(error)}") from error
+        raise file_error(
+            file, f"must be a force curve that afmformats reads, or be exported as CSV; {one_line(error)}"
+        ) from error
