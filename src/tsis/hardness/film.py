@@ -63,7 +63,8 @@ def filmed_press(
     Raises
     ------
     InputError
-        When times and contacts differ in number, no contact is good, or no reading lies near a good contact.
+        When times and contacts differ in number, no contact is good, no reading lies near a good contact, or the gauge
+        shows no press there.
     """
     if len(found) != len(times_s):
         raise InputError(f"times_s must have one time for each of the {len(found)} frames; got {len(times_s)}")
@@ -72,7 +73,7 @@ def filmed_press(
         raise InputError(f"the frames must show a good contact; all {len(found)} are not: {', '.join(reasons)}")
     delay = _delay(found, times_s, readings)
     latency = 0.0 if delay is None else delay[0]
-    rows = []
+    rows, seen = [], list[float]()
     for contact, time in zip(found, times_s, strict=True):
         if not contact.good or contact.radius_mm is None:
             continue
@@ -80,6 +81,7 @@ def filmed_press(
             force = force_at(readings, time, latency_s=latency)
         except GaugeError:
             continue
+        seen.append(force.force_n)
         if force.force_n > LEAST_FORCE_N:
             rows.append(
                 {
@@ -92,8 +94,14 @@ def filmed_press(
                     "force_sd_n": float(np.hypot(force.error_n / 2.0, GAUGE_SD * force.force_n)),
                 }
             )
-    if not rows:
+    if not seen:
         raise InputError("the gauge must have readings while the contacts are seen; got none: check the film's start")
+    largest = max(reading.force_n for reading in readings)
+    if not rows or max(seen) < PRESSED * largest:
+        raise InputError(
+            f"the gauge must read the press while contacts are seen; it reads at most {max(seen):.2g} N then, and "
+            f"{largest:.3g} N at another time: check the time of the film's first frame (--video-start-s)"
+        )
     said = "The film does not tell the delay between gauge and camera: the prior of the lag holds."
     if delay is not None:
         said = f"The gauge lags {1e3 * delay[0]:+.0f} ms behind the film (sd {1e3 * delay[1]:.0f} ms): undone."

@@ -105,25 +105,30 @@ OUTSIDE_TABLE = Flag(
 
 CONTACTS_LEFT_OUT = Flag(
     name="contacts_left_out",
-    means="contacts that are not good were left out",
+    means="contacts that are not good, or wider than the model holds, were left out",
     says="{left_out} contacts are not good and were left out.",
 )
 WIDEST_CONTACT = 0.6  # of half the face's smaller side
 CONTACT_TOO_WIDE = Flag(
     name="contact_too_wide",
-    means=f"a contact is wider than {WIDEST_CONTACT:g} of the face",
+    means=f"all contacts are wider than {WIDEST_CONTACT:g} of the face",
     cure="press less",
-    raised=f"radius above {WIDEST_CONTACT:g} of half the face's smaller side",
+    raised=f"every radius above {WIDEST_CONTACT:g} of half the face's smaller side",
     withholds=True,
     says=f"A contact of {{radius_mm:.3g}} mm is wider than {{widest_mm:.3g}} mm, {WIDEST_CONTACT:g} of the face: "
     "{cure}.",
 )
 DEEPEST_CONTACT = 0.9  # of the object's radius: the model was compared with finite strain up to there
+CONTACTS_BEYOND = replace(
+    CONTACTS_LEFT_OUT,
+    says=f"Contacts wider than {WIDEST_CONTACT:g} of the face or {DEEPEST_CONTACT:g} of the object's radius were left "
+    "out: {beyond}.",
+)
 CONTACT_TOO_DEEP = Flag(
     name="contact_too_deep",
-    means=f"a contact is wider than {DEEPEST_CONTACT:g} of the object's radius",
+    means=f"all contacts are wider than {DEEPEST_CONTACT:g} of the object's radius",
     cure="press less",
-    raised=f"radius above {DEEPEST_CONTACT:g} of the object's: the model was compared with finite strain up to there",
+    raised=f"every radius above {DEEPEST_CONTACT:g} of the object's: finite strain was compared up to there",
     withholds=True,
     says="A contact of {radius_mm:.3g} mm on a radius of {object_mm:.3g} mm is too deep: {cure}.",
 )

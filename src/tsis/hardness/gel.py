@@ -21,6 +21,7 @@ from tsis.hardness.contacts import ObjectGeometry, as_geometry, as_touch_reading
 from tsis.hardness.flags import (
     CONTACT_TOO_DEEP,
     CONTACT_TOO_WIDE,
+    CONTACTS_BEYOND,
     CONTACTS_LEFT_OUT,
     DEEPEST_CONTACT,
     FLAT_OBJECT,
@@ -447,6 +448,8 @@ def estimate_from_contacts(
     readings, left_out, stated_mm = as_touch_readings(contacts, force=force)
     shape = as_geometry(geometry, stated_mm)
     readings = grouped_presses(readings, sequence=sequence)
+    held = tuple(reading for reading in readings if not _beyond_model(reading, shape, gel))
+    beyond, readings = (len(readings) - len(held), held) if held else (0, readings)
     bodies = [_body(readings, shape)]
     if reference is not None:
         bodies.append(_rigid_ball(reference, reference_radius_mm))
@@ -456,6 +459,7 @@ def estimate_from_contacts(
     samples, misfit, count = _explored(bodies, gel, prior, errors, flat=shape.shape == "flat" or bool(reasons))
     flagged = [
         *reasons,
+        *([CONTACTS_BEYOND.finding(beyond=beyond)] if beyond else []),
         *contact_findings(readings, left_out, shape, gel),
         *(() if reasons else modulus_findings(samples, prior)),
         *misfit_findings(misfit, count),
@@ -547,6 +551,16 @@ def unknowable(readings: Sequence[TouchReading], shape: ObjectGeometry) -> list[
     return [] if forces or pairs else [FORCE_AND_DEPTH_UNKNOWN.finding()]
 
 
+def _widest_mm(gel: GelSensor) -> float:
+    return WIDEST_CONTACT * min(gel.width_mm, gel.height_mm) / 2
+
+
+def _beyond_model(reading: TouchReading, shape: ObjectGeometry, gel: GelSensor) -> bool:
+    """Whether a contact is wider than the face or the object allows."""
+    object_mm = np.inf if shape.radius_mm is None else shape.radius_mm
+    return (reading.radius_mm or 0.0) > min(_widest_mm(gel), DEEPEST_CONTACT * object_mm)
+
+
 def contact_findings(
     readings: Sequence[TouchReading], left_out: Sequence[str], shape: ObjectGeometry, gel: GelSensor
 ) -> Iterator[Finding]:
@@ -556,9 +570,8 @@ def contact_findings(
     if shape.radius_mm is None and shape.shape != "flat":
         yield GEL_RADIUS_UNKNOWN.finding()
     largest = max((reading.radius_mm for reading in readings if reading.radius_mm is not None), default=0.0)
-    widest = WIDEST_CONTACT * min(gel.width_mm, gel.height_mm) / 2
-    if largest > widest:
-        yield CONTACT_TOO_WIDE.finding(radius_mm=largest, widest_mm=widest)
+    if largest > _widest_mm(gel):
+        yield CONTACT_TOO_WIDE.finding(radius_mm=largest, widest_mm=_widest_mm(gel))
     if shape.radius_mm is not None and largest > DEEPEST_CONTACT * shape.radius_mm:
         yield CONTACT_TOO_DEEP.finding(radius_mm=largest, object_mm=shape.radius_mm)
     if gel.shape != "flat":
