@@ -6,11 +6,12 @@ from matplotlib.figure import Figure
 from studies.panels import grey_sums
 
 from tsis.imaging import features
+from tsis.imaging.gel_contact import GelContact
 from tsis.imaging.profile import radial_profile
 from tsis.imaging.surface import height_surface
 from tsis.model.estimate import Estimate
 from tsis.model.image import TactileImage
-from tsis.present.figures import marginal, relief, ring_profile, tactile_image, trade_off
+from tsis.present.figures import gel_contact, marginal, relief, ring_profile, tactile_image, trade_off
 
 
 @pytest.fixture
@@ -94,3 +95,18 @@ def test_sums_are_drawn_in_millions_with_their_line() -> None:
     grey_sums(force, 3 * sums, ax)
     assert ax.get_xlim() == pytest.approx((0.0, 2.1))
     assert ax.get_ylim() == pytest.approx((0.0, 1.05 * 12.9)), "room for all that was drawn"
+
+
+def test_a_gel_frame_of_12_bits_keeps_its_levels_and_its_long_name_goes_on_below() -> None:
+    contact = GelContact(
+        name="a-very-long-name-of-a-frame-that-a-camera-gave-it-0001.tiff", centre_px=(30.0, 20.0),
+        centre_sd_px=(0.5, 0.5), radius_px=9.0, radius_sd_px=0.4, semi_axes_px=(9.0, 9.0), angle_deg=0.0,
+        centre_mm=None, centre_sd_mm=None, radius_mm=None, radius_sd_mm=None, area_mm2=None, area_sd_mm2=None,
+        scale_sd=None, explained=0.99, quality=1.0, good=True, reasons=(),
+    )  # fmt: skip
+    frame = np.tile(np.linspace(0, 4000, 60).astype(np.uint16)[:, None], (40, 1, 3))
+    ax = gel_contact(frame, contact, Figure().subplots())
+    shown = np.asarray(ax.images[0].get_array())
+    assert shown.max() == 255
+    assert np.unique(shown).size > 50
+    assert max(len(line) for line in ax.get_title().split("\n")) <= 40

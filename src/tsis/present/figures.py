@@ -119,6 +119,7 @@ def ring_profile(profile: RadialProfile, ax: Axes, *, label: str = "", marker: s
 
 
 GOOD, REFUSED = "#ffffff", "#e69f00"
+NAME_LETTERS = 40  # of a frame's name above an overlay, before it goes on in a line below
 
 
 def gel_contact(frame: NDArray[Any], contact: GelContact, ax: Axes) -> Axes:
@@ -126,8 +127,10 @@ def gel_contact(frame: NDArray[Any], contact: GelContact, ax: Axes) -> Axes:
     from matplotlib.patches import Ellipse  # loaded with the first figure
 
     levels = np.asarray(frame)
+    if levels.ndim == 3 and levels.max() > 255:  # of 16 bits, which matplotlib would cut off
+        levels = (255.0 / levels.max() * levels).astype(np.uint8)
     ax.imshow(levels if levels.ndim == 3 else levels.astype(float), cmap="gray", interpolation="nearest")
-    title = f"{contact.name}: quality {contact.quality:.2f}"
+    title = f"{textwrap.fill(contact.name, NAME_LETTERS)}\nquality {contact.quality:.2f}"
     if np.isfinite(contact.radius_px):
         colour, line = (GOOD, "-") if contact.good else (REFUSED, "--")
         width, height = (2 * axis for axis in contact.semi_axes_px)
