@@ -251,6 +251,12 @@ def test_an_interrupted_estimate_continues_with_the_same_answer(
         estimate_map(scan, probe=PROBE, steps=700, voxel_mm=5.0, resume=file)
 
 
+def test_what_no_press_can_tell_draws_none(found: LumpMap) -> None:
+    """The lump is known as well as the kernel allows: no press would halve what is left."""
+    best = found.next_places[0]
+    assert 0.0 < best.gain_nats < np.log(2)
+
+
 def test_a_wrong_scale_is_withheld() -> None:
     scan = scan_of([LUMP])
     rng = np.random.default_rng(2)

@@ -10,6 +10,7 @@ import numpy as np
 from tsis.compiled import one_blas_thread
 from tsis.mapping.flags import CONTRAST_NOT_IDENTIFIED
 from tsis.mapping.lump_map import Lump, NextPlace
+from tsis.mapping.posterior import signal_errors
 from tsis.mapping.signals import DEPTH, LOG_CONTRAST, LOG_DIAMETER, LUMP_COLUMNS, X, Y
 from tsis.model.estimate import Estimate
 
@@ -264,8 +265,10 @@ def next_places(
     """Places of the largest expected gain of information on the lumps, seen and not yet seen.
 
     The gain is that of a linear Gaussian model: half the log determinant of what the posterior's lumps would change at
-    a place over the noise and the uneven tissue there. Lumps of the prior that the scan would not have shown count
-    with their probability.
+    a place over the noise, the uneven tissue and the error of the lumps' signal there. ``states`` are without the error
+    of the kernel that all presses share, since a further press tells nothing of it: a lump that is known as well as
+    the model allows draws no more presses. Lumps of the prior that the scan would not have shown count with their
+    probability.
     """
     seen = likelihood.observation
     sd = float(likelihood.sds[fit.sd])
@@ -289,10 +292,15 @@ def next_places(
     share = region.expected * np.array(weight) / len(weight)
     single = seen.field.covariance(kind.length_mm, np.zeros((1, 2)), np.zeros(1), force[:1], np.zeros(1))
     noise = sd**2 * single + np.diag(seen.white.mean(axis=0) + (0.01 * seen.scale_kpa) ** 2)
-    inverse = np.linalg.inv(np.linalg.cholesky(noise))
+    each, shared = signal_errors(sd)
+    harmonic = np.array([output[0] for output in seen.table.shapes.outputs])
     gains = np.empty(len(grid))
     for number in range(len(grid)):
-        change = signals[:, number] - signals[:, number].mean(axis=0)
+        mean = signals[:, number].mean(axis=0)
+        change = signals[:, number] - mean
+        by_harmonic = shared * (1 + harmonic / 2) * mean * (harmonic == np.unique(harmonic)[:, None])
+        errs = (each * mean) ** 2 + 0.25 * each**2 * (mean**2).mean()  # as `BlockLikelihood.with_signal_error`
+        inverse = np.linalg.inv(np.linalg.cholesky(noise + np.diag(errs) + by_harmonic.T @ by_harmonic))
         spread = change.T @ change / len(change)
         new = np.array([one[number] for one in hidden])
         spread += (new * share[:, None]).T @ new

@@ -297,7 +297,7 @@ def _block(
         even, variance = uneven_modulus(likelihood, fit.lumps, fit.shift_mm, own)
         blind = _blind(likelihood, samples, own)
         rng = np.random.default_rng([seed, 10**6 + 1 + number])
-        for place in next_places(likelihood, region, samples.lumps, fit, rng):
+        for place in next_places(likelihood, region, samples.learnt, fit, rng):
             at = np.array([place.x_mm, place.y_mm])
             if alone or ((at >= low) & (at < high)).all():
                 gains.append(place)
@@ -369,6 +369,7 @@ class _Resumed:
             core_high=high,
             samples=Samples(
                 lumps=tuple(np.split(kept["lumps"], np.cumsum(kept["counts"])[:-1])),
+                learnt=(),  # the places to press next, which need them, are kept
                 sd=kept["sd"],
                 length_mm=kept["length_mm"],
                 shift_mm=kept["shift_mm"],

@@ -209,8 +209,7 @@ class BlockLikelihood:
         self.kinds = self._even_kinds
         weights = self.log_weights(seen.values - signal)
         best = weights.max(axis=1)
-        uneven = UNEVEN_ERROR * self.sds[int(weights.max(axis=0).argmax())]
-        each, shared = np.hypot(SIGNAL_ERROR, uneven), np.hypot(SHARED_ERROR, uneven)
+        each, shared = signal_errors(self.sds[int(weights.max(axis=0).argmax())])
         order = np.argsort(-best)[:MOST_KINDS]
         kept = [int(index) for index in order if best[index] > best.max() - IMPROBABLE]
         mean = np.sqrt((signal**2).mean(axis=1, keepdims=True))
@@ -247,6 +246,12 @@ class BlockLikelihood:
         """For all standard deviations."""
         variance = 1 + np.outer(self.sds**2, kind.size)
         return np.asarray(-0.5 * (np.log(variance) + turned**2 / variance).sum(axis=1) - kind.log_root)
+
+
+def signal_errors(sd: float) -> tuple[float, float]:
+    """Errors of a lump's signal that differ between numbers and that presses share, in a field of this sd."""
+    uneven = UNEVEN_ERROR * sd
+    return float(np.hypot(SIGNAL_ERROR, uneven)), float(np.hypot(SHARED_ERROR, uneven))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -436,7 +441,9 @@ class Samples:
     Attributes
     ----------
     lumps
-        Lumps (n, `LUMP_COLUMNS`) of each state.
+        Lumps (n, `LUMP_COLUMNS`) of each state, with the error of the kernel that all presses share.
+    learnt
+        The same without that error: what differs between these states, further presses can tell.
     sd, length_mm
         Of the field, shape (states,).
     shift_mm
@@ -446,6 +453,7 @@ class Samples:
     """
 
     lumps: tuple[Floats, ...]
+    learnt: tuple[Floats, ...]
     sd: Floats
     length_mm: Floats
     shift_mm: Floats
@@ -638,7 +646,7 @@ class Sampler:
         self, steps: int, *, every: int = 20, burn: float = 0.25, report: Callable[[], None] | None = None
     ) -> Samples:
         """Take steps; states after the first part are kept."""
-        lumps, sds, lengths, shifts = [], [], [], np.zeros_like(self.shift)
+        lumps, learnt, sds, lengths, shifts = [], [], [], [], np.zeros_like(self.shift)
         with one_blas_thread():
             for step in range(steps):
                 if step % 50 == 0:
@@ -646,6 +654,7 @@ class Sampler:
                 self.step()
                 if step >= burn * steps and step % every == 0:
                     lumps.append(self._with_kernel_error())
+                    learnt.append(self.lumps.copy())
                     sds.append(self.likelihood.sds[self.sd])
                     lengths.append(self.likelihood.kinds[self.kind].length_mm)
                     shifts += self.shift
@@ -653,6 +662,7 @@ class Sampler:
                     report()
         return Samples(
             lumps=tuple(lumps),
+            learnt=tuple(learnt),
             sd=np.array(sds),
             length_mm=np.array(lengths),
             shift_mm=shifts / len(lumps),

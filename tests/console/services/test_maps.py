@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from tests.waiting import HANGS_S
 
-from tsis.console.services.maps import RESULT, MapRepository, OpenedScan
+from tsis.console.services import maps as module
+from tsis.console.services.jobs import DONE, Jobs
+from tsis.console.services.maps import RESULT, MapQuestion, MapRepository, OpenedScan, map_of
 from tsis.console.statuses import AbsentError
 from tsis.errors import InputError, RecordsError
+from tsis.mapping.prior import MapPrior
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -52,6 +57,26 @@ def test_a_workspace_that_is_a_file_is_said(tmp_path: Path) -> None:
         MapRepository(tmp_path).names()
     with pytest.raises(RecordsError, match="folder of maps must be"):
         MapRepository(tmp_path).keep("one", {RESULT: b"{}"})
+
+
+def test_a_map_is_not_done_before_it_is_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "calibrated", lambda scan, _: (scan, None))
+    monkeypatch.setattr(module, "estimate_map", lambda *_, progress, **__: progress(78, 78))
+    monkeypatch.setattr(module, "guide_page", lambda *_, **__: None)
+    stored: Any = SimpleNamespace(scan=SimpleNamespace(presses=()))
+    start: Any = object()
+    question = MapQuestion(stored=stored, probe="", calibration=None, prior=MapPrior(), start=start)
+    jobs, shown = Jobs(), []
+
+    def draw(_: object) -> tuple[str, ...]:
+        shown.extend(state.fraction for state in jobs.states())
+        return ()
+
+    job = jobs.begin("map", map_of(question, MapRepository(tmp_path), draw))
+    assert job.wait(HANGS_S)
+    assert job.state().status == DONE
+    assert all(0.9 < fraction < 1.0 for fraction in shown)
+    assert len(shown) == 1
 
 
 def test_uploaded_files_become_one_scan() -> None:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from tsis.console.services.instrument import Instrument
-    from tsis.console.services.jobs import Job
+    from tsis.console.services.jobs import Job, JobState
     from tsis.console.services.maps import MapResult
     from tsis.console.viewer import Viewer
     from tsis.mapping.lump_map import LumpMap
@@ -253,7 +253,7 @@ class MapPage:
     def _refresh(self) -> None:
         job = self._draft.job
         state = None if job is None else job.state()
-        running = self._job.show(state, "Mapping: the first map of a probe takes a minute longer.")
+        running = self._job.show(state, running_text(state))
         self._start.set_enabled(not running)
         if job is None or state is None:
             return
@@ -287,6 +287,8 @@ class MapPage:
         if found.next_places:
             place = found.next_places[0]
             ui.label(f"Next place: x {place.x_mm:.1f} mm, y {place.y_mm:.1f} mm").classes("strong")
+            narrowed = 1 - np.exp(-place.gain_nats)
+            widgets.muted(f"A press there would take about {narrowed:.0%} off the joint uncertainty of the lumps.")
         with ui.element("div").classes("row"):
             if self._draft.opened.simulated:
                 widgets.button("Press there with the virtual probe", self._press_next, icon="touch_app")
@@ -320,6 +322,13 @@ class MapPage:
         content = await self._viewer.attempt(self._maps.content, name, file)
         if content is not None:
             ui.download.content(content, f"{name}-{file}")
+
+
+def running_text(state: JobState | None) -> str:
+    """What a map that is being made does just now."""
+    if state is None or not state.total:
+        return "Mapping: the first map of a probe takes a minute longer."
+    return f"Mapping, then drawing: {state.fraction:.0%} done."
 
 
 def turning_view(found: LumpMap) -> None:

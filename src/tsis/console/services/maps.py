@@ -43,6 +43,7 @@ RESULT, PAGE = "result.json", "index.html"
 UPLOADED, SIMULATED, SIMULATED_PROBE = "uploaded-scan", "simulated-scan", "tsis-2011"
 PRESSES_A_SIDE, SPACING_MM = 5, 10.0
 STEPS, GUIDE_STEPS = 20_000, 1000  # of the sampler: of a map that is kept, and of an update by a press
+DRAWN = 15  # the steps of a map over those of its report, which follows
 NAME = re.compile(r"[A-Za-z0-9_-]{1,80}", re.ASCII)
 
 
@@ -152,7 +153,7 @@ def map_of(
             probe=load_probe(question.probe) if question.probe else None,
             calibration=response,
             prior=prior,
-            progress=job.advance,
+            progress=lambda done, total: job.advance(done, total + (total // DRAWN or 1)),
             start=question.start,
             steps=STEPS if question.start is None else GUIDE_STEPS,
         )
