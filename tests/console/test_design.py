@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import io
 import json
+import re
 import tomllib
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pytest
+from PIL import Image
 from tests.console.accessible import faults, too_wide
 from tests.console.browser import needs_browser, picture
 from tests.console.contrast import texts
@@ -81,6 +85,21 @@ def test_what_is_typed_is_drawn_and_what_is_wrong_is_said_beside_it(page: Page) 
     page.get_by_role("textbox", name="Height / mm").fill("4")
     page.get_by_role("textbox", name="How many").fill("6")
     _section(page, "6 lamps")
+
+
+def test_a_drawing_follows_light_and_dark(page: Page) -> None:
+    drawn = page.get_by_role("img", name=re.compile("glass; 4 lamps"))
+    drawn.wait_for()
+    corners = {}
+    for scheme in ("light", "dark", "light"):
+        page.emulate_media(color_scheme=scheme)
+        page.wait_for_function("dark => document.body.classList.contains('body--dark') === dark", arg=scheme == "dark")
+        pixels = np.asarray(Image.open(io.BytesIO(drawn.screenshot())).convert("L"))
+        corners[scheme] = pixels[2, 2]
+        strongest = np.abs(pixels.astype(int) - pixels[2, 2]).max()
+        assert strongest > 130, scheme  # lines and text stand out of the ground
+    assert corners["light"] > 230
+    assert corners["dark"] < 50
 
 
 @pytest.mark.slow

@@ -20,7 +20,7 @@ def rough_pictures() -> Iterator[None]:
     titles = set[str]()
 
     @contextmanager
-    def figure(picture: Picture, size: tuple[float, float], *, dpi: float) -> Iterator[Figure]:
+    def figure(picture: Picture, size: tuple[float, float], *, dpi: float, **_: str) -> Iterator[Figure]:
         if picture.title not in titles:
             picture.draw(Figure(figsize=size))
             titles.add(picture.title)

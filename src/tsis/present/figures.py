@@ -11,6 +11,7 @@ import numpy as np
 from tsis.calibration.force_line import common_forces, fit_run
 from tsis.errors import InputError
 from tsis.present.labels import quantity_of
+from tsis.present.page import GROUND
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -180,7 +181,8 @@ def marginal(
 
 def draw_posterior(estimate: Estimate, name: str, ax: Axes, truth: float | None) -> None:
     """Draw the posterior density of a parameter with its 90 % interval, and the truth if known."""
-    ax.hist(estimate.samples[name], bins=BINS, density=True, color=POSTERIOR, alpha=0.75, label="posterior")
+    drawn = estimate.samples[name]
+    ax.hist(drawn, BINS, density=True, histtype="stepfilled", color=POSTERIOR, alpha=0.75, label="posterior")
     ax.axvspan(*estimate.interval(0.9)[name], color=POSTERIOR, alpha=0.15, label="90 % interval")
     if truth is not None:
         ax.axvline(truth, color=TRUTH, linestyle="--", linewidth=2, label="truth")
@@ -709,7 +711,7 @@ LABEL: dict[str, Any] = {
     "va": "center",
     "fontsize": 8,
     "zorder": 6,
-    "bbox": {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8},
+    "bbox": {"boxstyle": "round,pad=0.15", "facecolor": GROUND, "edgecolor": "none", "alpha": 0.8},
 }
 FAINTEST = 0.04  # fraction of a ray's initial power below which it is not drawn
 WHAT = {

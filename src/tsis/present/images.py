@@ -14,7 +14,7 @@ from tsis.imaging.profile import radial_profile
 from tsis.imaging.surface import height_surface
 from tsis.present.document import features_document
 from tsis.present.figures import relief, ring_profile, tactile_image
-from tsis.present.page import Card, Page, Picture, Table, on_axes
+from tsis.present.page import ON_IMAGE, Card, Page, Picture, Table, on_axes
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -243,7 +243,7 @@ def contact_page(findings: Sequence[ImageFinding], *, provenance: Mapping[str, A
     return Page(
         title="Contact found in tactile images",
         subtitle=", ".join(finding.image.name for finding in findings),
-        cards=_cards(findings[0].features) if len(findings) == 1 else (),
+        cards=_cards(findings[0]) if len(findings) == 1 else (),
         notes=tuple(note for finding in findings for note in finding_notes(finding)),
         pictures=tuple(picture for finding in findings for picture in _pictures(finding)),
         tables=tuple(
@@ -279,16 +279,18 @@ def comparison_page(press_comparison: PressComparison, *, names: Sequence[str], 
 
 
 def finding_rows(finding: ImageFinding) -> tuple[tuple[str, str], ...]:
-    """Names and values of the features, for people."""
+    """Names and values of the features, for people: lengths in millimetres where the scale is known, else in pixels."""
     result, circle = finding.features, finding.contact
     if not result.contact:
         return (("contact", "none found: nothing stands out of the noise"),)
-    diameter_mm = _also(_number(result.equivalent_diameter_mm, "mm"))
     rows = [
         ("centroid", _pair(result.centroid_px, "px") + _also(_pair(result.centroid_mm, "mm from the axis"))),
-        ("area", f"{result.area_px:.0f} px" + _also(_number(result.area_mm2, "mm²"))),
-        ("equivalent diameter", f"{result.equivalent_diameter_px:.1f} px{diameter_mm}"),
-        ("ellipse semi-axes", _pair(result.semi_axes_px, "px") + _also(_pair(result.semi_axes_mm, "mm"))),
+        ("area", _number(result.area_mm2, "mm²") or f"{result.area_px:.0f} px"),
+        (
+            "equivalent diameter",
+            _number(result.equivalent_diameter_mm, "mm") or f"{result.equivalent_diameter_px:.1f} px",
+        ),
+        ("ellipse semi-axes", _pair(result.semi_axes_mm, "mm") or _pair(result.semi_axes_px, "px")),
         ("direction of the long axis", _number(result.angle_deg, "degrees")),
         ("eccentricity", _number(result.eccentricity, "")),
         ("circularity", _number(result.circularity, "")),
@@ -300,7 +302,7 @@ def finding_rows(finding: ImageFinding) -> tuple[tuple[str, str], ...]:
     if circle is not None:
         rows[1:1] = [
             ("centre of the round contact", _pair(circle.centre_px, "px")),
-            ("radius of its steepest edge", f"{circle.radius_px:.1f} px" + _also(_number(circle.radius_mm, "mm"))),
+            ("radius of its steepest edge", _number(circle.radius_mm, "mm") or f"{circle.radius_px:.1f} px"),
         ]
     return tuple((name, value.strip()) for name, value in rows)
 
@@ -332,20 +334,22 @@ def finding_notes(finding: ImageFinding) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _cards(features: Features) -> tuple[Card, ...]:
+def _cards(finding: ImageFinding) -> tuple[Card, ...]:
+    features, rows = finding.features, dict(finding_rows(finding))
     if not features.contact:
         return (Card(title="Contact", value="none", detail="nothing stands out of the noise", doubtful=True),)
-    in_mm = features.equivalent_diameter_mm is not None
-    diameter = _number(features.equivalent_diameter_mm, "mm") if in_mm else f"{features.equivalent_diameter_px:.1f} px"
-    area = _number(features.area_mm2, "mm²") if in_mm else f"{features.area_px:.0f} px"
     return (
         Card(
             title="Centroid",
             value=_pair(features.centroid_px, "px"),
             detail=_pair(features.centroid_mm, "mm from the axis"),
         ),
-        Card(title="Equivalent diameter", value=diameter, detail="of the disc of the same area"),
-        Card(title="Area", value=area, detail="cropped by the picture" if features.cropped else "inside the outline"),
+        Card(title="Equivalent diameter", value=rows["equivalent diameter"], detail="of the disc of the same area"),
+        Card(
+            title="Area",
+            value=rows["area"],
+            detail="cropped by the picture" if features.cropped else "inside the outline",
+        ),
     )
 
 
@@ -443,7 +447,7 @@ def _frame(image: TactileImage, top: float) -> Picture:
 
 def _difference(change: TactileImage, image: TactileImage, other: TactileImage) -> Picture:
     most = float(np.abs(change.grey).max()) or 1.0
-    colours = {"label": "grey levels", "colours": DIVERGING, "ink": "black"}
+    colours = {"label": "grey levels", "colours": DIVERGING, "ink": ON_IMAGE}
     return Picture(
         title="Difference",
         draw=on_axes(tactile_image, change, low=-most, high=most, **colours),

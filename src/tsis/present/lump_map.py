@@ -36,7 +36,7 @@ DRAWN_DEPTHS_MM = (5.0, 10.0)  # of the drawn blind zones and planes of modulus
 LARGEST_DRAWN_MM = 20.0  # least diameter at the end of the blind zone's colours
 MOST_SECTIONS = 4
 SECTION_MM = 15.0  # drawn to either side of a lump
-LUMP_COLOUR, PRESS_COLOUR, NEXT_COLOUR = "tab:red", "black", "tab:green"
+LUMP_COLOUR, PRESS_COLOUR, NEXT_COLOUR = "tab:red", "tab:gray", "tab:green"
 VOLUMES = {
     "probability": "probability of a lump",
     "modulus_kpa": "mean of Young's modulus in kPa",

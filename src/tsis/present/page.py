@@ -19,14 +19,26 @@ if TYPE_CHECKING:
 
 DPI = 120
 PAPER_DPI = 220  # at the size on paper
+GROUND = "#fefefe"  # what lies on it follows light and dark, unlike white over an image
+ON_IMAGE = "#010101"  # black that stays black in the dark: it lies over an image
+DARK = {  # colours of drawings, and what they are in the dark
+    "#000000": "#e8edf2",
+    GROUND: "#1a2128",
+    "#333333": "#c7d0d9",
+    "#404040": "#c7d0d9",
+    "#666666": "#9fb0bf",
+    "#f0f0f0": "#2a333c",
+    "#f3e3d3": "#463b31",  # tissue
+    "#0072b2": "#56b4e9",
+    "#1f3b57": "#8fb4d9",
+    "#d55e00": "#f0a35e",
+}
 FIGURE_LOCK = threading.Lock()  # matplotlib's settings and glyph cache are global
 
 
 def address(picture: Picture) -> str:
-    """The picture as a data URL: SVG, or PNG where it is no line drawing."""
-    content = _svg(picture) if picture.vector else pixels(picture, size=picture.size, dpi=DPI)
-    kind = "image/svg+xml" if picture.vector else "image/png"
-    return f"data:{kind};base64,{base64.b64encode(content).decode()}"
+    """The picture as a data URL of an SVG, whose colours are those of the page's ``color-scheme``, light or dark."""
+    return f"data:image/svg+xml;base64,{base64.b64encode(_svg(picture)).decode()}"
 
 
 def pixels(picture: Picture, *, size: tuple[float, float], dpi: float = PAPER_DPI, compress_level: int = 6) -> bytes:
@@ -46,18 +58,31 @@ def pixels(picture: Picture, *, size: tuple[float, float], dpi: float = PAPER_DP
 
 def _svg(picture: Picture) -> bytes:
     buffer = io.BytesIO()
-    with _figure(picture, picture.size, dpi=DPI) as figure:
+    with _figure(picture, picture.size, dpi=DPI, **CLEAR) as figure:
+        for ax in figure.axes:
+            for drawn in () if picture.vector else ax.collections:
+                drawn.set_rasterized(True)
         figure.savefig(buffer, format="svg", dpi=DPI, metadata={"Date": None})
-    return buffer.getvalue()
+    dark = "".join(
+        f'[style*="{part}: {light}"]{{{part}:{colour}!important}}'
+        for light, colour in DARK.items()
+        for part in ("fill", "stroke")
+    )  # text has no fill of its own
+    sheet = f"<style>@media(prefers-color-scheme:dark){{svg{{fill:{DARK['#000000']}}}{dark}}}</style></defs>"
+    return buffer.getvalue().replace(b"</defs>", sheet.encode(), 1)
+
+
+CLEAR = {"figure.facecolor": "none", "axes.facecolor": "none", "savefig.facecolor": "none", "legend.facecolor": GROUND}
 
 
 @contextmanager
-def _figure(picture: Picture, size: tuple[float, float], *, dpi: float) -> Iterator[Figure]:
-    """The picture drawn into a figure that nothing else changes meanwhile."""
+def _figure(picture: Picture, size: tuple[float, float], *, dpi: float, **settings: str) -> Iterator[Figure]:
+    """The picture drawn into a figure that nothing else changes meanwhile, under more settings of matplotlib."""
     import matplotlib as mpl  # loaded with the first figure
     from matplotlib.figure import Figure
 
-    with FIGURE_LOCK, mpl.rc_context({"svg.hashsalt": "tsis", "font.size": 9.0}):
+    under: Any = {"svg.hashsalt": "tsis", "font.size": 9.0, **settings}
+    with FIGURE_LOCK, mpl.rc_context(under):
         figure = Figure(figsize=size, dpi=dpi, layout="constrained")
         picture.draw(figure)
         yield figure
@@ -101,7 +126,7 @@ class Picture:
     wide
         Whether it takes the whole width of the page.
     vector
-        Whether it is a line drawing; a surface of many facets is smaller as pixels.
+        Whether it is a line drawing; of others the facets and cells become pixels, which are smaller.
     """
 
     title: str

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import threading
 from concurrent.futures import ThreadPoolExecutor
@@ -52,6 +53,10 @@ def test_own_images_are_opened_measured_and_saved(tmp_path: Path, monkeypatch: p
             row.force.value = "0.5"
             await page.measure()
             assert {"Contact in each frame", "press.png"} <= set(texts(viewer))
+            assert any(re.fullmatch(r"[\d.]+ mm²", text) for text in texts(viewer)), "the scale is known"
+            assert not any(re.match(r"\d+ px", text) for text in texts(viewer))
+            (shown,) = (item for item in row.element.descendants() if item.props.get("alt") == "Frame press.png")
+            assert shown.props["src"].startswith("data:image/png;base64,")
             await page.save()
             assert "Saved 1 press of target 1." in texts(viewer)
             page.number_field.value = "0"

@@ -38,6 +38,7 @@ from tsis.records.values import ROLE_NAMES
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from tsis.calibration.file import ProbeCalibration
     from tsis.console.services.instrument import Instrument
     from tsis.console.viewer import Viewer
     from tsis.imaging.contact import ImageFinding
@@ -167,7 +168,7 @@ class OwnImagesPage:
         image = await widgets.submit(
             self._viewer,
             {"mm_per_pixel": self.scale_field},
-            lambda: replace(read_press_image(row.frame().path), mm_per_pixel=self.scale()),
+            lambda: replace(read_press_image(row.frame().path), mm_per_pixel=self._known_scale()),
         )
         if image is not None:
             with widgets.open_dialog(self._results, row.name, style="dialog-card wide") as dialog:
@@ -183,6 +184,17 @@ class OwnImagesPage:
         parts = widgets.typed_numbers("mm_per_pixel", self.scale_field.value)
         return require_pixel_scale((parts[0], parts[-1])) if parts else None
 
+    def _calibration(self) -> ProbeCalibration | None:
+        """That of the frames, where the operator says that they were taken with the active one."""
+        active = self._instrument.calibration if self._calibrated.value else None
+        return None if active is None else active.calibration
+
+    def _known_scale(self) -> tuple[float, float] | None:
+        """The scale of the frames' calibration, else the typed one."""
+        calibration = self._calibration()
+        own = None if calibration is None else calibration.scale
+        return self.scale() if own is None else own.mm_per_pixel
+
     def _fields(self) -> dict[str, ui.input]:
         forces = {f"force of {row.name}": row.force for row in self.rows}
         return {"mm_per_pixel": self.scale_field, "target": self.number_field, **forces}
@@ -194,7 +206,9 @@ class OwnImagesPage:
                 self._viewer,
                 self._fields(),
                 lambda: measure_images(
-                    [row.frame() for row in self.rows], mm_per_pixel=self.scale(), invert=bool(self._invert.value)
+                    [row.frame() for row in self.rows],
+                    mm_per_pixel=self._known_scale(),
+                    invert=bool(self._invert.value),
                 ),
             )
         if findings is None:
@@ -211,8 +225,7 @@ class OwnImagesPage:
         """Save the frames as presses of a target, and link to it: its page estimates and reports."""
 
         def saved() -> tuple[int, int]:
-            active = self._instrument.calibration if self._calibrated.value else None
-            calibration = None if active is None else active.calibration
+            calibration = self._calibration()
             own_scale = calibration is not None and calibration.scale is not None
             options = ImportOptions(mm_per_pixel=None if own_scale else self.scale(), calibration=calibration)
             typed = self.number_field.value
