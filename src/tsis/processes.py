@@ -28,7 +28,7 @@ class SpawnedProcess(ProcessPoolExecutor):
     Parameters
     ----------
     loads
-        Module that the process imports as it begins.
+        Modules that the process imports as it begins, with spaces between their names.
     nice
         How far its priority lies below that of this program, where a system has priorities.
     most
@@ -100,7 +100,8 @@ def _begin(loads: str, nice: int, environment: dict[str, str]) -> None:
     os.dup2(2, 1)
     threading.Thread(target=_end_with_program, daemon=True).start()
     gc.disable()  # a collection while libraries load takes a fifth of the time
-    import_module(loads)
+    for name in loads.split():
+        import_module(name)
     gc.freeze()
     gc.enable()
 

@@ -240,6 +240,12 @@ class ConsoleSettings:
                 raise InputError(f"name of a host must be a name without a port; got {name!r:.80}")
 
 
+DRAWS = (  # what makes a report, loaded before one is asked for, also where a process replaces another
+    "tsis.console.worker tsis.present.pdf tsis.records.store tsis.files.json_values matplotlib.figure "
+    "matplotlib.backends.backend_agg skimage.measure skimage.filters scipy.ndimage numba"
+)
+
+
 def serve_console(
     settings: ConsoleSettings, *, ready: Callable[[str], None], solver: WorkerProcess | None = None
 ) -> None:
@@ -274,7 +280,7 @@ def serve_console(
                 secure=tls is not None,
             )
             share_memory_among_threads()
-            worker = WorkerProcess()  # of reports; it fills the caches of estimates, so that the first is quick
+            worker = WorkerProcess(loads=DRAWS)  # of reports; it fills the caches of the first estimate
             solver = solver or solving_process()
             with logging_to(folder), closing(worker), closing(solver), Instrument(settings.instrument) as instrument:
                 instrument.before_estimates = warm_up_once(worker)

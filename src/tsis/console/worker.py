@@ -39,7 +39,7 @@ _log = logging.getLogger(__name__)
 class WorkerProcess:
     """One call after the other, from several threads, in a process that is replaced after ``most`` calls.
 
-    ``loads`` is a module that it imports as it begins, and ``nice`` how far its priority lies below the console's.
+    ``loads`` names modules that it imports as it begins, and ``nice`` how far its priority lies below the console's.
     """
 
     def __init__(self, *, most: int = MOST, nice: int = NICE, loads: str = __name__) -> None:
