@@ -71,6 +71,38 @@ def test_keys_keep_snapshots_and_change_the_target(console: RunningConsole, brow
     assert {item["target"]["number"] for item in requested(console, "/targets")["targets"]} >= {20, 21}
 
 
+def test_a_target_is_pressed_estimated_and_reported_by_keys_alone(console: RunningConsole, browser: Browser) -> None:
+    with operating(browser, console) as page:
+        run(page)
+        choose_target(page, "60")
+        page.get_by_label("Target", exact=True).blur()
+        for key, role in (("1", "on the target"), ("2", "reference (no inclusion)")):
+            page.keyboard.press(key)
+            page.get_by_role("button", name=role, pressed=True).wait_for()
+            for force in ("0.5", "1"):
+                page.keyboard.press("n")
+                page.keyboard.type(force)
+                page.keyboard.press("Space")  # which is no blank behind the number
+                page.get_by_text(f"Saved for target 60: {role}, {force} N").wait_for()
+        page.keyboard.press("e")
+        page.get_by_text("Diameter d", exact=True).wait_for()
+        with page.expect_download() as download:
+            page.keyboard.press("r")
+        assert download.value.suggested_filename == "target-60.pdf"
+
+
+def test_the_image_is_the_widest_column_before_anything_was_saved(console: RunningConsole, browser: Browser) -> None:
+    with operating(browser, console) as page:
+        run(page)
+        choose_target(page, "70")
+        page.get_by_text("No presses of this target yet.").wait_for()
+        image = page.locator(".live-stage").bounding_box()
+        empty = page.get_by_text("No presses of this target yet.").locator("xpath=ancestor::section[1]").bounding_box()
+        assert image is not None
+        assert empty is not None
+        assert image["width"] > empty["width"]
+
+
 @pytest.mark.slow
 def test_keys_mean_nothing_in_a_field_or_on_a_button(console: RunningConsole, browser: Browser) -> None:
     with operating(browser, console) as page:

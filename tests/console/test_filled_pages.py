@@ -8,18 +8,19 @@ from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING
 
+import httpx
 import pytest
 from playwright.sync_api import Error as BrowserError
 from playwright.sync_api import expect
 from tests.console.accessible import faults, too_wide
 from tests.console.browser import needs_browser, picture
 from tests.console.contrast import texts
-from tests.console.filled_store import fill
+from tests.console.filled_store import ESTIMATED, MANY, fill
 from tests.console.operator import BY_ITSELF_MS, TRIES, hold, operating, run, tab
 from tests.console.running import RunningConsole, running_console
 from tests.console.services.test_captures import disc
 from tests.records.sample import WHEN, levels
-from tests.waiting import until
+from tests.waiting import HANGS_S, until
 
 from tsis.model.image import TactileImage
 from tsis.records.store import open_store
@@ -60,6 +61,19 @@ def console(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningConsole
         yield running
 
 
+BROKEN_WORDS = """() => [...document.querySelectorAll("td, th, dd, dt, .card *")].flatMap((cell) => {
+  const broken = [];
+  for (const text of [...cell.childNodes].filter((node) => node.nodeType === Node.TEXT_NODE))
+    for (const found of text.data.matchAll(/(?<![\\p{L}\\d])\\p{L}{2,20}(?![\\p{L}\\d])/gu)) {
+      const range = document.createRange();
+      range.setStart(text, found.index);
+      range.setEnd(text, found.index + found[0].length);
+      if (new Set([...range.getClientRects()].map((line) => Math.round(line.top))).size > 1) broken.push(found[0]);
+    }
+  return broken;
+})"""
+
+
 def fits(part: Locator, width: int) -> None:
     """Wait until a part lies within the window; a page that is being laid out moves."""
 
@@ -97,6 +111,36 @@ def test_a_long_name_pushes_nothing_off_the_screen(console: RunningConsole, brow
         for path in (f"/records/{LONG}", f"/records/compare/3-{LONG}", f"/files/report/{LONG}.html"):
             page.goto(console.address + path)
             fits(page.get_by_text(re.compile(NAME)).first, width)
+
+
+def test_no_table_breaks_a_word_on_a_telephone(console: RunningConsole, browser: Browser) -> None:
+    broken: dict[str, list[str]] = {}
+    with tab(browser, console, "/records", size=(390, 844), has_touch=True) as page:
+        for address in ("/records", f"/records/{ESTIMATED}", f"/records/{MANY}", "/jobs", "/images", "/about"):
+            page.goto(console.address + address)
+            page.locator("main .panel").first.wait_for()
+            page.wait_for_function("() => !document.querySelector('main .q-spinner')")
+            if found := page.evaluate(BROKEN_WORDS):
+                broken[address] = found
+    assert broken == {}
+
+
+def test_jobs_are_read_without_much_scrolling_on_a_telephone(console: RunningConsole, browser: Browser) -> None:
+    """Ten jobs stand on a sheet; those before them are a touch away."""
+    for _ in range(12):
+        job = httpx.post(
+            f"{console.address}/api/v1/targets/{ESTIMATED}/estimate",
+            json={"kind": "inclusion"},
+            headers=console.key,
+            timeout=HANGS_S,
+        )
+        assert job.status_code == 202, job.text
+    with tab(browser, console, "/jobs", size=(390, 844), has_touch=True) as page:
+        page.get_by_text("1-10 of").wait_for()
+        rows = page.get_by_role("row").filter(has_text="estimate of target")
+        assert rows.count() == 10
+        heights = rows.evaluate_all("(all) => all.map((row) => row.getBoundingClientRect().height)")
+        assert max(heights) < 844 / 6, "a job is a row, not a card"
 
 
 def test_a_message_lets_clicks_through_and_stays_until_it_is_closed(console: RunningConsole, browser: Browser) -> None:

@@ -46,8 +46,11 @@ def test_the_filled_button_leads_from_the_first_start_to_the_report(console: Run
             page.locator("main").get_by_role("button", name=name, exact=True).click()
         wait_for_main(page, clicks[-1])
         picture(page, "first-report-next")
+        report = page.get_by_role("button", name=clicks[-1], exact=True)
         with page.expect_download() as download:
-            page.get_by_role("button", name=clicks[-1], exact=True).click()
+            with page.expect_request("**/files/report/1.pdf"):
+                report.click()
+            report.locator(".q-spinner").wait_for()  # while it is made
         assert download.value.suggested_filename == "target-1.pdf"
         page.get_by_role("link", name="Open the target").click()
         page.wait_for_url("**/records/1")

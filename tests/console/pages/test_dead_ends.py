@@ -113,3 +113,16 @@ def test_the_list_has_results_notes_and_tags_and_is_saved_as_a_table(lit: Instru
         assert ",pilot,second day #pilot,inclusion," in answer[1]
 
     at_console(lit, script, "/records")
+
+
+def test_each_name_on_a_target_s_page_stands_for_one_thing(lit: Instrument) -> None:
+    target = lit.store.import_target(sample_record()).target
+
+    async def script(operator: Operator) -> None:
+        await operator.sees("Current estimates")
+        for name in ("Report", "Estimate", "Compare with a target", "Repeat the estimates"):
+            assert operator.named(name).count(name) == 1, operator.named(name)
+        for other in ("Recompute", "Compare two"):
+            assert operator.named(other) == []
+
+    at_console(lit, script, f"/records/{target.number}")

@@ -66,7 +66,8 @@ def test_a_map_is_not_done_before_it_is_drawn(tmp_path: Path, monkeypatch: pytes
     stored: Any = SimpleNamespace(scan=SimpleNamespace(presses=()))
     start: Any = object()
     question = MapQuestion(stored=stored, probe="", calibration=None, prior=MapPrior(), start=start)
-    jobs, shown = Jobs(), []
+    jobs = Jobs()
+    shown: list[float] = []
 
     def draw(_: object) -> tuple[str, ...]:
         shown.extend(state.fraction for state in jobs.states())
