@@ -37,6 +37,9 @@ def test_it_says_what_to_begin_with(console: RunningConsole, browser: Browser) -
         page.get_by_text("Next: place an object under the virtual probe.").wait_for()
         expect(page.get_by_role("button", name="Estimate", exact=True)).to_be_disabled()
         expect(page.get_by_role("button", name="Snapshot")).to_be_hidden()
+        expect(page.locator("main .panel .q-btn--unelevated:not(.q-btn-group *):visible")).to_have_text(
+            re.compile("Place it under the probe$")
+        )
         picture(page, "hardness-first")
         page.emulate_media(color_scheme="dark")
         page.set_viewport_size({"width": TABLET[0], "height": TABLET[1]})

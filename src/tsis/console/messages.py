@@ -25,10 +25,11 @@ PLACES = {  # where a page does what a command of the terminal does
     "study": "the page Studies",
 }
 COMMAND = re.compile(r"\btsis (\w+)((?: (?:--?[\w-]+|[a-z]+(?=[).,;:]| -)|[A-Z][A-Z.]*|\d[\d.,]*|/\S+))*)")
+OPTIONS = {"--invert": "the switch 'Light falls where pressed'"}  # of commands, and what a page has for them
 
 
 def on_pages(text: str) -> str:
-    """A message with the page in place of a command of the terminal.
+    """A message with the page in place of a command of the terminal, and its switch in place of an option.
 
     Examples
     --------
@@ -36,7 +37,11 @@ def on_pages(text: str) -> str:
     'measure it on soft pads: the page Calibrate'
     >>> on_pages("the store is damaged (tsis records verify)")
     'the store is damaged (the page Targets)'
+    >>> on_pages("is --invert right?")
+    "is the switch 'Light falls where pressed' right?"
     """
+    for option, switch in OPTIONS.items():
+        text = text.replace(option, switch)
     return COMMAND.sub(lambda found: PLACES.get(found[1], found[0]), text)
 
 

@@ -220,6 +220,15 @@ def scan_summary(scan: Scan, *, probe: str = "") -> str:
     return f"{len(scan.presses)} presses ({KIND_NAMES[scan.kind]}){beside}" + (f" by {probe}" if probe else "")
 
 
+BESIDE: dict[str, Any] = {  # a legend that hides no corner
+    "loc": "lower center",
+    "bbox_to_anchor": (0.5, 1.0),
+    "ncols": 2,
+    "fontsize": 7,
+    "frameon": False,
+}
+
+
 def scan_picture(scan: Scan) -> Picture:
     """The places of a scan's presses, before it is mapped."""
 
@@ -228,7 +237,7 @@ def scan_picture(scan: Scan) -> Picture:
             places = np.array([press.place_mm for press in scan.presses if press.reference == reference])
             if len(places):
                 ax.plot(*places.T, marker, label=label)
-        ax.legend(loc="upper right", fontsize=7)
+        ax.legend(**BESIDE)
         ax.set(xlabel="x / mm", ylabel="y / mm", aspect="equal")
 
     return Picture(title="Places", draw=on_axes(draw), size=(4.0, 3.4), alt=f"Places of {len(scan.presses)} presses")
@@ -264,7 +273,7 @@ def plan_view(found: LumpMap, ax: Axes) -> Axes:
     if numbers.next_places:
         first = numbers.next_places[0]
         ax.plot([first.x_mm], [first.y_mm], "*", color=NEXT_COLOUR, markersize=9, label="press next")
-    ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, fontsize=7, frameon=False)  # hides no corner
+    ax.legend(**BESIDE)
     ax.set(xlabel="x / mm", ylabel="y / mm", aspect="equal")
     return ax
 

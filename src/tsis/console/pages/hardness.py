@@ -438,9 +438,11 @@ class HardnessPage:
         text = next_step_text(result, missing, estimating=running) if read else f"Target {state.target} is being read."
         self._next.text = self._trouble or text
         enough, pressing = len(result.on_object) >= PRESSES, not missing and len(result.on_object) < PRESSES
-        self._press.show(state, main="presses" if pressing else "camera", possible=not missing)
+        placing = missing == (PLACE,)
+        main = "object" if placing else "presses" if pressing else "camera"
+        self._press.show(state, main=main, possible=not missing)
         self._take.element.set_visibility(not missing and state.camera.choice.is_virtual)
-        self._object.show_next(missing == (PLACE,))
+        self._object.show_next(placing)
         widgets.set_filled(self._take.element, pressing)
         self._estimating.report.show(result.number if result.estimate is not None else None)
         self._estimating.show(job, enough=bool(result.on_object), two=enough, filled=enough and not result.is_current)
