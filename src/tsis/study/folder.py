@@ -391,7 +391,7 @@ class StudyVerification:
     faults: tuple[StudyFault, ...]  #: in the order of files and lines; empty without any
     head: str  #: Hash of the log's last line. A copy elsewhere can show later that the log was cut short.
     lines: int  #: of the log
-    unblinded: str  #: time and person of the unblinding, as text; empty while the study is blind
+    unblinded: str  #: time (UTC) and person of the unblinding, as text; empty while the study is blind
 
     @property
     def sound(self) -> bool:
@@ -421,7 +421,7 @@ def verify_study(folder: str | os.PathLike[str], *, head: str | None = None) -> 
         faults=tuple(replace(fault, when=_when(fault, by)) for fault in faults),
         head=chain.head,
         lines=chain.lines,
-        unblinded="" if by is None else one_line(f"{by.moment} by {by.actor}"),
+        unblinded="" if by is None else one_line(f"{by.moment[:19].replace('T', ' ')} UTC by {by.actor}"),
     )
 
 

@@ -357,7 +357,7 @@ def turning_view(found: LumpMap) -> None:
         look_at_z=-thickness / 3,
         duration=0.0,
     )
-    scene.props('role=img aria-label="Lumps in three dimensions"')
+    scene.classes("lumps").props('role=img aria-label="Lumps in three dimensions"')
 
 
 async def map_page(instrument: Instrument, viewer: Viewer) -> None:
