@@ -19,10 +19,11 @@ from tsis.inclusion import InclusionPrior
 from tsis.model.estimate import Estimate, probability_text
 from tsis.model.image import TactileImage
 from tsis.present.document import estimate_document, sd_text
-from tsis.present.figures import ring_profile
+from tsis.present.figures import posterior, ring_profile
 from tsis.present.html import html_bytes
 from tsis.present.images import contact_page, finding_notes
 from tsis.present.inclusion import estimate_table, inclusion_cards, inclusion_page
+from tsis.present.labels import quantity_of
 from tsis.present.terminal import rich_table
 
 if TYPE_CHECKING:
@@ -134,6 +135,15 @@ def test_an_estimate_at_an_end_of_the_prior_makes_its_cards_doubtful(an_estimate
     piled = replace(an_estimate, flags=(*an_estimate.flags, "diameter_mm_at_prior_end"))
     assert calm == [False]
     assert all(card.doubtful for card in inclusion_cards(piled))
+
+
+def test_cards_table_and_figures_have_one_order(an_estimate: Estimate) -> None:
+    stored = replace(an_estimate, provenance={"prior": dict.fromkeys(sorted(an_estimate.names), (0.0, 200.0))})
+    names = ("diameter_mm", "depth_mm", "young_kpa")
+    axes = [quantity_of(name).axis for name in names]
+    assert [ax.get_xlabel() for ax in posterior(stored).axes] == axes
+    assert [row[0] for row in estimate_table(stored).values] == axes
+    assert [card.title for card in inclusion_cards(stored)][: len(names)] == [quantity_of(name).title for name in names]
 
 
 @pytest.mark.usefixtures("rough")

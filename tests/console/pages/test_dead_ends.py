@@ -34,6 +34,20 @@ def test_a_snapshot_that_is_asked_for_while_one_is_saved_is_saved_too(lit: Instr
     at_console(lit, script)
 
 
+def test_messages_of_the_start_are_closed_without_a_start_of_the_camera(lit: Instrument) -> None:
+    lit._notices = ("The console was not shut down properly.", "Calibration 'bench' is active again.")
+
+    async def script(operator: Operator) -> None:
+        await operator.sees("The console was not shut down properly.", "is active again.")
+        await operator.clicks("Close: The console was not shut down properly.", ui.button)
+        await operator.misses("not shut down properly")
+        await operator.sees("is active again.")
+        await operator.clicks("Close: Calibration 'bench' is active again.", ui.button)
+        await operator.misses("is active again")
+
+    at_console(lit, script, "/records")
+
+
 def test_a_snapshot_has_the_force_that_was_typed_just_before(lit: Instrument) -> None:
     async def script(operator: Operator) -> None:
         await operator.clicks("Start")

@@ -149,8 +149,8 @@ def title_of(path: str) -> str:
 class Notices:
     """The banner below the header; empty without problems."""
 
-    def __init__(self, viewer: Viewer) -> None:
-        self._viewer = viewer
+    def __init__(self, instrument: Instrument, viewer: Viewer) -> None:
+        self._instrument, self._viewer = instrument, viewer
         self._trouble = widgets.Redrawn(ui.element("div").classes("banner").props('role="alert"').mark("banner"))
         self._calm = widgets.Redrawn(ui.element("div").classes("banner").props('role="status"').mark("watching"))
 
@@ -159,7 +159,11 @@ class Notices:
         if self._trouble.changes_to(now.trouble):
             with self._trouble.element:
                 for message in now.trouble:
-                    ui.label(message).classes("calm" if message in now.good_news else "")
+                    with ui.element("div").classes("calm" if message in now.good_news else ""):
+                        ui.label(message)
+                        if message in now.notices:
+                            close = partial(self._viewer.attempt, self._instrument.close_notice, message)
+                            widgets.button("Close", close, look="flat dense", label=f"Close: {message}")
         other = now.owner is not None and now.owner.identity != self._viewer.identity
         if self._calm.changes_to(now.owner if other else None) and now.owner is not None and other:
             with self._calm.element:
@@ -331,7 +335,7 @@ class Shell:
             control = ControlButtons(self._instrument, viewer)
             Help()
             ThemeChoice()
-        notices = Notices(viewer)
+        notices = Notices(self._instrument, viewer)
         with ui.element("div").classes("content").props(f'id="{MAIN}" tabindex="-1"'):
             navigation.pages()
             Subpages({address: partial(build, self._instrument, viewer) for address, (_, build) in PAGES.items()})

@@ -327,6 +327,7 @@ class Instrument:
             gauge="" if gauge is None else gauge.name,
             active=calibration,
             tissue=self._tissues.of(self._target),
+            notices=self._notices,
             good_news=() if self._active.chosen is None else self._notices[1:],
         )
 
@@ -345,6 +346,10 @@ class Instrument:
             self.camera_controller.start()
             self._notices = ()  # they were read, and work goes on
             self.before_estimates(self._active.now().probe)
+
+    def close_notice(self, message: str) -> None:
+        """Show a message of the start no more: somebody has read it."""
+        self._notices = tuple("" if notice == message else notice for notice in self._notices)
 
     def stop(self, *, by: str) -> None:
         """Stop the camera."""

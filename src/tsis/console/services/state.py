@@ -96,8 +96,9 @@ class InstrumentState:
         The running or last sequence; None before the first.
     jobs
         Longer work, the newest last.
-    trouble, good_news
-        Messages of problems, the most urgent first; those of them that ask nothing of anybody.
+    trouble, notices, good_news
+        Messages of problems, the most urgent first; those of the start, which go when they are read or work begins;
+        those that ask nothing of anybody.
     busy
         The running command that others must wait for, as ``"starting the camera"``; empty without one.
     gauge
@@ -122,6 +123,7 @@ class InstrumentState:
     gauge: str = ""
     active: UsableCalibration | None = None
     tissue: TissueReading | None = None
+    notices: tuple[str, ...] = ()
     good_news: tuple[str, ...] = ()
 
     @property
