@@ -9,8 +9,10 @@ import pytest
 from tests.mechanics.closed_forms import oedometric_modulus_kpa
 
 from tsis.mechanics.mesh import (
+    Face,
     Spheroid,
     graded,
+    hat_areas,
     lagrange,
     lame_constants,
     lobatto_points,
@@ -165,6 +167,27 @@ def test_refined_lines_keep_the_lines() -> None:
     nodes = refine(lines, 3)
     assert nodes[::3].tolist() == lines.tolist()
     assert (np.diff(nodes) > 0).all()
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_the_face_reproduces_a_line_with_a_kink_at_each_boundary(order: int) -> None:
+    lines, heights = np.array([0.0, 1.0, 2.5, 3.2, 4.0]), np.array([2.0, -1.0, 0.5, 3.0, -4.0])
+    face = Face(lines=lines, order=order)
+    radius = np.linspace(0.0, 4.0, 41)
+    values = face.interpolation(radius) @ np.interp(face.radius_mm, lines, heights)
+    np.testing.assert_allclose(values, np.interp(radius, lines, heights), atol=1e-12)
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_the_mass_and_the_means_of_the_face_keep_its_integrals(order: int) -> None:
+    face = Face(lines=np.array([0.0, 1.0, 2.5, 3.2, 4.0]), order=order)
+    one, radius = np.ones_like(face.radius_mm), face.radius_mm
+    assert one @ face.mass() @ one == pytest.approx(np.pi * 4.0**2)
+    assert one @ face.mass() @ radius == pytest.approx(2 * np.pi * 4.0**3 / 3)
+    assert radius @ face.mass() @ radius == pytest.approx(np.pi * 4.0**4 / 2)
+    places = np.linspace(0.0, 4.0, 9)
+    means = face.averages(places) @ radius
+    assert hat_areas(places) @ means == pytest.approx(2 * np.pi * 4.0**3 / 3)
 
 
 def test_a_layer_is_refined_towards_both_faces() -> None:
