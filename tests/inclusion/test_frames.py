@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import replace
 
-from tsis.inclusion.frames import ring_light
+import numpy as np
+import pytest
+
+import tsis
+from tsis.inclusion.frames import depletion_per_n, ring_light
 from tsis.model.calibration import Calibration, LightMap
 from tsis.model.image import TactileImage
 
@@ -60,3 +64,12 @@ def test_no_map_is_even_light_whose_change_by_a_dent_is_hardly_known() -> None:
     sd = np.sqrt((found.shading.uncertainty.by_displacement**2).sum(axis=1))
     assert (sd > 0.25).all()
     assert (sd < 1.0).all(), "traced lamps grow by -0.4 to 0.4 per mm along the radius"
+
+
+def test_contact_takes_light_by_the_share_of_the_face_that_touches() -> None:
+    """An even pressure on the face lets its fraction of the saturation pressure touch, and divides the light by it."""
+    probe, force_n = tsis.load_probe("tsis-2011"), 0.8
+    even_kpa = 1e3 * force_n / (np.pi * probe.radius_mm**2)  # a newton on a square millimetre is 1000 kPa
+    light = replace(LightMap.uniform(), depletion=0.4)
+    assert depletion_per_n(known(light), probe) * force_n == pytest.approx(0.4 * even_kpa / 60.0)
+    assert depletion_per_n(known(None), probe) == 0.0
