@@ -30,6 +30,7 @@ DARK = {  # colours of drawings, and what they are in the dark
     "#f0f0f0": "#2a333c",
     "#f3e3d3": "#463b31",  # tissue
     "#0072b2": "#56b4e9",
+    "#1f77b4": "#6cb8f0",
     "#1f3b57": "#8fb4d9",
     "#d55e00": "#f0a35e",
 }

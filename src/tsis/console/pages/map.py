@@ -287,8 +287,8 @@ class MapPage:
         if found.next_places:
             place = found.next_places[0]
             ui.label(f"Next place: x {place.x_mm:.1f} mm, y {place.y_mm:.1f} mm").classes("strong")
-            narrowed = 1 - np.exp(-place.gain_nats)
-            widgets.muted(f"A press there would take about {narrowed:.0%} off the joint uncertainty of the lumps.")
+            off = 100 * (1 - np.exp(-place.gain_nats))
+            widgets.muted(f"A press there would take about {off:.0f} % off the joint uncertainty of the lumps.")
         with ui.element("div").classes("row"):
             if self._draft.opened.simulated:
                 widgets.button("Press there with the virtual probe", self._press_next, icon="touch_app")
@@ -328,7 +328,7 @@ def running_text(state: JobState | None) -> str:
     """What a map that is being made does just now."""
     if state is None or not state.total:
         return "Mapping: the first map of a probe takes a minute longer."
-    return f"Mapping, then drawing: {state.fraction:.0%} done."
+    return f"Mapping, then drawing: {100 * state.fraction:.0f} % done."
 
 
 def turning_view(found: LumpMap) -> None:
