@@ -72,6 +72,16 @@ def test_a_column_or_the_names_tell_presses_of_the_reference_from_those_of_the_t
     assert list(roles.values()) == [("target", 0.25), ("plain", 0.25)]
 
 
+def test_a_frame_without_a_telling_name_whose_scale_shows_next_to_nothing_is_the_untouched_one(folder: Path) -> None:
+    (folder / "ref.png").rename(folder / "c.png")
+    (folder / "forces.csv").write_text("file;force (g)\nb.png;51\na.png;25,5\nc.png;-0,4\n")
+    assert [(frame.file, frame.role) for frame in guess_session(folder)] == [
+        ("a.png", "target"),
+        ("b.png", "target"),
+        ("c.png", "untouched"),
+    ]
+
+
 def test_names_and_files_beside_frames_give_forces(folder: Path) -> None:
     (folder / "a.png").rename(folder / "lump_0.75N.png")
     (folder / "b.json").write_text('{"force_n": 0.5}')

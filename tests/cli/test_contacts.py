@@ -58,6 +58,27 @@ def test_contacts_of_rendered_frames(run_tsis: RunTsis, gel_frames: list[dict[st
     assert "no contact" in empty.out
 
 
+def test_a_session_folder_gives_frames_the_untouched_one_and_forces(
+    run_tsis: RunTsis, gel_frames: list[dict[str, Any]], tmp_path: Path
+) -> None:
+    folder = tmp_path / "gel-frames"
+    assert len(gel_frames) == 2
+    (folder / "result.json").unlink()
+    refused = run_tsis("contacts", "gel-frames", "--sensor", "gelsight-mini")
+    assert refused.code == 2
+    assert "make it one by tsis session" in refused.err
+    (folder / "Waage.csv").write_bytes("Bild;Kraft [g]\npress-2.png;51,0\npress-1.png;20,4\n".encode("utf-16"))
+    assert run_tsis("session", "gel-frames", "--yes").code == 0
+    finished = run_tsis("contacts", "gel-frames", "--sensor", "gelsight-mini", "--csv", "c.csv", "--json")
+    assert finished.code == 0, finished.err
+    with (tmp_path / "c.csv").open(newline="") as file:
+        forces = {row["name"]: float(row["force_n"]) for row in csv.DictReader(file)}
+    assert forces == {"press-1.png": pytest.approx(0.2, abs=1e-3), "press-2.png": pytest.approx(0.5, abs=1e-3)}
+    estimated = run_tsis("hardness", "gel-frames", "--sensor", "gelsight-mini", "--radius-mm", "3", "--json")
+    contacts = json.loads(estimated.out)["estimate"]["provenance"]["contacts"]
+    assert [contact["force_n"] for contact in contacts] == pytest.approx([0.2, 0.5], abs=1e-3)
+
+
 def test_dropped_frames_of_a_recording_are_said_in_one_sentence(tmp_path: Path) -> None:
     def recorded(times: list[float]) -> Path:
         folder = tmp_path / f"recording-{len(times)}"

@@ -88,6 +88,7 @@ def test_a_row_of_units_below_the_headings_gives_the_units() -> None:
         "Force (g),Distance (mm),Time (sec)\n50,1.5,0.1\n",
         '"Results"\n,"Load (N)"\n"1","0.9"\n\n"Time","Extension","Load"\n"(s)","(mm)","(N)"\n"0.1","1.5","0.4903325"\n',
         "z_um,F_mN,t_ms\n1500,490.3325,100\n",
+        "Zeit [ms]\tWeg [mm]\tLast [g]\n100\t1,5\t50,0\n",
     ],
 )
 def test_exports_of_testing_machines_give_force_travel_and_time(table: str) -> None:

@@ -10,10 +10,18 @@ import re
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from tsis.calibration.frames import MOST_FRAMES, PICTURES, PRESSES_FILE, REFERENCE, TARGET, UNTOUCHED
+from tsis.calibration.frames import (
+    MOST_FRAMES,
+    PICTURES,
+    PRESS_COLUMNS,
+    PRESSES_FILE,
+    REFERENCE,
+    TARGET,
+    UNTOUCHED,
+)
 from tsis.files.atomic import write_durably
 from tsis.files.reading import as_path, file_error, printable_path, read_bytes, read_object
-from tsis.files.tables import LARGEST_CSV_BYTES, OtherTableError, parse_csv_rows, table_bytes
+from tsis.files.tables import LARGEST_CSV_BYTES, OtherTableError, parse_csv_rows, read_csv_rows, table_bytes
 
 if TYPE_CHECKING:
     import os
@@ -24,6 +32,7 @@ if TYPE_CHECKING:
 
 
 TABLES = (".csv", ".tsv", ".txt")
+NO_FORCE = 0.01  # of a table's largest force: what a scale shows with nothing on it
 FILE_COLUMNS = (
     "frame file",
     "file",
@@ -75,7 +84,8 @@ def guess_session(folder: str | os.PathLike[str]) -> tuple[GuessedFrame, ...]:
     if not 1 <= len(frames) <= MOST_FRAMES:
         raise file_error(root, f"must hold 1 to {MOST_FRAMES} frames ({', '.join(PICTURES)}); it holds {len(frames)}")
     told = _of_tables([path for path in files if path.suffix.lower() in TABLES], frames)
-    return tuple(_guessed(frame, told) for frame in frames)
+    largest = max((abs(row.force_n) for row in told.values() if row.force_n is not None), default=0.0)
+    return tuple(_guessed(frame, told, NO_FORCE * largest) for frame in frames)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,7 +97,7 @@ class _Told:
     source: str
 
 
-def _guessed(frame: Path, told: dict[str, _Told]) -> GuessedFrame:
+def _guessed(frame: Path, told: dict[str, _Told], least_n: float) -> GuessedFrame:
     row = told.get(frame.name, _Told(force_n=None, role="", source=""))
     force, source = row.force_n, row.source
     if force is None:
@@ -99,7 +109,7 @@ def _guessed(frame: Path, told: dict[str, _Told]) -> GuessedFrame:
     role = row.role or (REFERENCE if _PLAIN_NAME.search(name) else TARGET)
     if not row.role and _UNTOUCHED_NAME.search(name) and not force:
         role, force, source = UNTOUCHED, 0.0, source or "its name"
-    elif force == 0.0:
+    elif force == 0.0 or (not row.role and force is not None and abs(force) <= least_n):
         role = UNTOUCHED
     return GuessedFrame(file=frame.name, role=role, force_n=0.0 if role == UNTOUCHED else force, source=source)
 
@@ -152,7 +162,9 @@ def _by_frame(table: Path, rows: Sequence[CsvRow], frames: Sequence[Path]) -> di
         if texts and set(texts) & set(known):
             lost = sorted(set(texts) - set(known))
             if lost:
-                raise file_error(table, f"must name frames of its folder; {lost[0]!r:.60} is none")
+                raise file_error(
+                    table, f"must name frames of its folder; {lost[0]!r:.60} is none: add it, or take its row out"
+                )
             if len({known[text] for text in texts}) < len(texts):
                 raise file_error(table, "must name each frame once; it names one twice")
             return {known[text]: each for text, each in zip(texts, told, strict=True)}
@@ -185,3 +197,18 @@ def write_session(
         raise file_error(path, "exists and is not overwritten")
     write_durably(path, table_bytes([heads, *rows]))
     return path
+
+
+def read_session(folder: str | os.PathLike[str]) -> tuple[GuessedFrame, ...]:
+    """Frames, roles and forces of a session folder's ``presses.csv``, without the pictures."""
+    path = as_path(folder) / PRESSES_FILE
+    rows = read_csv_rows(path, PRESS_COLUMNS[:2], PRESS_COLUMNS[2:])
+    return tuple(
+        GuessedFrame(
+            file=row.text("frame file"),
+            role=row.text("role") or TARGET,
+            force_n=row.number("force (N)"),
+            source=path.name,
+        )
+        for row in rows
+    )

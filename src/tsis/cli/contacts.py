@@ -19,10 +19,12 @@ from tsis.cli.progress import progress_bar
 from tsis.cli.sensor import (
     SensorOption,
     chosen_sensor,
-    first_of_video,
+    gel_frame_forces,
     gel_frame_paths,
     read_gel_frame,
     read_gel_reference,
+    session_frames,
+    untouched_of,
 )
 from tsis.errors import InputError
 from tsis.present.terminal import print_page
@@ -89,7 +91,7 @@ def contacts(
         Path | None,
         typer.Option(
             "--csv",
-            help="Table of the contacts to write, with forces from JSON files beside the frames.",
+            help="Table of the contacts to write, with forces from JSON files or presses.csv beside the frames.",
             rich_help_panel=GEL,
         ),
     ] = None,
@@ -184,15 +186,15 @@ def _gel_contacts(
         gel_contacts = tsis.imaging.gel_contact.contacts(
             levels,
             sensor=chosen,
-            reference=read_gel_reference(chosen, reference or first_of_video(frames)),
+            reference=read_gel_reference(chosen, reference or untouched_of(frames)),
             names=[path.name for path in paths],
-            sequence=sequence or len(paths) > len(frames),
+            sequence=sequence or (len(paths) > len(frames) and not session_frames(frames[0])),
             progress=advance,
         )
     provenance = {"notice": RESEARCH_USE_ONLY, "tsis": __version__, "sensor": chosen.name, "frames": len(paths)}
     shown = tsis.present.gel_sensor.gel_contacts_page(levels, gel_contacts, provenance=provenance)
     contents: tuple[Callable[[], bytes], ...] = (
-        lambda: tsis.present.gel_sensor.contacts_csv(gel_contacts, [_sidecar_force(path) for path in paths]),
+        lambda: tsis.present.gel_sensor.contacts_csv(gel_contacts, gel_frame_forces(paths)),
         lambda: tsis.present.html.html_bytes(shown),
         lambda: _picture(levels, gel_contacts),
     )
@@ -221,7 +223,7 @@ GAP = 1.8  # times the median time between frames
 
 def missing_frames_note(frames: Sequence[Path]) -> tuple[str, ...]:
     """A sentence on gaps of a recorded folder; none for a folder without gaps, or for single frames."""
-    if len(frames) != 1 or not frames[0].is_dir():
+    if len(frames) != 1 or not frames[0].is_dir() or session_frames(frames[0]):
         return ()
     times = [arrived for _, arrived in tsis.instrument.recording.read_recording_index(frames[0])]
     steps = sorted(after - before for before, after in itertools.pairwise(times))
@@ -231,20 +233,6 @@ def missing_frames_note(frames: Sequence[Path]) -> tuple[str, ...]:
         return ()
     counted = "1 frame of the recording is" if lost == 1 else f"{lost} frames of the recording are"
     return (f"{counted} missing: a contact may have moved where nobody saw it, press again slower.",)
-
-
-def _sidecar_force(frame: Path) -> tuple[float | None, float | None]:
-    """Force in newtons and its sd, where a JSON file beside the frame holds one."""
-    beside = frame.with_suffix(".json")
-    force = tsis.files.reading.read_object(beside).get("force") if beside.is_file() else None
-    if not isinstance(force, dict):
-        return None, None
-    newtons, sd = force.get("force_n"), force.get("force_sd_n")
-    name = f"force_n of {beside.name}"
-    newtons = tsis.model.require.require_number(name, newtons, -1000.0, 1000.0, hint="newtons")
-    return newtons, None if sd is None else tsis.model.require.require_number(
-        f"sd of {name}", sd, 0.0, 1000.0, hint="newtons"
-    )
 
 
 def _picture(levels: Sequence[NDArray[Any]], gel_contacts: Sequence[Any]) -> bytes:

@@ -18,10 +18,10 @@ from tsis.cli.sensor import (
     GelReference,
     SensorOption,
     chosen_sensor,
-    first_of_video,
     gel_frame_paths,
     read_gel_frame,
     required_reference,
+    untouched_of,
 )
 from tsis.present.page import Column, Table
 from tsis.present.terminal import print_tables
@@ -59,7 +59,7 @@ def calibrate(
     """Calibrate depth from presses of a ball of known diameter; each is left out in turn to measure the error."""
     tsis.files.result_folder.require_absent(out)
     chosen = chosen_sensor(sensor)
-    untouched = required_reference(chosen, reference)
+    untouched = required_reference(chosen, reference or untouched_of(frames))
     levels = [read_gel_frame(path) for path in gel_frame_paths(frames)]
     with progress_bar("reading presses") as advance:
         result = tsis.imaging.depth.calibrate_depth(
@@ -105,7 +105,7 @@ def depth_map(
     parse = tsis.imaging.depth.parse_depth_calibration
     document = tsis.files.reading.read_object(calibration, values=MOST_WEIGHTS)
     mapper = tsis.imaging.depth.DepthMapper(
-        parse(document), chosen, required_reference(chosen, reference or first_of_video(frames))
+        parse(document), chosen, required_reference(chosen, reference or untouched_of(frames))
     )
     files: dict[str, bytes] = {}
     rows: list[tuple[str, float, float]] = []

@@ -17,12 +17,12 @@ from tsis.cli.progress import progress_bar, waiting
 from tsis.cli.sensor import (
     GelReference,
     SensorOption,
-    first_of_video,
     gel_frame_paths,
     gel_frame_times,
     read_gel_frame,
     read_gel_reference,
     required_reference,
+    untouched_of,
 )
 from tsis.errors import FileInputError, InputError
 from tsis.present.page import Table
@@ -163,7 +163,7 @@ def _force_of_frames(
 ) -> None:
     """The force in each frame of a video, or in one frame, by its depth map."""
     document = tsis.files.reading.read_object(calibration, values=MOST_WEIGHTS)
-    untouched = required_reference(sensor, reference or first_of_video([path]))
+    untouched = required_reference(sensor, reference or untouched_of([path]))
     mapper = tsis.imaging.depth.DepthMapper(tsis.imaging.depth.parse_depth_calibration(document), sensor, untouched)
     paths = gel_frame_paths([path])
     paths = paths[:: -(-len(paths) // MOST_FORCES)]

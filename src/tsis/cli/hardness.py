@@ -36,11 +36,12 @@ from tsis.cli.saving import (
 )
 from tsis.cli.sensor import (
     chosen_sensor,
-    first_of_video,
+    gel_frame_forces,
     gel_frame_paths,
     gel_frame_times,
     read_gel_frame,
     read_gel_reference,
+    untouched_of,
 )
 from tsis.errors import InputError
 from tsis.present.terminal import print_tables
@@ -144,14 +145,15 @@ def contacts_of_frames(paths: Sequence[Path], given: ContactOptions) -> tuple[An
         found = tsis.imaging.gel_contact.contacts(
             [read_gel_frame(path) for path in frames],
             sensor=chosen,
-            reference=read_gel_reference(chosen, given.reference or first_of_video(paths)),
+            reference=read_gel_reference(chosen, given.reference or untouched_of(paths)),
             names=[path.name for path in frames],
             progress=advance,
         )
     if given.forces is None:
         if times is not None:
             raise InputError("a video needs --forces, the table of the gauge with time_s and force_n")
-        return found, given
+        told = [force for force, _ in gel_frame_forces(frames) if force is not None]
+        return found, given if given.force_n or len(told) < len(frames) else replace(given, force_n=told)
     if times is None:
         raise InputError("--forces needs a video: give the forces of single frames as --force-n, one for each")
     gauge = tsis.instrument.gauge.RecordedGauge(given.forces)

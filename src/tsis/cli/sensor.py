@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from tsis.calibration.foreign_folder import GuessedFrame
     from tsis.model.gel_sensor import GelSensor
 
 
@@ -33,7 +34,10 @@ SensorOption = Annotated[
 ]
 
 MOST_GEL_FRAMES = 2000
-GelFrames = Annotated[list[Path], typer.Argument(help="Frames of the sensor, or a folder that tsis acquire recorded.")]
+GelFrames = Annotated[
+    list[Path],
+    typer.Argument(help="Frames of the sensor, or a folder that tsis acquire recorded or tsis session described."),
+]
 GelReference = Annotated[
     Path | None,
     typer.Option(
@@ -54,15 +58,54 @@ def chosen_sensor(sensor: str) -> GelSensor:
 
 
 def gel_frame_paths(frames: Sequence[Path]) -> list[Path]:
-    """Files of the frames; those of a recorded folder in the order of time."""
+    """Files of the frames; those of a recorded folder in the order of time, of a session folder the pressed ones."""
     if len(frames) == 1 and frames[0].is_dir():
-        frames = [path for path, _ in tsis.instrument.recording.read_recording_index(frames[0])]
+        frames = _folder_frames(frames[0])
     frames = [part for path in frames for part in (_video_frames(path) if _is_video(path) else [path])]
     if len(frames) > MOST_GEL_FRAMES:
         raise InputError(
             f"frames must be at most {MOST_GEL_FRAMES}; got {len(frames)}: give every second one, or fewer"
         )
     return list(frames)
+
+
+def _folder_frames(folder: Path) -> list[Path]:
+    if (folder / tsis.instrument.recording.RECORDING_INDEX).is_file():
+        return [path for path, _ in tsis.instrument.recording.read_recording_index(folder)]
+    frames = session_frames(folder)
+    if not frames:
+        raise tsis.files.reading.file_error(
+            folder, "must be a folder that tsis acquire recorded, or a session folder: make it one by tsis session"
+        )
+    pressed = [frame for frame in frames if frame.role != tsis.calibration.frames.UNTOUCHED]
+    return [tsis.files.reading.own_file(folder, frame.file) for frame in pressed]
+
+
+def session_frames(folder: Path) -> tuple[GuessedFrame, ...]:
+    """Frames of a session folder; none of another."""
+    if not (folder / tsis.calibration.frames.PRESSES_FILE).is_file():
+        return ()
+    return tsis.calibration.foreign_folder.read_session(folder)
+
+
+def gel_frame_forces(paths: Sequence[Path]) -> list[tuple[float | None, float | None]]:
+    """Forces of frames in newtons and their sd, by the JSON files beside them, or by presses.csv of their folder."""
+    folders = {path.parent for path in paths}
+    told = {folder / frame.file: frame.force_n for folder in folders for frame in session_frames(folder)}
+    return [_sidecar_force(path) or (told.get(path), None) for path in paths]
+
+
+def _sidecar_force(frame: Path) -> tuple[float, float | None] | None:
+    beside = frame.with_suffix(".json")
+    force = tsis.files.reading.read_object(beside).get("force") if beside.is_file() else None
+    if not isinstance(force, dict):
+        return None
+    newtons, sd = force.get("force_n"), force.get("force_sd_n")
+    name = f"force_n of {beside.name}"
+    newtons = tsis.model.require.require_number(name, newtons, -1000.0, 1000.0, hint="newtons")
+    return newtons, None if sd is None else tsis.model.require.require_number(
+        f"sd of {name}", sd, 0.0, 1000.0, hint="newtons"
+    )
 
 
 def read_gel_frame(path: Path) -> NDArray[Any]:
@@ -101,9 +144,12 @@ def gel_frame_times(paths: Sequence[Path]) -> list[float] | None:
     return [int(path.stem.rpartition("-")[2]) / rate for path in paths]
 
 
-def first_of_video(frames: Sequence[Path]) -> Path | None:
-    """The video whose first frame shows the untouched sensor, where one video is all that is given; else None."""
-    return frames[0] if len(frames) == 1 and _is_video(frames[0]) else None
+def untouched_of(frames: Sequence[Path]) -> Path | None:
+    """What shows the untouched sensor: a video's first frame, or that of a session folder; else None."""
+    if len(frames) != 1 or _is_video(frames[0]):
+        return frames[0] if len(frames) == 1 else None
+    files = [frame.file for frame in session_frames(frames[0]) if frame.role == tsis.calibration.frames.UNTOUCHED]
+    return tsis.files.reading.own_file(frames[0], files[0]) if files else None
 
 
 def read_gel_reference(sensor: GelSensor, reference: Path | None) -> NDArray[Any] | None:

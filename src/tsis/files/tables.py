@@ -95,7 +95,7 @@ MEGA_OR_MILLI = ("MN", "Mn", "mPa", "mpa", "MM2")  # units whose capitals leave 
 SYNONYMS = {
     "force": (
         *("load", "normal force", "contact force", "compressive load", "standard force", "fn", "fz", "f"),
-        *("axial force", "axial load", "load on sample", "force a"),
+        *("axial force", "axial load", "load on sample", "force a", "weight", "last", "gewicht", "poids"),
         *("kraft", "standardkraft", "prüfkraft", "force normale"),
     ),
     "radius": ("contact radius",),
