@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -42,7 +44,7 @@ def contact(force_n: float, *, good: bool = True) -> GelContact:
         explained=1.0,
         quality=1.0 if good else 0.1,
         good=good,
-        reasons=() if good else ("no_contact",),
+        reasons=() if good else ("no contact",),
     )
 
 
@@ -65,6 +67,16 @@ def test_each_contact_has_the_force_that_pressed_it_though_the_gauge_lags(lag_s:
         assert one["force_n"] == pytest.approx(course(one["time_s"]), abs=0.03)
         assert one["radius_mm"] ** 3 == pytest.approx(CUBE_PER_N * one["force_n"], rel=0.15)
     assert f"{1e3 * found.lag_s:+.0f} ms" in found.notes[0]
+
+
+@pytest.mark.parametrize("moving", [(84,), (75, 76, 90), (22, 80, 160)])
+def test_frames_whose_contact_is_not_good_do_not_change_the_delay(moving: tuple[int, ...]) -> None:
+    frames = film()
+    for number in moving:
+        frames[number] = replace(frames[number], good=False, reasons=("moving",))
+    found, whole = (filmed_press(each, TIMES_S.tolist(), gauge(0.12)) for each in (frames, film()))
+    assert found.lag_s == pytest.approx(whole.lag_s, abs=0.003)
+    assert found.lag_s == pytest.approx(0.12, abs=0.02)
 
 
 def test_contacts_of_the_rise_to_the_largest_force_are_taken_at_even_steps() -> None:
@@ -92,10 +104,13 @@ def test_a_steady_press_tells_no_delay_and_says_so() -> None:
 
 
 def test_a_film_without_contacts_times_or_readings_is_refused_in_one_sentence() -> None:
-    with pytest.raises(InputError, match=r"must show a good contact; all 200 are not: no_contact"):
+    with pytest.raises(InputError, match=r"must show a good contact; all 200 are not: no contact"):
         filmed_press(film(bad=True), TIMES_S.tolist(), gauge(0.0))
     with pytest.raises(InputError, match="one time for each of the 200 frames; got 199"):
         filmed_press(film(), TIMES_S[1:].tolist(), gauge(0.0))
     late = [ForceReading(time_s=one.time_s + 60.0, force_n=one.force_n) for one in gauge(0.0)]
     with pytest.raises(InputError, match="must have readings while the contacts are seen"):
         filmed_press(film(), TIMES_S.tolist(), late)
+    beside = [ForceReading(time_s=float(time), force_n=course(time - 20.0)) for time in np.arange(0.0, 29.0, 0.04)]
+    with pytest.raises(InputError, match=r"reads at most 0 N then, and 0\.9 N at another time: .*--video-start-s"):
+        filmed_press(film(), TIMES_S.tolist(), beside)

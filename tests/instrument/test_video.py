@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tsis.errors import FileInputError
-from tsis.instrument.video import Video
+from tsis.instrument.video import Video, opened_video
 
 FRAMES = np.random.default_rng(3).integers(0, 256, (6, 24, 32, 3), dtype=np.uint8)  # red first
 
@@ -58,3 +58,15 @@ def test_other_files_are_refused(content: bytes) -> None:
 def test_an_absent_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(FileInputError, match="absent"):
         Video(tmp_path / "absent.avi")
+
+
+def test_a_file_that_changed_is_opened_anew(file: Path, tmp_path: Path) -> None:
+    same = tmp_path / "film.avi"
+    same.write_bytes(file.read_bytes())
+    np.testing.assert_array_equal(opened_video(same).levels(1), FRAMES[1])
+    writer = cv2.VideoWriter(str(same), cv2.VideoWriter.fourcc(*"FFV1"), 10.0, (32, 24))
+    for _ in range(9):
+        writer.write(np.full((24, 32, 3), 90, np.uint8))
+    writer.release()
+    assert opened_video(same).count == 9
+    assert (opened_video(same).levels(1) == 90).all()

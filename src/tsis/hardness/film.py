@@ -114,12 +114,18 @@ def _delay(
 ) -> tuple[float, float] | None:
     """Delay of the gauge in s and its standard deviation, by the rates of force and of the cube of the radius.
 
-    By Hertz the cube follows the force, so that also one rise, whose rate changes, tells the delay.
+    By Hertz the cube follows the force, so that also one rise, whose rate changes, tells the delay. A frame with a
+    contact that is not good tells nothing, one without a contact tells that there is none.
     """
-    cubes = [contact.radius_px**3 if contact.good else 0.0 for contact in found]
+    told = [
+        (time, contact.radius_px**3 if contact.good else 0.0)
+        for contact, time in zip(found, times_s, strict=True)
+        if contact.good or "no contact" in contact.reasons
+    ]
+    times, cubes = zip(*told, strict=True)
     for longest in LONGEST_LAG_S:
         try:
-            latency = find_latency(times_s, cubes, readings, longest_s=longest)
+            latency = find_latency(times, cubes, readings, longest_s=longest)
         except (GaugeError, InputError):
             continue
         low, high = latency.interval(0.9)

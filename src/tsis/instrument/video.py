@@ -70,7 +70,15 @@ class Video:
                 return frame
 
 
-@lru_cache(maxsize=1)
 def opened_video(path: Path) -> Video:
-    """The video of a file, which stays open until another is asked for."""
+    """The video of a file, which stays open until another is asked for, or the file has changed."""
+    try:
+        state = path.stat()
+    except OSError:
+        return Video(path)
+    return _opened(path.absolute(), state.st_mtime_ns, state.st_size)
+
+
+@lru_cache(maxsize=1)
+def _opened(path: Path, changed_ns: int, size: int) -> Video:
     return Video(path)
