@@ -32,8 +32,9 @@ def test_several_files_have_one_row_each(run_tsis: RunTsis, tmp_path: Path, monk
     assert [each["curve"] for each in found["curves"]] == ["soft.csv", "hard.csv"]
     assert np.allclose(means, [8.0, 80.0], rtol=0.06)
     assert "Research use only" in (tmp_path / "page.html").read_text()
-    shown = run_tsis("indent", "soft.csv", "--radius-mm", "3").out
+    shown = run_tsis("indent", "soft.csv", "soft.csv", "hard.csv", "--radius-mm", "3").out
     assert "soft.csv" in shown
+    assert "As repeats of one sample, 3 curves give" in " ".join(shown.split())
 
 
 def test_a_missing_radius_is_told_in_one_sentence(run_tsis: RunTsis, tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ import tsis
 from tsis.errors import FileInputError, InputError
 from tsis.hardness.curve_files import read_curves
 from tsis.hardness.curve_flags import INDENTATION_FLAGS
-from tsis.hardness.force_curves import ForceCurve
+from tsis.hardness.force_curves import ForceCurve, repeated_modulus
 
 if TYPE_CHECKING:
     from typing import Any
@@ -154,6 +154,22 @@ def test_curves_that_are_none_are_refused() -> None:
         ForceCurve(position_mm=np.arange(40.0), force_n=np.arange(39.0))
     with pytest.raises(InputError, match="constant"):
         ForceCurve(position_mm=np.zeros(40), force_n=np.arange(40.0))
+
+
+def test_repeats_tell_the_scatter_from_press_to_press() -> None:
+    """Presses whose forces differ by a log sd of 0.18, as a robot's did, where one curve says 0.02."""
+    found = []
+    for number, log in enumerate((-0.2, 0.18, 0.02, -0.1, 0.1)):
+        position, force = pressed(YOUNG_KPA * float(np.exp(log)), seed=number)
+        found.append(tsis.hardness.indentation(ForceCurve(position_mm=position, force_n=force), radius_mm=RADIUS_MM))
+    together = repeated_modulus(found)
+    assert together is not None
+    assert together.count == 5
+    assert together.scatter == pytest.approx(0.155, abs=0.02)
+    low, high = together.interval_kpa
+    assert low < YOUNG_KPA < high
+    assert np.log(high / low) > 2 * 0.14
+    assert repeated_modulus(found[:2]) is None
 
 
 TABLES = {  # headings, a row, size of the units of length and force, decimal mark

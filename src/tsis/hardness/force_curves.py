@@ -42,7 +42,7 @@ from tsis.model.require import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -607,4 +607,48 @@ def _answer(
             "indenter": asdict(press),
             **({"fit": dict(points)} if points else {}),
         },
+    )
+
+
+LEAST_REPEATS = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RepeatedModulus:
+    """What several curves of one sample tell together.
+
+    Attributes
+    ----------
+    count
+        Number of curves with a modulus.
+    young_kpa, interval_kpa
+        Geometric mean of the moduli, kPa, and its 90 % interval.
+    scatter
+        Standard deviation of the logarithm of the modulus from curve to curve.
+    """
+
+    count: int
+    young_kpa: float
+    interval_kpa: tuple[float, float]
+    scatter: float
+
+
+def repeated_modulus(estimates: Sequence[Estimate]) -> RepeatedModulus | None:
+    """Modulus of curves that are repeats of one sample; None where fewer than three tell one.
+
+    Student's t of the scatter from curve to curve, and the median interval of one curve, which holds what all share.
+    """
+    known = [estimate for estimate in estimates if not estimate.withheld_reason("young_kpa")]
+    if len(known) < LEAST_REPEATS:
+        return None
+    logs = np.log([estimate.mean["young_kpa"] for estimate in known])
+    low, high = np.array([estimate.interval()["young_kpa"] for estimate in known]).T
+    scatter, middle = float(logs.std(ddof=1)), float(logs.mean())
+    quantile = float(scipy.stats.t.ppf(0.95, len(known) - 1))
+    half = float(np.hypot(quantile * scatter / np.sqrt(len(known)), np.median(np.log(high / low)) / 2.0))
+    return RepeatedModulus(
+        count=len(known),
+        young_kpa=float(np.exp(middle)),
+        interval_kpa=(float(np.exp(middle - half)), float(np.exp(middle + half))),
+        scatter=scatter,
     )

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.hardness.curve_flags import INDENTATION_FLAGS
+from tsis.hardness.force_curves import repeated_modulus
 from tsis.hardness.shore import shore
 from tsis.present.page import Card, Column, Page, Picture, Table, flags_table, on_axes
 
@@ -29,7 +30,7 @@ def indentation_page(estimates: Sequence[Estimate], *, provenance: Mapping[str, 
         title="Modulus from force curves",
         subtitle=f"{len(estimates)} curve{'' if len(estimates) == 1 else 's'}",
         cards=tuple(_card(estimate) for estimate in estimates[:1]) if len(estimates) == 1 else (),
-        notes=tuple(dict.fromkeys(note for estimate in estimates for note in _notes(estimate))),
+        notes=(*_repeats(estimates), *dict.fromkeys(note for estimate in estimates for note in _notes(estimate))),
         pictures=tuple(_picture(estimate) for estimate in drawn[:MOST_PICTURES]),
         tables=(indentation_table(estimates), *flags_table(flags, INDENTATION_FLAGS)),
         provenance=provenance,
@@ -63,6 +64,19 @@ def _row(estimate: Estimate) -> tuple[str | float | None, ...]:
     fit = estimate.provenance.get("fit")
     depth = None if fit is None else 1e3 * fit["depth_mm"]
     return curve_name(estimate), mean, low, high, reading, depth, ", ".join(estimate.flags) or "none"
+
+
+def _repeats(estimates: Sequence[Estimate]) -> tuple[str, ...]:
+    """A sentence on several curves as repeats of one sample."""
+    found = repeated_modulus(estimates)
+    if found is None:
+        return ()
+    low, high = found.interval_kpa
+    return (
+        f"As repeats of one sample, {found.count} curves give {found.young_kpa:.3g} kPa, 90 % interval {low:.3g} to "
+        f"{high:.3g} kPa; from curve to curve they scatter by {100 * found.scatter:.0f} %, which their own intervals "
+        "leave out.",
+    )
 
 
 def _notes(estimate: Estimate) -> tuple[str, ...]:
