@@ -270,9 +270,11 @@ def test_bad_contacts_are_left_out_and_said() -> None:
     assert len(found.provenance["contacts"]) == 2
 
 
-def test_of_a_press_that_becomes_too_wide_the_beginning_is_used() -> None:
+def test_presses_that_are_too_wide_are_left_out_but_not_the_end_of_one_press() -> None:
     rows = hertz(60.0)
-    found = estimate_from_contacts([*rows, {"force_n": 30.0, "radius_mm": 13.0}], sensor=GEL, geometry=R_MM)
+    wide = [*rows, {"force_n": 30.0, "radius_mm": 13.0}]
+    assert "contact_too_wide" in estimate_from_contacts(wide, sensor=GEL, geometry=R_MM, sequence=True).flags
+    found = estimate_from_contacts(wide, sensor=GEL, geometry=R_MM)
     assert found.interval(0.9) == estimate_from_contacts(rows, sensor=GEL, geometry=R_MM).interval(0.9)
     assert "Contacts wider than 0.6 of the face or 0.9 of the object's radius were left out: 1." in found.notes
 

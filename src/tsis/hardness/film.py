@@ -82,7 +82,8 @@ def filmed_press(
         except GaugeError:
             continue
         seen.append(force.force_n)
-        if force.force_n > LEAST_FORCE_N:
+        force_sd = float(np.hypot(force.error_n / 2.0, GAUGE_SD * force.force_n))
+        if force.force_n > max(LEAST_FORCE_N, force_sd):
             rows.append(
                 {
                     "name": contact.name,
@@ -91,7 +92,7 @@ def filmed_press(
                     "radius_sd_mm": contact.radius_sd_mm,
                     "scale_sd": contact.scale_sd,
                     "force_n": force.force_n,
-                    "force_sd_n": float(np.hypot(force.error_n / 2.0, GAUGE_SD * force.force_n)),
+                    "force_sd_n": force_sd,
                 }
             )
     if not seen:

@@ -448,7 +448,8 @@ def estimate_from_contacts(
     readings, left_out, stated_mm = as_touch_readings(contacts, force=force)
     shape = as_geometry(geometry, stated_mm)
     readings = grouped_presses(readings, sequence=sequence)
-    held = tuple(reading for reading in readings if not _beyond_model(reading, shape, gel))
+    # The beginning of one press is the part that a delay of the gauge changes most: it does not stand for the whole.
+    held = () if sequence else tuple(reading for reading in readings if not _beyond_model(reading, shape, gel))
     beyond, readings = (len(readings) - len(held), held) if held else (0, readings)
     bodies = [_body(readings, shape)]
     if reference is not None:
