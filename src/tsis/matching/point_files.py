@@ -41,6 +41,7 @@ TYPES = {
     **dict.fromkeys(("double", "float64"), "f8"),
 }
 LARGEST_BYTES = 160 * 2**20
+LARGEST_TABLE = 32 * 2**20  # of the most points with many digits, in UTF-16
 AXES = ("x", "y", "z")
 UNIT = re.compile(r"\s*(\[[^\]]*\]|\([^)]*\)|[_/ ]\s*(nm|um|µm|mm|cm|m|px|pixels?))$")  # at the end of a column's name
 NO_COORDINATES = frozenset(("", "#", "id", "index", "frame", "no", "no.", "number", "nr", "point", "row", "label"))
@@ -188,7 +189,12 @@ def _csv(content: bytes) -> Floats:
 
 
 def _utf8(content: bytes) -> bytes:
-    """A text in UTF-8; `FileInputError` where the bytes are no table of text."""
+    """A text in UTF-8; `FileInputError` where the bytes are no table of text.
+
+    Bytes that are larger than any table are not decoded: their lines are refused one by one.
+    """
+    if len(content) > LARGEST_TABLE:
+        return content
     try:
         text = table_text(content, "it")
     except FileInputError as error:
