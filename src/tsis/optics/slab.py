@@ -63,7 +63,7 @@ def propagate_layer(u: float, v: float, p: float, q: float, length: float) -> tu
         # no place of a face enters. Whole half-turns change only the sign and are counted apart.
         kappa = math.sqrt(q)
         half_turns = int(kappa * length / math.pi)
-        rest = kappa * length - math.pi * half_turns
+        rest = kappa * length - math.pi * half_turns  # in place of (3.45), (3.46), (3.47) and (3.48)
         cosine, sine = math.cos(rest), math.sin(rest)
         return u * cosine + p * v * sine / kappa, v * cosine - u * kappa * sine / p, half_turns, 0.0
     # Kappa is imaginary, and the wave decays as outside, (3.49), (3.54): cos and sin become cosh and sinh.
