@@ -151,3 +151,23 @@ def test_parts_of_large_libraries_load_when_they_are_first_used() -> None:
     eager = re.compile(r"^(from (scipy|skimage|numba)|import ((scipy|skimage)\.|numba))", re.MULTILINE)
     found = [module_of(path) for path in SOURCE.rglob("*.py") if eager.search(path.read_text(encoding="utf-8"))]
     assert found == []
+
+
+def test_modules_that_are_named_through_a_package_load_by_their_name() -> None:
+    """``tsis.present.labels`` works in a fresh process only where the package's list of lazy modules has it."""
+    missing = []
+    for path in SOURCE.rglob("*.py"):
+        loaded = {dotted for _, dotted in imports(path)}
+        for node in ast.walk(tree_of(path)):
+            if not isinstance(node, ast.Attribute) or not isinstance(node.value, ast.Attribute):
+                continue
+            package = node.value
+            if not isinstance(package.value, ast.Name) or package.value.id != "tsis":
+                continue
+            init = SOURCE / package.attr / "__init__.py"
+            if not init.exists() or not (init.parent / f"{node.attr}.py").exists():
+                continue
+            listed = {each.value for each in ast.walk(tree_of(init)) if isinstance(each, ast.Constant)}
+            if node.attr not in listed and f"tsis.{package.attr}.{node.attr}" not in loaded:
+                missing.append(f"{path.relative_to(SOURCE)}: tsis.{package.attr}.{node.attr}")
+    assert missing == []

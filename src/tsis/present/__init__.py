@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from tsis.present import inclusion as inclusion
     from tsis.present import indentation as indentation
     from tsis.present import kit as kit
+    from tsis.present import labels as labels
     from tsis.present import lump_map as lump_map
     from tsis.present import matching as matching
     from tsis.present import page as page
@@ -44,6 +45,7 @@ if not TYPE_CHECKING:  # modules load when they are first used
             "inclusion",
             "indentation",
             "kit",
+            "labels",
             "lump_map",
             "matching",
             "page",
