@@ -90,8 +90,13 @@ def _distance(found: Any, lump: tuple[float, ...]) -> float:
 
 
 def goals(lines: list[dict[str, Any]]) -> list[Goal]:
-    """The table of the goals from judged scans."""
+    """The table of the goals from judged scans, those whose places err apart."""
     exact = [line for line in lines if line["place_sd_mm"] <= 0.2]
+    result = [*(_exact_goals(exact) if exact else ()), *_erring_goals([line for line in lines if line not in exact])]
+    return [replace(each, form="{:.2f}") for each in result]
+
+
+def _exact_goals(exact: list[dict[str, Any]]) -> list[Goal]:
     lumps = [(line, lump) for line in exact for lump in line["lumps"]]
     easy = [
         lump["found"]
@@ -142,7 +147,12 @@ def goals(lines: list[dict[str, Any]]) -> list[Goal]:
             result.append(Goal(name=name, value=gap, least=-0.05, most=0.05))
     result.append(Goal(name="seconds a scan", value=float(np.median([line["seconds"] for line in exact])), most=60.0))
     result.append(Goal(name="memory, MB", value=float(max(line["memory_mb"] for line in exact)), most=1024.0))
-    for sd in sorted({line["place_sd_mm"] for line in lines} - {line["place_sd_mm"] for line in exact}):
+    return result
+
+
+def _erring_goals(lines: list[dict[str, Any]]) -> list[Goal]:
+    result = []
+    for sd in sorted({line["place_sd_mm"] for line in lines}):
         erring = [line for line in lines if line["place_sd_mm"] == sd]
         hits = [lump for line in erring for lump in line["lumps"] if lump["found"]]
         error = [np.hypot(lump["mean"][0] - lump["truth"][0], lump["mean"][1] - lump["truth"][1]) for lump in hits]
@@ -160,7 +170,7 @@ def goals(lines: list[dict[str, Any]]) -> list[Goal]:
                 most=1.5 * sd / np.sqrt(PRESSES_NEAR),
             )
         )
-    return [replace(each, form="{:.2f}") for each in result]
+    return result
 
 
 if __name__ == "__main__":
