@@ -146,8 +146,10 @@ def gel_frame_times(paths: Sequence[Path]) -> list[float] | None:
 
 def untouched_of(frames: Sequence[Path]) -> Path | None:
     """What shows the untouched sensor: a video's first frame, or that of a session folder; else None."""
-    if len(frames) != 1 or _is_video(frames[0]):
-        return frames[0] if len(frames) == 1 else None
+    if len(frames) != 1:
+        return None
+    if _is_video(frames[0]):
+        return frames[0]
     files = [frame.file for frame in session_frames(frames[0]) if frame.role == tsis.calibration.frames.UNTOUCHED]
     return tsis.files.reading.own_file(frames[0], files[0]) if files else None
 

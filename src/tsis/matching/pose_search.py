@@ -107,16 +107,18 @@ def _searched(search: PoseSearch, rng: np.random.Generator) -> list[PoseEvidence
 
 
 def _reattached_again(search: PoseSearch, evidence: list[PoseEvidence]) -> list[PoseEvidence]:
-    """All maps, and those whose points without partner moved together to free targets, while the likeliest gains."""
+    """All maps, and those that loose points moved together and halves of the pairs lead to, while the likeliest gains.
+
+    Loose points have no partner; they move to free targets.
+    """
     few = len(search.source) * len(search.target) <= refinement.MANY_PAIRS
     for _ in range(MOST_PASSES if evidence and few else 0):
         top = evidence[0]
         again = refinement.reattached(search.field, search.target, search.step, top)
         done = _followed_maps(search, top, again)
-        if done:
-            done += _followed_maps(search, top, refinement.halved(search.source, top.matches))
         if not done:
             break
+        done += _followed_maps(search, top, refinement.halved(search.source, top.matches))
         best = max(done, key=lambda pose: pose.log)
         if best.log > top.log:
             done.append(refinement.repatched(search.field, search.target, search.step, best))

@@ -9,6 +9,7 @@ import numpy as np
 from tsis.hardness.curve_flags import INDENTATION_FLAGS
 from tsis.hardness.force_curves import repeated_modulus
 from tsis.hardness.shore import shore
+from tsis.present.labels import counted
 from tsis.present.page import Card, Column, Page, Picture, Table, flags_table, on_axes
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ def indentation_page(estimates: Sequence[Estimate], *, provenance: Mapping[str, 
     drawn = [estimate for estimate in estimates if "fit" in estimate.provenance]
     return Page(
         title="Modulus from force curves",
-        subtitle=f"{len(estimates)} curve{'' if len(estimates) == 1 else 's'}",
+        subtitle=counted(len(estimates), "curve"),
         cards=tuple(_card(estimate) for estimate in estimates[:1]) if len(estimates) == 1 else (),
         notes=(*_repeats(estimates), *dict.fromkeys(note for estimate in estimates for note in _notes(estimate))),
         pictures=tuple(_picture(estimate) for estimate in drawn[:MOST_PICTURES]),
