@@ -176,6 +176,39 @@ def test_uneven_tissue_without_lump_has_none(sd: float) -> None:
     assert sum(false) == 0
 
 
+@pytest.mark.parametrize("moves", ["all", "no birth and death"])
+def test_without_data_the_sampler_draws_from_the_prior(moves: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Numbers, depths and distances of pairs against lumps drawn by rejection: the moves balance one another."""
+    prior = MapPrior(diameter_mm=(3.0, 16.0), depth_mm=(0.5, 20.0))
+    observation = observe(scan_of([], seed=3), PROBE, None, prior)
+    likelihood = BlockLikelihood(replace(observation, own=observation.own * 1e8), prior, length_mm=6.0)
+    region = Region.of(observation, prior, expected=2.0)
+    fit, candidates, gain = greedy_fit(likelihood, region)
+    sampler, least = Sampler(likelihood, region, fit, candidates, gain, np.random.default_rng(5)), 0
+    if moves != "all":
+        sampler.lumps, least = np.array([[0.0, 0.0, 10.0, np.log(8.0), np.log(5.0)]]), 1
+        for name in ("_birth", "_death"):
+            monkeypatch.setattr(Sampler, name, Sampler._split if name == "_birth" else Sampler._merge)
+    found = sampler.run(30000, every=15).learnt
+    rng = np.random.default_rng(6)
+    drawn: list[Floats] = []
+    while len(drawn) < 4000:
+        lumps = np.array([region.drawn(rng) for _ in range(rng.poisson(2.0))]).reshape(-1, 5)
+        if len(lumps) >= least and all(region.allows(lumps, number) for number in range(len(lumps))):
+            drawn.append(lumps)
+    for of in (len, lambda lumps: float(lumps[:, 2].sum()), lambda lumps: float(lumps[:, 3].sum()), near_pairs):
+        first, second = (np.array([of(lumps) for lumps in states], dtype=float) for states in (found, drawn))
+        parts = first.reshape(20, -1).mean(axis=1)  # the states of a chain depend on one another
+        error = np.hypot(parts.std(ddof=1) / np.sqrt(20), second.std() / np.sqrt(len(second)))
+        assert abs(first.mean() - second.mean()) < 4 * error
+        assert error < 0.15 * second.std()
+
+
+def near_pairs(lumps: Floats) -> int:
+    apart = np.linalg.norm(lumps[:, None, :3] - lumps[None, :, :3], axis=2)
+    return int((apart[np.triu_indices(len(lumps), 1)] < 12.0).sum())
+
+
 @pytest.mark.slow
 def test_the_sampler_is_calibrated_on_worlds_of_its_own_prior() -> None:
     """Simulation-based calibration (Talts and others 2018): ranks of the truth among samples are uniform."""

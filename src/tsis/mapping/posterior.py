@@ -42,6 +42,9 @@ MOST_LUMPS = 12
 MOST_KINDS = 3  # of field that are sampled
 MIXED_MM = 5.0  # a field of a longer length comes also in equal parts with one of the shortest
 CONTACT = 0.9  # of the sum of the radii: lumps do not overlap by more
+# Two lumps that come from one: standard deviations of their distance along x, y and depth and of the logarithm of
+# their contrasts' ratio, least share of the volume, and the farthest that become one
+SPLIT_MM, SPLIT_LOG_CONTRAST, LEAST_SHARE, FARTHEST_MERGED_MM = np.array([6.0, 6.0, 3.0]), 0.5, 0.15, 16.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -592,6 +595,60 @@ class Sampler:
         if self._decide("death", ratio, *self._proposed(change)):
             self.lumps = np.delete(self.lumps, number, axis=0)
 
+    def _split(self) -> None:
+        """Make two lumps of one, of the same volume and centre of volume.
+
+        A lump (p, ln d, ln c) and the draws u, w, e give ``p + (1 - w) u`` and ``p - w u``, ``ln d + ln(w) / 3`` and
+        ``ln d + ln(1 - w) / 3``, ``ln c + e / 2`` and ``ln c - e / 2``. The determinant of that map is
+        ``1 / (3 w (1 - w))``. The draws (-u, 1 - w, -e) give the same two lumps, whence the factor 2 of the density.
+        """
+        if not 0 < len(self.lumps) < MOST_LUMPS:
+            return
+        rng, number = self.rng, int(self.rng.integers(len(self.lumps)))
+        lump, apart = self.lumps[number], rng.normal(0.0, SPLIT_MM)
+        share, by = rng.uniform(LEAST_SHARE, 1 - LEAST_SHARE), rng.normal(0.0, SPLIT_LOG_CONTRAST)
+        pair = np.array([lump, lump])
+        pair[:, :3] += np.outer([1 - share, -share], apart)
+        pair[:, LOG_DIAMETER] += np.log([share, 1 - share]) / 3
+        pair[:, LOG_CONTRAST] += (by / 2, -by / 2)
+        new = np.vstack([np.delete(self.lumps, number, axis=0), pair])
+        self._exchange("split", new, lump[None], pair, _log_split_density(pair), len(self.lumps), _close_pairs(new))
+
+    def _merge(self) -> None:
+        """Make one lump of two near ones: the reverse of a split."""
+        close = _close_pairs(self.lumps)
+        if not len(close):
+            return
+        pair = self.lumps[close[int(self.rng.integers(len(close)))]]
+        volume = np.exp(3 * pair[:, LOG_DIAMETER])
+        lump = pair.mean(axis=0)
+        lump[:3] = volume @ pair[:, :3] / volume.sum()
+        lump[LOG_DIAMETER] = np.log(volume.sum()) / 3
+        kept = self.lumps[(self.lumps[:, None] != pair).any(axis=2).all(axis=1)]
+        new = np.vstack([kept, lump])
+        self._exchange("merge", new, pair, lump[None], -_log_split_density(pair), len(new), close)
+
+    def _exchange(
+        self,
+        name: str,
+        new: Floats,
+        gone: Floats,
+        come: Floats,
+        log_density: float,
+        parents: int,
+        close: Integers,
+    ) -> None:
+        """Take or refuse a split or a merge, whose logarithms of ratios differ by the sign alone."""
+        inside = all(self.region.allows(new, len(new) - 1 - number) for number in range(len(come)))
+        if not inside or not len(close) or not np.isfinite(log_density):
+            self.tried[name] = self.tried.get(name, 0) + 1
+            return
+        ratio = self.region.log_density + np.log(parents) - np.log(len(close))
+        signal = self.likelihood.signal
+        change = signal(come, self.shift) - signal(gone, self.shift)
+        if self._decide(name, (ratio if name == "split" else -ratio) - log_density, *self._proposed(change)):
+            self.lumps = new
+
     def _shift_place(self, press: int) -> None:
         """Move the place of one press."""
         sd = self.likelihood.observation.place_sd_mm[press]
@@ -627,10 +684,14 @@ class Sampler:
         rng = self.rng
         uneven_places = bool((self.likelihood.observation.place_sd_mm > PLACE_MATTERS_MM).any())
         kind = rng.random()
-        if kind < 0.15:
+        if kind < 0.11:
             self._birth()
-        elif kind < 0.3:
+        elif kind < 0.22:
             self._death()
+        elif kind < 0.26:
+            self._split()
+        elif kind < 0.3:
+            self._merge()
         elif len(self.lumps):
             number = int(rng.integers(len(self.lumps)))
             if kind < 0.4:
@@ -685,6 +746,27 @@ class Sampler:
         lumps[:, LOG_CONTRAST] = np.log(1 + factor / (1 - share * factor))
         lumps[:, LOG_DIAMETER] += by
         return lumps
+
+
+def _close_pairs(lumps: Floats) -> Integers:
+    """Numbers of the lumps of each pair that a merge may choose, shape (pairs, 2)."""
+    first, second = np.triu_indices(len(lumps), 1)
+    near = np.linalg.norm(lumps[first, :3] - lumps[second, :3], axis=1) < FARTHEST_MERGED_MM
+    return np.column_stack([first[near], second[near]])
+
+
+def _log_split_density(pair: Floats) -> float:
+    """Logarithm of the density with which a split proposes two lumps, over the space of the two."""
+    volume = np.exp(3 * pair[:, LOG_DIAMETER])
+    share = float(volume[0] / volume.sum())
+    apart = pair[0] - pair[1]
+    if not LEAST_SHARE <= share <= 1 - LEAST_SHARE or np.linalg.norm(apart[:3]) >= FARTHEST_MERGED_MM:
+        return -np.inf
+    draws = np.append(apart[:3], apart[LOG_CONTRAST]) / np.append(SPLIT_MM, SPLIT_LOG_CONTRAST)
+    log_normal = -0.5 * float(draws @ draws) - 2 * np.log(2 * np.pi)
+    log_normal -= float(np.log(SPLIT_MM).sum() + np.log(SPLIT_LOG_CONTRAST))
+    # 2 for the exchanged draws; over the determinant 1 / (3 w (1 - w))
+    return float(np.log(2 / (1 - 2 * LEAST_SHARE)) + log_normal + np.log(3 * share * (1 - share)))
 
 
 def of_presses(observation: Observation, presses: Integers) -> Observation:
