@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 from benchmarks.harness import Bench, Goal, Several, append_line, read_lines
 from benchmarks.mapping.reading import read_solved, truth_of
-from benchmarks.mapping.solved_scans import PROBE
 
+import tsis
 from tsis.mapping import estimate_map
 
 NEAR_MM = 5.0
@@ -35,7 +35,7 @@ def judged(path: Path, place_sd_mm: float) -> dict[str, Any]:
     truth = truth_of(path)
     scan = read_solved(path, place_sd_mm=place_sd_mm, seed=truth.seed)
     began = time.perf_counter(), time.process_time()
-    result = estimate_map(scan, probe=PROBE, seed=truth.seed)
+    result = estimate_map(scan, probe=tsis.load_probe(truth.probe), seed=truth.seed)
     seconds, processor = time.perf_counter() - began[0], time.process_time() - began[1]
     numbers = result.untrusted
     left = list(numbers.lumps)

@@ -10,6 +10,7 @@ the kernel of the map is not used.
 
 from __future__ import annotations
 
+import itertools
 import json
 import time
 from dataclasses import asdict, dataclass
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-PROBE = tsis.load_probe("tsis-2011")
+FLAT, DOMED = "tsis-2011", "tsis-domed"
 HARMONICS = 9  # 0 to 8 around the axis
 ANGLES = 2 * np.pi * np.arange(24) / 24
 SLAB_MM = 85.0  # radius
@@ -36,11 +37,17 @@ POISSON = 0.49
 ROUNDS = 4  # of the fixed point
 WAVES = 600
 POINTS = 61  # radii of the stored profiles
+FORCE_N = 1.0
+BODIES = ("box", "cone", "torus", "hyperboloid")  # of the seeds from 1000 on, in turn
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class World:
-    """Truth of one scan: lumps as (x, y, depth of the centre, diameter, contrast), tissue, places of the presses."""
+    """Truth of one scan: lumps as (x, y, depth of the centre, diameter, contrast), tissue, places of the presses.
+
+    ``body`` is a stiff body that is no sphere, one of `BODIES`, of ``body_contrast``: around ``body_mm`` (x, y, depth),
+    turned by ``body_turn`` around the vertical.
+    """
 
     seed: int
     lumps: tuple[tuple[float, float, float, float, float], ...]
@@ -50,16 +57,33 @@ class World:
     uneven_mm: float
     heavy_tail: bool  # of the spectrum: not the Gaussian correlation that the map assumes
     places_mm: tuple[tuple[float, float], ...]
+    probe: str = FLAT
+    body: str = ""
+    body_contrast: float = 1.0
+    body_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    body_turn: float = 0.0
 
 
 def world(seed: int) -> World:
-    """Blanks for seeds that 3 divides, pairs of 8 mm from 900 on, else one to three lumps."""
+    """Blanks for seeds that 3 divides, pairs of 8 mm from 900 on, bodies from 1000 on, else one to three lumps.
+
+    Seeds from 400 to 499 are pressed by the domed probe.
+    """
     rng = np.random.default_rng([49, seed])
     grid = [(x, y) for y in (-20.0, -10.0, 0.0, 10.0, 20.0) for x in (-20.0, -10.0, 0.0, 10.0, 20.0)]
     places = tuple(tuple(place) for place in (np.array(grid) + rng.normal(0.0, 1.0, (25, 2))).tolist())
     lumps: list[tuple[float, float, float, float, float]] = []
     sd = float(rng.uniform(0.0, 0.25 if seed % 3 == 0 else 0.15))
-    if seed >= 900:
+    body: dict[str, Any] = {}
+    if seed >= 1000:
+        sd = 0.05
+        body = {
+            "body": BODIES[seed % len(BODIES)],
+            "body_contrast": float(rng.uniform(6.0, 12.0)),
+            "body_mm": tuple(np.append(rng.uniform(-4.0, 4.0, 2), rng.uniform(9.5, 11.0)).tolist()),
+            "body_turn": float(rng.uniform(0.0, np.pi)),
+        }
+    elif seed >= 900:
         apart, angle, sd = 10.0 + 2.0 * (seed % 4), rng.uniform(0, np.pi), 0.05
         middle = rng.uniform(-6.0, 6.0, 2)
         for side in (-0.5, 0.5):
@@ -81,7 +105,54 @@ def world(seed: int) -> World:
         uneven_mm=float(np.exp(rng.uniform(np.log(3.0), np.log(10.0)))),
         heavy_tail=bool(rng.random() < 0.5),
         places_mm=places,
+        probe=DOMED if 400 <= seed < 500 else FLAT,
+        **body,
     )
+
+
+def inside_body(truth: World, at: Floats) -> NDArray[np.bool_]:
+    """Whether points (n, 3) of x, y and depth lie in the body that is no sphere."""
+    across, along, down = _turned(truth, at).T
+    away = np.hypot(across, along)
+    if truth.body == "box":
+        return np.asarray((np.abs(across) < 8.0) & (np.abs(along) < 5.0) & (np.abs(down) < 4.5))
+    if truth.body == "cone":  # its top up: 2 mm wide there, 16 mm at the bottom
+        return np.asarray((np.abs(down) < 5.0) & (away < 1.0 + 7.0 * (down + 5.0) / 10.0))
+    if truth.body == "torus":
+        return np.asarray((away - 8.0) ** 2 + down**2 < 3.5**2)
+    if truth.body == "hyperboloid":  # of one sheet: 8 mm wide at the waist, 16 mm at both ends
+        return np.asarray((np.abs(down) < 5.0) & (away**2 < 4.0**2 + (8.0**2 - 4.0**2) * (down / 5.0) ** 2))
+    return np.zeros(len(at), dtype=bool)
+
+
+def _turned(truth: World, at: Floats) -> Floats:
+    """Points (n, 3) in the body's own frame."""
+    x, y, down = (at - np.array(truth.body_mm)).T
+    cosine, sine = np.cos(truth.body_turn), np.sin(truth.body_turn)
+    return np.column_stack([cosine * x + sine * y, cosine * y - sine * x, down])
+
+
+def _body_solid(truth: World) -> Any:
+    """The body that is no sphere as a solid of the mesh, depth downwards."""
+    from netgen import occ
+
+    if truth.body == "box":
+        solid = occ.Box(occ.Pnt(-8.0, -5.0, -4.5), occ.Pnt(8.0, 5.0, 4.5))
+    elif truth.body == "cone":
+        solid = occ.Cone(occ.Axes(occ.Pnt(0, 0, -5.0), occ.Z), 8.0, 1.0, 10.0, 2 * np.pi)
+    elif truth.body == "torus":
+        ring = occ.WorkPlane(occ.Axes((8.0, 0, 0), n=occ.Y, h=occ.X)).Circle(3.5).Face()
+        solid = ring.Revolve(occ.Axis((0, 0, 0), occ.Z), 360)
+    else:
+        height = np.linspace(-5.0, 5.0, 41)
+        edge = [occ.Pnt(float(np.sqrt(16.0 + 48.0 * (z / 5.0) ** 2)), 0, float(z)) for z in height]
+        sides = [occ.SplineApproximation(edge, tol=1e-4)]
+        corners = [edge[-1], occ.Pnt(0, 0, 5.0), occ.Pnt(0, 0, -5.0), edge[0]]
+        sides += [occ.Segment(first, second) for first, second in itertools.pairwise(corners)]
+        solid = occ.Face(occ.Wire(sides)).Revolve(occ.Axis((0, 0, 0), occ.Z), 360)
+    x, y, depth = truth.body_mm
+    turned = solid.Rotate(occ.Axis((0, 0, 0), occ.Z), np.degrees(truth.body_turn))
+    return turned.Move(occ.Vec(x, y, -depth))
 
 
 def log_modulus(truth: World, at: Floats) -> Floats:
@@ -128,6 +199,12 @@ class SolvedSlab:
             cap.maxh = float(np.clip(0.6 * top, 2.0, SCANNED_MM))
             slab, scanned = slab - cap, scanned - cap
             caps.append(cap)
+        if truth.body:
+            body = _body_solid(truth)
+            body.mat("body")
+            body.maxh = 2.5
+            slab, scanned = slab - body, scanned - body
+            bodies.append(body)
         outside = slab - scanned
         scanned.mat("scanned")
         scanned.maxh = SCANNED_MM
@@ -156,6 +233,7 @@ class SolvedSlab:
             (axis[0], axis[0], down[0]), (axis[-1], axis[-1], down[-1]), truth.young_kpa * np.exp(field), linear=True
         )
         lumps = {f"lump{k}": truth.young_kpa * lump[4] for k, lump in enumerate(truth.lumps)}
+        lumps["body"] = truth.young_kpa * truth.body_contrast
         return self.mesh.MaterialCF({"scanned": tissue, "outside": tissue, **lumps})
 
     def _inverse(self, young: Any) -> Any:
@@ -197,12 +275,13 @@ class SolvedSlab:
 
 
 def solve(truth: World, report: Any = print) -> dict[str, Floats]:
-    """Profiles of each press for 1 N, harmonic by harmonic: pressure and displacement, complex."""
+    """Profiles of each press for `FORCE_N`, harmonic by harmonic: pressure and displacement, complex."""
     began = time.perf_counter()
-    slab = TissueFieldResponse(PROBE, young_kpa=truth.young_kpa, thickness_mm=truth.thickness_mm, poisson=POISSON)
+    probe = tsis.load_probe(truth.probe)
+    slab = TissueFieldResponse(probe, young_kpa=truth.young_kpa, thickness_mm=truth.thickness_mm, poisson=POISSON)
     answers = [slab.contact_answer(order) for order in range(HARMONICS)]
-    unit = slab.round_forces_mn()[:, 0]
-    bare = slab.press()
+    unit = slab.round_forces_mn() @ (FORCE_N, 1.0)  # by the force, and by the dome's shape
+    bare = [FORCE_N * part[0] + part[1] for part in slab.press()]
     radius = slab.face.radius_mm
     report(f"seed {truth.seed}: contact {time.perf_counter() - began:.0f} s")
     solid = SolvedSlab(truth)
@@ -230,8 +309,8 @@ def solve(truth: World, report: Any = print) -> dict[str, Floats]:
     report(f"seed {truth.seed}: done {time.perf_counter() - began:.0f} s")
     return {
         "radius_mm": slab.radius_mm,
-        "bare_pressure_kpa": bare[0][0],
-        "bare_displacement_mm": bare[1][0],
+        "bare_pressure_kpa": bare[0],
+        "bare_displacement_mm": bare[1],
         "pressure_kpa": pressure,
         "displacement_mm": displacement,
     }
