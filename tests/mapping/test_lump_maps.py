@@ -79,8 +79,7 @@ def found() -> LumpMap:
 
 def evidence(scan: Scan, lumps: Floats) -> float:
     likelihood = BlockLikelihood(observe(scan, PROBE, None, MapPrior()), MapPrior())
-    shift = np.zeros((len(scan.presses), 2))
-    weights = likelihood.log_weights(likelihood.observation.values - likelihood.signal(lumps, shift))
+    weights = likelihood.log_weights(likelihood.observation.values - likelihood.signal(lumps))
     return float(np.logaddexp.reduce(weights.ravel()))
 
 
@@ -226,7 +225,7 @@ def test_the_sampler_is_calibrated_on_worlds_of_its_own_prior() -> None:
         lump = region.drawn(rng)
         if not region.allows(lump[None], 0) or np.abs(lump[:2]).max() > 12:
             continue
-        signal = base.signal(lump[None], np.zeros((9, 2)))
+        signal = base.signal(lump[None])
         values = signal + (root @ rng.normal(size=len(root))).reshape(signal.shape)
         likelihood = BlockLikelihood(replace(observation, values=values), prior)
         fit, candidates, gain = greedy_fit(likelihood, region)
@@ -244,17 +243,12 @@ def test_a_press_beside_its_stated_place_is_put_back_and_the_lump_stays() -> Non
     presses = list(scan_of([LUMP]).presses)
     beside = PLACES.index((0.0, 0.0))
     presses[beside] = replace(presses[beside], place_mm=(-1.5, 1.0), place_sd_mm=1.5)
-    observation = observe(Scan(presses=tuple(presses)), PROBE, None, MapPrior())
-    likelihood, region = BlockLikelihood(observation, MapPrior()), Region.of(observation, MapPrior(), expected=1.0)
-    fit, candidates, gain = greedy_fit(likelihood, region)
-    samples = Sampler(likelihood, region, fit, candidates, gain, np.random.default_rng(2)).run(1200)
-    for shift_mm in (fit.shift_mm, samples.shift_mm):
-        assert shift_mm[beside] == pytest.approx((1.5, -1.0), abs=0.25)
-        assert np.abs(np.delete(shift_mm, beside, axis=0)).max() < 0.2
-    assert {len(lumps) for lumps in samples.lumps} == {1}
-    assert np.median([lumps[0, :2] for lumps in samples.lumps], axis=0) == pytest.approx(LUMP[:2], abs=0.3)
-    assert samples.accepted["place"] > 0.05
-    assert samples.accepted["shift"] > 0
+    found = estimate_map(Scan(presses=tuple(presses)), probe=PROBE, steps=1200, voxel_mm=5.0)
+    assert found.place_shift_mm[beside] == pytest.approx((1.5, -1.0), abs=0.25)
+    assert np.abs(np.delete(found.place_shift_mm, beside, axis=0)).max() < 0.2
+    assert found.count_probability[1] > 0.9
+    mean = found.lumps[0].estimate.mean
+    assert (mean["x_mm"], mean["y_mm"]) == pytest.approx(LUMP[:2], abs=0.3)
 
 
 def test_states_give_a_cluster_one_lump_each() -> None:
@@ -528,9 +522,8 @@ def test_shared_errors_of_the_kernel_are_not_averaged_away() -> None:
     """A signal that errs by one factor in all presses costs little, one that errs by press costs much more."""
     observation = observe(scan_of([LUMP]), PROBE, None, MapPrior())
     likelihood = BlockLikelihood(observation, MapPrior())
-    shift = np.zeros((len(PLACES), 2))
-    signal = likelihood.signal(as_row(LUMP), shift)
-    likelihood.with_signal_error(as_row(LUMP), shift)
+    signal = likelihood.signal(as_row(LUMP))
+    likelihood.with_signal_error(as_row(LUMP))
     sign = np.random.default_rng(5).choice([-1.0, 1.0], len(PLACES))
     costs = [
         float(likelihood.log_weights(0.05 * factor[:, None] * signal).max()) for factor in (np.ones(len(sign)), sign)

@@ -176,12 +176,10 @@ def area_probability(states: tuple[Floats, ...], voxels: Voxels) -> Floats:
     return total / len(states)
 
 
-def uneven_modulus(
-    likelihood: BlockLikelihood, lumps: Floats, shift_mm: Floats, voxels: Voxels
-) -> tuple[Floats, Floats]:
+def uneven_modulus(likelihood: BlockLikelihood, lumps: Floats, voxels: Voxels) -> tuple[Floats, Floats]:
     """Posterior mean and variance of the logarithm of the tissue's modulus in each voxel, on a grid twice as coarse."""
     seen = likelihood.observation
-    residual = seen.values - likelihood.signal(lumps, shift_mm)
+    residual = seen.values - likelihood.signal(lumps)
     weights = likelihood.log_weights(residual)
     number, at = (int(part) for part in np.unravel_index(weights.argmax(), weights.shape))
     kind, sd = likelihood.kinds[number], float(likelihood.sds[at])
@@ -214,18 +212,16 @@ def _refined(values: Floats, coarse: list[Floats], voxels: Voxels) -> Floats:
 
 def visibility(likelihood: BlockLikelihood, sd: float, length_mm: float, places_xy: Floats, contrast: float) -> Floats:
     """Signal over noise of lumps of one contrast under points (n, 2), shape (tops, points, sizes)."""
-    seen = likelihood.observation
     kind = min(likelihood.kinds, key=lambda one: abs(np.log(one.length_mm / length_mm)))
     root = np.sqrt(1 + sd**2 * kind.size)
     result = np.zeros((len(TOPS_MM), len(places_xy), len(SIZES_MM)))
-    shift = np.zeros((len(seen.values), 2))
     with one_blas_thread():
         for i, top in enumerate(TOPS_MM):
             for k, size in enumerate(SIZES_MM):
                 if top + size > likelihood.prior.thickness_mm - 0.3:
                     continue
                 signals = [
-                    likelihood.signal(np.array([[x, y, top + size / 2, np.log(size), np.log(contrast)]]), shift).ravel()
+                    likelihood.signal(np.array([[x, y, top + size / 2, np.log(size), np.log(contrast)]])).ravel()
                     for x, y in places_xy.tolist()
                 ]
                 turned = (np.array(signals) @ kind.turn.T) / root
@@ -281,12 +277,11 @@ def next_places(
     signals = np.array([seen.table.signals(lumps, grid, angle, force) for lumps in chosen])
     hidden, weight = [], []
     root = np.sqrt(1 + sd**2 * kind.size)
-    none = np.zeros((len(seen.values), 2))
     for _ in range(60):
         lump = region.drawn(rng)
         if lump[DEPTH] + np.exp(lump[LOG_DIAMETER]) / 2 > region.thickness_mm - 0.3:
             continue
-        turned = (kind.turn @ likelihood.signal(lump[None], none).ravel()) / root
+        turned = (kind.turn @ likelihood.signal(lump[None]).ravel()) / root
         hidden.append(seen.table.signals(lump[None], grid, angle, force))
         weight.append(np.exp(-0.5 * min(float(turned @ turned), 200.0)))
     share = region.expected * np.array(weight) / len(weight)

@@ -46,6 +46,7 @@ from tsis.mapping.flags import (
 )
 from tsis.mapping.lump_map import LumpMap, MapNumbers, NextPlace
 from tsis.mapping.observation import observe
+from tsis.mapping.places import PLACE_MATTERS_MM, shifts, with_place_errors
 from tsis.mapping.posterior import BlockLikelihood, Region, Sampler, Samples, field_sds, greedy_fit, of_presses
 from tsis.mapping.prior import MapPrior
 from tsis.mapping.scan import Scan, first_few
@@ -62,6 +63,7 @@ if TYPE_CHECKING:
 
     from tsis.mapping.lump_map import Lump
     from tsis.mapping.observation import Observation
+    from tsis.mapping.posterior import Fit
     from tsis.mapping.signals import Floats, Integers
     from tsis.model.calibration import Calibration
     from tsis.model.flag import Finding
@@ -76,6 +78,7 @@ RESUMED = (
     *("z", "y", "x", "even", "variance", "blind_mm", "gains"),
 )  # arrays of a finished block in the file
 HARD_MISFIT = 1.35  # mean square of the whitened residual above which no model error of a few per cent explains it
+TYPICAL_LENGTH_MM = 6.0  # of the field, by which slopes are found before any lump is known
 TYPICAL_SIZE_MM, TYPICAL_TOP_MM = 8.0, 8.0  # of the lump by which the blind zone is judged
 LARGE_BLIND = 0.1  # of the area
 MOST_VOXELS = 4_000_000
@@ -274,15 +277,15 @@ def _block(
     share = float(np.prod(region.high[:2] - region.low[:2])) / area
     region = replace(region, expected=prior.lumps_per_scan * min(share, 1.0))
     length = None if start is None else float(np.median(start.untrusted.unevenness.untrusted.samples["length_mm"]))
-    likelihood = BlockLikelihood(part, prior, length_mm=length, report=report)
-    rows = None if start is None else _rows_within(start, low - reach, high + reach)
-    fit, candidates, gain = greedy_fit(likelihood, region, start=rows, report=report)
-    if not len(fit.lumps):
-        likelihood.with_signal_error(fit.lumps, fit.shift_mm)
+    rows = np.zeros((0, LUMP_COLUMNS)) if start is None else _rows_within(start, low - reach, high + reach)
+    likelihood, fit, candidates, gain, slopes = _fitted(part, prior, region, rows, length, report)
     rng = np.random.default_rng([seed, number])
     samples = Sampler(likelihood, region, fit, candidates, gain, rng).run(steps, report=report)
     likelihood.settle()
-    residual = part.values - likelihood.signal(fit.lumps, fit.shift_mm)
+    if slopes is not None:
+        samples = replace(samples, shift_mm=shifts(part, likelihood, fit.lumps, slopes))
+    seen = likelihood.observation
+    residual = seen.values - likelihood.signal(fit.lumps)
     weights = likelihood.log_weights(residual)
     kind, sd = np.unravel_index(weights.argmax(), weights.shape)
     field = likelihood.kinds[int(kind)]
@@ -294,7 +297,7 @@ def _block(
     even = variance = blind = np.zeros(own.shape)
     gains: list[NextPlace] = []
     if len(x) and len(y):
-        even, variance = uneven_modulus(likelihood, fit.lumps, fit.shift_mm, own)
+        even, variance = uneven_modulus(likelihood, fit.lumps, own)
         blind = _blind(likelihood, samples, own)
         rng = np.random.default_rng([seed, 10**6 + 1 + number])
         for place in next_places(likelihood, region, samples.learnt, fit, rng):
@@ -316,6 +319,27 @@ def _block(
     )
     stored.keep(number, block)
     return block
+
+
+def _fitted(
+    part: Observation, prior: MapPrior, region: Region, rows: Floats, length: float | None, report: Callable[[], None]
+) -> tuple[BlockLikelihood, Fit, Floats, Floats, Floats | None]:
+    """Likelihood and greedy fit of a block; where places err, by the slopes of its presses, found with the lumps."""
+    seen, slopes = part, None
+    errs = bool((part.place_sd_mm > PLACE_MATTERS_MM).any())
+    if errs:
+        first = BlockLikelihood(part, prior, length_mm=length or TYPICAL_LENGTH_MM)
+        seen, slopes = with_place_errors(part, first, rows)
+        report()
+    likelihood = BlockLikelihood(seen, prior, length_mm=length, report=report)
+    fit, candidates, gain = greedy_fit(likelihood, region, start=rows, report=report)
+    if errs and length is None:  # once more, with the slopes of the lumps that were found
+        seen, slopes = with_place_errors(part, likelihood, fit.lumps)
+        likelihood = BlockLikelihood(seen, prior, report=report)
+        fit, candidates, gain = greedy_fit(likelihood, region, start=fit.lumps, report=report)
+    if not len(fit.lumps):
+        likelihood.with_signal_error(fit.lumps)
+    return likelihood, fit, candidates, gain, slopes
 
 
 def _blind(likelihood: BlockLikelihood, samples: Samples, voxels: Voxels) -> Floats:

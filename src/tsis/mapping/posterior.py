@@ -3,7 +3,7 @@
 All that is linear and Gaussian, the noise, the nuisances and the tissue's field, is integrated out. For each kind of
 field (a length, a spectrum) the numbers are turned so that noise and field are both diagonal; a standard deviation of
 the field then costs a sum, and a lump a product of a matrix and a vector. The number of lumps, the lumps, the kind and
-size of the field and the shifts of places are sampled together (Green's reversible jump).
+size of the field are sampled together (Green's reversible jump).
 """
 
 from __future__ import annotations
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from tsis.mapping.prior import MapPrior
     from tsis.mapping.signals import Floats, Integers
 
+    Mixture = tuple[tuple[float, float], ...]  # lengths and weights of Gaussian fields whose sum a field is
+
 SDS = np.array([0.003, 0.01, 0.02, 0.03, 0.045, 0.065, 0.09, 0.12, 0.16, 0.21, 0.27, 0.35, 0.45, 0.6])
 IMPROBABLE = 12.0  # kinds of field less probable by this log factor are left out of the sampling
 MARGIN = 0.5  # of the face's radius: how far beyond the presses lumps are sought
@@ -37,7 +39,6 @@ UNEVEN_ERROR = 0.5  # of the field's standard deviation: a lump's signal depends
 # Errors of the kernel that all presses share, as solved scans show them: place and depth as parts of the depth,
 # logarithms of the diameter at equal strength and of the strength
 PLACE_ERROR, DEPTH_ERROR, RIDGE_ERROR, STRENGTH_ERROR = 0.02, 0.05, 0.05, 0.03
-PLACE_MATTERS_MM = 0.05  # standard deviation of a place from which its shift is sampled
 MOST_LUMPS = 12
 MOST_KINDS = 3  # of field that are sampled
 MIXED_MM = 5.0  # a field of a longer length comes also in equal parts with one of the shortest
@@ -125,6 +126,7 @@ class FieldKind:
     length_mm: float
     is_rough: bool
     log_root: float  # logarithm of the determinant of the root of the noise's covariance
+    mixture: Mixture
     turn: Floats  # (n, n): turned numbers have the variance 1 + sd**2 * size
     size: Floats
 
@@ -167,13 +169,18 @@ class BlockLikelihood:
                 if report is not None:
                     report()
         by = dict(zip(lengths.tolist(), by_length, strict=True))
-        self._fields = [(length, False, field) for length, field in by.items()]
+        mixtures: list[tuple[float, bool, Mixture]] = [(length, False, ((length, 1.0),)) for length in by]
         if length_mm is None:
-            for length in LENGTHS_MM[1:].tolist():
-                mixed = sum(w * field for w, field in zip(tail_weights(length), by_length, strict=True))
-                self._fields.append((length, True, np.asarray(mixed)))
+            rougher = LENGTHS_MM[1:].tolist()
+            mixtures += [
+                (length, True, tuple(zip(by, tail_weights(length).tolist(), strict=True))) for length in rougher
+            ]
         short = float(lengths[0])  # beside unevenness of its own, what the model errs in from press to press
-        self._fields += [(length, True, (by[short] + field) / 2) for length, field in by.items() if length > MIXED_MM]
+        mixtures += [(length, True, ((short, 0.5), (length, 0.5))) for length in by if length > MIXED_MM]
+        self._fields = [
+            (length, rough, mixture, sum((weight * by[one] for one, weight in mixture), np.zeros(1)))
+            for length, rough, mixture in mixtures
+        ]
         self._even_kinds = self._turned(observation.noise, range(len(self._fields)), report)
         self.kinds = self._even_kinds
 
@@ -186,13 +193,14 @@ class BlockLikelihood:
             inverse = scipy.linalg.lapack.dtrtri(root, lower=1)[0]
             kinds = []
             for index in which:
-                length, rough, field = self._fields[index]
+                length, rough, mixture, field = self._fields[index]
                 size, vectors = np.linalg.eigh(inverse @ field @ inverse.T)
                 kinds.append(
                     FieldKind(
                         log_root=log_root,
                         length_mm=length,
                         is_rough=rough,
+                        mixture=mixture,
                         turn=np.ascontiguousarray(vectors.T @ inverse),
                         size=np.maximum(size, 0.0),
                     )
@@ -201,14 +209,14 @@ class BlockLikelihood:
                     report()
         return kinds
 
-    def with_signal_error(self, lumps: Floats, shift_mm: Floats) -> None:
+    def with_signal_error(self, lumps: Floats) -> None:
         """Add the error of the model for these lumps to the noise; only probable kinds of field remain.
 
         A part of it differs between numbers. The larger part is shared: what the kernel errs in one harmonic of one
         lump, near to it and far from it, is the same in all presses, so that no number of presses averages it away.
         """
         seen = self.observation
-        signal = self.signal(lumps, shift_mm)
+        signal = self.signal(lumps)
         self.kinds = self._even_kinds
         weights = self.log_weights(seen.values - signal)
         best = weights.max(axis=1)
@@ -220,8 +228,8 @@ class BlockLikelihood:
         noise = seen.noise + np.diag(variance.ravel())
         harmonic = np.array([output[0] for output in seen.table.shapes.outputs])
         for lump in lumps:
-            alone = self.signal(lump[None], shift_mm)
-            far = np.hypot(*(seen.places_mm + shift_mm - lump[:2]).T) / seen.radius_mm
+            alone = self.signal(lump[None])
+            far = np.hypot(*(seen.places_mm - lump[:2]).T) / seen.radius_mm
             for slope in (np.ones(len(far)), np.clip(far - 1.0, -1.0, 1.0)):
                 columns = np.stack([alone * slope[:, None] * (harmonic == one) for one in np.unique(harmonic)])
                 size = shared * (1 + np.unique(harmonic) / 2)
@@ -229,14 +237,25 @@ class BlockLikelihood:
                 noise += flat.T @ flat
         self.kinds = self._turned(noise, kept)
 
+    def field_between(self, kind: FieldKind, places_mm: Floats, blur_mm2: Floats) -> Floats:
+        """Covariance of the field of a kind and unit variance between presses at other places and those observed."""
+        seen = self.observation
+
+        def of(length_mm: float) -> Floats:
+            return seen.field.cross_covariance(
+                length_mm, (places_mm, seen.angle, seen.force_n), (seen.places_mm, seen.angle, seen.force_n), blur_mm2
+            )
+
+        return sum((weight * of(length) for length, weight in kind.mixture), np.zeros(1))
+
     def settle(self) -> None:
         """Drop what only a change of the signal's error needs: most of the memory."""
         self._fields, self._even_kinds = [], []
 
-    def signal(self, lumps: Floats, shift_mm: Floats) -> Floats:
-        """Changes by lumps, (presses, numbers), with the places shifted."""
+    def signal(self, lumps: Floats) -> Floats:
+        """Changes by lumps, (presses, numbers)."""
         seen = self.observation
-        return seen.table.signals(lumps, seen.places_mm + shift_mm, seen.angle, seen.force_n)
+        return seen.table.signals(lumps, seen.places_mm, seen.angle, seen.force_n)
 
     def log_weights(self, residual: Floats) -> Floats:
         """Logarithm of the probability of each kind and standard deviation of the field times the likelihood."""
@@ -259,10 +278,9 @@ def signal_errors(sd: float) -> tuple[float, float]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Fit:
-    """A most probable state: lumps, shifts of places, kind and standard deviation of the field."""
+    """A most probable state: lumps, kind and standard deviation of the field."""
 
     lumps: Floats
-    shift_mm: Floats
     kind: int
     sd: int
     log_evidence: float
@@ -286,14 +304,13 @@ def greedy_fit(
 
     ``start`` has the lumps of an earlier fit (n, `LUMP_COLUMNS`), with which the search begins.
     """
-    presses = len(likelihood.observation.values)
     candidates = _candidates(region)
-    signals = np.array([likelihood.signal(one[None], np.zeros((presses, 2))).ravel() for one in candidates])
-    fit = _settled(likelihood, region, np.zeros((0, LUMP_COLUMNS)), np.zeros((presses, 2)))
+    signals = np.array([likelihood.signal(one[None]).ravel() for one in candidates])
+    fit = _settled(likelihood, region, np.zeros((0, LUMP_COLUMNS)))
     if start is not None and len(start):
         inside = np.array([region.moved_inside(one) for one in start])
-        likelihood.with_signal_error(inside, fit.shift_mm)
-        fit = _settled(likelihood, region, inside, fit.shift_mm)
+        likelihood.with_signal_error(inside)
+        fit = _settled(likelihood, region, inside)
     while True:
         gain = _gains(likelihood, fit, signals)
         if len(fit.lumps) >= MOST_LUMPS:
@@ -303,15 +320,15 @@ def greedy_fit(
             tried = np.vstack([fit.lumps, candidates[index]])
             if not region.allows(tried, len(tried) - 1) or gain[index] < 2.0:
                 continue
-            found = _settled(likelihood, region, tried, fit.shift_mm)
+            found = _settled(likelihood, region, tried)
             if best is None or found.log_evidence > best.log_evidence:
                 best = found
         if report is not None:
             report()
         if best is None or best.log_evidence <= fit.log_evidence:
             return fit, candidates, gain
-        likelihood.with_signal_error(best.lumps, best.shift_mm)
-        fit = _settled(likelihood, region, best.lumps, best.shift_mm)
+        likelihood.with_signal_error(best.lumps)
+        fit = _settled(likelihood, region, best.lumps)
 
 
 def _candidates(region: Region) -> Floats:
@@ -335,7 +352,7 @@ def _gains(likelihood: BlockLikelihood, fit: Fit, signals: Floats) -> Floats:
     """Gain of the log likelihood by each candidate, its contrast free within a factor."""
     kind, sd = likelihood.kinds[fit.kind], likelihood.sds[fit.sd]
     root = np.sqrt(1 + sd**2 * kind.size)
-    residual = likelihood.observation.values - likelihood.signal(fit.lumps, fit.shift_mm)
+    residual = likelihood.observation.values - likelihood.signal(fit.lumps)
     turned = (kind.turn @ residual.ravel()) / root
     with one_blas_thread():
         columns = (signals @ kind.turn.T) / root
@@ -355,86 +372,67 @@ def _apart(candidates: Floats, gain: Floats) -> list[int]:
     return chosen
 
 
-def _settled(likelihood: BlockLikelihood, region: Region, lumps: Floats, shift: Floats) -> Fit:
-    """Most probable lumps and shifts from a start, the field chosen in turn; Laplace's evidence."""
+def _settled(likelihood: BlockLikelihood, region: Region, lumps: Floats) -> Fit:
+    """Most probable lumps from a start, the field chosen in turn; Laplace's evidence."""
     seen = likelihood.observation
-    free_places = np.flatnonzero(seen.place_sd_mm > PLACE_MATTERS_MM)
-    lumps, shift = lumps.copy(), shift.copy()
-    weights = likelihood.log_weights(seen.values - likelihood.signal(lumps, shift))
+    lumps = lumps.copy()
+    weights = likelihood.log_weights(seen.values - likelihood.signal(lumps))
     kind, sd = (int(part) for part in np.unravel_index(weights.argmax(), weights.shape))
     wide = (region.high - region.low) / 2
     damping, hessian = 1e-2, np.zeros((0, 0))
     count = len(lumps) * LUMP_COLUMNS
-    if not len(lumps):
-        free_places = free_places[:0]
 
-    def objective(lumps: Floats, shift: Floats) -> tuple[float, Floats]:
+    def whitened(lumps: Floats) -> Floats:
         field = likelihood.kinds[kind]
         root = np.sqrt(1 + likelihood.sds[sd] ** 2 * field.size)
-        turned = (field.turn @ (seen.values - likelihood.signal(lumps, shift)).ravel()) / root
-        prior = ((shift / seen.place_sd_mm[:, None]) ** 2).sum()
-        return float(0.5 * turned @ turned + 0.5 * prior), turned
+        return np.asarray((field.turn @ (seen.values - likelihood.signal(lumps)).ravel()) / root)
 
     for round_ in range(ROUNDS if count else 0):
-        value, turned = objective(lumps, shift)
+        turned = whitened(lumps)
+        value = better = float(0.5 * turned @ turned)
         field = likelihood.kinds[kind]
         root = np.sqrt(1 + likelihood.sds[sd] ** 2 * field.size)
-        columns = np.zeros((seen.values.size, count + 2 * len(free_places)))
-        base = likelihood.signal(lumps, shift)
+        columns = np.zeros((seen.values.size, count))
         for number, lump in enumerate(lumps):
-            alone = likelihood.signal(lump[None], shift)
+            alone = likelihood.signal(lump[None])
             for axis in range(LUMP_COLUMNS):
                 moved = lump.copy()
                 moved[axis] += STEPS[axis]
-                change = (likelihood.signal(moved[None], shift) - alone) / STEPS[axis]
+                change = (likelihood.signal(moved[None]) - alone) / STEPS[axis]
                 columns[:, number * LUMP_COLUMNS + axis] = change.ravel()
-        for axis in range(2 if len(free_places) else 0):
-            moved_shift = shift.copy()
-            moved_shift[:, axis] += STEPS[axis]
-            change = (likelihood.signal(lumps, moved_shift) - base) / STEPS[axis]
-            for at, press in enumerate(free_places.tolist()):
-                column = np.zeros_like(change)
-                column[press] = change[press]
-                columns[:, count + 2 * at + axis] = column.ravel()
         with one_blas_thread():
             jacobian = (field.turn @ columns) / root[:, None]
-        weak = np.concatenate([np.tile(1 / wide**2, len(lumps)), np.repeat(seen.place_sd_mm[free_places] ** -2.0, 2)])
-        hessian = jacobian.T @ jacobian + np.diag(weak)
+        hessian = jacobian.T @ jacobian + np.diag(np.tile(1 / wide**2, len(lumps)))
         gradient = jacobian.T @ turned
-        gradient[count:] -= (shift[free_places] / seen.place_sd_mm[free_places, None] ** 2).ravel()
         for _ in range(6):
             step = np.linalg.solve(hessian + damping * np.diag(np.diag(hessian)), gradient)
-            new = lumps + np.clip(step[:count].reshape(-1, LUMP_COLUMNS), -0.4 * wide, 0.4 * wide)
+            new = lumps + np.clip(step.reshape(-1, LUMP_COLUMNS), -0.4 * wide, 0.4 * wide)
             new = np.array([region.moved_inside(one) for one in new])
-            new_shift = shift.copy()
-            new_shift[free_places] += step[count:].reshape(-1, 2)
-            better, _ = objective(new, new_shift)
+            turned = whitened(new)
+            better = float(0.5 * turned @ turned)
             if better < value:
-                lumps, shift, damping = new, new_shift, max(damping / 5, 1e-6)
+                lumps, damping = new, max(damping / 5, 1e-6)
                 break
             damping = min(damping * 5, 1e6)
         converged = better >= value or value - better < 0.02
         if round_ % 3 == 2 or converged:
-            weights = likelihood.log_weights(seen.values - likelihood.signal(lumps, shift))
+            weights = likelihood.log_weights(seen.values - likelihood.signal(lumps))
             best = tuple(int(part) for part in np.unravel_index(weights.argmax(), weights.shape))
             if converged and best == (kind, sd):
                 break
             kind, sd = best
-    weights = likelihood.log_weights(seen.values - likelihood.signal(lumps, shift))
+    weights = likelihood.log_weights(seen.values - likelihood.signal(lumps))
     evidence = float(np.logaddexp.reduce(weights.ravel()))
-    evidence -= 0.5 * float(((shift / seen.place_sd_mm[:, None]) ** 2).sum())
     spread = np.zeros((len(lumps), LUMP_COLUMNS, LUMP_COLUMNS))
     if count:
-        scale = np.repeat(seen.place_sd_mm[free_places], 2)
         _, log_determinant = np.linalg.slogdet(hessian)
         evidence += len(lumps) * region.log_density + 0.5 * count * np.log(2 * np.pi) - 0.5 * float(log_determinant)
-        evidence -= float(np.log(scale).sum())
         if any(not region.allows(lumps, number) for number in range(len(lumps))):
             evidence = -np.inf
         for number in range(len(lumps)):
             part = slice(number * LUMP_COLUMNS, (number + 1) * LUMP_COLUMNS)
             spread[number] = np.linalg.inv(hessian[part, part])
-    return Fit(lumps=lumps, shift_mm=shift, kind=kind, sd=sd, log_evidence=evidence, spread=spread, log_weight=weights)
+    return Fit(lumps=lumps, kind=kind, sd=sd, log_evidence=evidence, spread=spread, log_weight=weights)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -450,7 +448,7 @@ class Samples:
     sd, length_mm
         Of the field, shape (states,).
     shift_mm
-        Mean shift of each place, shape (presses, 2).
+        Posterior mean of the error of each place, shape (presses, 2); zeros by the sampler, which holds them as noise.
     accepted
         Fraction of accepted moves by kind.
     """
@@ -476,7 +474,7 @@ class Sampler:
         rng: np.random.Generator,
     ) -> None:
         self.likelihood, self.region, self.rng = likelihood, region, rng
-        self.lumps, self.shift = fit.lumps.copy(), fit.shift_mm.copy()
+        self.lumps = fit.lumps.copy()
         self._fit = fit
         weight = np.exp(np.clip(gain, 0.0, 8.0))
         self._weight = 0.8 * weight / weight.sum() + 0.2 / len(weight)
@@ -487,7 +485,7 @@ class Sampler:
         self._choose_field(self._residual())
 
     def _residual(self) -> Floats:
-        return self.likelihood.observation.values - self.likelihood.signal(self.lumps, self.shift)
+        return self.likelihood.observation.values - self.likelihood.signal(self.lumps)
 
     def _choose_field(self, residual: Floats) -> None:
         """Draw kind and standard deviation of the field given everything else (Gibbs)."""
@@ -525,7 +523,7 @@ class Sampler:
             self.tried[name] = self.tried.get(name, 0) + 1
             return
         signal = self.likelihood.signal
-        change = signal(lump[None], self.shift) - signal(self.lumps[number][None], self.shift)
+        change = signal(lump[None]) - signal(self.lumps[number][None])
         if self._decide(name, log_ratio, *self._proposed(change)):
             self.lumps = new
 
@@ -572,7 +570,7 @@ class Sampler:
             self.tried["birth"] = self.tried.get("birth", 0) + 1
             return
         ratio = region.log_density - self._birth_density(lump) - np.log(len(new))
-        change = self.likelihood.signal(lump[None], self.shift)
+        change = self.likelihood.signal(lump[None])
         if self._decide("birth", ratio, *self._proposed(change)):
             self.lumps = new
 
@@ -591,7 +589,7 @@ class Sampler:
         number = int(self.rng.integers(len(self.lumps)))
         lump = self.lumps[number]
         ratio = self._birth_density(lump) + np.log(len(self.lumps)) - self.region.log_density
-        change = -self.likelihood.signal(lump[None], self.shift)
+        change = -self.likelihood.signal(lump[None])
         if self._decide("death", ratio, *self._proposed(change)):
             self.lumps = np.delete(self.lumps, number, axis=0)
 
@@ -645,45 +643,13 @@ class Sampler:
             return
         ratio = self.region.log_density + np.log(parents) - np.log(len(close))
         signal = self.likelihood.signal
-        change = signal(come, self.shift) - signal(gone, self.shift)
+        change = signal(come) - signal(gone)
         if self._decide(name, (ratio if name == "split" else -ratio) - log_density, *self._proposed(change)):
             self.lumps = new
 
-    def _shift_place(self, press: int) -> None:
-        """Move the place of one press."""
-        sd = self.likelihood.observation.place_sd_mm[press]
-        new = self.shift.copy()
-        new[press] += self.rng.normal(0.0, sd * self.rng.choice([0.05, 0.2, 0.6]), 2)
-        ratio = 0.5 * float((self.shift[press] ** 2).sum() - (new[press] ** 2).sum()) / sd**2
-        change = self.likelihood.signal(self.lumps, new) - self.likelihood.signal(self.lumps, self.shift)
-        if not np.abs(change).any():
-            if np.log(self.rng.random()) < ratio:
-                self.shift = new
-            return
-        if self._decide("place", ratio, *self._proposed(change)):
-            self.shift = new
-
-    def _shift_all(self, number: int) -> None:
-        """Move one lump and the places of the presses near it together: the signal hardly changes."""
-        seen = self.likelihood.observation
-        near = np.hypot(*(seen.places_mm - self.lumps[number, :2]).T) < seen.radius_mm * 1.5
-        by = self.rng.normal(0.0, float(seen.place_sd_mm.mean()) / np.sqrt(max(near.sum(), 1)), 2)
-        new, shift = self.lumps.copy(), self.shift.copy()
-        new[number, :2] += by
-        shift[near] += by
-        if not self.region.allows(new, number):
-            return
-        sd = seen.place_sd_mm[:, None]
-        ratio = 0.5 * float(((self.shift / sd) ** 2).sum() - ((shift / sd) ** 2).sum())
-        change = self.likelihood.signal(new, shift) - self.likelihood.signal(self.lumps, self.shift)
-        if self._decide("shift", ratio, *self._proposed(change)):
-            self.lumps, self.shift = new, shift
-
     def step(self) -> None:
         """One move."""
-        rng = self.rng
-        uneven_places = bool((self.likelihood.observation.place_sd_mm > PLACE_MATTERS_MM).any())
-        kind = rng.random()
+        kind = self.rng.random()
         if kind < 0.11:
             self._birth()
         elif kind < 0.22:
@@ -693,21 +659,17 @@ class Sampler:
         elif kind < 0.3:
             self._merge()
         elif len(self.lumps):
-            number = int(rng.integers(len(self.lumps)))
+            number = int(self.rng.integers(len(self.lumps)))
             if kind < 0.4:
                 self._ridge(number)
-            elif kind < 0.7 or not uneven_places:
-                self._walk(number)
-            elif kind < 0.75:
-                self._shift_all(number)
             else:
-                self._shift_place(int(rng.integers(len(self.shift))))
+                self._walk(number)
 
     def run(
         self, steps: int, *, every: int = 20, burn: float = 0.25, report: Callable[[], None] | None = None
     ) -> Samples:
         """Take steps; states after the first part are kept."""
-        lumps, learnt, sds, lengths, shifts = [], [], [], [], np.zeros_like(self.shift)
+        lumps, learnt, sds, lengths = [], [], [], []
         with one_blas_thread():
             for step in range(steps):
                 if step % 50 == 0:
@@ -718,7 +680,6 @@ class Sampler:
                     learnt.append(self.lumps.copy())
                     sds.append(self.likelihood.sds[self.sd])
                     lengths.append(self.likelihood.kinds[self.kind].length_mm)
-                    shifts += self.shift
                 if report is not None and step % 500 == 499:
                     report()
         return Samples(
@@ -726,7 +687,7 @@ class Sampler:
             learnt=tuple(learnt),
             sd=np.array(sds),
             length_mm=np.array(lengths),
-            shift_mm=shifts / len(lumps),
+            shift_mm=np.zeros((len(self.likelihood.observation.values), 2)),
             accepted={name: self.taken.get(name, 0) / count for name, count in self.tried.items()},
         )
 

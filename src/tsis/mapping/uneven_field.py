@@ -111,37 +111,47 @@ class FieldResponses:
         self, length_mm: float, places_mm: Floats, angle: Floats, force: Floats, place_sd_mm: Floats
     ) -> Floats:
         """Covariance of all numbers of all presses by a field of unit variance, (presses * numbers) squared."""
-        shift = places_mm[:, None] - places_mm[None]
+        blur = place_sd_mm[:, None] ** 2 + place_sd_mm[None] ** 2
+        np.fill_diagonal(blur, 0.0)
+        result = self.cross_covariance(length_mm, (places_mm, angle, force), (places_mm, angle, force), blur)
+        return (result + result.T) / 2
+
+    def cross_covariance(
+        self,
+        length_mm: float,
+        first: tuple[Floats, Floats, Floats],
+        second: tuple[Floats, Floats, Floats],
+        blur_mm2: Floats,
+    ) -> Floats:
+        """Covariance of the numbers of two sets of presses, (numbers of the first, numbers of the second).
+
+        Each set has places, angles and forces; ``blur_mm2`` is the variance of the distance of each pair's places.
+        """
+        shift = first[0][:, None] - second[0][None]
         far = np.hypot(shift[..., 0], shift[..., 1])
         bearing = np.arctan2(shift[..., 1], shift[..., 0])
         waves = self.waves(length_mm, float(far.max()))
         order = self.shapes.order
         inner = np.einsum("khs,kht->kst", waves.cosine, waves.cosine, optimize=True)
         inner += np.einsum("khs,kht->kst", waves.sine, waves.sine, optimize=True)
-        blur = np.exp(-0.5 * waves.number[:, None, None] ** 2 * (place_sd_mm[:, None] ** 2 + place_sd_mm[None] ** 2))
-        blur[:, np.arange(len(far)), np.arange(len(far))] = 1.0
-        blur *= waves.weight[:, None, None]
+        blur = np.exp(-0.5 * waves.number[:, None, None] ** 2 * blur_mm2) * waves.weight[:, None, None]
         most = 2 * int(order.max())
         # J_n(k d): the mean over directions of exp(i k d cos) cos(n .) is i^n J_n
         around = scipy.special.jv(np.arange(most + 1)[:, None, None, None], waves.number[:, None, None] * far) * blur
         outputs = self.shapes.outputs
         starts = np.concatenate([[0], np.cumsum([part.shape[1] for part in self.shapes.basis])])
-        presses, count = len(places_mm), len(outputs)
-        each, total = np.arange(presses), np.zeros((presses, count, presses, count))
+        count = len(outputs)
+        rows, columns = np.arange(len(far)), np.arange(far.shape[1])
+        total = np.zeros((len(rows), count, len(columns), count))
         place = {(m, side): np.flatnonzero([(o[0], o[1]) == (m, side) for o in outputs]) for m, side, _ in outputs}
         for m, side in place:
             for n, other in place:
-                if (n, other) < (m, side):
-                    continue
                 block = inner[:, starts[m] : starts[m + 1], starts[n] : starts[n + 1]]
-                geometry = _around(m, side, n, other, bearing, angle, np.asarray(around, dtype=float))
+                geometry = _around(m, side, n, other, bearing, (first[1], second[1]), np.asarray(around, dtype=float))
                 values = np.einsum("kpq,kst->psqt", geometry, block, optimize=True)
-                total[np.ix_(each, place[m, side], each, place[n, other])] = values
-                if (m, side) != (n, other):
-                    total[np.ix_(each, place[n, other], each, place[m, side])] = values.transpose(2, 3, 0, 1)
-        total *= force[:, None, None, None] * force[None, None, :, None]
-        result = total.reshape(presses * count, presses * count)
-        return (result + result.T) / 2
+                total[np.ix_(rows, place[m, side], columns, place[n, other])] = values
+        total *= first[2][:, None, None, None] * second[2][None, None, :, None]
+        return total.reshape(len(rows) * count, len(columns) * count)
 
     def with_points(self, length_mm: float, at_mm: Floats, places_mm: Floats, angle: Floats, force: Floats) -> Floats:
         """Covariance of the field of unit variance at points (n, 3) with all numbers, (n, presses * numbers).
@@ -172,17 +182,20 @@ class FieldResponses:
         return result.reshape(len(at_mm), -1)
 
 
-def _around(m: int, side: int, n: int, other: int, bearing: Floats, angle: Floats, bessel: Floats) -> Floats:
+def _around(
+    m: int, side: int, n: int, other: int, bearing: Floats, angles: tuple[Floats, Floats], bessel: Floats
+) -> Floats:
     """Mean over the directions of waves of ``i^(m - n) exp(i k d) T_m T_n``, shape (k, presses, presses), with gains.
 
-    ``T`` is the cosine or sine of the harmonic of each press in its own frame, ``bessel[n]`` the weighted J_n(k d).
+    ``T`` is the cosine or sine of the harmonic of each press in its own frame, which is turned by ``angles``;
+    ``bessel[n]`` is the weighted J_n(k d).
     """
     gain = (1.0 if m == 0 else 2.0) * (1.0 if n == 0 else 2.0)
     total = np.zeros(bessel.shape[1:])
     # T_m T_n as sums of cosines and sines of (m - n) and (m + n): cos(a) = Re, sin(a) = Re(-i e^{ia})
     for sign in (1, -1):
         # product of cos(m b - pa) cos(n b - pb) = (cos(diff) + cos(sum)) / 2, phases pa, pb of each side
-        phase = side * np.pi / 2 + m * angle[:, None] + sign * (other * np.pi / 2 + n * angle[None])
+        phase = side * np.pi / 2 + m * angles[0][:, None] + sign * (other * np.pi / 2 + n * angles[1][None])
         harmonic = m + sign * n
         # mean over b: i^(m-n) e^{i k d cos(b - bearing)} cos(h b - phase) = i^(m-n+|h|) J_|h| cos(h bearing - phase)
         power = (m - n + abs(harmonic)) % 4  # even: the answer is real

@@ -1,0 +1,91 @@
+"""Uncertain places of presses: their errors as noise in the direction in which a press would change beside its place.
+
+A press whose place errs by s reads ``T(p + s)`` of the tissue's total change T, lumps and unevenness together. All
+presses tell T well enough for its derivatives at each place, whatever it is made of. For s of the standard deviation a
+along both axes, ``T + s_x T_x + s_y T_y + (s_x^2 T_xx + 2 s_x s_y T_xy + s_y^2 T_yy) / 2`` has the mean
+``T + a^2 (T_xx + T_yy) / 2`` and the covariance ``a^2 (T_x T_x' + T_y T_y') + a^4 (T_xx T_xx' / 2 + T_xy T_xy' +
+T_yy T_yy' / 2)``. Lumps and unevenness are judged by the same noise, so that neither explains errors of places which
+the other could not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tsis.compiled import one_blas_thread
+
+if TYPE_CHECKING:
+    from tsis.mapping.observation import Observation
+    from tsis.mapping.posterior import BlockLikelihood
+    from tsis.mapping.signals import Floats
+
+PLACE_MATTERS_MM = 0.05  # standard deviation of a place from which its error counts
+LEAST_STEP_MM, LARGEST_STEP_MM = 0.3, 2.0  # of differences; between them the standard deviation
+EXACT_MM = 1e-3  # of places whose error is noise
+
+
+def with_place_errors(
+    observation: Observation, likelihood: BlockLikelihood, lumps: Floats
+) -> tuple[Observation, Floats]:
+    """The presses with the errors of their places as noise.
+
+    Parameters
+    ----------
+    observation
+        The presses.
+    likelihood
+        Of these presses, with or without the errors of their places as noise.
+    lumps
+        The most probable lumps by that likelihood, (n, `LUMP_COLUMNS`).
+
+    Returns
+    -------
+    The presses, and the derivatives of each by x and y over the error of its place, (presses, 2, numbers).
+    """
+    seen, kind, sd, weighted = _explained(likelihood, lumps)
+    blur = np.broadcast_to(seen.place_sd_mm**2, (len(seen.values), len(seen.values)))
+    step = np.clip(observation.place_sd_mm, LEAST_STEP_MM, LARGEST_STEP_MM)[:, None]
+
+    def at(*by: float) -> Floats:
+        """The total change of each press so many steps beside its place."""
+        moved = observation.places_mm + step * np.array(by)
+        lump = seen.table.signals(lumps, moved, seen.angle, seen.force_n)
+        field = sd**2 * likelihood.field_between(kind, moved, blur) @ weighted
+        return np.asarray(lump + field.reshape(lump.shape))
+
+    here, right, left, up, down = at(0, 0), at(1, 0), at(-1, 0), at(0, 1), at(0, -1)
+    size = np.where(observation.place_sd_mm > PLACE_MATTERS_MM, observation.place_sd_mm, 0.0)[:, None] / step
+    first = np.stack([right - left, up - down], axis=1) * size[..., None] / 2
+    along = [(one - 2 * here + other) * size**2 for one, other in ((right, left), (up, down))]
+    across = (at(1, 1) + at(-1, -1) - at(1, -1) - at(-1, 1)) * size**2 / 4
+    second = np.stack([along[0] / np.sqrt(2), along[1] / np.sqrt(2), across], axis=1)
+    return (
+        replace(
+            observation,
+            values=observation.values - (along[0] + along[1]) / 2,
+            own=observation.own + first.swapaxes(1, 2) @ first + second.swapaxes(1, 2) @ second,
+            place_sd_mm=np.where(size[:, 0] > 0, EXACT_MM, observation.place_sd_mm),
+        ),
+        first,
+    )
+
+
+def shifts(observation: Observation, likelihood: BlockLikelihood, lumps: Floats, slopes: Floats) -> Floats:
+    """Posterior mean of the errors of places to first order in mm, (presses, 2): ``a G' C^-1 r`` with G, ``slopes``."""
+    weighted = _explained(likelihood, lumps)[3].reshape(observation.values.shape)
+    return np.asarray(observation.place_sd_mm[:, None] * np.einsum("pan,pn->pa", slopes, weighted))
+
+
+def _explained(likelihood: BlockLikelihood, lumps: Floats) -> tuple[Observation, Any, float, Floats]:
+    """The presses, the most probable kind of field and its standard deviation, and the residual over its covariance."""
+    seen = likelihood.observation
+    residual = seen.values - likelihood.signal(lumps)
+    weights = likelihood.log_weights(residual)
+    number, at = (int(part) for part in np.unravel_index(weights.argmax(), weights.shape))
+    kind, sd = likelihood.kinds[number], float(likelihood.sds[at])
+    with one_blas_thread():
+        turned = kind.turn @ residual.ravel()
+        return seen, kind, sd, kind.turn.T @ (turned / (1 + sd**2 * kind.size))
