@@ -19,9 +19,11 @@ def packages() -> list[str]:
 
 
 def summary(path: Path) -> str:
-    """First sentence or paragraph of a module's docstring, on one line."""
+    """First sentence of a module's docstring on one line; of a long one what stands before its colon."""
     text = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
-    return " ".join(text.split("\n\n")[0].split())
+    sentence = re.split(r"(?<=\.) (?=[A-Z`])", " ".join(text.split("\n\n")[0].split()))[0]
+    head, colon, _ = sentence.partition(": ")
+    return f"{head}." if colon and len(head.split()) >= 4 and len(sentence.split()) > 12 else sentence
 
 
 def module_list() -> str:

@@ -1,4 +1,4 @@
-"""Compiled inner functions with their static types, and linear algebra on one thread."""
+"""Compiled inner functions, and linear algebra on one thread."""
 
 from __future__ import annotations
 

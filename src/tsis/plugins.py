@@ -1,4 +1,4 @@
-"""Plug-ins: cameras, probes, gauges, matching methods and exporters that other packages bring by entry points.
+"""Plug-ins of other packages by entry points.
 
 A package offers a plug-in in its pyproject.toml, for example a camera of the name ``acme``::
 

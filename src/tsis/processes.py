@@ -1,4 +1,4 @@
-"""Work in a process of its own, which ends together with this program and is not interrupted at its terminal."""
+"""Work in a process of its own, which ends together with this program."""
 
 from __future__ import annotations
 

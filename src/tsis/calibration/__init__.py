@@ -1,4 +1,4 @@
-"""Calibration of a probe: scale, light, force and response; the guard that flags unusable presses."""
+"""Calibration of a probe: scale, light, force and response; the press guard."""
 
 from typing import TYPE_CHECKING
 

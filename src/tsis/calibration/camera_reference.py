@@ -1,4 +1,4 @@
-"""The camera reference: dark frame, untouched probe, flat field and noise, and the correction of later frames.
+"""The camera reference: dark frame, untouched probe, flat field, noise.
 
 Noise follows from photon transfer: repeated frames at several levels of light. A pixel's variance is
 ``read**2 + 1/12 + shot * light``: read noise, rounding to whole grey levels, and photons. Under noise of some tenths of

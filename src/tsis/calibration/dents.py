@@ -1,4 +1,4 @@
-"""Light on a dented face, fitted together with gain and contact law to presses on soft flat pads and by the tips.
+"""Light on a dented face, fitted with gain and contact law.
 
 Gain, contact law and change of the light by a dent appear as a product. Each alone stays uncertain, but pads flatten
 the face as tissue does, so their product is known where presses on tissue need it. The joint covariance tells so.

@@ -1,4 +1,4 @@
-"""The force line: the straight line of the sum of grey levels against force, by the loading procedure of section 5.1.
+"""The force line: the sum of grey levels against force (section 5.1).
 
 A loading is one run of a tip with readings of camera and gauge in order of time. Errors of one run are correlated: the
 lamps drift, the light at the tip's position differs, the probe has memory. The standard deviation of least squares

@@ -1,4 +1,4 @@
-"""Frames of a target from a folder with their sidecars, and a calibration applied to raw frames."""
+"""Frames of a target from a folder, and a calibration applied to them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Drift of lamps by a reference patch, and their warm-up ``level (1 + A exp(-t / tau))``, fitted to its ratios.
+"""Drift and warm-up of lamps, by a reference patch.
 
 Lamps also drift at random. A fit that assumes white noise gives intervals several times too short, so the noise model
 is white noise plus a random walk. Its variance and the time constant are integrated over a grid, level and amplitude

@@ -1,4 +1,4 @@
-"""Pixel scale: millimetres on the face per pixel along each axis of the image, and its measurement by a ball.
+"""Pixel scale: mm on the face per pixel along each axis.
 
 Presses of one ball at known travels show how fast its cap widens. The map from depth to grey level is a free
 polynomial, and sectors about the ball, left out in turn, give the uncertainty.

@@ -1,4 +1,4 @@
-"""A calibration session: its setup and steps, their frames on disk or from running hardware, and the calibration."""
+"""A calibration session: its steps, their frames, and the calibration."""
 
 from __future__ import annotations
 

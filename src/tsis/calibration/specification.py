@@ -1,4 +1,4 @@
-"""The specification sheet of a probe: width of an edge, frame rate, and the figures of the force line, as measured."""
+"""The specification sheet of a probe, as measured."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Probes, phantoms, spheres, gel sensors and priors of the package, as TOML files that a user can copy and replace."""
+"""Probes, phantoms, spheres, gel sensors and priors as TOML files."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""Probes of the dissertation from a TOML file, those of plug-ins, and a probe as such a file."""
+"""Probes from a TOML file or a plug-in, and a probe as such a file."""
 
 from __future__ import annotations
 

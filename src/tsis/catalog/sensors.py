@@ -1,4 +1,4 @@
-"""Gel sensors from a TOML file, probes as gel sensors, and a user's sensor files."""
+"""Gel sensors from TOML files, and probes as gel sensors."""
 
 from __future__ import annotations
 

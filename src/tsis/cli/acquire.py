@@ -1,4 +1,4 @@
-"""``tsis acquire``: frames of any camera, of stored files or of the virtual probe, shown, watched and saved on disk.
+"""``tsis acquire``: frames of any camera, shown, watched and saved.
 
 A force gauge can be read beside the camera; `live_connector` and `gauge_log` serve other commands too.
 """

@@ -1,4 +1,4 @@
-"""``tsis calibrate``: create, show and seal the calibration of a probe, guided or from saved frames."""
+"""``tsis calibrate``: create, show and seal a probe's calibration."""
 
 from __future__ import annotations
 

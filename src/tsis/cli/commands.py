@@ -1,4 +1,4 @@
-"""How the commands are found: imported when they are called, so that ``tsis --help`` loads no numerical library."""
+"""How the commands are found, imported when they are called."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Servers: ``tsis console`` and ``tsis login``, the instrument in a browser; ``tsis serve``, a GigE Vision camera.
+"""``tsis console``, ``tsis login``, ``tsis serve``: servers.
 
 The console is imported by name when a command runs: the two user interfaces do not depend on each other.
 """

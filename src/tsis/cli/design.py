@@ -1,4 +1,4 @@
-"""``tsis design``: expected estimation errors of a probe and its presses, before they are built."""
+"""``tsis design``: expected errors of a probe before it is built."""
 
 from __future__ import annotations
 

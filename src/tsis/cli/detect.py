@@ -1,4 +1,4 @@
-"""``tsis detect``: train a classifier on targets with a known truth, and classify other targets."""
+"""``tsis detect``: train and apply a classifier of targets."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``tsis doctor``: what is installed, where data lie, what is missing, and the command that brings it."""
+"""``tsis doctor``: what is installed, and what is missing."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``tsis examine``: the inclusion under a pressed probe, from a folder that tells all or from frames and options."""
+"""``tsis examine``: the inclusion under a pressed probe."""
 
 from __future__ import annotations
 

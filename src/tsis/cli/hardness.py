@@ -1,4 +1,4 @@
-"""``tsis hardness``: Young's modulus of a touched object, by a probe's own frames or by contacts of a gel sensor."""
+"""``tsis hardness``: Young's modulus of a touched object."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``tsis network``: train networks on simulated presses, and apply them to frames."""
+"""``tsis network``: train networks and apply them to frames."""
 
 from __future__ import annotations
 

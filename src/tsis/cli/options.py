@@ -1,4 +1,4 @@
-"""Options by which commands name a phantom or a probe of the catalog, and values to replace in it."""
+"""Options that name a phantom or probe, and replace its values."""
 
 from __future__ import annotations
 

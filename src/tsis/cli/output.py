@@ -1,4 +1,4 @@
-"""What commands print: tables and progress for people on a terminal, JSON for programs."""
+"""What commands print: tables for people, JSON for programs."""
 
 from __future__ import annotations
 

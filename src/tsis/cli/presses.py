@@ -1,4 +1,4 @@
-"""Presses of a probe as commands take them: frames with options, or one folder that tells about its frames."""
+"""Presses as commands take them: frames with options, or a folder."""
 
 from __future__ import annotations
 

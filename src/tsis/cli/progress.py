@@ -1,4 +1,4 @@
-"""What is written on standard error while a command runs, and how the program ends."""
+"""What standard error says while a command runs."""
 
 from __future__ import annotations
 

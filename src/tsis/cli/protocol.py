@@ -1,4 +1,4 @@
-"""``tsis protocol``: the forces of an examination, by the tissue."""
+"""``tsis protocol``: the forces of an examination."""
 
 from __future__ import annotations
 

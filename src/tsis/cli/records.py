@@ -1,4 +1,4 @@
-"""``tsis records``: list, show, verify, back up, restore, import, recompute, edit and export targets.
+"""``tsis records``: targets of a store.
 
 The store's own libraries are imported when a command runs, so that the program starts quickly.
 """

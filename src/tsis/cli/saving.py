@@ -1,4 +1,4 @@
-"""The store of records as commands use it: named by options, and filled by ``--save``."""
+"""The store of records as commands use it."""
 
 from __future__ import annotations
 

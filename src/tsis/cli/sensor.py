@@ -1,4 +1,4 @@
-"""Gel sensors: ``tsis sensor`` makes, checks and shows their files; other commands read their frames."""
+"""``tsis sensor``: files of gel sensors, and their frames."""
 
 from __future__ import annotations
 

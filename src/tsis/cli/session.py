@@ -1,4 +1,4 @@
-"""``tsis session``: any folder of frames with forces becomes a session folder, which other commands read."""
+"""``tsis session``: any folder of frames becomes a session folder."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``tsis simulate``: pressure and displacement of a press, frames of a virtual gel sensor, or a virtual scan."""
+"""``tsis simulate``: a press, gel frames, or a virtual scan."""
 
 from __future__ import annotations
 

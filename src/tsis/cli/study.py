@@ -1,4 +1,4 @@
-"""``tsis study``: blinded studies from the list of targets to the report, cards, checks, the kit, scan plans.
+"""``tsis study``: blinded studies, cards, checks, the kit.
 
 The package of studies is imported when a command runs, so that the program starts quickly.
 """

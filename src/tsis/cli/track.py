@@ -1,4 +1,4 @@
-"""``tsis track``: movement of a press's light over a sequence of frames, and whether the press has settled."""
+"""``tsis track``: movement of a press's light, and settling."""
 
 from __future__ import annotations
 

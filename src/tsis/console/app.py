@@ -1,4 +1,4 @@
-"""The console as one application, and its address opened in this user's browser without the key on a command line."""
+"""The console as one application, and its address opened in the browser."""
 
 from __future__ import annotations
 

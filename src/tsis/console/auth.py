@@ -1,4 +1,4 @@
-"""Who may use the console: its key, logins, sessions, and the checks and headers of every request."""
+"""Who may use the console: key, logins, sessions, and checks of every request."""
 
 from __future__ import annotations
 

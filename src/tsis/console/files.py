@@ -1,4 +1,4 @@
-"""Files that pages link to: small pictures of frames, reports, exports."""
+"""Files that pages link to: pictures, reports, exports."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Errors as sentences for people, with the labels of a page's fields in place of the names of parameters."""
+"""Errors as sentences with the labels of a page's fields."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The server of a console: certificate, address, log, and start until interruption."""
+"""The server of a console: certificate, address, log."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""HTTP statuses of the classes of `tsis.errors`, for pages and scripts."""
+"""HTTP statuses of the classes of `tsis.errors`."""
 
 from __future__ import annotations
 

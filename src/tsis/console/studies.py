@@ -1,4 +1,4 @@
-"""Blinded studies of a console: folders below its workspace, what is under way with them, and their reports."""
+"""Blinded studies of a console, below its workspace."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The client of an open page: its identity, permissions and messages, and the state that all pages read."""
+"""The client of an open page: identity, permissions, messages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What several pages share: help, messages of errors, buttons, fields, lists, tables and texts."""
+"""What several pages share: help, buttons, fields, tables."""
 
 from __future__ import annotations
 

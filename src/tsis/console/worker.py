@@ -1,4 +1,4 @@
-"""Heavy work in a worker process, so that it does not block the live views."""
+"""Heavy work in a worker process."""
 
 from __future__ import annotations
 

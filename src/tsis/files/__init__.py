@@ -1,4 +1,4 @@
-"""Files: atomic writes, bounded reading of JSON, tables, images and archives, values as JSON, cache, hash chains."""
+"""Files: atomic writes, bounded reading, values as JSON, cache, hash chains."""
 
 from typing import TYPE_CHECKING
 

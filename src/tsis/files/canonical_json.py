@@ -1,4 +1,4 @@
-"""The canonical JSON form, the content hash, and the JSON of files for people."""
+"""The canonical JSON form and the content hash."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Image files in memory: whether they are whole and of bounded size, and PNG, JPEG and BMP files of levels."""
+"""Image files in memory: bounds, wholeness; PNG, JPEG and BMP."""
 
 from __future__ import annotations
 

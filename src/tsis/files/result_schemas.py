@@ -1,4 +1,4 @@
-"""Names and versions of the JSON results, and the refusal of documents without one or of a newer one."""
+"""Names and versions of the JSON results."""
 
 from __future__ import annotations
 

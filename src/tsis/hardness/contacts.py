@@ -1,4 +1,4 @@
-"""Contacts of a gel sensor read by any program, from a CSV file, a table of pandas or objects; shape of the object.
+"""Contacts of a gel sensor read by any program.
 
 A contact has a force, a radius or area, and the depth of the dent, each with its standard deviation.
 """

@@ -1,4 +1,4 @@
-"""Contacts of a film of a gel sensor with the forces of a gauge: the delay is found where the rise shows it."""
+"""Contacts of a film with the forces of a gauge, and their delay."""
 
 from __future__ import annotations
 

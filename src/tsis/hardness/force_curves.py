@@ -1,4 +1,4 @@
-"""Young's modulus from a curve of force over depth, by a ball, a flat punch or a cone of any size.
+"""Young's modulus from a curve of force over depth.
 
 The loading part is fitted by a rigid indenter on a layer (`tsis.mechanics.layer_indentation`) with a baseline of
 unknown offset and slope and an unknown contact point. Residuals are correlated: white noise, drift on two scales of

@@ -1,4 +1,4 @@
-"""Young's modulus of an object from contacts of a gel sensor, read by this or any other program.
+"""Young's modulus of an object from contacts of a gel sensor.
 
 The logarithms of force and dent at a measured contact radius are tabulated over the body's fraction of the compliance,
 and compared with those measured. Gel, radius and errors of the readings are nuisances.

@@ -1,4 +1,4 @@
-"""Lagrangian strain of a map between two states of a body, and the source's printed formula of it.
+"""Lagrangian strain of a map between two states, and the printed formula.
 
 A map ``f`` takes a position ``x`` of the first state to its position in the second. Strain is a function of the
 displacement ``u = f - x``: its tensor ``1/2 (H + H' + H' H)`` with ``H = du/dx`` is zero for every rigid motion. The

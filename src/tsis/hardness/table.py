@@ -1,4 +1,4 @@
-"""Contact radius of a soft sphere on a probe: Hertz's law and a polynomial correction for finite strain."""
+"""Contact radius of a soft sphere on a probe: Hertz's law, corrected for finite strain."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From frames of the camera to numbers: corrections, the contact's patch and circle, features, profiles, colour."""
+"""From frames to numbers: corrections, contact, features, profiles, colour."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""Depth of gel sensors in mm with an uncertainty, calibrated by presses of a known ball.
+"""Depth of gel sensors in mm, calibrated by presses of a known ball.
 
 Under coloured lamps a colour gives the slope of the face, and the slopes are integrated with free borders; under white
 light a grey level gives the depth.

@@ -1,4 +1,4 @@
-"""Corners of a lit face in the frame of a camera that looks at it from aside: the four that warp it upright."""
+"""Corners of a lit face that is seen from aside, by which it is warped upright."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Frames of gel sensors as levels, the change against the untouched sensor, and pixels that must not count."""
+"""Frames of gel sensors as levels, and their change against the untouched sensor."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Expected light of a press on the sensor, and what of it the frame does not show.
+"""Expected light of a press on the sensor.
 
 Three models of the light that leaves a pressed face stand side by side, so that the choice can be tested. Measurements
 support ``RoughContact``: light leaves where asperities touch, so it follows the pressure.

@@ -1,4 +1,4 @@
-"""A signal as a surface in space, reduced to the points that a screen can show; a surface from its slopes."""
+"""A signal as a surface in space, or a surface from its slopes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Ring profiles of camera frames, corrected for light, the valid range of forces, and the binary image (6.11)."""
+"""Ring profiles of camera frames, and the binary image (6.11)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Track the centroid of the light over a sequence of frames, with its noise."""
+"""The centroid of the light over a sequence of frames."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The networks' route from frames to an inclusion (section 6.3): outputs of a press, linear maps, trained networks.
+"""The networks' route from frames to an inclusion (section 6.3).
 
 The source evaluates the whole face. With a flat face and a fixed force the three outputs, greatest value, total and
 area, are then nearly equal for all inclusions: the total is the force, the area is the face, and the greatest value is

@@ -1,4 +1,4 @@
-"""A feed-forward network of sigmoid units with a linear output layer, its exact derivatives, and its training.
+"""A network of sigmoid units with linear output, its derivatives and training.
 
 The dissertation's network has three inputs, ten sigmoid units and three linear units (section 6.3.3). It names a layer
 between them without its size; ``hidden`` may include one. Training is by scaled conjugate gradients (M. F. Møller, A

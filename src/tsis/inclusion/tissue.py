@@ -1,4 +1,4 @@
-"""The modulus of tissue without inclusion from one light press, and the forces that follow from it.
+"""The modulus of tissue from one light press, and the forces that follow.
 
 On a dome the size of the contact tells the modulus, on a flat face the share of the rim; the level of the light tells
 nothing, for its sum is the force. Small strain: the press is light.

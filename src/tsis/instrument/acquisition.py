@@ -1,4 +1,4 @@
-"""Acquisition of a camera's frames in threads: every frame is received or counted as missed, every loss is reported.
+"""Acquisition of a camera's frames in threads: each is received or counted as missed.
 
 A `FrameRing` keeps the newest frames, an `Intake` counts them, and an `Acquisition` reads a camera into both and
 reconnects it when it is lost.

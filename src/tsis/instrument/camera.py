@@ -1,4 +1,4 @@
-"""The camera protocol: modes, settings, frames, and the silence after which a running camera counts as lost."""
+"""The camera protocol: modes, settings, frames, and loss of the camera."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A log of a gauge's readings, filled by a thread, and the delay of the gauge relative to a camera's frames.
+"""A log of a gauge's readings, and its delay relative to a camera.
 
 The delay is constant and follows from presses that both recorded. The sum of grey levels follows the force with unknown
 gain and offset. Both courses are smoothed over twice the longer of the two sampling intervals, so that noise between

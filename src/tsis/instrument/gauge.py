@@ -1,4 +1,4 @@
-"""The protocol of force gauges, a simulated and a recorded gauge, and the force at the time of a camera frame.
+"""The protocol of force gauges, and the force at the time of a frame.
 
 `tsis.instrument.serial_gauge` has gauges on a serial line, `tsis.instrument.force_log` a log of their readings.
 """

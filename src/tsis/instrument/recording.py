@@ -1,4 +1,4 @@
-"""Recordings of frames in a folder or a lossless video, with an index: every frame is stored or counted."""
+"""Recordings of frames with an index: each is stored or counted."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Force gauges with ASCII replies on a serial line, as those of Mecmesin and Mark-10, and the ports of this machine.
+"""Force gauges with ASCII replies on a serial line.
 
 A reply is a sign, a number and perhaps a unit: ``-0.123 N``, ``+1.20``, ``  18.78 lbF``, ``R+012.34``, ``@253.4 N``.
 Each line has the time of its arrival, so that the force at the time of a camera frame can be told.

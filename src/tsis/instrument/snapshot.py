@@ -1,4 +1,4 @@
-"""A snapshot: one frame saved in colour and raw, with a sidecar file about its acquisition."""
+"""A snapshot: one frame in colour and raw, with a sidecar file."""
 
 from __future__ import annotations
 

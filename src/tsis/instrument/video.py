@@ -1,4 +1,4 @@
-"""Frames of a video file, each decoded once where they are asked for in ascending order."""
+"""Frames of a video file, each decoded once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The map: lumps with intervals, probability in every voxel, what the scan could not see, and where to press next.
+"""The map: lumps, probability in every voxel, blind zone, next place.
 
 A `LumpMap` behaves like a `tsis.Estimate`: where a check finds that the model does not hold, its numbers are withheld
 and asking for them raises; ``untrusted`` has them for those who know what they do.

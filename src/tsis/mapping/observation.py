@@ -1,4 +1,4 @@
-"""What a scan measured: rows of numbers in kPa, their noise, and what else than lumps and uneven tissue moves them."""
+"""What a scan measured: rows in kPa, their noise and nuisances."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Uncertain places of presses: their errors as noise in the direction in which a press would change beside its place.
+"""Errors of places as noise along what a press would change beside its place.
 
 A press whose place errs by s reads ``T(p + s)`` of the tissue's total change T, lumps and unevenness together. All
 presses tell T well enough for its derivatives at each place, whatever it is made of. For s of the standard deviation a

@@ -1,4 +1,4 @@
-"""A scan: presses at many places on one body, each with what it measured and how well its place is known.
+"""A scan: presses at many places on one body.
 
 The scan's frame has x and y along the skin and the depth downwards. A press measures one of three things: a camera
 frame of the probe, means of the pressure over rings or over rings and sectors of its face, or pairs of travel and force

@@ -1,4 +1,4 @@
-"""Uneven tissue as one random field that all presses of a scan see: its covariance between presses, and its picture.
+"""Uneven tissue as one random field that all presses see.
 
 The logarithm of the modulus is a Gaussian field of unknown standard deviation and correlation length. It is a sum of
 plane waves; a wave seen from the place of a press is a Bessel function of the distance times a harmonic around the

@@ -1,4 +1,4 @@
-"""Interface of the matching methods, their one-to-one pairs of least cost, and samples of large sets."""
+"""Interface of the matching methods, and what they share."""
 
 from __future__ import annotations
 

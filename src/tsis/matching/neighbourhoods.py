@@ -1,4 +1,4 @@
-"""Robust point matching that preserves local neighbourhoods (Zheng and Doermann 2006), by relaxation labelling.
+"""Robust matching that preserves neighbourhoods (Zheng and Doermann 2006).
 
 A pair (i, j) is supported by the pairs (a, b) of i's neighbours a with j's neighbours b, with equal weights.
 Probabilities start from shape contexts; each update multiplies them by their support and normalises rows and columns

@@ -1,4 +1,4 @@
-"""Maps of the source on the target from many rotations, with the evidence of each.
+"""Maps from many rotations, with the evidence of each.
 
 Affine maps are annealed from a grid of rotations, plain and between the whitened sets; the likeliest different ones are
 annealed with a smooth field. Pieces of the target's curves are laid on each place of the source's outline. Then pairs

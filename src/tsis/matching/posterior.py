@@ -1,4 +1,4 @@
-"""Probabilities of the poses that the data allow, the fit of the likeliest, and the trust in any answer.
+"""Probabilities of the poses that the data allow, and trust in an answer.
 
 The posterior over poses is a model's; it does not know of the poses that a search missed, nor of deformations that its
 prior does not hold. A logistic regression on its log odds turns it into a frequency.

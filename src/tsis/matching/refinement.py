@@ -1,4 +1,4 @@
-"""Moves that lead a map of nearly right pairs to the right ones: growth, re-pairing of patches, order along curves.
+"""Moves that lead a map of nearly right pairs to the right ones.
 
 Soft pairs and nearest partners end where pairs are off by a point along an outline, or where the deformation outside
 the paired region exceeds the distance of the points. Each move proposes other pairs; their evidence decides.

@@ -1,4 +1,4 @@
-"""Shape contexts: histograms of the other points around each point, in bins of distance and direction.
+"""Shape contexts: histograms of the other points around each point.
 
 Belongie, Malik and Puzicha (2002): `DISTANCE_BINS` bins whose edges double from `INNER` to `OUTER` times the scale,
 the first from 0, by `ANGLE_BINS` equal angles; in space also by `POLAR_BINS` bins of equal solid angle about the z

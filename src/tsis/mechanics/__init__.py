@@ -1,4 +1,4 @@
-"""Deformation of probe and tissue under a press: closed forms, finite elements, and a fast surrogate."""
+"""Deformation of probe and tissue under a press."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""Closed forms at small strain: Hertz's contact of a sphere, and the modulus of a stack of layers."""
+"""Closed forms: Hertz's contact, the modulus of a stack of layers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A rigid ball, flat punch or cone pressed on a layer that is bonded to a rigid base or slides on it.
+"""A rigid ball, flat punch or cone pressed on a bonded or sliding layer.
 
 Small strain, frictionless face. The pressure's Hankel transform is ``(E*/pi) int_0^a chi(x) cos(kx) dx``; contact up to
 the radius ``a`` then asks, after Abel's transform (Sneddon 1965; Dhaliwal and Rau 1970), for

@@ -1,4 +1,4 @@
-"""What uneven tissue does to a press: its linear response to a field of the tissue's modulus, harmonic by harmonic.
+"""What uneven tissue does to a press: its linear response, by harmonics.
 
 Bodies of revolution under loads that vary as a harmonic around the axis are Fourier elements of any order. The
 displacements of harmonic m are ``u_r = U cos m a``, ``u_z = W cos m a`` and ``u_a = V sin m a`` at the angle a. For

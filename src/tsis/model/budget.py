@@ -1,4 +1,4 @@
-"""Uncertainty budgets in the terms of the Guide to the Expression of Uncertainty in Measurement (GUM, JCGM 100)."""
+"""Uncertainty budgets in the terms of the GUM (JCGM 100)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The calibration of a probe and camera, and the map of the light on the probe's face."""
+"""The calibration of a probe and camera, and the map of its light."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How values show themselves in notebooks, and pass to ArviZ and xarray (extra ``analysis``)."""
+"""How values pass to notebooks, ArviZ and xarray (extra ``analysis``)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A gel sensor: the soft gel on its backing, the camera behind it, its lamps, and the source of each value."""
+"""A gel sensor: gel, camera and lamps, and the source of each value."""
 
 from __future__ import annotations
 

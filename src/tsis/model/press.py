@@ -1,4 +1,4 @@
-"""Results of a press, over the face radius or a grid, and interpolation on grids."""
+"""Results of a press over the face radius or a grid."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Light in the probe: angles and guided modes of its layers, waves in a dented guide, rays in the whole probe."""
+"""Light in the probe: angles, guided modes, waves in a dented guide, rays."""
 
 from typing import TYPE_CHECKING
 

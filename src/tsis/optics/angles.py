@@ -1,4 +1,4 @@
-"""Rays at interfaces: refraction, Fresnel's coefficients, acceptance angles of a stack, and real contact.
+"""Rays at interfaces: refraction, Fresnel's coefficients, acceptance, contact.
 
 Angles of incidence are from the normal of an interface between layers; angles of acceptance are outside the stack,
 from the normal of its end face. Both are in degrees. The checks of optical arguments, lengths in micrometres and real

@@ -1,4 +1,4 @@
-"""The light on the face of the probe from inside, as a smooth function of position, displacement and slope.
+"""The light on the face from inside, by position, displacement and slope.
 
 Rays are traced to the untouched face, the evenly raised face, and the face under a few dents, and are cached on disk.
 The counts become smooth by the lamps' symmetries, polynomials in the slope, and splines over the face.

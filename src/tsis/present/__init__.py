@@ -1,4 +1,4 @@
-"""One way to show a result: a module of each kind makes its page, which HTML, PDF, terminal and console show."""
+"""One way to show a result: a page, which HTML, PDF, terminal and console show."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""Report of a probe's calibration: scale, reference, force line, response to pressure, specification sheet."""
+"""Report of a probe's calibration."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The control charts of a probe's daily checks, as a page and as a JSON document."""
+"""The control charts of a probe's daily checks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figures: every function takes a value and the ``ax`` to draw it into, and returns the ``ax``."""
+"""Figures: each function draws a value into ``ax`` and returns it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A page as one self-contained HTML file without scripts and external resources."""
+"""A page as one HTML file without scripts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The validation kit on paper, and the score of a validation as a page and as a JSON document."""
+"""The validation kit on paper, and the score of a validation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Name, symbol, unit and rounding of every estimated quantity, wherever it is shown."""
+"""Name, symbol, unit and rounding of every estimated quantity."""
 
 from __future__ import annotations
 

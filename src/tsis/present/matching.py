@@ -1,4 +1,4 @@
-"""Report of a registration: both point sets, their correspondences, the warped grid, and the poses that data allow."""
+"""Report of a registration: points, matches, grid, poses."""
 
 from __future__ import annotations
 

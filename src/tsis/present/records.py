@@ -1,4 +1,4 @@
-"""Files of a stored target by form, and texts and tables of recomputations, verifications and imports."""
+"""Files of a stored target, and texts of its recomputations."""
 
 from __future__ import annotations
 

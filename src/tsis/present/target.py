@@ -1,4 +1,4 @@
-"""The page of a target with all its stored data, without the identity of a subject."""
+"""The page of a target, without the identity of a subject."""
 
 from __future__ import annotations
 

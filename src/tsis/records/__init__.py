@@ -1,4 +1,4 @@
-"""Stored targets, presses and estimates: durable, verifiable, reproducible, and exported to other programs."""
+"""Stored targets, presses and estimates: durable, verifiable, exported."""
 
 from typing import TYPE_CHECKING
 

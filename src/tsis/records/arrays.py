@@ -1,4 +1,4 @@
-"""A target record as a tree of xarray, and its writing as netCDF and Zarr.
+"""A target record as a tree of xarray, as netCDF and Zarr.
 
 ::
 

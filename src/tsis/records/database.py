@@ -1,4 +1,4 @@
-"""Connections to SQLite and PostgreSQL with durable commits, and the check that the file was not replaced."""
+"""Connections to SQLite and PostgreSQL with durable commits."""
 
 from __future__ import annotations
 

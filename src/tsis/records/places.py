@@ -1,4 +1,4 @@
-"""Places of presses in a store: a scan of frames is a target whose presses have a place, from import to export."""
+"""Places of presses: a scan as a target of a store."""
 
 from __future__ import annotations
 

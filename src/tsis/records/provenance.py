@@ -1,4 +1,4 @@
-"""Provenance of results: the code and libraries that computed them, and the differences of two estimates."""
+"""Provenance of results, and the differences of two estimates."""
 
 from __future__ import annotations
 

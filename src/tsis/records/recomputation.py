@@ -1,4 +1,4 @@
-"""Estimates from stored frames, and their repetition with differences from the stored result."""
+"""Estimates from stored frames, and their repetition."""
 
 from __future__ import annotations
 

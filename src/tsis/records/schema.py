@@ -1,4 +1,4 @@
-"""The tables of a store, how they are made, and whether a database still has them as they were made.
+"""The tables of a store, and whether a database has them.
 
 Times are ISO 8601 in UTC, nested values canonical JSON, both as text: the same in every database.
 """

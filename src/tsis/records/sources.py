@@ -1,4 +1,4 @@
-"""Frames and targets in files and folders that other commands and cameras wrote, checked for an import."""
+"""Frames and targets in files of commands and cameras, checked for an import."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Targets that are archived, deleted, restored and, after some weeks, erased, each with its audit entries."""
+"""Targets that are archived, deleted, restored and erased."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The form of a target on disk, a folder or zip file with the SHA-256 of every file: written, read within bounds."""
+"""The form of a target on disk, with the SHA-256 of every file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Values of records: targets, presses, estimates, and a target with all of these as one value."""
+"""Values of records: targets, presses, estimates."""
 
 from __future__ import annotations
 

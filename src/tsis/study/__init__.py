@@ -1,4 +1,4 @@
-"""Studies of how well inclusions are found: blinded, from the list of targets to the statistics of the report.
+"""Studies of how well inclusions are found.
 
 `tsis.study.folder.new_study` writes a folder with the plan, the sealed truth and the log. Readings come from the
 virtual probe or from other devices (`tsis.study.readings`). `tsis.study.folder.unblind` happens once; no reading is

@@ -1,4 +1,4 @@
-"""A probe's performance card: its precision on reference phantoms, the checks that it passes or fails, a guided run."""
+"""A probe's performance card: its precision on reference phantoms."""
 
 from __future__ import annotations
 

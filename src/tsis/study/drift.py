@@ -1,4 +1,4 @@
-"""Drift of a probe: daily checks on one phantom in a hash-chained log, and control charts that warn before it is out.
+"""Drift of a probe: daily checks in a log, and control charts.
 
 Charts have Shewhart and EWMA limits from a baseline, with the temperature's part removed.
 """

@@ -1,4 +1,4 @@
-"""The kit for a first physical validation: phantoms, their moulds as STL files for a printer, empty tables, the score.
+"""The kit for a first physical validation: phantoms, moulds, tables, score.
 
 A mould is a closed polygon (radius, height) in mm that is turned about the axis; points on the axis meet in one vertex.
 The score compares readings of an unblinded study with moduli that a bench test measured.

@@ -1,4 +1,4 @@
-"""The plan of a study, its codes in random order, which reveal nothing about the targets, readings and true targets."""
+"""The plan of a study, its codes, readings and true targets."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Repeatability and reproducibility of readings, their linearity, and the size of a study of them.
+"""Repeatability, reproducibility and linearity of readings.
 
 The analyses of variance are our own, with the exact and the modified intervals that statsmodels lacks.
 """

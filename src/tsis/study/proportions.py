@@ -1,4 +1,4 @@
-"""Proportions, such as a sensitivity, and counts of decisions, with the confidence intervals of all statistics.
+"""Proportions and counts of decisions, with confidence intervals.
 
 The intervals are this module's own: those of statsmodels lose the exact ends 0 and 1, and its score interval of a ratio
 fails where a count is 0 or everything was found.

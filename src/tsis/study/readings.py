@@ -1,4 +1,4 @@
-"""Readings of a study's targets by the virtual probe, and CSV tables: true values, and readings of other devices."""
+"""Readings by the virtual probe, and CSV tables of other devices."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Receiver operating characteristic: true and false positive rates as functions of the threshold, and the area below.
+"""Receiver operating characteristic, and the area below.
 
 The area is how often a target with an inclusion scores above one without, ties counted half. Methods are compared on
 the same targets. A threshold is chosen by a purpose; a point is optimistic on the targets on which it was chosen, and

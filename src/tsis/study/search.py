@@ -1,4 +1,4 @@
-"""Where to press next: plans of presses that search an area in strips, as in palpation, and what they cannot miss.
+"""Where to press next: plans that search an area in strips.
 
 The detection range is the largest distance of a detectable inclusion from the probe's axis, by its size and depth.
 """

@@ -1,4 +1,4 @@
-"""Simulation sweeps: many presses as one data set that survives the loss of workers and interruptions."""
+"""Simulation sweeps: many presses as one data set."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""A data set: its folder, its ``manifest.json`` with the SHA-256 of every file, reading and verification."""
+"""A data set: its folder, its manifest with hashes, its verification."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The plan of a sweep: probe, quantities (a value, a range or a list each), forces, sampling, outputs; as TOML."""
+"""The plan of a sweep, as TOML."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A sweep from its plan to its data set, with the same bytes after any interruption."""
+"""A sweep from its plan to its data set."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The phantoms of a plan in batches, and one batch as one Parquet file.
+"""The phantoms of a plan in batches, and a batch as a Parquet file.
 
 Phantoms are the same on every run and never all in memory. The file's bytes follow from its rows alone, so that a file
 is whole when its rows, written again, give the same bytes: Parquet's checksums stand for the rows, and the comparison

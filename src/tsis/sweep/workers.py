@@ -1,4 +1,4 @@
-"""The workers of a sweep: their task, to ensure that a file exists and is whole; processes here, or a Dask cluster."""
+"""The workers of a sweep: processes here, or a Dask cluster."""
 
 from __future__ import annotations
 

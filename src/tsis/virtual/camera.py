@@ -1,4 +1,4 @@
-"""A virtual rig, or a virtual gel sensor, behind the camera protocol: a stream of frames of a constant press."""
+"""A virtual rig or gel sensor behind the camera protocol."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The virtual probe as a GigE Vision camera on the network, through the simulated camera of Aravis."""
+"""The virtual probe as a GigE Vision camera, through Aravis."""
 
 from __future__ import annotations
 

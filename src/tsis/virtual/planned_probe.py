@@ -1,4 +1,4 @@
-"""Analysis of probe designs before a probe is built, by the nominal calibration of its camera."""
+"""Analysis of probe designs by the nominal calibration of a camera."""
 
 from __future__ import annotations
 

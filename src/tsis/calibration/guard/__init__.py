@@ -1,4 +1,4 @@
-"""The press guard: named flags on one frame or live, with all thresholds in one module."""
+"""The press guard: named flags on one frame or live."""
 
 from typing import TYPE_CHECKING
 

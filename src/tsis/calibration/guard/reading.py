@@ -1,4 +1,4 @@
-"""What the guard reads of one frame against its reference, in blocks: means over squares of pixels.
+"""What the guard reads of a frame against its reference.
 
 Contact, tilt and stray light vary slowly, so blocks show them as well as pixels, with less noise and in a tenth of the
 time. Clipping and the reference patch are read pixel by pixel.

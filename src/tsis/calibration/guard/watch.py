@@ -1,4 +1,4 @@
-"""The press guard: flags of one frame, and of a live stream with hysteresis, histories and flicker of room lamps."""
+"""The press guard on one frame, and on a live stream with its history."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Calls for scripts beside the pages: HTTP and JSON, described by OpenAPI. The models of pydantic end here."""
+"""Calls for scripts: HTTP and JSON, described by OpenAPI. The models of pydantic end here."""
 
 from __future__ import annotations
 

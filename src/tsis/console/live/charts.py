@@ -1,4 +1,4 @@
-"""Charts by ECharts: vectors that follow light and dark by the console's own colours, and say values on hover."""
+"""Charts by ECharts in the console's colours."""
 
 from __future__ import annotations
 

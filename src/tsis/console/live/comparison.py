@@ -1,4 +1,4 @@
-"""Two frames beside each other, in turn, or subtracted, zoomed as one."""
+"""Two frames side by side, in turn, or subtracted."""
 
 from __future__ import annotations
 

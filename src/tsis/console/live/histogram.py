@@ -1,4 +1,4 @@
-"""The histogram of a frame, with black, white and gamma of what is shown."""
+"""The histogram of a frame, with black, white and gamma."""
 
 from __future__ import annotations
 

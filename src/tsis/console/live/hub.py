@@ -1,4 +1,4 @@
-"""Frames as the browser takes them, the thread that hands the newest to all viewers, and their WebSocket."""
+"""The thread and WebSocket that hand frames to all viewers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is measured on a frame that a page shows: a profile, a distance, statistics of a rectangle or an ellipse."""
+"""What is measured on a shown frame."""
 
 from __future__ import annotations
 

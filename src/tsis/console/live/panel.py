@@ -1,4 +1,4 @@
-"""A frame with all its tools: colours, histogram with black, white and gamma, and what is measured on it."""
+"""A frame with all its tools."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A press as an event: force and radius of the contact over the last seconds."""
+"""Force and radius of the contact over the last seconds."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Elements of a page that show frames: the live ones over one shared connection, and single ones of store and files."""
+"""Elements of a page that show frames."""
 
 from __future__ import annotations
 

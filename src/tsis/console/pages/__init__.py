@@ -1,4 +1,4 @@
-"""The pages by their addresses, in the order in which the shell names them."""
+"""The pages by their addresses."""
 
 from __future__ import annotations
 

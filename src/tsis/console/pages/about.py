@@ -1,4 +1,4 @@
-"""The page About: calibration, camera, storage, versions, citation and licence."""
+"""About: calibration, storage, versions, citation, licence."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Calibrate: sessions of guided steps, the frames of each, and the calibration made from them."""
+"""Calibrate: sessions of guided steps, and the calibration."""
 
 from __future__ import annotations
 

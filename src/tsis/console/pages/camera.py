@@ -1,4 +1,4 @@
-"""The page of the camera: the one in use, and the search for others."""
+"""Camera: the one in use, and the search for others."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Examine: the live image, the press under it, what speaks against it, and what presses of this target tell."""
+"""Examine: the live image, the press, the estimate."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page Gel sensor: contact, depth and force of a gel sensor before the camera, live."""
+"""Gel sensor: contact, depth and force, live."""
 
 from __future__ import annotations
 

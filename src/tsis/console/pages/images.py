@@ -1,4 +1,4 @@
-"""My images: files of the user dropped or named, measured, and saved as presses of a target."""
+"""My images: files of the user, measured and saved as presses."""
 
 from __future__ import annotations
 

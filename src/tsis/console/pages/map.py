@@ -1,4 +1,4 @@
-"""Map: several lumps in three dimensions, from a scan of presses at many places."""
+"""Map: several lumps in three dimensions."""
 
 from __future__ import annotations
 

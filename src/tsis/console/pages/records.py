@@ -1,4 +1,4 @@
-"""Records: every target of the store, and one target with its presses and estimates."""
+"""Records: every target of the store, and one target."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Study: blinded studies, from the list of targets to the report."""
+"""Studies: blinded, from the targets to the report."""
 
 from __future__ import annotations
 

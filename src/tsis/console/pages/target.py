@@ -1,4 +1,4 @@
-"""Records of one target: its presses compared and edited, its estimates repeated, its report and exports."""
+"""Records of one target: presses, estimates, report, exports."""
 
 from __future__ import annotations
 

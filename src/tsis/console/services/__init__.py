@@ -1,1 +1,1 @@
-"""Camera, calibration, jobs and examinations behind the pages and the calls; no web imports."""
+"""What is behind the pages and the calls; no web imports."""

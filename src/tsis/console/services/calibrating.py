@@ -1,4 +1,4 @@
-"""Guided calibrations: sessions on the disk, their steps as jobs, the calibration computed from them."""
+"""Guided calibrations: sessions, their steps as jobs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The camera of a console: opened, started, adjusted and lost; the calibration that is active with it."""
+"""The camera of a console: opened, started, adjusted and lost."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Frames that are kept: snapshots, sequences and images of the user, with their forces."""
+"""Frames that are kept: snapshots, sequences, images of the user."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the instrument is told: its settings, the camera, and what the virtual probe presses."""
+"""What the instrument is told: settings, camera, phantom."""
 
 from __future__ import annotations
 

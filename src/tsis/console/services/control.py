@@ -1,4 +1,4 @@
-"""The control lock: one operator commands the camera, everybody else watches."""
+"""The control lock: one operator commands the camera."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The newest frame analysed: contact, guard and gel sensor, for each frame that the camera shows."""
+"""The newest frame analysed: contact, guard, gel sensor."""
 
 from __future__ import annotations
 

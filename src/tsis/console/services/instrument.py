@@ -1,4 +1,4 @@
-"""The instrument: everything that pages and calls may ask of it; estimates of targets."""
+"""The instrument: everything that pages and calls may ask of it."""
 
 from __future__ import annotations
 

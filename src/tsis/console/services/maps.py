@@ -1,4 +1,4 @@
-"""Maps of lumps: a scan of the user, the job that maps it, and the maps below a console's workspace."""
+"""Maps of lumps: scans, jobs, and where maps are kept."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an instrument remembers: the tissue of targets, calibrations of cameras, and a run that was killed."""
+"""What an instrument remembers from run to run."""
 
 from __future__ import annotations
 

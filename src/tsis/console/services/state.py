@@ -1,4 +1,4 @@
-"""What the instrument says: the state of the camera and of everything, and what is wrong."""
+"""What the instrument says of its state, and what is wrong."""
 
 from __future__ import annotations
 

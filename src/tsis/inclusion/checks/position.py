@@ -1,4 +1,4 @@
-"""Position of an inclusion relative to the probe's axis, from a press on it and a reference press."""
+"""Position of an inclusion relative to the probe's axis."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Means of a frame over rings and sectors of the face, and harmonics around the axis with their test against noise.
+"""Means of a frame over rings and sectors, and harmonics around the axis.
 
 The checks of contact, visibility, tilt and roundness use them. A harmonic of order m is a complex number per ring:
 ``c + i s`` of ``c cos(m angle) + s sin(m angle)``.

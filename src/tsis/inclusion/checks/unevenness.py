@@ -1,4 +1,4 @@
-"""Harmonics of a frame around the axis by uneven tissue: they show how uneven it is, and no inclusion causes them."""
+"""Harmonics of a frame that uneven tissue causes."""
 
 from __future__ import annotations
 

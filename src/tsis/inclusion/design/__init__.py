@@ -1,4 +1,4 @@
-"""Expected accuracy of a planned probe and protocol, its limits, and the search for better ones."""
+"""Expected accuracy of a planned probe and protocol."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""Limits of a planned press by the model of an estimate and by the camera."""
+"""Limits of a planned press by model and camera."""
 
 from __future__ import annotations
 

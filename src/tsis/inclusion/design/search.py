@@ -1,4 +1,4 @@
-"""Search for the layers and forces of most information, within the limits of the model and of the camera.
+"""Search for the layers and forces of most information.
 
 New moduli need a new surrogate, in seconds; new forces do not, because a press is affine in its force. An inner search
 therefore optimises the forces for each choice of moduli, between the force of full contact and the first limit.

@@ -1,4 +1,4 @@
-"""Explore the posterior of an inclusion on a grid, in coordinates in which it is nearly straight.
+"""Explore the posterior of an inclusion on a grid.
 
 Diameter and modulus trade off along a curve of equal signal ``d**3 g(E)``. With ``d g(E)**(1/3)`` in place of the
 diameter that curve becomes nearly a straight line, which a sheared grid can follow. A parabola along the modulus, of

@@ -1,4 +1,4 @@
-"""Likelihood of inclusions given ring profiles, with the nuisances integrated out, and the Cramér–Rao bound."""
+"""Likelihood of inclusions given ring profiles, and the Cramér–Rao bound."""
 
 from __future__ import annotations
 

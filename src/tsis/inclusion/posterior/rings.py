@@ -1,4 +1,4 @@
-"""Response of rings around the probe's axis to a press, for forces with full contact.
+"""Response of rings around the axis to a press.
 
 An inclusion off the axis, approximately: the change in pressure and displacement shifts with the inclusion, with the
 same shape, and grows by ``1 / (1 - (offset / R)**2)``; the press without inclusion stays. Both parts of a dome's press

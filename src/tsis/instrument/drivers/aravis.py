@@ -1,4 +1,4 @@
-"""GigE Vision and USB3 Vision cameras through the system library Aravis, bound with ctypes.
+"""GigE Vision and USB3 Vision cameras through Aravis.
 
 In this order: settings and modes in the units of the camera protocol; the library (libaravis 0.8, whose interface is
 stable), with the signatures of its calls; the search; the connection to a camera and the buffers of its stream; the

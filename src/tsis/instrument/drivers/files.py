@@ -1,4 +1,4 @@
-"""Image and video files as cameras of one mode without settings, and the common base of OpenCV's captures."""
+"""Image and video files as cameras, and the base of OpenCV's captures."""
 
 from __future__ import annotations
 

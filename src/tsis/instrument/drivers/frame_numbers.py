@@ -1,4 +1,4 @@
-"""Sequence numbers from the numbers that a camera gives its frames, with gaps for lost frames."""
+"""Sequence numbers of frames, with gaps for lost ones."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The total energy of bodies in contact, its Newton step, and Newton's method along the steps of the load.
+"""The energy of bodies in contact, and Newton's method along the load.
 
 Pressures of the contacts and of nearly incompressible material are unknowns beside the displacements. A large step
 then spoils neither the tangent nor the set of closed contacts. A step that leads to det F <= 0 is shortened.

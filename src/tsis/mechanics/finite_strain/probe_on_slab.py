@@ -1,4 +1,4 @@
-"""A probe on a slab: its load path, and displacement and pressure over the face's material radius."""
+"""A probe on a slab: its load path, displacement and pressure."""
 
 from __future__ import annotations
 

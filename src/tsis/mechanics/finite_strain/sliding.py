@@ -1,4 +1,4 @@
-"""Frictionless unilateral contact between the surface of one body and the smooth obstacle that it slides on.
+"""Frictionless unilateral contact of a body with a smooth obstacle.
 
 The pressure is a stiff spring of the overlap per reference area of the sliding surface. On each element edge a
 polynomial interpolates the gap between a few points. The spring's energy is the exact integral over the part where

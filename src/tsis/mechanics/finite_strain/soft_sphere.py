@@ -1,4 +1,4 @@
-"""A sphere squeezed between a plate and the probe; its mesh is a square core with rings of elements around it."""
+"""A sphere squeezed between a plate and the probe, and its mesh."""
 
 from __future__ import annotations
 

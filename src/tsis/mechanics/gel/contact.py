@@ -1,4 +1,4 @@
-"""A sphere or cylinder pressed on a gel layer that is bonded to a rigid backing: force, dent and pressure by contact.
+"""A sphere or cylinder pressed on a gel layer: force, dent and pressure by contact.
 
 Small strain, frictionless. The body is a half-space with a parabolic face, as in Hertz's theory; the gel is a layer of
 finite thickness. The pressure is a sum of ``(1 - r²/a²)^(m - 1/2)``, m = 1, 2, 3, which vanishes at the edge. Its

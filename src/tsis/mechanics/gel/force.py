@@ -1,4 +1,4 @@
-"""Newtons from a depth map of a gel sensor, with an interval from what is not known of the gel and the depth."""
+"""Newtons from a depth map of a gel sensor, with an interval."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Shear force on a gel sensor from its markers, with an interval from what is not known of the gel."""
+"""Shear force on a gel sensor from its markers, with an interval."""
 
 from __future__ import annotations
 

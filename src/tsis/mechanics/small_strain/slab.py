@@ -1,4 +1,4 @@
-"""Probe and slab, condensed layer by layer to their compliance on the contact face.
+"""Probe and slab, condensed to their compliance on the contact face.
 
 By static condensation a body becomes the stiffness of the few displacements common with others. A `Condensate` is a
 dense symmetric stiffness over numbered degrees of freedom. Each step adds one element layer and eliminates the

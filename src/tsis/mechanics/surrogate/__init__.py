@@ -1,4 +1,4 @@
-"""Presses as polynomials over a box of inclusions and tissues, with their measured error and a disk cache."""
+"""Presses as polynomials over a box of inclusions and tissues."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""Solve the presses of a surrogate, measure its error on fresh presses, and cache both on disk.
+"""Solve the presses of a surrogate, and measure its error on fresh ones.
 
 The changes by an inclusion come from solves with and without contrast on one mesh.
 """

@@ -1,4 +1,4 @@
-"""What finite strain adds to small-strain presses that cover the face, over a box of states of one probe.
+"""What finite strain adds to small-strain presses of one probe.
 
 The correction without inclusion is a Chebyshev tensor in tissue modulus, thickness and load. The correction of the
 signal is a multiple of the signal at small strain and a sum of a few profiles (singular vectors) over the signal's

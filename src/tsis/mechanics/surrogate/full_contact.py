@@ -1,4 +1,4 @@
-"""All presses that cover a probe's face, as polynomials over a box, and their derivatives by Poisson's ratio.
+"""All presses that cover a probe's face, as polynomials over a box.
 
 At small strain a press that covers the face is affine in the force: ``shape + force * unit``. The unit is the response
 of a flat face; the shape is the self-equilibrated part from a dome's gap. One build serves every force.

@@ -1,4 +1,4 @@
-"""Presses on slabs of one thickness as rows of numbers, by either model: the input of surrogates."""
+"""Presses on slabs of one thickness as rows of numbers."""
 
 from __future__ import annotations
 
