@@ -1,19 +1,17 @@
 """How often the modulus from contacts of a gel sensor holds, on objects pressed by finite elements at finite strain.
 
-    python -m benchmarks.gel_hardness [--seed 20] [--cases 60] [--object cylinder] [--gripper] [--small-strain] [--each]
+    python -m benchmarks.gel_hardness [--seed 20] [--cases 60] [--object cylinder] [--gripper] [--each]
 
 Gel, object and radius are drawn anew for each case, and so are the errors of force, radius, dent, scale and gel, which
 the estimate knows only by their sizes. The mesh of spheres is finer than that to which the correction was fitted;
 cylinders are pressed by NGSolve (extra fem3d). The two fingers of a gripper have gels and scales of their own, of which
 the estimate knows the limits. One row has the estimates from forces and radii, the other those from dents and radii.
-With `--small-strain` the estimate's own layer presses at small strain: only the errors of the readings are left.
 """
 
 from __future__ import annotations
 
 import sys
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -26,7 +24,6 @@ from tsis.hardness import estimate_from_contacts
 from tsis.hardness.contacts import ObjectGeometry
 from tsis.hardness.sphere import hertzian_radius_mm, press_fields
 from tsis.mechanics.finite_strain.soft_sphere import SphereResolution
-from tsis.mechanics.gel.contact import layer_contact
 from tsis.model.gel_sensor import BoundedValue, GelSensor
 from tsis.model.phantom import SoftSphere
 from tsis.model.probe import Layer, Probe
@@ -38,8 +35,7 @@ MESH = SphereResolution(order=3, cells=7, rings=2, face_cells=7)
 LOADS = np.array([0.12, 0.35])  # force times compliance over the radius squared
 GEL_KPA, GEL_SPREAD, RATIOS = 150.0, 0.1, (0.48, 0.495)
 ERROR, DENT = 0.02, 0.03  # relative standard deviations of scale, reading, press and force; of dents
-SMALL = np.array([0.08, 0.12])  # contact over the body's radius, where finite strain is below 1 %
-KNOWN = {"force": ("force_n", "force_sd_n", "radius_mm"), "dent": ("radius_mm", "depth_mm")}  # what the estimates read
+KNOWN = {"force": ("force_n", "radius_mm"), "dent": ("radius_mm", "depth_mm")}  # what the estimates read
 APPROACHES, LENGTH_MM = (0.07, 0.2), 10.0  # of a cylinder: equator's travel over the radius, length of contact
 
 
@@ -70,7 +66,6 @@ class Options:
 
     shape: Literal["sphere", "cylinder"] = "sphere"
     fingers: int = 1
-    small: bool = False  # the layer at small strain presses
 
 
 def one(rng: np.random.Generator, dents: np.random.Generator, options: Options) -> dict[str, Case]:
@@ -80,7 +75,6 @@ def one(rng: np.random.Generator, dents: np.random.Generator, options: Options) 
     young = float(np.exp(rng.uniform(np.log(20.0), np.log(500.0))))
     gels = [gel, *(GEL_KPA * np.exp(rng.uniform(-GEL_SPREAD, GEL_SPREAD)) for _ in range(options.fingers - 1))]
     press = cylinder_touches if options.shape == "cylinder" else sphere_touches
-    press = partial(small_touches, options.shape) if options.small else press
     own, length = Solid(young_kpa=young, poisson=own_ratio), LENGTH_MM if options.shape == "cylinder" else None
     contacts = []
     for touches in [press(Solid(young_kpa=gel, poisson=ratio), own, radius, thickness) for gel in gels]:
@@ -88,8 +82,6 @@ def one(rng: np.random.Generator, dents: np.random.Generator, options: Options) 
         for force, read, dent in touches:
             contact = {"force_n": force * np.exp(ERROR * rng.standard_normal())}
             contact["radius_mm"] = read * scale * np.exp(ERROR * np.sqrt(2) * rng.standard_normal())
-            if options.small:  # the 5 mN that count where no error is given are more than these forces
-                contact["force_sd_n"] = ERROR * contact["force_n"]
             contact["depth_mm"] = dent * np.exp(DENT * dents.standard_normal())
             contacts.append(contact)
     sensor = GelSensor(
@@ -143,25 +135,6 @@ def cylinder_touches(gel: Solid, own: Solid, radius: float, thickness: float) ->
     return [(press.force_n_mm * LENGTH_MM, press.half_mm, press.dent_mm) for press in presses]
 
 
-def small_touches(
-    shape: Literal["sphere", "cylinder"], gel: Solid, own: Solid, radius: float, thickness: float
-) -> list[tuple[float, float, float]]:
-    """Force in N, radius and dent in mm of small presses by the layer that the estimate has."""
-    compliance = [(1 - solid.poisson**2) / solid.young_kpa for solid in (own, gel)]
-    contacts = SMALL * radius
-    made = layer_contact(
-        contacts,
-        body=shape,
-        radius_mm=radius,
-        body_compliance=compliance[0],
-        gel_compliance=compliance[1],
-        thickness_mm=thickness,
-        poisson=gel.poisson,
-    )
-    force = made.force / 1e3 * (LENGTH_MM if shape == "cylinder" else 1.0)
-    return list(zip(force.tolist(), contacts.tolist(), made.dent_mm.tolist(), strict=True))
-
-
 def row(name: str, cases: Sequence[Case]) -> tuple[str, ...]:
     """A row of the table."""
     result = [case for case in cases if case.identified]
@@ -182,10 +155,9 @@ def main() -> int:
         cases=60,
         object=Choice(("sphere", "cylinder"), "sphere"),
         gripper=False,
-        small_strain=False,
         each=False,
     )
-    options = Options(shape=bench.object, fingers=2 if bench.gripper else 1, small=bench.small_strain)
+    options = Options(shape=bench.object, fingers=2 if bench.gripper else 1)
     rng, dents = np.random.default_rng(bench.seed), np.random.default_rng([bench.seed, 1])
     found: dict[str, list[Case]] = {name: [] for name in KNOWN}
     for _ in track(range(bench.cases), "pressing"):

@@ -1,12 +1,12 @@
 """Shear force from markers of a bonded gel against finite elements in three dimensions.
 
-    python -m benchmarks.gel_shear --seed 3204 --gels 8 --elements tetrahedra
+    python -m benchmarks.gel_shear --seed 3204 --gels 8
 
-Tetrahedra are quadratic, by NGSolve (extra fem3d), on a mesh that follows the contact's edge. Bricks have 8 nodes on a
-grid of 0.4 mm (B-bar, so that a nearly incompressible gel does not lock), written here. Both share nothing with the
-Green's function of `tsis.mechanics.gel.shear.gel_shear`. A disc is dragged along: an even shear
-traction, or one that grows towards the edge, beside a normal pressure. Markers lie 0.9 mm apart and are read with an
-error of 5 µm. Linear elasticity; the gel's values are known to the estimate.
+Quadratic tetrahedra by NGSolve (extra fem3d), on a mesh that follows the contact's edge, share nothing with the Green's
+function of `tsis.mechanics.gel.shear.gel_shear`. A disc is dragged along: an even shear traction, or one that grows
+towards the edge, beside a normal pressure. Markers lie 0.9 mm apart and are read with an error of 5 µm. Linear
+elasticity; the gel's values are known to the estimate. `Layer`, for `benchmarks.gel_force`, has bricks of 8 nodes
+(B-bar, so that a nearly incompressible gel does not lock).
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from benchmarks.harness import Bench, Choice
+from benchmarks.harness import Bench
 from scipy.sparse import coo_matrix
 from scipy.sparse.linalg import splu
 
 from tsis.mechanics.gel.shear import gel_shear
 from tsis.model.gel_sensor import BoundedValue, GelSensor
 
-WIDE_MM, CELL_MM, LAYERS = 24.0, 0.4, 5
+WIDE_MM, LAYERS = 24.0, 5
 COARSE_MM = 1.4  # of tetrahedra
 MARKER_MM, READING_MM, GOAL = 0.9, 0.005, 0.15
 
@@ -53,7 +53,7 @@ def brick(size: np.ndarray, young: float, poisson: float) -> np.ndarray:
 class Layer:
     """A square layer bonded below, with free sides."""
 
-    def __init__(self, thickness: float, young: float, poisson: float, *, cell_mm: float = CELL_MM) -> None:
+    def __init__(self, thickness: float, young: float, poisson: float, *, cell_mm: float) -> None:
         self.cell_mm = cell_mm
         self.count = round(WIDE_MM / cell_mm)
         self.shape = (self.count + 1, self.count + 1, LAYERS + 1)
@@ -93,21 +93,8 @@ class Drag:
     peak: float
 
 
-def on_bricks(drag: Drag, layer: Layer, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Movement of the nodes at points, and the force of the tractions on nodes."""
-    x, y = np.meshgrid(layer.side, layer.side, indexing="ij")
-    distance = np.hypot(x - drag.centre[0], y - drag.centre[1]) / drag.radius
-    inside = distance <= 1.0
-    shape = np.where(inside, 1.0 if drag.even else 0.4 + distance**2, 0.0)
-    pressure = np.where(inside, drag.peak * np.sqrt(np.maximum(1 - distance**2, 0.0)), 0.0)
-    traction = np.stack([shape * drag.shear[0], shape * drag.shear[1], -pressure])
-    index = np.rint((points + WIDE_MM / 2) / CELL_MM).astype(int)
-    moved = layer.displaced(traction)[:2, index[:, 0], index[:, 1]].T
-    return moved, traction[:2].sum(axis=(1, 2)) * CELL_MM**2 / 1000
-
-
 def on_tetrahedra(drag: Drag, gel: tuple[float, float, float], points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The same by quadratic tetrahedra of NGSolve; ``gel`` is thickness, modulus and Poisson's ratio."""
+    """Movement of the gel at points, and the force; ``gel`` is thickness, modulus and Poisson's ratio."""
     import ngsolve as ng
     from netgen.occ import Axes, Box, Glue, OCCGeometry, Pnt, WorkPlane, X, Z
 
@@ -140,7 +127,7 @@ def on_tetrahedra(drag: Drag, gel: tuple[float, float, float], points: np.ndarra
 
 def main() -> int:
     """Print one row a press."""
-    bench = Bench(__doc__, seed=2031, gels=8, elements=Choice(("tetrahedra", "bricks"), "tetrahedra"))
+    bench = Bench(__doc__, seed=2031, gels=8)
     rng = np.random.default_rng(bench.seed)
     print("gel kPa  nu     t mm  contact mm  shear N  estimate N        error  in 90 %")
     errors, held = [], []
@@ -155,11 +142,7 @@ def main() -> int:
         )  # fmt: skip
         places = np.arange(-7.2, 7.3, MARKER_MM)
         points = np.stack(np.meshgrid(places, places), axis=-1).reshape(-1, 2)
-        if bench.elements == "bricks":
-            points = np.rint(points / CELL_MM) * CELL_MM
-            moved, truth = on_bricks(drag, Layer(thickness, young, poisson), points)
-        else:
-            moved, truth = on_tetrahedra(drag, (thickness, young, poisson), points)
+        moved, truth = on_tetrahedra(drag, (thickness, young, poisson), points)
         shift = moved + rng.normal(0, READING_MM, points.shape)
         sensor = GelSensor(
             name="drawn", width_mm=WIDE_MM, height_mm=WIDE_MM, thickness_mm=BoundedValue(value=thickness),
