@@ -165,7 +165,7 @@ def test_without_a_command_help_is_shown(run_tsis: RunTsis) -> None:
 
 @pytest.mark.system
 def test_the_installed_program_prints_no_traceback(tmp_path: Path) -> None:
-    command = [sys.executable, "-c", "from tsis.cli import main; main()", "contacts", "absent.png"]
+    command = [sys.executable, "-m", "tsis", "contacts", "absent.png"]
     finished = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert finished.returncode == 2
     assert "Traceback" not in finished.stderr
