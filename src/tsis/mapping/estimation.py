@@ -82,7 +82,7 @@ TYPICAL_LENGTH_MM = 6.0  # of the field, by which slopes are found before any lu
 TYPICAL_SIZE_MM, TYPICAL_TOP_MM = 8.0, 8.0  # of the lump by which the blind zone is judged
 LARGE_BLIND = 0.1  # of the area
 MOST_VOXELS = 4_000_000
-REPORTS = 38  # of progress a block, beside one in 500 steps
+REPORTS = 38  # of progress a fit of a block, beside one in 500 steps
 LARGE_MM2 = 20_000.0  # an area that few presses may have
 FARTHEST = 5.0  # radii of the face from press to press, over the area of a block: farther apart all is blind
 
@@ -190,7 +190,7 @@ def estimate_map(
     whole = Region.of(observation, prior, expected=prior.lumps_per_scan)
     voxels = Voxels.of(whole.low[:2], whole.high[:2], prior.thickness_mm, voxel_mm)
     _require_size(observation, areas, voxels, voxel_mm)
-    done, total = 0, len(areas) * (REPORTS + steps // 500)
+    done, total = 0, len(areas) * _reports(observation, steps, start)
 
     def report() -> None:
         nonlocal done
@@ -265,7 +265,7 @@ def _block(
 ) -> Block:
     kept = stored.block(number, low, high)
     if kept is not None:
-        for _ in range(REPORTS + steps // 500):
+        for _ in range(_reports(observation, steps, start)):
             report()
         return kept
     reach, alone = NEIGHBOURS * observation.radius_mm, bool(np.isinf(low).all() and np.isinf(high).all())
@@ -321,20 +321,31 @@ def _block(
     return block
 
 
+def _places_err(observation: Observation) -> bool:
+    return bool((observation.place_sd_mm > PLACE_MATTERS_MM).any())
+
+
+def _reports(observation: Observation, steps: int, start: LumpMap | None) -> int:
+    """Reports of progress of a block, which is fitted twice where places err."""
+    return REPORTS * (2 if _places_err(observation) and start is None else 1) + steps // 500
+
+
 def _fitted(
     part: Observation, prior: MapPrior, region: Region, rows: Floats, length: float | None, report: Callable[[], None]
 ) -> tuple[BlockLikelihood, Fit, Floats, Floats, Floats | None]:
     """Likelihood and greedy fit of a block; where places err, by the slopes of its presses, found with the lumps."""
     seen, slopes = part, None
-    errs = bool((part.place_sd_mm > PLACE_MATTERS_MM).any())
+    errs = _places_err(part)
     if errs:
         first = BlockLikelihood(part, prior, length_mm=length or TYPICAL_LENGTH_MM)
         seen, slopes = with_place_errors(part, first, rows)
+        del first
         report()
     likelihood = BlockLikelihood(seen, prior, length_mm=length, report=report)
     fit, candidates, gain = greedy_fit(likelihood, region, start=rows, report=report)
     if errs and length is None:  # once more, with the slopes of the lumps that were found
         seen, slopes = with_place_errors(part, likelihood, fit.lumps)
+        del likelihood  # most of the memory
         likelihood = BlockLikelihood(seen, prior, report=report)
         fit, candidates, gain = greedy_fit(likelihood, region, start=fit.lumps, report=report)
     if not len(fit.lumps):
