@@ -8,13 +8,14 @@ Here virtual rigs press the same spheres on the catalog's stiff probe, with all 
 missed forces, probe moduli, patterns, stray light, noise, a radius written down wrongly, a place beside the axis.
 Presses are solved at large strains on a mesh finer than that of any estimate, and kept in the cache.
 
-Found: the mean strain is about a quarter for both spheres, for it tells how much brighter the second contact is, and
-Hertz's contact brightens with the cube root of the force whatever it consists of. What is divided by it is a contact's
-mean pressure, which grows with less than the modulus. So the readings lie far off whichever press the stress is that
-of, and those of the two spheres overlap. The depth of a grey level cannot be calibrated: from some hundredths of a
-millimetre upwards it changes next to nothing, and below that the surfaces are so flat that the strain across them is
-mostly the scatter of the matching. A factor that makes one sphere right leaves the other some tens of per cent off.
-Contact mechanics needs no such factor.
+Found: the mean strain is about 0.3 for both spheres, for it tells how much brighter the second contact is. Hertz's
+contact brightens with the cube root of the force whatever it consists of, by 1.20, which would be a strain of 0.22; at
+large strain on a probe of finite thickness these brighten by 1.25 and 1.27. What is divided by the strain is a
+contact's mean pressure, which grows with less than the modulus. So the readings lie far off whichever press the stress
+is that of, and those of the two spheres differ by less than their moduli do. The depth of a grey level cannot be
+calibrated: from some hundredths of a millimetre upwards it changes next to nothing, and below that the surfaces are so
+flat that the strain across them is mostly the scatter of the matching. A factor that makes one sphere right leaves the
+other some tens of per cent off. Contact mechanics needs no such factor.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ import tsis
 from tsis.catalog.phantoms import load_sphere
 from tsis.hardness import estimate
 from tsis.hardness.strain_map import STRESSES, PrintedHardness, printed_estimate
+from tsis.imaging.patch import segment
 from tsis.virtual.direct_contact import DirectContactRig
 
 if TYPE_CHECKING:
@@ -72,6 +74,9 @@ class Result:
         The printed pipeline on the first rig's frames of the stiffer sphere, as figure 5.22 shows it.
     strain
         Mean strain by sphere, shape (rigs,).
+    light_strain
+        What `strain` would be if the second surface were the first one, as much higher as its light is brighter: by
+        sphere, shape (rigs,). No match enters it.
     printed
         Moduli in kPa of the printed pipeline, by sphere and then by the press that the stress is that of, or by what
         else was taken literally; shape (rigs,).
@@ -83,6 +88,7 @@ class Result:
 
     example: PrintedHardness
     strain: Mapping[str, NDArray[np.float64]]
+    light_strain: Mapping[str, NDArray[np.float64]]
     printed: Mapping[str, Mapping[str, NDArray[np.float64]]]
     over_depth: Mapping[str, list[PrintedHardness]]
     contact: Mapping[str, list[Estimate]]
@@ -148,6 +154,7 @@ def run(
     return Result(
         example=plain[next(iter(SPHERES))][0],
         strain={name: np.array([one.mean_strain for one in answers]) for name, answers in plain.items()},
+        light_strain={name: np.array([light_strain(pair) for pair in pairs]) for name, pairs in frames.items()},
         printed={name: moduli(pairs, plain[name], method) for name, pairs in frames.items()},
         over_depth={
             name: [printed_estimate(pairs[0], method=method, depth_mm_per_grey=float(depth)) for depth in DEPTHS_MM]
@@ -160,6 +167,12 @@ def run(
 def run_short(rng: np.random.Generator) -> Result:
     """Two rigs whose contact radii are the estimator's own, and the faster of two methods of matching."""
     return run(rng, rigs=2, solve_of=lambda _: by_table, method="cpd")
+
+
+def light_strain(pair: Sequence[TactileImage]) -> float:
+    """Axial strain of a stretch by the ratio of the second contact's peak above the dark side to the first one's."""
+    first, second = (found.peak_grey - found.background_grey for found in map(segment, pair))
+    return float(((second / first) ** 2 - 1) / 2)
 
 
 def moduli(
@@ -226,9 +239,9 @@ def matching_values(result: Result) -> dict[str, float]:
     example = result.example
     found = {"control points of either image": float(min(len(example.before), len(example.after)))}
     if len(result.contact[STIFF]) == RIGS:
-        found["mean strain, CL2000X"], found["mean strain, CL2003X"] = (
-            float(result.strain[name].mean()) for name in SPHERES
-        )
+        for name, label in zip(SPHERES, LABELS, strict=True):
+            found[f"mean strain, {label}"] = float(result.strain[name].mean())
+            found[f"strain by the peak of the light alone, {label}"] = float(result.light_strain[name].mean())
     return found
 
 
@@ -253,7 +266,11 @@ def report(result: Result) -> None:
     """Print the numbers."""
     for name, sphere in SPHERES.items():
         rigs, strain = len(result.strain[name]), result.strain[name]
-        print(f"{name}, {sphere.young_kpa:g} kPa, {rigs} rigs: mean strain {strain.mean():.3f} +- {strain.std():.3f}")
+        print(
+            f"{name}, {sphere.young_kpa:g} kPa, {rigs} rigs: mean strain {strain.mean():.3f} +- {strain.std():.3f}",
+            end="",
+        )
+        print(f", by the peak of the light alone {result.light_strain[name].mean():.3f}")
         for choice, young in result.printed[name].items():
             error = result.printed_error(name, choice)
             print(f"  as printed, {choice:<23} {young.mean():7.1f} +- {young.std():5.1f} kPa, mean error {error:7.1%}")

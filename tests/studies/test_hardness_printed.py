@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from benchmarks.hardness import PRINTED
-from studies.hardness_printed import DEPTHS_MM, SPHERES, Result, report, run, run_short
+from benchmarks.hardness import FORCES_N, PRINTED
+from studies.hardness_printed import DEPTHS_MM, PROBE, SPHERES, Result, report, run, run_short, solved
 
 STIFF, SOFT = SPHERES
 
@@ -25,9 +25,8 @@ def test_the_spheres_are_the_sources() -> None:
 
 
 def test_the_strain_is_that_of_the_light_for_either_sphere(result: Result) -> None:
-    """Between 0.7 and 1.2 N Hertz's contact is 1.2 times as bright: a strain of 0.22."""
     for name in SPHERES:
-        np.testing.assert_allclose(result.strain[name], 0.22, atol=0.15)
+        np.testing.assert_allclose(result.strain[name], result.light_strain[name], atol=0.15)
 
 
 def test_no_plain_choice_comes_near_the_printed_errors(result: Result) -> None:
@@ -77,12 +76,21 @@ def test_the_table_is_written(result: Result, capsys: pytest.CaptureFixture[str]
 
 
 def test_presses_at_large_strain_and_points_matched_as_printed_say_the_same() -> None:
-    """Some minutes: both spheres are solved on a mesh finer than that of any estimate."""
+    """Some minutes: both spheres are solved on a mesh finer than that of any estimate.
+
+    The strain to expect is that of the solved pressure: Hertz's law between half-spaces would give 0.22, but layers of
+    finite thickness at large strain are pressed by 1.25 and 1.27 times as much at the second force.
+    """
     result = run()
-    for name in SPHERES:
+    for name, sphere in SPHERES.items():
         assert result.contact_error(name) < PRINTED[name]
         assert result.held(name) >= 9, "fewer of 12 intervals of 90 % have a chance of less than 3 %"
-        assert result.strain[name].mean() == pytest.approx(0.22, abs=0.08)
-        assert result.printed_error(name, "second") > 1.0
-    stiff, soft = (result.printed[name]["second"] for name in SPHERES)
-    assert stiff.min() < soft.max(), "readings of the two spheres overlap"
+        fields = solved(sphere)(PROBE, sphere, forces_n=FORCES_N, resolution=None)
+        first, second = (field.pressure_kpa.max() for field in fields)
+        expected = ((second / first) ** 2 - 1) / 2
+        assert result.light_strain[name].mean() == pytest.approx(expected, abs=0.02)
+        assert result.strain[name].mean() == pytest.approx(expected, abs=0.08)
+        assert result.printed_error(name, "second") > 0.5
+    stiff, soft = (result.printed[name]["second"].mean() for name in SPHERES)
+    hertz = (SPHERES[STIFF].young_kpa / SPHERES[SOFT].young_kpa) ** (2 / 3)
+    assert stiff / soft < hertz, "a rigid probe's contact pressure grows with two thirds of the modulus' power"
