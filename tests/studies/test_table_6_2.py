@@ -23,13 +23,14 @@ def truth() -> NDArray[np.float64]:
 
 
 def estimates() -> Estimates:
-    """Networks that say what is printed, a posterior that is right, and one that errs by a tenth either way."""
+    """Networks that say what is printed, a posterior that is right, and ones that err by a tenth and a twentieth."""
     right = np.repeat(truth()[:, None], 2, axis=1)
     by_a_tenth = right * np.array([0.9, 1.1])[:, None]
     posteriors = {
         name: NineInclusions(truth=truth(), means=means) for name, means in (("flat", by_a_tenth), ("domed", right))
     }
-    return Estimates(truth=truth(), networks=PRINTED, posteriors=posteriors)
+    by_a_twentieth = NineInclusions(truth=truth(), means=1.05 * right)
+    return Estimates(truth=truth(), networks=PRINTED, posteriors=posteriors, told_even=by_a_twentieth)
 
 
 def test_mean_errors_are_those_of_single_estimates() -> None:
@@ -38,6 +39,7 @@ def test_mean_errors_are_those_of_single_estimates() -> None:
         assert found[f"mean error of {name}, networks"] == pytest.approx(printed, abs=0.01)
         assert found[f"mean error of {name}, posterior, flat probe"] == pytest.approx(10.0)
         assert found[f"mean error of {name}, posterior, domed probe"] == 0.0
+        assert found[f"mean error of {name}, posterior told that the tissue is even, flat probe"] == pytest.approx(5.0)
 
 
 def test_slips_are_printed_errors_of_other_estimates() -> None:
