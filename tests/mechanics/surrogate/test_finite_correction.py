@@ -203,6 +203,18 @@ def test_the_design_stays_inside_the_slab_and_the_box() -> None:
     assert step.mean() < 0.6 * np.linalg.norm(np.diff(shuffled, axis=0), axis=1).mean()
 
 
+def test_lengths_are_found_again_from_data_that_differ_by_rounding() -> None:
+    """A search that ends early on the flat likelihood of smooth data ends elsewhere each time."""
+    rng = np.random.default_rng(0)
+    points = rng.random((150, 6))
+    grown = np.exp(points @ [1.0, 0.5, 0.1, 0.05, 0.05, 1.5])
+    waves = np.sin(3 * points[:, 0] + 4 * points[:, 5]) + points[:, 1] ** 2
+    values = np.column_stack([grown / grown.std(), waves / waves.std()])
+    lengths, _ = fit_lengths(points, values)
+    again, _ = fit_lengths(points, values * (1 + 1e-6 * rng.normal(size=values.shape)))
+    np.testing.assert_allclose(again, lengths, rtol=0.01)
+
+
 def test_processes_pass_through_smooth_data() -> None:
     rng = np.random.default_rng(1)
     points, fresh = rng.uniform(size=(120, 6)), rng.uniform(size=(40, 6))

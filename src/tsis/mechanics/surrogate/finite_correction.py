@@ -234,23 +234,38 @@ def _linear(points: Floats) -> Floats:
 def fit_lengths(points: Floats, values: Floats) -> tuple[Floats, float]:
     """Correlation lengths and noise variance of the largest likelihood, the same for all columns of ``values``."""
     basis = _linear(points)
-    free = len(points) - basis.shape[1]
+    free, columns = len(points) - basis.shape[1], values.shape[1]
 
-    def misfit(logs: Floats) -> float:
-        kernel = _kernel(points, points, np.exp(logs[:-1])) + np.exp(logs[-1]) * np.eye(len(points))
-        root = scipy.linalg.cholesky(kernel, lower=True, check_finite=False)
-        white, data = (
-            scipy.linalg.solve_triangular(root, basis, lower=True),
-            scipy.linalg.solve_triangular(root, values, lower=True),
-        )
-        directions, upper = np.linalg.qr(white)
-        rest = data - directions @ (directions.T @ data)
+    def misfit(logs: Floats) -> tuple[float, Floats]:
+        """Negative logarithm of the restricted likelihood and of a wide prior on the lengths, and its derivatives."""
+        scaled = points / np.exp(logs[:-1])
+        smooth, noise = _kernel(points, points, np.exp(logs[:-1])), np.exp(logs[-1])
+        root = scipy.linalg.cholesky(smooth + noise * np.eye(len(points)), lower=True, check_finite=False)
+        white = scipy.linalg.solve_triangular(root, np.eye(len(points)), lower=True)
+        directions, upper = np.linalg.qr(white @ basis)
+        rest = white - directions @ (directions.T @ white)
+        precision = rest.T @ rest  # of what the linear mean leaves
+        weighed = precision @ values
+        squares = (values * weighed).sum(axis=0)
         volume = np.log(np.diag(root)).sum() + np.log(np.abs(np.diag(upper))).sum()
-        return float(0.5 * free * np.log((rest**2).sum(axis=0) / free).mean() + volume + 0.1 * (logs[:-1] ** 2).sum())
+        value = 0.5 * free * np.log(squares / free).mean() + volume + 0.1 * (logs[:-1] ** 2).sum()
+        # d misfit = sum(by_covariance * d covariance), and d kernel / d log length = kernel * (difference / length)**2
+        by_covariance = 0.5 * (precision - free / columns * (weighed / squares) @ weighed.T)
+        by_kernel = by_covariance * smooth
+        by_lengths = 2 * (by_kernel.sum(axis=1) @ scaled**2 - (scaled * (by_kernel @ scaled)).sum(axis=0))
+        slopes = np.append(by_lengths + 0.2 * logs[:-1], noise * np.trace(by_covariance))
+        return float(value), slopes
 
     start = np.append(np.full(points.shape[1], 0.5), np.log(1e-4))
     bounds = [(-1.5, 3.5)] * points.shape[1] + [(np.log(1e-8), np.log(0.1))]
-    best = scipy.optimize.minimize(misfit, start, method="L-BFGS-B", bounds=bounds, options={"maxiter": 40}).x
+    best = scipy.optimize.minimize(
+        misfit,
+        start,
+        method="L-BFGS-B",
+        jac=True,
+        bounds=bounds,
+        options={"maxiter": 500, "ftol": 1e-13, "gtol": 1e-4},
+    ).x
     return np.exp(best[:-1]), float(np.exp(best[-1]))
 
 
