@@ -12,7 +12,7 @@ from tsis.catalog.probes import load_probe
 from tsis.model.press import PressField
 from tsis.model.probe import FOUR_LEDS, Glass, Led, Probe
 from tsis.optics.rays.geometry import hertz_dent, scene
-from tsis.optics.rays.reference import WAYS_OUT, Photon, reference_probe, trace_photons
+from tsis.optics.rays.reference import WAYS_OUT, Photon, reference_probe, shine, trace_photons
 from tsis.optics.rays.tracing import follow_path, trace_rays
 
 if TYPE_CHECKING:
@@ -75,6 +75,25 @@ def test_shares_agree_within_their_errors(case: str) -> None:
 @pytest.mark.parametrize("case", CASES)
 def test_shares_agree_within_small_errors(case: str) -> None:
     assert max(map(abs, z_scores(case, 30_000).values())) < 4
+
+
+@pytest.mark.parametrize(("half_angle_deg", "mean_cosine"), [(60.0, 2 / 3), (45.0, 3 / 4)])
+def test_a_lamp_shines_from_its_whole_disc_about_its_axis(half_angle_deg: float, mean_cosine: float) -> None:
+    """A disc has the variance d^2 / 16 along each side; under cos^m the mean cosine is (m + 1) / (m + 2), m = 1, 2."""
+    led = Led(azimuth_deg=30.0, aim_deg=20.0, height_mm=4.0, diameter_mm=3.0, half_angle_deg=half_angle_deg)
+    rng = np.random.default_rng(2)
+    photons = [shine(led, PROBE, rng) for _ in range(4000)]
+    outward, across = np.array([[np.sqrt(0.75), 0.5, 0.0], [-0.5, np.sqrt(0.75), 0.0]])
+    place = np.array([photon.position for photon in photons]) - [0.0, 0.0, 4.0]
+    np.testing.assert_allclose(place @ outward, PROBE.radius_mm)
+    spot = np.stack([place @ across, place[:, 2]])
+    assert np.hypot(*spot).max() <= 1.5
+    np.testing.assert_allclose(spot.mean(axis=1), 0.0, atol=5 * 0.75 / np.sqrt(4000))
+    np.testing.assert_allclose(spot.var(axis=1), 3.0**2 / 16, rtol=0.1)
+    axis = np.append(-np.cos(np.radians(20.0)) * outward[:2], np.sin(np.radians(20.0)))
+    cosine = np.array([photon.direction for photon in photons]) @ axis
+    assert cosine.mean() == pytest.approx(mean_cosine, abs=5 * cosine.std() / np.sqrt(4000))
+    assert cosine.min() > 0
 
 
 SMOOTH = PressField(
