@@ -11,7 +11,7 @@ import pytest
 
 import tsis
 from tsis.mechanics import press
-from tsis.mechanics.solid import SolidResolution, press_solid
+from tsis.mechanics.solid import SolidResolution, press_solid, symmetry_of
 from tsis.model.calibration import LightMap
 from tsis.model.phantom import Inclusion, Phantom
 
@@ -62,6 +62,32 @@ def peak_mm(found: PressMap, change: NDArray[np.float64]) -> tuple[float, float]
     _, a, b, c, d, e = np.linalg.lstsq(terms, change[rows, columns].ravel(), rcond=None)[0]
     top = np.linalg.solve([[2 * c, d], [d, 2 * e]], [-a, -b])
     return float(top[0]), float(top[1])
+
+
+LONG = replace(SMALL, semi_axes_mm=(3.0, 2.0, 2.0))
+
+
+@pytest.mark.parametrize(
+    ("inclusion", "places", "mirrors"),
+    [
+        (SMALL, [(0.0, 0.0)], "xy"),
+        (SMALL, [(3.0, 4.0)], "y"),
+        (SMALL, [(3.0, 4.0), (-1.5, -2.0), (0.0, 0.0)], "y"),
+        (SMALL, [(3.0, 4.0), (4.0, 3.0)], ""),
+        (LONG, [(0.0, 0.0)], "xy"),
+        (LONG, [(0.0, 4.0)], "y"),
+        (LONG, [(3.0, 4.0)], ""),
+    ],
+)
+def test_a_mirror_leaves_every_inclusion_where_it_is(
+    inclusion: Inclusion, places: list[tuple[float, float]], mirrors: str
+) -> None:
+    found = symmetry_of(tuple(replace(inclusion, offset_mm=place) for place in places))
+    assert found.mirrors == mirrors
+    assert found.copies == 2 ** len(mirrors)
+    along, across = found.rotated(*np.array(places).T)
+    mirrored = [-along if "x" in mirrors else along, -across if "y" in mirrors else across]
+    np.testing.assert_allclose(mirrored, [along, across], atol=1e-12)
 
 
 @pytest.mark.slow
