@@ -259,6 +259,28 @@ def test_an_untouched_probe_that_is_nearly_dark_is_told_from_another_by_a_share_
             known.require_untouched(frame)
 
 
+@pytest.mark.parametrize("lamps", [0.85, 1.2])
+def test_an_untouched_probe_is_known_by_the_pattern_of_its_light_whatever_its_lamps(lamps: float) -> None:
+    """Another pattern across that of the probe, with a tenth of its root mean square, is the limit."""
+    dark, (row, column) = bench_reference(), np.indices((30, 40))
+    signs = np.where((row // 15 + column // 20) % 2, 1.0, -1.0)  # in quarters, which blocks do not mix
+    light = 40.0 + 10.0 * np.where(column < 20, 1.0, -1.0)
+    assert abs((light * signs).sum()) < 1e-9, "no brightness of the lamps explains the other pattern"
+    known = replace(dark, untouched_grey=light, patch_px=None)
+    for share, alike in ((0.095, True), (0.105, False)):
+        seen = lamps * (light + share * np.sqrt((light**2).mean()) * signs)
+        frame = TactileImage(grey=dark.dark_grey + seen, mm_per_pixel=known.mm_per_pixel)
+        with nullcontext() if alike else pytest.raises(ImageMismatchError, match="of another probe, or touched"):
+            known.require_untouched(frame)
+
+
+def test_lamps_that_are_nearly_off_are_told_how_bright_they_are() -> None:
+    known = replace(bench_reference(), untouched_grey=np.full((30, 40), 50.0), patch_px=None)
+    frame = TactileImage(grey=known.dark_grey + 10.0, mm_per_pixel=known.mm_per_pixel)
+    with pytest.raises(InputError, match=r"they are at 0\.20 of it"):
+        known.lamp_ratio(frame)
+
+
 SIZE = (120, 160)
 EVERY = np.ones(SIZE, dtype=bool)
 READ, SHOT = 0.5, 0.02

@@ -103,6 +103,7 @@ def test_the_product_is_known_better_than_its_factors() -> None:
     assert light is not None
     growth = found.displacement_mm * np.linalg.norm(LightTerms.of(light.factor).growth_per_mm, axis=1).mean()
     assert found.product_sd < 0.3 * np.hypot(growth, found.gain_sd)
+    assert found.gain_sd == pytest.approx(np.linalg.norm(light.factor[-1])), "the last term of the joint covariance"
     assert 0.005 < found.product_sd < 0.03  # the pads' own light is uncertain by 1 %
 
 

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import gaussian_filter
+from scipy.stats import norm
 
 from tsis.calibration.dot_board import (
     BORDER,
@@ -244,6 +245,8 @@ def test_clean_dots_are_not_surer_than_what_the_map_leaves_out(draw: Callable[[]
         assert low < true < high
         assert size.sd >= 2e-4 * size.value
         assert size.sd < 0.02 * size.value
+        # Hardly any of it is scatter, of which few dots tell little: the interval is that of a normal distribution.
+        assert high - low == pytest.approx(2 * norm.ppf(0.975) * size.sd, rel=2e-3)
 
 
 @pytest.mark.slow

@@ -56,6 +56,12 @@ def test_patches_that_cannot_follow_the_lamps_are_refused() -> None:
         drift_corrected(lit, 0.0)
 
 
+def test_sixteen_pixels_make_a_patch() -> None:
+    assert ReferencePatch(first_row=0, last_row=4, first_column=0, last_column=4).pixels == 16
+    with pytest.raises(InputError, match="at least 16 pixels; got 15"):
+        ReferencePatch(first_row=0, last_row=3, first_column=0, last_column=5)
+
+
 @pytest.mark.parametrize("wrong", [{"first_row": -1}, {"last_row": 0}, {"first_column": 2.5}, {"last_column": 2}])
 def test_ends_of_a_patch_are_checked(wrong: dict[str, float]) -> None:
     with pytest.raises(InputError):
