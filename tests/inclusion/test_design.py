@@ -325,6 +325,27 @@ def test_few_degrees_tell_what_many_tell(flat: FullContactSurrogate) -> None:
     assert list(coarse.values()) == pytest.approx(list(fine.values()), rel=0.05)
 
 
+@pytest.mark.parametrize("offset_sd_mm", [0.3, 2.0])
+def test_a_plan_knows_the_place_of_an_inclusion_as_its_frames_will(
+    domed: FullContactSurrogate, offset_sd_mm: float
+) -> None:
+    """The spread is that of the squared distance from the axis, drawn here; frames locate an inclusion to 0.5 mm."""
+    prior = replace(PRIOR, offset_sd_mm=offset_sd_mm)
+    view = view_of(TWO_FORCES, domed, prior=prior, calibration=ANSWER, sensor=SENSOR)
+    places = np.random.default_rng(1).normal(scale=min(offset_sd_mm, 0.5), size=(100_000, 2))
+    assert view.model.spread_sd == pytest.approx((places**2).sum(axis=1).std(), rel=0.03)
+
+
+def test_a_search_of_one_stack_changes_the_force_alone() -> None:
+    found = optimise_design(
+        protocol_of(FLAT, (0.3,)), prior=PRIOR, calibration=ANSWER, evaluations=1, degrees=FULL_CONTACT_DEGREES
+    )
+    assert (found.stiffening, found.gradient, found.evaluations) == (1.0, 1.0, 1)
+    assert found.best.protocol.probe.layers == FLAT.layers
+    assert found.best.information.log_sd < found.planned.information.log_sd
+    assert not found.best.limits.broken
+
+
 @pytest.mark.slow
 def test_the_search_betters_the_plan_within_the_limits() -> None:
     planned = protocol_of(FLAT, (0.3,))

@@ -87,6 +87,13 @@ def test_a_frame_far_darker_than_its_force_is_refused(
         findings(virtual, replace(pair[0], grey=8 + 0.15 * (pair[0].grey - 8)))
 
 
+def test_a_frame_whose_force_is_not_known_is_not_judged_by_it(
+    virtual: VirtualProbe, pair: tuple[TactileImage, TactileImage]
+) -> None:
+    dark = replace(pair[0], grey=8 + 0.15 * (pair[0].grey - 8), force_n=None)
+    assert findings(virtual, dark) == {}
+
+
 @pytest.mark.parametrize("probe", ["tsis-2011", "tsis-domed"])
 @pytest.mark.parametrize("force_n", [0.25, 2.0])
 def test_presses_of_any_strength_are_as_bright_as_their_force(probe: str, force_n: float) -> None:
