@@ -175,7 +175,7 @@ def test_uneven_tissue_without_lump_has_none(sd: float) -> None:
     assert sum(false) == 0
 
 
-@pytest.mark.parametrize("moves", ["all", "no birth and death"])
+@pytest.mark.parametrize("moves", [pytest.param("all", marks=pytest.mark.slow), "no birth and death"])
 def test_without_data_the_sampler_draws_from_the_prior(moves: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Numbers, depths and distances of pairs against lumps drawn by rejection: the moves balance one another."""
     prior = MapPrior(diameter_mm=(3.0, 16.0), depth_mm=(0.5, 20.0))
