@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+import scipy
 
 import tsis
 from tsis.errors import InputError, NotCalibratedError, UntrustedError
@@ -17,9 +18,11 @@ from tsis.mapping import LumpMap, MapPrior, Scan, ScanPress, estimate_map
 from tsis.mapping.answers import clusters
 from tsis.mapping.estimation import BLOCK, block_areas
 from tsis.mapping.observation import observe
+from tsis.mapping.places import with_place_errors
 from tsis.mapping.posterior import BlockLikelihood, Region, Sampler, greedy_fit
 from tsis.mapping.scan import Indenter
 from tsis.mapping.stiffness import observe_stiffness, read_touches, stiffness_kernel, suited_prior
+from tsis.mapping.uneven_field import bessel
 from tsis.mechanics.lump_kernel import lump_kernel
 from tsis.mechanics.tissue_field import FieldMesh, TissueFieldResponse, field_features
 from tsis.model.calibration import LightMap
@@ -249,6 +252,62 @@ def test_a_press_beside_its_stated_place_is_put_back_and_the_lump_stays() -> Non
     assert found.count_probability[1] > 0.9
     mean = found.lumps[0].estimate.mean
     assert (mean["x_mm"], mean["y_mm"]) == pytest.approx(LUMP[:2], abs=0.3)
+
+
+@pytest.mark.parametrize("sd", [0.2, 0.8])
+def test_the_noise_of_a_place_s_error_is_that_of_presses_beside_their_places(sd: float) -> None:
+    """Mean and covariance of the lump's signal at drawn places, against the second order of its derivatives."""
+    observation = observe(scan_of([LUMP]), PROBE, None, MapPrior())
+    observation = replace(observation, place_sd_mm=np.full(len(PLACES), sd))
+    likelihood = BlockLikelihood(observation, MapPrior(), length_mm=6.0)
+    seen, _ = with_place_errors(observation, likelihood, as_row(LUMP))
+    rng, table = np.random.default_rng(11), observation.table
+    drawn = np.array(
+        [
+            table.signals(
+                as_row(LUMP),
+                observation.places_mm + rng.normal(0, sd, (len(PLACES), 2)),
+                observation.angle,
+                observation.force_n,
+            )
+            for _ in range(4000)
+        ]
+    )
+    there = table.signals(as_row(LUMP), observation.places_mm, observation.angle, observation.force_n)
+    for press in range(len(PLACES)):
+        expected = np.cov(drawn[:, press].T)
+        found = seen.own[press] - observation.own[press]
+        assert np.linalg.norm(found - expected) < 0.12 * np.linalg.norm(expected)
+        moved = there[press] - drawn[:, press].mean(axis=0)
+        error = np.sqrt(np.trace(expected) / len(drawn))
+        assert (
+            np.linalg.norm(seen.values[press] - observation.values[press] - moved)
+            < 0.2 * np.linalg.norm(moved) + 4 * error
+        )
+
+
+def test_numbers_at_other_places_are_what_the_covariance_predicts() -> None:
+    observation = observe(scan_of([]), PROBE, None, MapPrior())
+    weights = np.random.default_rng(3).normal(size=observation.values.shape)
+    places, angle, force = observation.places_mm, observation.angle, observation.force_n
+    exact = np.zeros(len(places))
+    same, moved = observation.field.predicted(5.0, [places, places + 1.5], places, angle, force, exact, weights)
+    both = observation.field.covariance(
+        5.0,
+        np.concatenate([places + 1.5, places]),
+        np.tile(angle, 2),
+        np.tile(force, 2),
+        np.zeros(2 * len(places)),
+    )
+    count = weights.size
+    assert same.ravel() == pytest.approx(both[count:, count:] @ weights.ravel(), abs=2e-3 * np.abs(same).max())
+    assert moved.ravel() == pytest.approx(both[:count, count:] @ weights.ravel(), abs=2e-3 * np.abs(moved).max())
+
+
+def test_bessel_functions_of_the_table_are_scipy_s() -> None:
+    x = np.random.default_rng(4).uniform(0.0, 173.0, (5, 400))
+    expected = scipy.special.jv(np.arange(13)[:, None, None], x)
+    assert np.abs(bessel(12, x) - expected).max() < 1e-9
 
 
 def test_states_give_a_cluster_one_lump_each() -> None:

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 PLACE_MATTERS_MM = 0.05  # standard deviation of a place from which its error counts
 LEAST_STEP_MM, LARGEST_STEP_MM = 0.3, 2.0  # of differences; between them the standard deviation
+BESIDE = ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1), (1, -1), (-1, 1))  # steps
 EXACT_MM = 1e-3  # of places whose error is noise
 
 
@@ -46,21 +47,17 @@ def with_place_errors(
     The presses, and the derivatives of each by x and y over the error of its place, (presses, 2, numbers).
     """
     seen, kind, sd, weighted = _explained(likelihood, lumps)
-    blur = np.broadcast_to(seen.place_sd_mm**2, (len(seen.values), len(seen.values)))
     step = np.clip(observation.place_sd_mm, LEAST_STEP_MM, LARGEST_STEP_MM)[:, None]
-
-    def at(*by: float) -> Floats:
-        """The total change of each press so many steps beside its place."""
-        moved = observation.places_mm + step * np.array(by)
-        lump = seen.table.signals(lumps, moved, seen.angle, seen.force_n)
-        field = sd**2 * likelihood.field_between(kind, moved, blur) @ weighted
-        return np.asarray(lump + field.reshape(lump.shape))
-
-    here, right, left, up, down = at(0, 0), at(1, 0), at(-1, 0), at(0, 1), at(0, -1)
+    moved = [observation.places_mm + step * np.array(by) for by in BESIDE]
+    fields = likelihood.field_at(kind, moved, weighted.reshape(seen.values.shape))
+    here, right, left, up, down, first_corner, second_corner, third_corner, fourth_corner = (
+        sd**2 * field + seen.table.signals(lumps, places, seen.angle, seen.force_n)
+        for field, places in zip(fields, moved, strict=True)
+    )
     size = np.where(observation.place_sd_mm > PLACE_MATTERS_MM, observation.place_sd_mm, 0.0)[:, None] / step
     first = np.stack([right - left, up - down], axis=1) * size[..., None] / 2
     along = [(one - 2 * here + other) * size**2 for one, other in ((right, left), (up, down))]
-    across = (at(1, 1) + at(-1, -1) - at(1, -1) - at(-1, 1)) * size**2 / 4
+    across = (first_corner + second_corner - third_corner - fourth_corner) * size**2 / 4
     second = np.stack([along[0] / np.sqrt(2), along[1] / np.sqrt(2), across], axis=1)
     return (
         replace(

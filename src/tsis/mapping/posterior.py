@@ -20,7 +20,7 @@ from tsis.mapping.uneven_field import LENGTHS_MM, tail_weights
 from tsis.mechanics.lump_kernel import eshelby_factor
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from tsis.mapping.observation import Observation
     from tsis.mapping.prior import MapPrior
@@ -237,16 +237,19 @@ class BlockLikelihood:
                 noise += flat.T @ flat
         self.kinds = self._turned(noise, kept)
 
-    def field_between(self, kind: FieldKind, places_mm: Floats, blur_mm2: Floats) -> Floats:
-        """Covariance of the field of a kind and unit variance between presses at other places and those observed."""
+    def field_at(self, kind: FieldKind, moved_mm: Sequence[Floats], weights: Floats) -> list[Floats]:
+        """Numbers of the presses at other places, by a field of a kind and unit variance and the data's ``weights``."""
         seen = self.observation
-
-        def of(length_mm: float) -> Floats:
-            return seen.field.cross_covariance(
-                length_mm, (places_mm, seen.angle, seen.force_n), (seen.places_mm, seen.angle, seen.force_n), blur_mm2
-            )
-
-        return sum((weight * of(length) for length, weight in kind.mixture), np.zeros(1))
+        parts = [
+            [
+                weight * numbers
+                for numbers in seen.field.predicted(
+                    length, moved_mm, seen.places_mm, seen.angle, seen.force_n, seen.place_sd_mm, weights
+                )
+            ]
+            for length, weight in kind.mixture
+        ]
+        return [np.sum(one, axis=0) for one in zip(*parts, strict=True)]
 
     def settle(self) -> None:
         """Drop what only a change of the signal's error needs: most of the memory."""
