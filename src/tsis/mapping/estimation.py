@@ -344,7 +344,7 @@ def _fitted(
     likelihood = BlockLikelihood(seen, prior, length_mm=length, report=report)
     fit, candidates, gain = greedy_fit(likelihood, region, start=rows, report=report)
     if errs and length is None:  # once more, with the slopes of the lumps that were found
-        seen, slopes = with_place_errors(part, likelihood, fit.lumps)
+        seen, slopes = with_place_errors(part, likelihood, fit.lumps, slopes)
         del likelihood  # most of the memory
         likelihood = BlockLikelihood(seen, prior, report=report)
         fit, candidates, gain = greedy_fit(likelihood, region, start=fit.lumps, report=report)

@@ -4,8 +4,9 @@ A press whose place errs by s reads ``T(p + s)`` of the tissue's total change T,
 presses tell T well enough for its derivatives at each place, whatever it is made of. For s of the standard deviation a
 along both axes, ``T + s_x T_x + s_y T_y + (s_x^2 T_xx + 2 s_x s_y T_xy + s_y^2 T_yy) / 2`` has the mean
 ``T + a^2 (T_xx + T_yy) / 2`` and the covariance ``a^2 (T_x T_x' + T_y T_y') + a^4 (T_xx T_xx' / 2 + T_xy T_xy' +
-T_yy T_yy' / 2)``. Lumps and unevenness are judged by the same noise, so that neither explains errors of places which
-the other could not.
+T_yy T_yy' / 2)``. The derivatives are taken once more at the most probable places, where the second order has only the
+errors that the presses leave. Lumps and unevenness are judged by the same noise, so that neither explains errors of
+places which the other could not.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from tsis.compiled import one_blas_thread
 
 if TYPE_CHECKING:
     from tsis.mapping.observation import Observation
-    from tsis.mapping.posterior import BlockLikelihood
+    from tsis.mapping.posterior import BlockLikelihood, FieldKind
     from tsis.mapping.signals import Floats
 
 PLACE_MATTERS_MM = 0.05  # standard deviation of a place from which its error counts
@@ -29,7 +30,7 @@ EXACT_MM = 1e-3  # of places whose error is noise
 
 
 def with_place_errors(
-    observation: Observation, likelihood: BlockLikelihood, lumps: Floats
+    observation: Observation, likelihood: BlockLikelihood, lumps: Floats, slopes: Floats | None = None
 ) -> tuple[Observation, Floats]:
     """The presses with the errors of their places as noise.
 
@@ -41,29 +42,40 @@ def with_place_errors(
         Of these presses, with or without the errors of their places as noise.
     lumps
         The most probable lumps by that likelihood, (n, `LUMP_COLUMNS`).
+    slopes
+        What an earlier call gave with the presses of the likelihood. The derivatives are taken at the most probable
+        places then, and what is of second order has the errors that are left of them.
 
     Returns
     -------
     The presses, and the derivatives of each by x and y over the error of its place, (presses, 2, numbers).
     """
     seen, kind, sd, weighted = _explained(likelihood, lumps)
+    shift, left = np.zeros((len(seen.values), 2)), np.ones((len(seen.values), 1))
+    if slopes is not None:
+        shift = shifts(observation, likelihood, lumps, slopes)
+        left = _left(likelihood, kind, sd, slopes)[:, None]
     step = np.clip(observation.place_sd_mm, LEAST_STEP_MM, LARGEST_STEP_MM)[:, None]
-    moved = [observation.places_mm + step * np.array(by) for by in BESIDE]
+    moved = [observation.places_mm + shift + step * np.array(by) for by in BESIDE]
     fields = likelihood.field_at(kind, moved, weighted.reshape(seen.values.shape))
-    here, right, left, up, down, first_corner, second_corner, third_corner, fourth_corner = (
+    here, right, leftward, up, down, first_corner, second_corner, third_corner, fourth_corner = (
         sd**2 * field + seen.table.signals(lumps, places, seen.angle, seen.force_n)
         for field, places in zip(fields, moved, strict=True)
     )
     size = np.where(observation.place_sd_mm > PLACE_MATTERS_MM, observation.place_sd_mm, 0.0)[:, None] / step
-    first = np.stack([right - left, up - down], axis=1) * size[..., None] / 2
-    along = [(one - 2 * here + other) * size**2 for one, other in ((right, left), (up, down))]
+    first = np.stack([right - leftward, up - down], axis=1) * size[..., None] / 2
+    size = size * left
+    along = [(one - 2 * here + other) * size**2 for one, other in ((right, leftward), (up, down))]
     across = (first_corner + second_corner - third_corner - fourth_corner) * size**2 / 4
     second = np.stack([along[0] / np.sqrt(2), along[1] / np.sqrt(2), across], axis=1)
     return (
         replace(
             observation,
-            values=observation.values - (along[0] + along[1]) / 2,
+            values=observation.values
+            - (along[0] + along[1]) / 2
+            + np.einsum("pa,pan->pn", shift / observation.place_sd_mm[:, None], first),
             own=observation.own + first.swapaxes(1, 2) @ first + second.swapaxes(1, 2) @ second,
+            places_mm=observation.places_mm + shift,
             place_sd_mm=np.where(size[:, 0] > 0, EXACT_MM, observation.place_sd_mm),
         ),
         first,
@@ -74,6 +86,18 @@ def shifts(observation: Observation, likelihood: BlockLikelihood, lumps: Floats,
     """Posterior mean of the errors of places to first order in mm, (presses, 2): ``a G' C^-1 r`` with G, ``slopes``."""
     weighted = _explained(likelihood, lumps)[3].reshape(observation.values.shape)
     return np.asarray(observation.place_sd_mm[:, None] * np.einsum("pan,pn->pa", slopes, weighted))
+
+
+def _left(likelihood: BlockLikelihood, kind: FieldKind, sd: float, slopes: Floats) -> Floats:
+    """Errors of places that the presses leave, over those before: root mean of ``1 - G' C^-1 G`` of both axes."""
+    presses, _, count = slopes.shape
+    precision = 1 / (1 + sd**2 * kind.size)
+    left = np.empty(presses)
+    with one_blas_thread():
+        for press in range(presses):
+            turned = kind.turn[:, press * count : (press + 1) * count] @ slopes[press].T
+            left[press] = 1 - (turned**2 * precision[:, None]).sum() / 2
+    return np.sqrt(np.clip(left, 0.05, 1.0))
 
 
 def _explained(likelihood: BlockLikelihood, lumps: Floats) -> tuple[Observation, Any, float, Floats]:
