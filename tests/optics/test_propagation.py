@@ -441,6 +441,13 @@ def test_refining_the_grid_changes_less_and_less() -> None:
     assert first / second > 2.0
 
 
+def test_the_memory_limit_lies_between_one_and_four_fields() -> None:
+    occupied = propagate(GUIDE, length_um=80.0).field.nbytes / 2**30
+    propagate(GUIDE, length_um=80.0, memory_gib=4 * occupied)
+    with pytest.raises(InputError, match=r"must fit in .* choose a larger step_um or memory_gib"):
+        propagate(GUIDE, length_um=80.0, memory_gib=occupied)
+
+
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [

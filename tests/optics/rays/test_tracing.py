@@ -14,8 +14,9 @@ from tsis.catalog.probes import load_probe
 from tsis.errors import InputError
 from tsis.model.press import PressField
 from tsis.model.probe import FOUR_LEDS, Glass, Layer, Led, Probe
-from tsis.optics.rays.geometry import evenly_raised_face, hertz_dent
-from tsis.optics.rays.tracing import trace_paths, trace_rays
+from tsis.optics.rays.geometry import evenly_raised_face, hertz_dent, scene
+from tsis.optics.rays.kernel import ARRIVING
+from tsis.optics.rays.tracing import trace_batches, trace_paths, trace_rays
 
 PROBE = replace(load_probe("tsis-2011"), leds=FOUR_LEDS)  # level lamps at half height
 DENT = hertz_dent(12.0, tip_radius_mm=8.0, depth_mm=1.2, peak_pressure_kpa=25.0)
@@ -40,6 +41,13 @@ probes = st.builds(
     leds=st.lists(leds, min_size=1, max_size=3).map(tuple),
     face_curvature_mm=st.one_of(st.none(), st.floats(80.0, 200.0)),
 )
+
+
+def test_a_face_that_is_not_tilted_catches_what_arrives() -> None:
+    """Light that glass or walls have reflected counts when it meets the face, and not where they reflect it."""
+    found = trace_batches(scene(PROBE, None), PROBE, rays=20_000, seed=3, bins=8, slopes=[(0.0, 0.0)], threads=1)
+    assert found.maps[:, ARRIVING].sum() > 0
+    np.testing.assert_allclose(found.tilted[:, 0], found.maps[:, ARRIVING], rtol=1e-12)
 
 
 def test_the_edge_of_a_dent_is_real_whatever_rounding_makes_of_its_radius() -> None:
