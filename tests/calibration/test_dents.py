@@ -84,6 +84,24 @@ def test_each_press_of_a_tip_that_is_seen_states_the_gain() -> None:
         assert row.residual == pytest.approx(np.log(7.0 / RESPONSE.gain_grey_per_kpa))
 
 
+def test_growth_of_the_light_under_a_tip_counts_by_the_mean_dent_of_hertz() -> None:
+    """Of a dent (a^2 - r^2 / 2) / R, whose mean under Hertz's pressure is 0.8 a^2 / R."""
+    square, tip = np.array([0.0, 16.0, 25.0, 36.0, 64.0]), 100.0
+    force = square**1.5 / 100.0
+    loading = Loading(
+        tip_radius_mm=tip,
+        force_n=force,
+        total_grey=force,
+        touched=force > 0,
+        field_grey=force,
+        peak_grey=force,
+        mean_square_mm2=square / 2.5,
+        clipped=np.zeros(5),
+    )
+    rows = _rows_of_tips([loading], PROBE, RESPONSE, 1e-3, LIGHT_TERMS)
+    np.testing.assert_allclose([row.terms[0, 0] for row in rows], 0.8 * square[1:] / tip, rtol=0.02)
+
+
 def test_terms_of_nothing_leave_gain_and_saturation() -> None:
     count = LIGHT_TERMS
     made = _response(np.zeros(count), np.zeros((count, count)), np.zeros(LIGHT_RINGS), PROBE, RESPONSE)

@@ -112,6 +112,10 @@ def test_series_that_are_none_are_refused(time: list[float], value: list[float],
 def test_a_value_that_crosses_zero_has_no_share_to_settle_to() -> None:
     time = np.arange(0.0, 10.0, 0.1)
     assert assess_settling(time, np.sin(time)).verdict == "cannot tell"
+    noise = 1e-3 * np.random.default_rng(1).standard_normal(time.size)
+    # Exponentials both: one ends beyond zero, with another sign than most of it, the other begins there.
+    assert assess_settling(time, np.exp(-time / 2.0) - 0.1 + noise).verdict == "cannot tell"
+    assert assess_settling(time, 1.0 - 1.5 * np.exp(-time / 0.5) + noise).settled
 
 
 @given(
