@@ -41,6 +41,20 @@ def to_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(annealing, "CUT_OFF", 100.0)
 
 
+def test_columns_of_the_field_make_the_covariance_of_two_gaussian_processes() -> None:
+    """Entry by entry; what is dropped of it is a hundred-thousandth of its largest eigenvalue."""
+    points = np.random.default_rng(3).normal(size=(30, 2))
+    design, ridge = annealing.field_design(points, np.arange(30))
+    expected = np.zeros((30, 30))
+    for i, j in np.ndindex(30, 30):
+        square = float(((points[i] - points[j]) ** 2).sum())
+        for width, amplitude in zip(annealing.FIELD_WIDTHS, annealing.FIELD_AMPLITUDES, strict=True):
+            expected[i, j] += amplitude**2 * np.exp(-square / (2 * width**2))
+    covariance = design[:, 3:] @ np.diag(1 / ridge[3:]) @ design[:, 3:].T
+    np.testing.assert_allclose(covariance, expected, atol=1e-5 * 30 * expected.max())
+    np.testing.assert_array_equal(design[:, :3], np.column_stack([np.ones(30), points]))
+
+
 @pytest.mark.parametrize("temperature", [1.0, 0.05, 1e-4])
 @pytest.mark.usefixtures("to_the_end")
 def test_soft_pairs_equal_the_whole_matrix(warped: Warped, temperature: float) -> None:

@@ -9,7 +9,14 @@ import pytest
 from scipy.stats import special_ortho_group, vonmises
 
 from tsis.matching.methods import UNMATCHED, NormalFrame
-from tsis.matching.pose_evidence import PoseEvidence, SmoothField, hard_evidence, soft_evidence, unrelated_evidence
+from tsis.matching.pose_evidence import (
+    WIDTHS,
+    PoseEvidence,
+    SmoothField,
+    hard_evidence,
+    soft_evidence,
+    unrelated_evidence,
+)
 from tsis.matching.pose_search import PoseSearch, settled
 from tsis.matching.posterior import log_rotation_prior, pose_posterior, rotation_deg
 from tsis.matching.refinement import one_to_one
@@ -32,6 +39,14 @@ def _evidence(source: np.ndarray, moved: np.ndarray, target: np.ndarray) -> Pose
     found = hard_evidence(SmoothField.of(source), target, one_to_one(moved, target, RANGE))
     assert found is not None
     return found
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_factors_times_themselves_are_the_kernels(dimension: int) -> None:
+    points = np.random.default_rng(6).normal(size=(25, dimension))
+    squares = ((points[:, None] - points) ** 2).sum(axis=2)
+    for width, factor in zip(WIDTHS, SmoothField.of(points).factors, strict=True):
+        np.testing.assert_allclose(factor @ factor.T, np.exp(-squares / (2 * width**2)), atol=1e-5)
 
 
 def test_the_true_map_is_likelier_than_others(warped: Warped) -> None:

@@ -35,6 +35,7 @@ from tsis.matching.posterior import (
     THRESHOLDS,
     PosePosterior,
     is_sound,
+    least_confidence,
     log_rotation_prior,
     pose_posterior,
     probability_right,
@@ -305,6 +306,14 @@ def _believed(kind: str, matrix: np.ndarray) -> tuple[float, float]:
     size = np.sqrt(((move(source) - move(source).mean(axis=0)) ** 2).sum(axis=1).mean())
     measures = trust_measures(searched, move(source), sound=is_sound(move, source))
     return probability_right(measures), float(error / size)
+
+
+def test_an_answer_just_reliable_errs_more_often_than_the_accepted_mean() -> None:
+    """Those above it err less, so that the mean of all is what is accepted."""
+    accepted = np.geomspace(0.001, 0.03, 30)
+    at_the_edge = 1 - np.array([least_confidence(share) for share in accepted])
+    assert (np.diff(at_the_edge) > 0).all()
+    assert (at_the_edge > accepted).all()
 
 
 @pytest.mark.parametrize("kind", ["surface", "cloud"])

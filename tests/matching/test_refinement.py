@@ -308,11 +308,12 @@ def test_many_points_out_of_reach_have_no_pair() -> None:
     np.testing.assert_array_equal(one_to_one(points, points[::-1], 1e-6), np.arange(260)[::-1])
 
 
-def test_a_part_that_moved_away_is_found_among_clutter() -> None:
+@pytest.mark.parametrize("clutter", [0, 30])
+def test_a_part_that_moved_away_is_found_with_clutter_and_without(clutter: int) -> None:
     rng = np.random.default_rng(5)
     source = np.vstack([rng.normal([-0.8, 0], 0.3, (30, 2)), rng.normal([0.9, 0], 0.2, (15, 2))])
     moved = source + np.where(np.arange(45)[:, None] < 30, 0.0, [0.3, 0.8])
-    target = np.vstack([moved, rng.uniform(-2, 2, (30, 2))])
+    target = np.vstack([moved, rng.uniform(-2, 2, (clutter, 2))])
     matches = np.where(np.arange(45) < 30, np.arange(45), UNMATCHED)
     pose = hard_evidence(SmoothField.of(source), target, matches)
     assert pose is not None
