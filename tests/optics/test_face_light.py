@@ -149,6 +149,7 @@ def test_growth_is_bounded_where_there_is_hardly_any_light() -> None:
         ({"terms": np.ones((3, 2, 21, 21))}, "terms must have the shape (3, 11, 21, 21)"),
         ({"terms": np.full((3, 11, 21, 21), np.nan)}, "terms must be finite"),
         ({"lift_per_mm": np.inf}, "lift_per_mm must lie in"),
+        ({"lift_per_mm": 10.5}, "lift_per_mm must lie in [-10, 10]"),
         ({"radius_mm": -1.0}, "radius_mm must lie in"),
     ],
 )
