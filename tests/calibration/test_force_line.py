@@ -124,6 +124,13 @@ def test_millinewtons_are_refused_with_the_cure() -> None:
         loading(shown=1000 * FORCES)
 
 
+def test_a_line_of_more_than_sixteen_bits_is_refused() -> None:
+    line, _ = fit_force_line([loading(tip) for tip in TIPS], reference=reference())
+    assert replace(line, full_scale=2.0**16 - 1).full_scale == 65535.0
+    with pytest.raises(InputError, match="full_scale must lie in"):
+        replace(line, full_scale=2.0**16)
+
+
 def test_the_printed_line_read_in_millinewtons_is_refused() -> None:
     def sure(value: float) -> MeasuredValue:
         return MeasuredValue(value=value, sd=0.0)
