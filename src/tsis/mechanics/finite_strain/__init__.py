@@ -1,8 +1,7 @@
 """Large deformations: neo-Hookean bodies that slide on one another without friction and may separate.
 
-From the bottom up: material (`_neo_hookean`), meshes (`_meshes`), bodies (`_elastic_body`), contact
-(`_surfaces`, `_contact`), energy and load steps (`_potential`, `_load_path`, `_continuation`), and the two arrangements
-(`_probe_on_slab`, `_sphere`).
+From the bottom up: the material (`neo_hookean`), meshes welded of patches (`patches`), contact that slides
+(`sliding`), energy and load steps (`equilibrium`), and the two arrangements (`probe_on_slab`, `soft_sphere`).
 """
 
 from typing import TYPE_CHECKING
