@@ -52,7 +52,7 @@ _IMPLEMENTATION = "2.25." + str(uuid.uuid5(uuid.NAMESPACE_DNS, "tsis.implementat
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DicomFile:
-    """An instance as a file, explicit VR little endian, named ``tsis-<pseudonym>-<series>-<what>-<number>.dcm``."""
+    """An instance as a file, explicit VR little endian."""
 
     name: str
     content: bytes
@@ -65,7 +65,7 @@ class DicomFile:
         return dataset
 
 
-def _deterministic_uid(*parts: str | bytes) -> str:
+def deterministic_uid(*parts: str | bytes) -> str:
     """A UID below 2.25 (PS3.5 B.2) from a UUID of version 5 of the parts."""
     digest = hashlib.sha256(b"tsis dicom")
     for part in parts:
@@ -74,13 +74,13 @@ def _deterministic_uid(*parts: str | bytes) -> str:
     return f"2.25.{uuid.UUID(bytes=digest.digest()[:16], version=5).int}"
 
 
-def _sealed(dataset: Dataset, name: str) -> DicomFile:
+def sealed(dataset: Dataset, name: str) -> DicomFile:
     """Set the UID of an instance from its content, and write it.
 
     Equal content gives equal bytes and UIDs, and a UID never identifies two contents.
     """
-    dataset.SOPInstanceUID = _deterministic_uid("unsealed")
-    dataset.SOPInstanceUID = _deterministic_uid("instance", _bytes(dataset))
+    dataset.SOPInstanceUID = deterministic_uid("unsealed")
+    dataset.SOPInstanceUID = deterministic_uid("instance", _bytes(dataset))
     return DicomFile(
         name=name,
         content=_bytes(dataset),
@@ -106,7 +106,7 @@ _LONGEST = 64  # of the value representations LO and PN
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _ExportIdentity:
+class ExportIdentity:
     """The target of an export, de-identified unless ``identified``."""
 
     identified: bool
@@ -141,12 +141,12 @@ class _ExportIdentity:
         return f"{when.year:04d}" + when.strftime("%m%d"), when.strftime("%H%M%S.%f")
 
 
-def _export_identity(record: TargetRecord, *, identified: bool) -> tuple[TargetRecord, _ExportIdentity]:
+def _export_identity(record: TargetRecord, *, identified: bool) -> tuple[TargetRecord, ExportIdentity]:
     """The record to export and its identity; `RecordsError` when the target has no id."""
     if not record.target.id:
         raise RecordsError("the target must have an identity, which a store gives it; got a target without id")
     exported = record if identified else deidentified(record)
-    return exported, _ExportIdentity(identified=identified, target=exported.target)
+    return exported, ExportIdentity(identified=identified, target=exported.target)
 
 
 def _dicom_line(text: str, longest: int = _LONGEST) -> str:
@@ -155,7 +155,7 @@ def _dicom_line(text: str, longest: int = _LONGEST) -> str:
     return line.encode()[:longest].decode(errors="ignore").strip()
 
 
-_SCHEME = "99TSIS"
+SCHEME = "99TSIS"
 _SCHEME_NAME = "Codes of tsis, open software for optical tactile imaging"
 
 # Our codes: value -> meaning.
@@ -173,7 +173,7 @@ _OWN = MappingProxyType(
         "no-number": "Parameter without a number",
     }
 )
-_MILLIMETRE, _KILOPASCAL, _NEWTON, _UNITLESS = (
+_MILLIMETRE, KILOPASCAL, _NEWTON, _UNITLESS = (
     ("mm", "UCUM", "millimeter"),
     ("kPa", "UCUM", "kilopascal"),
     ("N", "UCUM", "newton"),
@@ -181,7 +181,7 @@ _MILLIMETRE, _KILOPASCAL, _NEWTON, _UNITLESS = (
 )
 _DIAMETER = ("81827009", "SCT", "Diameter")
 _DEPTH = ("131197000", "SCT", "Depth")
-_ELASTICITY = ("110830", "DCM", "Elasticity")
+ELASTICITY = ("110830", "DCM", "Elasticity")
 _FORCE = ("111647", "DCM", "Compression Force")
 _PROBABILITY = ("122157", "DCM", "Probability")
 _MEAN = ("373098007", "SCT", "Mean")
@@ -196,12 +196,12 @@ _PARAMETERS = MappingProxyType(
     {
         "diameter_mm": (_DIAMETER, _MILLIMETRE, None),
         "depth_mm": (_DEPTH, _MILLIMETRE, None),
-        "young_kpa": (_ELASTICITY, _KILOPASCAL, "young"),
+        "young_kpa": (ELASTICITY, KILOPASCAL, "young"),
     }
 )
 
 
-def _concept(triple: tuple[str, str, str]) -> Any:
+def concept(triple: tuple[str, str, str]) -> Any:
     """A code of value, scheme and meaning for highdicom."""
     value, scheme, meaning = triple
     return _highdicom("sr").CodedConcept(value=value, scheme_designator=scheme, meaning=meaning)
@@ -209,7 +209,12 @@ def _concept(triple: tuple[str, str, str]) -> Any:
 
 def _own(value: str) -> Any:
     """One of our own codes."""
-    return _concept((value, _SCHEME, _OWN[value]))
+    return concept((value, SCHEME, _OWN[value]))
+
+
+def coding_schemes() -> list[Any]:
+    """The identification of our own codes, which an instance with such codes contains."""
+    return [_highdicom("coding_schemes").CodingSchemeIdentificationItem(SCHEME, name=_SCHEME_NAME)]
 
 
 # PS3.16 CID 7050: the profile and its options.
@@ -222,7 +227,7 @@ _METHOD_TEXT = ("Pseudonym for name and ID", "Dates and times removed", "New UID
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Series:
+class Series:
     """The common attributes of a series."""
 
     number: int  # in the study, from 1
@@ -239,16 +244,16 @@ def _code(value: str, scheme: str, meaning: str) -> Dataset:
     return item
 
 
-def _describe(dataset: Dataset, cover: _ExportIdentity, series: _Series) -> None:
+def describe(dataset: Dataset, cover: ExportIdentity, series: Series) -> None:
     """Write patient, study, series, equipment and the common attributes into a dataset."""
     dataset.SpecificCharacterSet = "ISO_IR 192"  # UTF-8
     _describe_patient(dataset, cover)
-    dataset.StudyInstanceUID = _deterministic_uid("study", cover.key)
+    dataset.StudyInstanceUID = deterministic_uid("study", cover.key)
     dataset.StudyDate, dataset.StudyTime = cover.moment(cover.target.made) or ("", "")
     dataset.StudyID = str(cover.target.number) if cover.identified else cover.target.id[5:]
     dataset.StudyDescription = "Optical tactile imaging, research use only"
     dataset.AccessionNumber = dataset.ReferringPhysicianName = ""
-    dataset.SeriesInstanceUID = _deterministic_uid("series", cover.key, series.what)
+    dataset.SeriesInstanceUID = deterministic_uid("series", cover.key, series.what)
     dataset.SeriesNumber = series.number
     dataset.SeriesDescription = _dicom_line(series.description)
     dataset.Modality = series.modality
@@ -259,7 +264,7 @@ def _describe(dataset: Dataset, cover: _ExportIdentity, series: _Series) -> None
         dataset.TimezoneOffsetFromUTC = "+0000"
 
 
-def _describe_patient(dataset: Dataset, cover: _ExportIdentity) -> None:
+def _describe_patient(dataset: Dataset, cover: ExportIdentity) -> None:
     dataset.PatientName, dataset.PatientID = cover.patient_name, cover.patient_id
     dataset.PatientBirthDate = dataset.PatientSex = ""
     dataset.QualityControlSubject = "YES" if cover.target.kind == "phantom" else "NO"
@@ -346,7 +351,7 @@ _FRAME_TIME_VECTOR = 0x00181065
 _LONGEST_TEXT = 10_000  # of the value representation LT
 
 
-def _capture(stack: _Stack, cover: _ExportIdentity) -> Dataset:
+def _capture(stack: _Stack, cover: ExportIdentity) -> Dataset:
     """A Secondary Capture instance of a stack, still without a UID.
 
     One frame becomes a Secondary Capture Image, more a Multi-frame Grayscale Byte (8 bit) or Word (16 bit) one.
@@ -354,7 +359,7 @@ def _capture(stack: _Stack, cover: _ExportIdentity) -> Dataset:
     dataset: Dataset = _pydicom().Dataset()
     dataset.SOPClassUID = _sop_class(stack)
     probe = _dicom_line(stack.probe)
-    series = _Series(
+    series = Series(
         number=stack.series,
         what=f"{stack.role}, {stack.probe}",
         description=f"{'Frames' if stack.role == 'untouched' else 'Presses'} {ROLE_NAMES[stack.role]}"
@@ -362,7 +367,7 @@ def _capture(stack: _Stack, cover: _ExportIdentity) -> Dataset:
         modality="OT",
         started=stack.started,
     )
-    _describe(dataset, cover, series)
+    describe(dataset, cover, series)
     _image(dataset, stack, cover)
     _pixels(dataset, stack)
     _display(dataset, stack)
@@ -380,7 +385,7 @@ def _sop_class(stack: _Stack) -> Any:
     return uid.MultiFrameGrayscaleWordSecondaryCaptureImageStorage
 
 
-def _image(dataset: Dataset, stack: _Stack, cover: _ExportIdentity) -> None:
+def _image(dataset: Dataset, stack: _Stack, cover: ExportIdentity) -> None:
     dataset.InstanceNumber = stack.number
     dataset.ImageType = ["ORIGINAL", "SECONDARY"]
     dataset.ConversionType = "DI"
@@ -429,13 +434,13 @@ def _frames(dataset: Dataset, stack: _Stack) -> None:
     dataset.RescaleIntercept, dataset.RescaleSlope, dataset.RescaleType = "0", "1", "US"
 
 
-def _estimate_group(stored: StoredEstimate, cover: _ExportIdentity, sources: Sequence[Dataset]) -> Any:
+def _estimate_group(stored: StoredEstimate, cover: ExportIdentity, sources: Sequence[Dataset]) -> Any:
     """An estimate, without numbers where it is untrusted.
 
     A parameter that is not identified has percentiles, but no mean and no standard deviation.
     """
     sr, estimate = _highdicom("sr"), stored.estimate
-    trusted = _concept(_YES if estimate.trusted else _NO)
+    trusted = concept(_YES if estimate.trusted else _NO)
     group = sr.MeasurementsAndQualitativeEvaluations(
         tracking_identifier=_tracking(f"estimate of {stored.kind}", cover, stored.id),
         method=_own("imaging"),
@@ -468,11 +473,11 @@ def _numbers(estimate: Estimate) -> list[Any]:
 def _number(kind: tuple[Any, Any, str | None], value: float, derivation: tuple[str, str, str] | None) -> Any:
     name, unit, method = kind
     return _highdicom("sr").Measurement(
-        name=_concept(name),
+        name=concept(name),
         value=float(f"{value:.6g}"),
-        unit=_concept(unit),
+        unit=concept(unit),
         method=_own(method) if method else None,
-        derivation=_concept(derivation) if derivation else None,
+        derivation=concept(derivation) if derivation else None,
     )
 
 
@@ -486,14 +491,14 @@ def _statements(estimate: Estimate) -> list[tuple[str, str]]:
     return [(name, text) for name, text in statements if text.strip()]
 
 
-def _press_group(press: StoredPress, cover: _ExportIdentity, source: Dataset, frame: int) -> Any:
+def _press_group(press: StoredPress, cover: ExportIdentity, source: Dataset, frame: int) -> Any:
     """Force, role and flags of a press with its frame."""
     sr = _highdicom("sr")
     frames = [frame] if "NumberOfFrames" in source else None
     group = sr.MeasurementsAndQualitativeEvaluations(
         tracking_identifier=_tracking(f"press {ROLE_NAMES[press.role]}", cover, press.id or press.frame),
         method=_own("imaging"),
-        measurements=[sr.Measurement(name=_concept(_FORCE), value=float(press.force_n), unit=_concept(_NEWTON))]
+        measurements=[sr.Measurement(name=concept(_FORCE), value=float(press.force_n), unit=concept(_NEWTON))]
         if press.force_n is not None
         else [],
         source_images=[sr.SourceImageForMeasurementGroup(source.SOPClassUID, source.SOPInstanceUID, frames)],
@@ -509,8 +514,8 @@ def _text(name: str, text: str) -> Any:
     return sr.TextContentItem(name=_own(name), value=text, relationship_type=sr.RelationshipTypeValues.CONTAINS)
 
 
-def _tracking(what: str, cover: _ExportIdentity, identity: str) -> Any:
-    return _highdicom("sr").TrackingIdentifier(uid=_deterministic_uid("tracking", cover.key, identity), identifier=what)
+def _tracking(what: str, cover: ExportIdentity, identity: str) -> Any:
+    return _highdicom("sr").TrackingIdentifier(uid=deterministic_uid("tracking", cover.key, identity), identifier=what)
 
 
 def _algorithm(stored: StoredEstimate) -> Any:
@@ -525,10 +530,16 @@ def _algorithm(stored: StoredEstimate) -> Any:
 
 
 _SERIES = 9
-_NO_DATE, _NO_TIME = "19000101", "000000"  # a report must have a time; this one marks a removed one
 
 # Attributes with the present time, which would make equal exports differ.
 _OF_NOW = ("InstanceCreationDate", "InstanceCreationTime", "ContributingEquipmentSequence")
+
+
+def set_moment(dataset: Dataset, date: str = "19000101", time: str = "000000") -> None:
+    """Set the time of an instance of highdicom, and remove the present one; the default marks a removed time."""
+    for what in _OF_NOW:
+        del dataset[what]
+    dataset.ContentDate, dataset.ContentTime = date, time
 
 
 def _has_report(record: TargetRecord) -> bool:
@@ -536,35 +547,29 @@ def _has_report(record: TargetRecord) -> bool:
     return bool(record.estimates) or any(press.force_n is not None or press.flags for press in record.presses)
 
 
-def _report(record: TargetRecord, cover: _ExportIdentity, images: Sequence[tuple[_Stack, Dataset]]) -> Dataset:
+def _report(record: TargetRecord, cover: ExportIdentity, images: Sequence[tuple[_Stack, Dataset]]) -> Dataset:
     """The report on the exported images, still without a UID."""
     made = max([stored.made for stored in record.active_estimates] or [press.taken for press in record.presses])
-    date, time = cover.moment(made) or (_NO_DATE, _NO_TIME)
+    moment = cover.moment(made) or ()
     sr = _highdicom("sr")
     document: Dataset = sr.ComprehensiveSR(
         evidence=[image for _, image in images],
         content=_content(record, cover, images)[0],
-        series_instance_uid=_deterministic_uid("series", cover.key, "report"),
+        series_instance_uid=deterministic_uid("series", cover.key, "report"),
         series_number=_SERIES,
-        sop_instance_uid=_deterministic_uid("unsealed"),
+        sop_instance_uid=deterministic_uid("unsealed"),
         instance_number=1,
         manufacturer="tsis",
         is_complete=True,
-        content_date=date,
-        content_time=time,
-        coding_schemes=[_highdicom("coding_schemes").CodingSchemeIdentificationItem(_SCHEME, name=_SCHEME_NAME)],
+        coding_schemes=coding_schemes(),
     )
     described = "Estimate and forces, research use only"
-    _describe(
-        document, cover, _Series(number=_SERIES, what="report", description=described, modality="SR", started=made)
-    )
-    for what in _OF_NOW:
-        del document[what]
-    document.ContentDate, document.ContentTime = date, time
+    describe(document, cover, Series(number=_SERIES, what="report", description=described, modality="SR", started=made))
+    set_moment(document, *moment)
     return document
 
 
-def _content(record: TargetRecord, cover: _ExportIdentity, images: Sequence[tuple[_Stack, Dataset]]) -> Any:
+def _content(record: TargetRecord, cover: ExportIdentity, images: Sequence[tuple[_Stack, Dataset]]) -> Any:
     sr = _highdicom("sr")
     positions = {  # by object: two presses may have the same frame, and presses outside a store have no identity
         id(press): (image, number) for stack, image in images for number, press in enumerate(stack.presses, 1)
@@ -591,14 +596,16 @@ def _content(record: TargetRecord, cover: _ExportIdentity, images: Sequence[tupl
 def _observer() -> Any:
     sr = _highdicom("sr")
     device = sr.DeviceObserverIdentifyingAttributes(
-        uid=_deterministic_uid("device", __version__), name="tsis", manufacturer_name="tsis", model_name=__version__
+        uid=deterministic_uid("device", __version__), name="tsis", manufacturer_name="tsis", model_name=__version__
     )
-    context = sr.ObserverContext(observer_type=_concept(_DEVICE), observer_identifying_attributes=device)
+    context = sr.ObserverContext(observer_type=concept(_DEVICE), observer_identifying_attributes=device)
     return sr.ObservationContext(observer_device_context=context)
 
 
 def dicom_files(record: TargetRecord, *, identified: bool = False) -> tuple[DicomFile, ...]:
     """The instances of a target: Secondary Captures by role and probe of its presses, then a report.
+
+    They are named ``tsis-<pseudonym>-<series>-<what>-<number>.dcm``.
 
     Equal records give equal bytes and UIDs with the same version. There is a report when there is an estimate, a force,
     or a flag of a press.
@@ -624,10 +631,10 @@ def dicom_files(record: TargetRecord, *, identified: bool = False) -> tuple[Dico
     images, files = [], []
     for stack in _stacks(exported):
         image = _capture(stack, cover)
-        files.append(_sealed(image, f"{cover.file_stem}-{stack.series}-{stack.role}-{stack.number:02d}.dcm"))
+        files.append(sealed(image, f"{cover.file_stem}-{stack.series}-{stack.role}-{stack.number:02d}.dcm"))
         images.append((stack, image))
     if _has_report(exported):
-        files.append(_sealed(_report(exported, cover, images), f"{cover.file_stem}-9-report-01.dcm"))
+        files.append(sealed(_report(exported, cover, images), f"{cover.file_stem}-9-report-01.dcm"))
     return tuple(files)
 
 
