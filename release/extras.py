@@ -31,7 +31,7 @@ FIRST = {  # code or command that uses the extra
     ),
     "cluster": ["sweep", "run", "plan.toml", "--out", "data"],
     "console": "import tsis.console.pages, tsis.console.api, tsis.records, tsis.present.pdf",
-    "dicom": "import tsis.records.dicom; import highdicom, pydicom",
+    "dicom": "import tsis.records.dicom, tsis.records.map_dicom; import highdicom, pydicom",
     "fem3d": "import tsis.mechanics.solid; import ngsolve, netgen.occ",
     "map": "import tsis.present.lump_map; import nibabel",
     "postgres": "import tsis.records.store; import psycopg; assert psycopg.pq.__impl__ == 'binary'",

@@ -1,4 +1,4 @@
-"""Every kind of export, judged by dicom3tools and read by dcmtk."""
+"""Every kind of export and a map, judged by dicom3tools and read by dcmtk."""
 
 from __future__ import annotations
 
@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
 import pytest
+from tests.present.test_lump_map import map_of
 from tests.records.sample import sample_record
 from tests.records.variants import hardness, variants, with_estimate, with_presses
 
 from tsis.records.dicom import write_dicom
+from tsis.records.map_dicom import map_dicom_files
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -35,6 +37,7 @@ KNOWN = (
     "needed to build DICOMDIR - Study Time",
     "is only permitted to be empty when actually unknown",  # the side of the body, which nobody told us
     "Unrecognized defined term <99TSIS>",  # our own codes, named in the report as the standard asks
+    "Unrecognized defined term <QUANTITY>",  # of a Parametric Map, as highdicom writes it
 )
 
 
@@ -49,7 +52,8 @@ def remarks(path: Path) -> list[str]:
     run = subprocess.run(
         [program("dciodvfy", "dicom3tools"), str(path)], capture_output=True, text=True, errors="replace", check=False
     )
-    assert "Image" in run.stdout + run.stderr or "ComprehensiveSR" in run.stdout + run.stderr  # it knows what it judges
+    judged = ("Image", "ComprehensiveSR", "ParametricMap", "Segmentation")
+    assert any(kind in run.stdout + run.stderr for kind in judged)  # it knows what it judges
     return [line for line in (run.stdout + run.stderr).splitlines() if line.startswith(("Error", "Warning"))]
 
 
@@ -60,6 +64,13 @@ def test_dciodvfy_finds_no_error(kind: str, identified: bool, tmp_path: Path) ->
     for path in write_dicom(record, tmp_path, identified=identified):
         said = remarks(path)
         assert [line for line in said if not any(known in line for known in KNOWN)] == [], path.name
+
+
+def test_dciodvfy_finds_no_error_in_a_map(tmp_path: Path) -> None:
+    for file in map_dicom_files(map_of(51).numbers):
+        path = tmp_path / file.name
+        path.write_bytes(file.content)
+        assert [line for line in remarks(path) if not any(known in line for known in KNOWN)] == [], file.name
 
 
 def test_the_judge_finds_a_wrong_file(tmp_path: Path) -> None:

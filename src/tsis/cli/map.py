@@ -77,8 +77,8 @@ def map_lumps(
 ) -> None:
     """Map several lumps in three dimensions, each with intervals, and what the scan could not have seen.
 
-    The folder gets a page, result.json, map.vti for ParaView or 3D Slicer, and NIfTI files where the extra map is
-    installed.
+    The folder gets a page, result.json, map.vti for ParaView or 3D Slicer, and NIfTI and DICOM files where the extras
+    map and dicom are installed.
     """
     if (scan is None) == (target is None):
         raise InputError("a scan must be given as a folder or a table, or by --target, and not by both")

@@ -121,6 +121,15 @@ class MapNumbers(ContentValue):
         for name in ("lumps", "next_places"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
 
+    @property
+    def spacing_mm(self) -> tuple[float, float, float]:
+        """Widths of the voxels along x, y and depth; 1 along an axis of one voxel."""
+        x, y, depth = (
+            float(centres[1] - centres[0]) if len(centres) > 1 else 1.0
+            for centres in (self.x_mm, self.y_mm, self.depth_mm)
+        )
+        return x, y, depth
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LumpMap(ContentValue):

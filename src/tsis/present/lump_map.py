@@ -42,6 +42,7 @@ VOLUMES = {
     "modulus_kpa": "mean of Young's modulus in kPa",
     "modulus_sd_kpa": "standard deviation of Young's modulus in kPa",
 }
+DICOM_LIBRARIES = ("pydicom", "highdicom", "sqlalchemy")  # of the extra dicom
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -55,7 +56,8 @@ class MapReport:
     page
         The page for people.
     volumes
-        Files of the volumes by name: VTK, and NIfTI where the extra ``map`` is installed; none of an untrusted map.
+        Files of the volumes by name: VTK, NIfTI where the extra ``map`` is installed, and DICOM where ``dicom`` is;
+        none of an untrusted map.
     """
 
     document: Mapping[str, Any]
@@ -84,6 +86,7 @@ def map_report(
     if found.trusted:
         volumes["map.vti"] = vtk_bytes(found.numbers)
         volumes |= nifti_files(found.numbers) if find_spec("nibabel") else {}
+        volumes |= dicom_volumes(found.numbers) if all(map(find_spec, DICOM_LIBRARIES)) else {}
     return MapReport(
         document=envelope("map", **lump_map_document(found), inputs=provenance), page=page, volumes=volumes
     )
@@ -429,7 +432,6 @@ def lump_map_document(found: LumpMap) -> dict[str, Any]:
 
 def vtk_bytes(numbers: MapNumbers) -> bytes:
     """The volumes as ImageData of VTK (.vti), for ParaView, 3D Slicer and PyVista: x, y and z in mm, z upwards."""
-    steps = [_step(axis) for axis in (numbers.x_mm, numbers.y_mm, numbers.depth_mm)]
     shape = [len(axis) for axis in (numbers.x_mm, numbers.y_mm, numbers.depth_mm)]
     whole = " ".join(f"0 {count - 1}" for count in shape)
     origin = f"{numbers.x_mm[0]} {numbers.y_mm[0]} {-numbers.depth_mm[-1]}"
@@ -440,7 +442,7 @@ def vtk_bytes(numbers: MapNumbers) -> bytes:
     return (
         '<?xml version="1.0"?>\n'
         '<VTKFile type="ImageData" version="1.0" byte_order="LittleEndian" header_type="UInt64">'
-        f'<ImageData WholeExtent="{whole}" Origin="{origin}" Spacing="{" ".join(map(str, steps))}">'
+        f'<ImageData WholeExtent="{whole}" Origin="{origin}" Spacing="{" ".join(map(str, numbers.spacing_mm))}">'
         f'<Piece Extent="{whole}"><PointData Scalars="probability">{arrays}</PointData></Piece>'
         "</ImageData></VTKFile>\n"
     ).encode()
@@ -452,10 +454,6 @@ def _vtk_block(values: NDArray[np.float64]) -> str:
     return base64.b64encode(np.array([len(content)], dtype="<u8").tobytes() + content).decode()
 
 
-def _step(centres: NDArray[np.float64]) -> float:
-    return float(centres[1] - centres[0]) if len(centres) > 1 else 1.0
-
-
 def nifti_files(numbers: MapNumbers) -> dict[str, bytes]:
     """The volumes as NIfTI files by name: x, y and z in mm, z upwards from the skin.
 
@@ -463,7 +461,7 @@ def nifti_files(numbers: MapNumbers) -> dict[str, bytes]:
     """
     import nibabel as nib  # of the extra map
 
-    affine = np.diag([*(_step(axis) for axis in (numbers.x_mm, numbers.y_mm, numbers.depth_mm)), 1.0])
+    affine = np.diag([*numbers.spacing_mm, 1.0])
     affine[:3, 3] = numbers.x_mm[0], numbers.y_mm[0], -numbers.depth_mm[-1]
     files = {}
     for name, what in VOLUMES.items():
@@ -473,3 +471,10 @@ def nifti_files(numbers: MapNumbers) -> dict[str, bytes]:
         image.header["descrip"] = f"{what}; research use only"[:79]
         files[f"{name.replace('_', '-')}.nii"] = image.to_bytes()
     return files
+
+
+def dicom_volumes(numbers: MapNumbers) -> dict[str, bytes]:
+    """The modulus and the probability as DICOM files by name; `MissingExtraError` without the extra ``dicom``."""
+    from tsis.records.map_dicom import map_dicom_files  # of the extra dicom
+
+    return {file.name: file.content for file in map_dicom_files(numbers)}

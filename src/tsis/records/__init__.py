@@ -20,6 +20,7 @@ if not TYPE_CHECKING:  # modules load when they are first used
             "dicom",
             "export",
             "importing",
+            "map_dicom",
             "places",
             "provenance",
             "reader",
