@@ -27,7 +27,9 @@ def test_a_map_of_a_virtual_scan_holds_its_lump(run_tsis: RunTsis, tmp_path: Pat
     for name, truth in (("x_mm", 3.0), ("y_mm", -2.0), ("depth_mm", 5.0), ("diameter_mm", 9.0)):
         low, high = found[name]["interval_90"]
         assert low - 1.0 < truth < high + 1.0
-    assert {"index.html", "result.json", "map.vti"} <= {path.name for path in (tmp_path / "found").iterdir()}
+    assert {"index.html", "result.json", "map.vti", "probability.dcm"} <= {
+        path.name for path in (tmp_path / "found").iterdir()
+    }
 
 
 @pytest.mark.parametrize(

@@ -66,7 +66,7 @@ def test_from_files_to_a_map_that_is_kept(console: RunningConsole, browser: Brow
         page.get_by_role("button", name="Close the scan").click()
         page.get_by_text("No scan is open.").wait_for()
     (folder,) = (console.workspace / "maps").iterdir()
-    assert {"result.json", "index.html", "map.vti"} <= {file.name for file in folder.iterdir()}
+    assert {"result.json", "index.html", "map.vti", "probability.dcm"} <= {file.name for file in folder.iterdir()}
 
 
 def test_a_press_at_the_next_place_updates_the_map(console: RunningConsole, browser: Browser) -> None:

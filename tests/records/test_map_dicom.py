@@ -35,13 +35,14 @@ def numbers_of(seed: int) -> MapNumbers:
     numbers = map_of(seed).numbers
     return replace(
         numbers,
-        y_mm=3.25 + 1.5 * np.arange(len(numbers.y_mm)),
-        depth_mm=0.35 + 0.7 * np.arange(len(numbers.depth_mm)),
+        y_mm=3.25 + 1.5 * np.arange(len(numbers.y_mm), dtype=np.float64),
+        depth_mm=0.35 + 0.7 * np.arange(len(numbers.depth_mm), dtype=np.float64),
     )
 
 
 def scan_of(name: str) -> Scan:
-    presses = tuple(ScanPress(place_mm=(x, 0.0), pressure_kpa=[1.0, 0.9, 0.8], force_n=1.0) for x in (0.0, 10.0))
+    rings = np.array([1.0, 0.9, 0.8])
+    presses = tuple(ScanPress(place_mm=(x, 0.0), pressure_kpa=rings, force_n=1.0) for x in (0.0, 10.0))
     return Scan(presses=presses, name=name)
 
 
@@ -53,7 +54,7 @@ def test_highdicom_reads_the_numbers_where_the_map_has_them() -> None:
     numbers = numbers_of(31)
     files = instances(numbers)
     segmentation = highdicom.seg.segread(files["probability.dcm"])
-    assert segmentation.segmentation_fractional_type.value == "PROBABILITY"
+    assert segmentation.SegmentationFractionalType == "PROBABILITY"
     share = segmentation.get_volume(combine_segments=False)
     modulus = highdicom.imread(files["modulus-kpa.dcm"]).get_volume(apply_real_world_transform=True)
     np.testing.assert_allclose(share.array[..., 0], numbers.probability, rtol=0.0, atol=0.5 / 255 + 1e-7)
