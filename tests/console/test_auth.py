@@ -1032,6 +1032,29 @@ def test_a_socket_that_fails_is_closed() -> None:
     asyncio.run(tried())
 
 
+def test_a_socket_whose_handler_swallows_the_cancellation_is_cut_at_the_next_check() -> None:
+    async def deaf(begun: asyncio.Event, swallowed: asyncio.Event) -> None:
+        begun.set()
+        try:
+            await asyncio.Event().wait()
+        except asyncio.CancelledError:
+            swallowed.set()
+        await asyncio.Event().wait()
+
+    async def tried() -> None:
+        sockets, begun, swallowed = OpenSockets(), asyncio.Event(), asyncio.Event()
+        task = asyncio.create_task(sockets.serve(deaf(begun, swallowed), stays=lambda: False))
+        await begun.wait()
+        sockets.check()
+        await asyncio.wait_for(swallowed.wait(), HANGS_S)
+        assert not task.done()
+        sockets.check()
+        assert await asyncio.wait_for(task, HANGS_S)
+        assert task.cancelling() == 0
+
+    asyncio.run(tried())
+
+
 def test_the_watch_goes_on_whatever_it_meets_until_it_is_told_to_end(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -1030,17 +1030,23 @@ class OpenSockets:
         except asyncio.CancelledError:
             if task not in self._cut:
                 raise
-            task.uncancel()
+            while task.cancelling():
+                task.uncancel()
             return True
+        else:
+            return task in self._cut
         finally:
             self._open.pop(task, None)
             self._cut.discard(task)
-        return False
 
     def check(self) -> None:
-        """Cancel those whose client is not authenticated any more, or cannot be checked."""
+        """Cancel those whose client is not authenticated any more, or cannot be checked.
+
+        What is open still at the next check is cancelled again: handlers of events swallow a cancellation.
+        """
         for task, stays in list(self._open.items()):
             if task in self._cut:
+                task.cancel()
                 continue
             try:
                 over = not stays()
