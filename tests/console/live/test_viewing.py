@@ -25,6 +25,13 @@ SINGLE = "getElement(document.querySelector('.single figure.live'))"
 IMAGE = TactileImage(grey=still_levels(), mm_per_pixel=MM_PER_PIXEL)
 
 
+# The frame is as high on the screen as its panel: the view has followed the panel's last change of size.
+FILLED = f"""() => {{
+    const map = {SINGLE}.leaflet, height = (y) => map.latLngToContainerPoint([y, 0]).y;
+    return Math.abs(Math.abs(height({ROWS}) - height(0)) - map.getContainer().clientHeight) < 2;
+}}"""
+
+
 @pytest.fixture
 def single(page: Page) -> Locator:
     """A new panel of the single frame."""
@@ -35,6 +42,7 @@ def single(page: Page) -> Locator:
     page.mouse.move(2, 2)
     part = page.locator(".single")
     _centre(part)
+    page.wait_for_function(FILLED)
     return part
 
 
