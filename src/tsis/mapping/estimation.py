@@ -97,6 +97,7 @@ class Block:
     core_low: Floats
     core_high: Floats
     samples: Samples
+    shift_mm: Floats  # posterior mean of the error of each place, (presses, 2)
     misfit: float  # mean square of the whitened residual
     numbers: int
     index: Integers  # of its presses in the scan
@@ -282,8 +283,6 @@ def _block(
     rng = np.random.default_rng([seed, number])
     samples = Sampler(likelihood, region, fit, candidates, gain, rng).run(steps, report=report)
     likelihood.settle()
-    if slopes is not None:
-        samples = replace(samples, shift_mm=shifts(part, likelihood, fit.lumps, slopes))
     seen = likelihood.observation
     residual = seen.values - likelihood.signal(fit.lumps)
     weights = likelihood.log_weights(residual)
@@ -308,6 +307,7 @@ def _block(
         core_low=low,
         core_high=high,
         samples=samples,
+        shift_mm=np.zeros((len(part.values), 2)) if slopes is None else shifts(part, likelihood, fit.lumps, slopes),
         misfit=misfit,
         numbers=part.values.size,
         index=part.index,
@@ -407,9 +407,9 @@ class _Resumed:
                 learnt=(),  # the places to press next, which need them, are kept
                 sd=kept["sd"],
                 length_mm=kept["length_mm"],
-                shift_mm=kept["shift_mm"],
                 accepted={},
             ),
+            shift_mm=kept["shift_mm"],
             misfit=float(kept["misfit"]),
             numbers=int(kept["numbers"]),
             index=kept["index"],
@@ -428,7 +428,7 @@ class _Resumed:
         gains = np.array([(place.x_mm, place.y_mm, place.gain_nats) for place in block.gains]).reshape(-1, 3)
         values = (
             *(np.array([len(lumps) for lumps in samples.lumps]), np.concatenate(samples.lumps)),
-            *(samples.sd, samples.length_mm, samples.shift_mm, block.misfit, block.numbers, block.index),
+            *(samples.sd, samples.length_mm, block.shift_mm, block.misfit, block.numbers, block.index),
             *(z, y, x, block.even, block.variance, block.blind_mm, gains),
         )
         self._arrays["key"] = np.frombuffer(self._key.encode(), dtype=np.uint8)
@@ -533,7 +533,7 @@ def _map(
     shift = np.zeros((len(observation.values), 2))
     for block in blocks:
         inside = np.isin(observation.index, block.index)
-        shift[inside] = block.samples.shift_mm
+        shift[inside] = block.shift_mm
     return LumpMap(
         untrusted=numbers,
         trusted=not UNTRUSTED_MAP_FLAGS.intersection(flags),

@@ -12,7 +12,7 @@ places which the other could not.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -53,11 +53,11 @@ def with_place_errors(
     seen, kind, sd, weighted = _explained(likelihood, lumps)
     shift, left = np.zeros((len(seen.values), 2)), np.ones((len(seen.values), 1))
     if slopes is not None:
-        shift = shifts(observation, likelihood, lumps, slopes)
+        shift = _shifts(observation, slopes, weighted)
         left = _left(likelihood, kind, sd, slopes)[:, None]
     step = np.clip(observation.place_sd_mm, LEAST_STEP_MM, LARGEST_STEP_MM)[:, None]
     moved = [observation.places_mm + shift + step * np.array(by) for by in BESIDE]
-    fields = likelihood.field_at(kind, moved, weighted.reshape(seen.values.shape))
+    fields = likelihood.field_at(kind, moved, weighted)
     here, right, leftward, up, down, first_corner, second_corner, third_corner, fourth_corner = (
         sd**2 * field + seen.table.signals(lumps, places, seen.angle, seen.force_n)
         for field, places in zip(fields, moved, strict=True)
@@ -84,7 +84,10 @@ def with_place_errors(
 
 def shifts(observation: Observation, likelihood: BlockLikelihood, lumps: Floats, slopes: Floats) -> Floats:
     """Posterior mean of the errors of places to first order in mm, (presses, 2): ``a G' C^-1 r`` with G, ``slopes``."""
-    weighted = _explained(likelihood, lumps)[3].reshape(observation.values.shape)
+    return _shifts(observation, slopes, _explained(likelihood, lumps)[3])
+
+
+def _shifts(observation: Observation, slopes: Floats, weighted: Floats) -> Floats:
     return np.asarray(observation.place_sd_mm[:, None] * np.einsum("pan,pn->pa", slopes, weighted))
 
 
@@ -100,7 +103,7 @@ def _left(likelihood: BlockLikelihood, kind: FieldKind, sd: float, slopes: Float
     return np.sqrt(np.clip(left, 0.05, 1.0))
 
 
-def _explained(likelihood: BlockLikelihood, lumps: Floats) -> tuple[Observation, Any, float, Floats]:
+def _explained(likelihood: BlockLikelihood, lumps: Floats) -> tuple[Observation, FieldKind, float, Floats]:
     """The presses, the most probable kind of field and its standard deviation, and the residual over its covariance."""
     seen = likelihood.observation
     residual = seen.values - likelihood.signal(lumps)
@@ -109,4 +112,5 @@ def _explained(likelihood: BlockLikelihood, lumps: Floats) -> tuple[Observation,
     kind, sd = likelihood.kinds[number], float(likelihood.sds[at])
     with one_blas_thread():
         turned = kind.turn @ residual.ravel()
-        return seen, kind, sd, kind.turn.T @ (turned / (1 + sd**2 * kind.size))
+        weighted = kind.turn.T @ (turned / (1 + sd**2 * kind.size))
+    return seen, kind, sd, weighted.reshape(seen.values.shape)

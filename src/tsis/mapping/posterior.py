@@ -450,8 +450,6 @@ class Samples:
         The same without that error: what differs between these states, further presses can tell.
     sd, length_mm
         Of the field, shape (states,).
-    shift_mm
-        Posterior mean of the error of each place, shape (presses, 2); zeros by the sampler, which holds them as noise.
     accepted
         Fraction of accepted moves by kind.
     """
@@ -460,7 +458,6 @@ class Samples:
     learnt: tuple[Floats, ...]
     sd: Floats
     length_mm: Floats
-    shift_mm: Floats
     accepted: dict[str, float]
 
 
@@ -690,7 +687,6 @@ class Sampler:
             learnt=tuple(learnt),
             sd=np.array(sds),
             length_mm=np.array(lengths),
-            shift_mm=np.zeros((len(self.likelihood.observation.values), 2)),
             accepted={name: self.taken.get(name, 0) / count for name, count in self.tried.items()},
         )
 

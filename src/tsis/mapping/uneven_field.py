@@ -96,12 +96,12 @@ class FieldResponses:
             radius, depth = self._radius[order], self._depth[order]
             values, inverse = np.unique(radius.round(9), return_inverse=True)
             phase = np.outer(depth, along / length_mm)
-            bessel = scipy.special.jv(order, np.outer(number, values))  # (k, radii)
+            radial = scipy.special.jv(order, np.outer(number, values))  # (k, radii)
             for target, wave in ((cosine, np.cos(phase)), (sine, np.sin(phase))):
                 product = response[:, :, None] * wave[None]  # (shapes, points, heights)
                 by_radius = np.zeros((len(values), *product.shape[::2]))
                 np.add.at(by_radius, inverse, np.moveaxis(product, 1, 0))
-                target.append(np.einsum("kr,rsh->khs", bessel, by_radius, optimize=True) * root)
+                target.append(np.einsum("kr,rsh->khs", radial, by_radius, optimize=True) * root)
         return WaveAnswers(
             number=np.asarray(number, dtype=float),
             weight=weight / weight.sum(),
@@ -192,10 +192,10 @@ class FieldResponses:
         root = np.sqrt(waves.along_weight)
         phase = np.outer(levels, waves.along)
         outputs, order = self.shapes.outputs, self.shapes.order
-        bessel = scipy.special.jv(order[:, None, None], np.outer(waves.number, grid)) * waves.weight[:, None]
+        across = scipy.special.jv(order[:, None, None], np.outer(waves.number, grid)) * waves.weight[:, None]
         mixed = np.einsum("khs,zh->kzs", waves.cosine, np.cos(phase) * root, optimize=True)
         mixed += np.einsum("khs,zh->kzs", waves.sine, np.sin(phase) * root, optimize=True)
-        table = np.einsum("skg,kzs->zgs", bessel, mixed, optimize=True)  # (levels, grid, shapes)
+        table = np.einsum("skg,kzs->zgs", across, mixed, optimize=True)  # (levels, grid, shapes)
         cell = np.minimum((far / 0.5).astype(int), len(grid) - 2)
         part = far / 0.5 - cell
         result = np.empty((len(at_mm), len(places_mm), len(outputs)))
@@ -221,13 +221,13 @@ def _bessel_table(most: int, parts: int) -> scipy.interpolate.CubicHermiteSpline
     return scipy.interpolate.CubicHermiteSpline(x, values[1:-1], (values[:-2] - values[2:]) / 2, axis=1)
 
 
-def _around(m: int, side: int, n: int, other: int, bearing: Floats, angle: Floats, bessel: Floats) -> Floats:
+def _around(m: int, side: int, n: int, other: int, bearing: Floats, angle: Floats, around: Floats) -> Floats:
     """Mean over the directions of waves of ``i^(m - n) exp(i k d) T_m T_n``, shape (k, presses, presses), with gains.
 
-    ``T`` is the cosine or sine of the harmonic of each press in its own frame, ``bessel[n]`` the weighted J_n(k d).
+    ``T`` is the cosine or sine of the harmonic of each press in its own frame, ``around[n]`` the weighted J_n(k d).
     """
     gain = (1.0 if m == 0 else 2.0) * (1.0 if n == 0 else 2.0)
-    total = np.zeros(bessel.shape[1:])
+    total = np.zeros(around.shape[1:])
     # T_m T_n as sums of cosines and sines of (m - n) and (m + n): cos(a) = Re, sin(a) = Re(-i e^{ia})
     for sign in (1, -1):
         # product of cos(m b - pa) cos(n b - pb) = (cos(diff) + cos(sum)) / 2, phases pa, pb of each side
@@ -235,7 +235,7 @@ def _around(m: int, side: int, n: int, other: int, bearing: Floats, angle: Float
         harmonic = m + sign * n
         # mean over b: i^(m-n) e^{i k d cos(b - bearing)} cos(h b - phase) = i^(m-n+|h|) J_|h| cos(h bearing - phase)
         power = (m - n + abs(harmonic)) % 4  # even: the answer is real
-        total += (1.0 if power == 0 else -1.0) * np.cos(harmonic * bearing - phase) * bessel[abs(harmonic)]
+        total += (1.0 if power == 0 else -1.0) * np.cos(harmonic * bearing - phase) * around[abs(harmonic)]
     return gain * total / 2
 
 
