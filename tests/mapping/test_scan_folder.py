@@ -82,6 +82,23 @@ def test_a_robots_table_of_downward_travel_and_negative_force_gives_the_way_in(t
 
 
 @pytest.mark.parametrize(
+    "heads",
+    [
+        "id,pos_x_mm,pos_y_mm,pos_z_mm,force_x,force_z_N,stamp",
+        "point,x (mm),y position / mm,Indentation depth (mm),Fx (N),Normal force (N),t (s)",
+        "no,Position X [mm],Position Y [mm],Penetration [mm],side,Z force [N],seconds",
+    ],
+)
+def test_headings_of_other_programs_name_place_travel_and_force(tmp_path: Path, heads: str) -> None:
+    table = tmp_path / "robot.csv"
+    rows = [f"{at},{x},2,{depth},7,{depth * depth / 10},0\n" for x in (0, 5) for at, depth in enumerate((0, 1, 2))]
+    table.write_text(f"{heads}\n{''.join(rows)}")
+    presses = read_scan(table, indenter=BALL).scan.presses
+    assert [press.place_mm for press in presses] == [(0.0, 2.0), (5.0, 2.0)]
+    np.testing.assert_allclose(np.asarray(presses[1].travel_force), [[0.0, 0.0], [1.0, 0.1], [2.0, 0.4]])
+
+
+@pytest.mark.parametrize(
     ("poses", "sentence"),
     [
         (None, "must be a folder with poses.csv"),

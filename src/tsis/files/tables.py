@@ -97,7 +97,9 @@ SYNONYMS = {
         *("load", "normal force", "contact force", "compressive load", "standard force", "fn", "fz", "f"),
         *("axial force", "axial load", "load on sample", "force a", "weight", "last", "gewicht", "poids"),
         *("kraft", "standardkraft", "prüfkraft", "force normale"),
+        *("force z", "z force", "force normal"),
     ),
+    **{axis: (f"position {axis}", f"{axis} position", f"pos {axis}", f"{axis} pos") for axis in ("x", "y")},
     "radius": ("contact radius",),
     "area": ("contact area",),
     "depth": ("indentation", "indentation depth", "dent", "contact depth", "penetration depth", "pd"),
@@ -113,7 +115,10 @@ SYNONYMS = {
         "temps",
     ),
     "young": ("youngs modulus", "young modulus", "young's modulus", "modulus", "elastic modulus", "e"),
-    "travel": ("displacement", "indentation", "depth", "position", "z", "weg"),
+    "travel": (
+        *("displacement", "indentation", "indentation depth", "penetration", "penetration depth", "depth", "weg"),
+        *("position", "z", "position z", "z position", "pos z", "z pos"),
+    ),
     "displacement": (
         *("travel", "position", "extension", "compressive extension", "distance", "stroke", "crosshead", "z"),
         *("axial displacement", "displacement into surface"),
