@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import importlib.util
+from contextlib import suppress
 from importlib.resources import files
 from typing import TYPE_CHECKING
+
+from playwright.sync_api import Error
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -94,8 +97,13 @@ BROKEN = """async () => {
 }"""
 
 
+SETTLES_MS = 10_000  # a part that the server completes later is no fault; a fault costs a failing test this wait
+
+
 def faults(page: Page) -> list[str]:
-    """What is wrong with the page as it is shown now; empty when nothing was found."""
+    """What is wrong with the page once it has settled; empty when nothing was found."""
+    with suppress(Error):
+        page.wait_for_function(f"() => ({FAULTS})().length === 0", timeout=SETTLES_MS)
     result: list[str] = page.evaluate(FAULTS)
     return result + broken_rules(page)
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 import yaml
+from playwright.sync_api import expect
 from tests.console.browser import needs_browser, picture
 from tests.console.operator import tab
 
@@ -49,7 +50,7 @@ def _says_what_is_so(page: Page, console: RunningConsole) -> None:
         return named.first.locator("xpath=following-sibling::dd[1]").inner_text()
 
     page.get_by_text(str(console.store)).wait_for()
-    assert page.get_by_text(RESEARCH_USE_ONLY).count() == 2
+    expect(page.get_by_text(RESEARCH_USE_ONLY)).to_have_count(2)
     assert fact("Snapshots and sequences") == str(console.workspace)
     assert fact("numpy") == metadata.version("numpy")
     assert fact("Python").startswith(platform.python_version())

@@ -74,5 +74,5 @@ def test_a_browser_gets_in_by_the_page(console: RunningConsole, browser: Browser
     with opened_in_browser(console.entrance, folder=console.folder / "user"):
         page.goto(opened.get(timeout=HANGS_S), wait_until="commit")
         page.get_by_role("navigation", name="Groups of pages").wait_for()
-        assert page.url == f"{console.address}/"
+        page.wait_for_url(f"{console.address}/")
     context.close()

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from PIL import Image
+from playwright.sync_api import expect
 from tests.console.accessible import faults, too_wide
 from tests.console.browser import needs_browser, picture
 from tests.console.contrast import texts
@@ -66,7 +67,7 @@ def test_what_is_typed_is_drawn_and_what_is_wrong_is_said_beside_it(page: Page) 
         _said(page, f"Layer 2: {reported}")
         page.wait_for_function("document.querySelector('[aria-label=\"Layer 2, modulus\"]').ariaInvalid === 'true'")
         _said(page, "Not drawn while a field is invalid.")
-        assert page.get_by_role("status").get_by_text(reported).count() == 1
+        expect(page.get_by_role("status").get_by_text(reported)).to_have_count(1)
     picture(page, "design-wrong")
     assert faults(page) == []
     assert [item for item in texts(page) if item.contrast < item.least] == []
@@ -113,7 +114,7 @@ def test_layers_are_added_moved_and_taken_out(page: Page) -> None:
     for left in ("up 2 mm of 140 kPa, 2 mm of 50", "up 2 mm of 50 kPa, 5 mm", "up 5 mm of 34 kPa, glass"):
         page.get_by_role("button", name="Take layer 1 out").click()
         _section(page, left)
-    assert page.get_by_role("button", name="Take layer 1 out").is_disabled()
+    expect(page.get_by_role("button", name="Take layer 1 out")).to_be_disabled()
 
 
 def test_the_answer_is_that_of_the_library_and_is_kept_for_the_tab(page: Page, console: RunningConsole) -> None:
@@ -151,7 +152,7 @@ def test_the_answer_is_that_of_the_library_and_is_kept_for_the_tab(page: Page, c
     page.goto(f"{console.address}/about")
     page.get_by_role("navigation").get_by_role("link", name="Design").click()
     table.wait_for()
-    assert page.get_by_label("Forces / N").input_value() == "0.8"
+    expect(page.get_by_label("Forces / N")).to_have_value("0.8")
 
 
 @pytest.mark.slow
@@ -181,4 +182,4 @@ def test_a_search_that_is_ended_leaves_what_was_compared(page: Page) -> None:
     page.get_by_text("The search was cancelled; these designs were compared before it.").first.wait_for()
     table = page.get_by_role("table").filter(has_text="as planned")
     table.wait_for()
-    assert table.locator("tbody tr").count() == 1
+    expect(table.locator("tbody tr")).to_have_count(1)

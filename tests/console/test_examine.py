@@ -165,7 +165,7 @@ def test_the_keys_are_listed(console: RunningConsole, browser: Browser) -> None:
             page.get_by_role("dialog").get_by_text(word).wait_for()
         for cap in ("Space", "←", "→", "F", "?", "Tab, Enter"):
             key = page.get_by_role("dialog").locator("dt").get_by_text(cap, exact=True)
-            assert key.is_visible(), cap
+            expect(key).to_be_visible()
             assert key.evaluate("each => each.scrollWidth <= each.clientWidth && each.clientHeight >= 12"), cap
         page.keyboard.press("Escape")
         page.get_by_role("dialog").wait_for(state="hidden")

@@ -113,5 +113,5 @@ def test_what_a_script_changes_appears(console: RunningConsole, browser: Browser
         httpx.post(api + "/camera/start", headers=key, timeout=HANGS_S).raise_for_status()
         httpx.patch(api + "/camera/settings", headers=key, json={"values": {"gain": 6.0}}).raise_for_status()
         expect(page.get_by_role("textbox", name="Gain")).to_have_value("6")
-        assert page.get_by_role("textbox", name="Gain").is_disabled()
+        expect(page.get_by_role("textbox", name="Gain")).to_be_disabled()
         httpx.delete(api + "/control", headers=key, timeout=HANGS_S)

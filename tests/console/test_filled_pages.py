@@ -138,7 +138,7 @@ def test_jobs_are_read_without_much_scrolling_on_a_telephone(console: RunningCon
     with tab(browser, console, "/jobs", size=(390, 844), has_touch=True) as page:
         page.get_by_text("1-10 of").wait_for()
         rows = page.get_by_role("row").filter(has_text="estimate of target")
-        assert rows.count() == 10
+        expect(rows).to_have_count(10)
         heights = rows.evaluate_all("(all) => all.map((row) => row.getBoundingClientRect().height)")
         assert max(heights) < 844 / 6, "a job is a row, not a card"
 

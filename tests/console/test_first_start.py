@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import pytest
+from playwright.sync_api import expect
 from tests.console.accessible import faults
 from tests.console.browser import needs_browser, picture
 from tests.console.operator import operating
@@ -36,8 +37,8 @@ def test_the_filled_button_leads_from_the_first_start_to_the_report(console: Run
     with operating(browser, console, color_scheme="light") as page:
         page.get_by_text("What this is").wait_for()
         wait_for_main(page, "Try the virtual probe")
-        assert page.get_by_role("button", name="Connect a camera").is_visible()
-        assert page.get_by_role("button", name="Open my images").is_visible()
+        expect(page.get_by_role("button", name="Connect a camera")).to_be_visible()
+        expect(page.get_by_role("button", name="Open my images")).to_be_visible()
         picture(page, "first-start")
         assert faults(page) == []
         clicks = ("Try the virtual probe", "Take the presses", "Estimate", "Report")

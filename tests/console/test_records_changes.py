@@ -6,6 +6,7 @@ import re
 from typing import TYPE_CHECKING
 
 import pytest
+from playwright.sync_api import expect
 from tests.console.accessible import faults
 from tests.console.browser import needs_browser, picture
 from tests.console.filled_store import ESTIMATED, HARD, fill, still
@@ -64,7 +65,7 @@ def test_name_note_and_truth_are_changed(console: RunningConsole, browser: Brows
         dialog = page.get_by_role("dialog")
         picture(page, "records-edit")
         assert faults(page) == []
-        assert dialog.get_by_label("Name").input_value() == "size-10"
+        expect(dialog.get_by_label("Name")).to_have_value("size-10")
         dialog.get_by_label("Name").fill("<b>größe</b> 10")
         dialog.get_by_label(re.compile("^True values")).fill("diameter_mm=10.25\n\ndepth_mm = 5")
         save(page)
@@ -89,7 +90,7 @@ def test_back_leaves_a_dialog_with_its_text_open(console: RunningConsole, browse
         page.evaluate("history.back()")
         still(page)
         assert page.url == here
-        assert page.get_by_role("dialog").get_by_label("Name").input_value() == "half typed"
+        expect(page.get_by_role("dialog").get_by_label("Name")).to_have_value("half typed")
         page.get_by_role("dialog").get_by_role("button", name="Cancel").click()
         page.get_by_role("dialog").wait_for(state="hidden")
         page.get_by_role("button", name="Help").click()
@@ -121,7 +122,7 @@ def test_what_is_not_accepted_is_told_and_stays_to_be_mended(
         page.get_by_role("dialog").get_by_label(field).fill(text)
         save(page)
         page.get_by_role("alert").get_by_text(message).wait_for()
-        assert page.get_by_role("dialog").get_by_label(field).input_value() == text
+        expect(page.get_by_role("dialog").get_by_label(field)).to_have_value(text)
     assert target_of(console, HARD) == before
 
 
@@ -142,7 +143,8 @@ def test_of_two_tabs_the_slower_is_told_and_chooses(console: RunningConsole, bro
         picture(slow, "records-conflict")
         slow.get_by_role("button", name="Discard my changes").click()
         slow.get_by_text("somebody else has changed it").wait_for(state="hidden")
-        assert slow.get_by_role("dialog").get_by_label("Note").input_value() == "of the faster"
+        expect(slow.get_by_role("dialog").get_by_label("Note")).to_have_value("of the faster")
+        expect(slow.get_by_role("dialog").get_by_label("Name")).not_to_have_value("of the slower")
         slow.get_by_role("dialog").get_by_label("Name").fill("of the slower")
         save(slow)
         fast.get_by_text(f"Target {HARD}: of the slower").wait_for()  # by itself
@@ -205,7 +207,7 @@ def test_an_estimate_is_computed_again(console: RunningConsole, browser: Browser
         page.get_by_role("switch", name=re.compile("^dry run")).click()
         page.get_by_role("dialog").get_by_role("button", name="Repeat").click()
         page.get_by_text("Nothing was stored").wait_for()
-        assert page.get_by_role("row", name=re.compile("^young_kpa")).count() == 1
+        expect(page.get_by_role("row", name=re.compile("^young_kpa"))).to_have_count(1)
         picture(page, "records-recomputed")
         assert len(estimates_of(console, HARD)) == 1
         page.get_by_role("button", name="Repeat the estimates").click()

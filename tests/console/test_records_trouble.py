@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import pytest
+from playwright.sync_api import expect
 from tests.console.accessible import faults
 from tests.console.browser import needs_browser, picture
 from tests.console.contrast import texts
@@ -53,7 +54,7 @@ def test_an_empty_store_says_how_to_begin(browser: Browser, tmp_path: Path) -> N
         page.get_by_text("1-50 of 61").wait_for()
         page.get_by_role("button", name="Next page").click()
         page.get_by_text("51-61 of 61").wait_for()
-        assert page.locator(".targets tbody tr").count() == 11
+        expect(page.locator(".targets tbody tr")).to_have_count(11)
         assert page.locator(".targets tbody tr").first.inner_text().startswith("149\t")
         picture(page, "records-second-sheet")
         page.get_by_role("combobox", name="Show").click()
@@ -71,7 +72,7 @@ def test_what_is_damaged_is_said_and_hides_nothing_else(browser: Browser, tmp_pa
         with tab(browser, console, f"/records/{ESTIMATED}", expected=REFUSED) as page:
             page.get_by_text("This frame cannot be shown").wait_for()
             page.locator(".card", has_text="Diameter").wait_for()
-            assert page.locator(".press").count() == 4
+            expect(page.locator(".press")).to_have_count(4)
             picture(page, "records-damaged")
             page.get_by_role("button", name=re.compile("^Open the press on the target, 0.7 N")).click()
             page.get_by_text("must be as it was stored; its content does not match its name").wait_for()
@@ -113,7 +114,7 @@ def test_of_a_subject_the_pseudonym_alone_is_shown(browser: Browser, tmp_path: P
         picture(page, "records-subject")
         page.get_by_role("button", name="Edit").click()
         page.get_by_text("A pseudonym, never a name.").wait_for()
-        assert page.get_by_role("dialog").get_by_label("Note").input_value() == "Jane Doe, room 7"
+        expect(page.get_by_role("dialog").get_by_label("Note")).to_have_value("Jane Doe, room 7")
         assert page.get_by_label(re.compile("^True values")).is_hidden()
 
 
@@ -138,6 +139,6 @@ def test_a_store_that_can_only_be_read_is_shown_and_refuses_changes(browser: Bro
             page.get_by_role("dialog").get_by_label("Name").fill("another")
             page.get_by_role("dialog").get_by_role("button", name="Save", exact=True).click()
             page.get_by_text("to be added to").wait_for()
-            assert page.get_by_role("dialog").get_by_label("Name").input_value() == "another"
+            expect(page.get_by_role("dialog").get_by_label("Name")).to_have_value("another")
         with open_store(console.store) as store:
             assert store.target(ESTIMATED).name == "size-10"

@@ -47,7 +47,7 @@ def test_one_sees_where_one_is(opened: Callable[..., Page]) -> None:
     expect(group.locator(current)).to_have_text("Tools")
     expect(here.locator(current)).to_have_text("About")
     page.wait_for_function("document.title === 'About · tsis console'")
-    assert page.url.endswith("/about")
+    page.wait_for_url("**/about")
     for name in ("Camera", "Examine"):  # the first page of the group lies between
         page.go_back()
         page.get_by_role("heading", level=1, name=name).wait_for()
@@ -107,7 +107,7 @@ def test_the_camera_is_taken_over_after_asking_and_the_other_is_told(opened: Cal
     picture(other, "take-over")
     other.get_by_role("button", name="Cancel").click()
     other.get_by_role("alertdialog").wait_for(state="hidden")
-    assert one.get_by_role("button", name=RELEASE).is_visible()
+    expect(one.get_by_role("button", name=RELEASE)).to_be_visible()
     other.get_by_role("button", name=TAKE).click()
     other.get_by_role("button", name="Take over").click()
     other.get_by_role("button", name=RELEASE).wait_for()
@@ -118,7 +118,7 @@ def test_the_camera_is_taken_over_after_asking_and_the_other_is_told(opened: Cal
 
     other.reload()  # who loads his page anew stays who he is
     other.get_by_role("button", name=RELEASE).wait_for()
-    assert one.get_by_role("status").get_by_text(f"{name} controls the camera; you are watching.").is_visible()
+    expect(one.get_by_role("status").get_by_text(f"{name} controls the camera; you are watching.")).to_be_visible()
 
 
 @pytest.mark.slow
@@ -140,6 +140,6 @@ def test_a_lost_console_is_said_in_our_words(browser: Browser, tmp_path: Path) -
         page.goto(console.entrance)
         page.get_by_role("button", name=RELEASE).wait_for()
     page.get_by_text("The connection to the console is lost.").wait_for()
-    assert page.get_by_text("Saved data are safe").is_visible()
+    expect(page.get_by_text("Saved data are safe")).to_be_visible()
     picture(page, "lost")
     context.close()

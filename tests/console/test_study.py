@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import httpx
 import pytest
+from playwright.sync_api import expect
 from tests.console.accessible import faults, too_wide
 from tests.console.browser import needs_browser, picture
 from tests.console.contrast import texts
@@ -104,7 +105,7 @@ def test_a_whole_study(page: Page, console: RunningConsole, browser: Browser) ->
     )
     page.get_by_text("4 readings entered", exact=False).wait_for()
     page.get_by_text("Ada: 4 of 4 read").wait_for()
-    assert page.get_by_role("cell", name="read", exact=True).count() == 4
+    expect(page.get_by_role("cell", name="read", exact=True)).to_have_count(4)
     blind = open_study(position(console, "trial"))
     assert [item.operator for item in blind.readings] == ["Ada"] * 4
     assert page.locator("tbody tr").all_inner_texts() == [
@@ -196,7 +197,7 @@ def test_a_run_is_ended_goes_on_and_is_one_at_a_time(page: Page, console: Runnin
         assert 0 < left < 16
         other.reload()
         other.get_by_role("button", name="Run on the virtual probe", disabled=False).wait_for()
-        assert other.get_by_label("Operator").input_value() == "Ada"
+        expect(other.get_by_label("Operator")).to_have_value("Ada")
         other.get_by_role("button", name="Run on the virtual probe").click()
         other.get_by_text(f"{left} readings entered").wait_for()
     study = open_study(position(console, "long"))
@@ -244,7 +245,7 @@ def test_a_study_of_another_device_is_unblinded(page: Page, console: RunningCons
     dialog.get_by_role("button", name="Unblind and analyse").click()
     page.get_by_role("link", name="Report", exact=True).wait_for()
     page.get_by_role("cell", name="detection-1", exact=True).wait_for()
-    assert page.locator(".card").filter(has_text="Area under the curve").count() == 1
+    expect(page.locator(".card").filter(has_text="Area under the curve")).to_have_count(1)
     page.get_by_role("heading", name="Targets").scroll_into_view_if_needed()
     picture(page, "study-truth")
 
