@@ -200,6 +200,7 @@ def test_a_video_of_a_press_with_its_gauge_gives_the_modulus_and_their_delay(run
     without = run_tsis(*order)
     assert without.code == 2
     assert "--forces" in without.err
-    early = run_tsis(*order, "--forces", "gauge.csv", "--video-start-s", "-2.5")
+    early = run_tsis(*order, "--forces", "gauge.csv", "--video-start-s", "-50")
     assert early.code == 2
+    assert "must have readings during the film" in early.err
     assert "check the time of the film's first frame" in early.err

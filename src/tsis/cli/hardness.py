@@ -51,6 +51,7 @@ if TYPE_CHECKING:
 
     from tsis.cli.saving import Destination
     from tsis.hardness.posterior import HardnessPrior
+    from tsis.instrument.gauge import ForceReading
     from tsis.model.calibration import Calibration
     from tsis.model.estimate import Estimate
     from tsis.model.image import TactileImage
@@ -141,6 +142,7 @@ def contacts_of_frames(paths: Sequence[Path], given: ContactOptions) -> tuple[An
     chosen = chosen_sensor(given.sensor)
     frames = gel_frame_paths(paths)
     times = gel_frame_times(frames)
+    readings = _gauge_readings(times, given)
     with progress_bar("finding contacts") as advance:
         found = tsis.imaging.gel_contact.contacts(
             [read_gel_frame(path) for path in frames],
@@ -149,22 +151,35 @@ def contacts_of_frames(paths: Sequence[Path], given: ContactOptions) -> tuple[An
             names=[path.name for path in frames],
             progress=advance,
         )
-    if given.forces is None:
-        if times is not None:
-            raise InputError("a video needs --forces, the table of the gauge with time_s and force_n")
+    if times is None:
         told = [force for force, _ in gel_frame_forces(frames) if force is not None]
         return found, given if given.force_n or len(told) < len(frames) else replace(given, force_n=told)
-    if times is None:
-        raise InputError("--forces needs a video: give the forces of single frames as --force-n, one for each")
-    gauge = tsis.instrument.gauge.RecordedGauge(given.forces)
-    gauge.open()
-    film = tsis.hardness.film.filmed_press(
-        found, [time + given.video_start_s for time in times], list(gauge.readings())
-    )
+    film = tsis.hardness.film.filmed_press(found, [time + given.video_start_s for time in times], readings)
     for note in film.notes:
         typer.echo(note, err=True)
     lag_sd = given.lag_sd_s if film.lag_sd_s is None else film.lag_sd_s
     return film.contacts, replace(given, sequence=True, lag_sd_s=lag_sd)
+
+
+def _gauge_readings(times: Sequence[float] | None, given: ContactOptions) -> list[ForceReading]:
+    """The gauge's readings beside a video, checked before any frame is looked at; none for single frames."""
+    if times is None:
+        if given.forces is not None:
+            raise InputError("--forces needs a video: give the forces of single frames as --force-n, one for each")
+        return []
+    if given.forces is None:
+        raise InputError("a video needs --forces, the table of the gauge with time_s and force_n")
+    gauge = tsis.instrument.gauge.RecordedGauge(given.forces)
+    gauge.open()
+    readings = list(gauge.readings())
+    begin, end = (time + given.video_start_s for time in (times[0], times[-1]))
+    first, last = (readings[at].time_s for at in (0, -1)) if readings else (0.0, 0.0)
+    if not readings or end < first or begin > last:
+        raise InputError(
+            f"the gauge must have readings during the film, from {begin:.4g} to {end:.4g} s; they go from {first:.4g} "
+            f"to {last:.4g} s: check the time of the film's first frame (--video-start-s)"
+        )
+    return readings
 
 
 def hardness_from_contacts(path: Any, given: ContactOptions, *, prior: HardnessPrior | None, as_json: bool) -> None:
