@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from tsis.mapping.signals import Floats
+    from tsis.mechanics.lump_kernel import LumpKernel
 
 PROBE = tsis.load_probe("tsis-2011")
 RINGS, SECTORS = 8, 12
@@ -39,16 +41,21 @@ PLACES = [(x, y) for y in (-10.0, 0.0, 10.0) for x in (-10.0, 0.0, 10.0)]
 LUMP = (3.0, -2.0, 9.0, 9.0, 8.0)  # x, y, depth of the centre, diameter, contrast
 
 
+@cache
+def kernel() -> LumpKernel:
+    """The kernel of the flat probe, read once."""
+    return lump_kernel(PROBE)
+
+
 def pressures(place: tuple[float, float], angle_deg: float, lumps: list[tuple[float, ...]]) -> Floats:
     """Sector means by the kernel itself, harmonic by harmonic, in the probe's frame."""
-    kernel = lump_kernel(PROBE)
-    rows = ring_means(kernel.radius_mm, np.linspace(0.0, OUTER_FRACTION * PROBE.radius_mm, RINGS + 1))
+    rows = ring_means(kernel().radius_mm, np.linspace(0.0, OUTER_FRACTION * PROBE.radius_mm, RINGS + 1))
     bare = observe_bare(RINGS)
     means = np.repeat(bare[:, None], SECTORS, axis=1)
     middle = 2 * np.pi * (np.arange(SECTORS) + 0.5) / SECTORS
     for x, y, centre, diameter, contrast in lumps:
         dx, dy = x - place[0], y - place[1]
-        change = kernel.response(
+        change = kernel().response(
             distance_mm=float(np.hypot(dx, dy)), centre_mm=centre, diameter_mm=diameter, contrast=contrast
         )
         turn = middle - np.arctan2(dy, dx) + np.radians(angle_deg)
@@ -57,6 +64,7 @@ def pressures(place: tuple[float, float], angle_deg: float, lumps: list[tuple[fl
     return means
 
 
+@cache
 def observe_bare(rings: int) -> Floats:
     slab = TissueFieldResponse(PROBE, young_kpa=5.0, thickness_mm=30.0, poisson=0.49, mesh=FieldMesh(points=25))
     rows = ring_means(slab.radius_mm, np.linspace(0.0, OUTER_FRACTION * PROBE.radius_mm, rings + 1))
