@@ -250,6 +250,24 @@ def test_the_sampler_is_calibrated_on_worlds_of_its_own_prior() -> None:
     assert share.mean() > 0.84
 
 
+def test_a_lump_is_known_no_better_along_the_skin_than_the_mean_of_the_places_errors() -> None:
+    """However strong its signal: nine presses, each beside its place by a drawn error, are moved with it."""
+    error_mm = 2.0
+    rng = np.random.default_rng(11)
+    presses = scan_of([(1.0, 2.0, 8.0, 10.0, 8.0)], seed=11, noise=0.001).presses
+    moved = tuple(
+        replace(one, place_mm=tuple(np.add(one.place_mm, rng.normal(0.0, error_mm, 2))), place_sd_mm=error_mm)
+        for one in presses
+    )
+    lump = (
+        estimate_map(Scan(presses=moved), probe=PROBE, steps=3000, voxel_mm=3.0).untrusted.lumps[0].estimate.untrusted
+    )
+    for name, truth in (("x_mm", 1.0), ("y_mm", 2.0)):
+        sd = float(lump.samples[name].std())
+        assert sd > 0.95 * error_mm / np.sqrt(len(presses))
+        assert abs(lump.mean[name] - truth) < 3 * sd
+
+
 def test_a_press_beside_its_stated_place_is_put_back_and_the_lump_stays() -> None:
     presses = list(scan_of([LUMP]).presses)
     beside = PLACES.index((0.0, 0.0))

@@ -46,7 +46,7 @@ from tsis.mapping.flags import (
 )
 from tsis.mapping.lump_map import LumpMap, MapNumbers, NextPlace
 from tsis.mapping.observation import observe
-from tsis.mapping.places import PLACE_MATTERS_MM, shifts, with_place_errors
+from tsis.mapping.places import PLACE_MATTERS_MM, shifts, with_place_errors, with_place_spread
 from tsis.mapping.posterior import BlockLikelihood, Region, Sampler, Samples, field_sds, greedy_fit, of_presses
 from tsis.mapping.prior import MapPrior
 from tsis.mapping.scan import Scan, first_few
@@ -291,6 +291,8 @@ def _block(
     turned = field.turn @ residual.ravel()
     misfit = float((turned**2 / (1 + likelihood.sds[int(sd)] ** 2 * field.size)).mean())
     fit = replace(fit, kind=int(kind), sd=int(sd))
+    if slopes is not None:
+        samples = with_place_spread(samples, part, likelihood, fit, np.random.default_rng([seed, 2 * 10**6 + number]))
     x, y = (np.flatnonzero((axis >= low[k]) & (axis < high[k])) for k, axis in enumerate((voxels.x_mm, voxels.y_mm)))
     own = Voxels(x_mm=voxels.x_mm[x], y_mm=voxels.y_mm[y], depth_mm=voxels.depth_mm)
     even = variance = blind = np.zeros(own.shape)

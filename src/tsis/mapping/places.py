@@ -17,15 +17,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.compiled import one_blas_thread
+from tsis.mapping.answers import SAME_LUMP_MM
+from tsis.mapping.posterior import signal_errors
 
 if TYPE_CHECKING:
     from tsis.mapping.observation import Observation
-    from tsis.mapping.posterior import BlockLikelihood, FieldKind
+    from tsis.mapping.posterior import BlockLikelihood, FieldKind, Fit, Samples
     from tsis.mapping.signals import Floats
 
 PLACE_MATTERS_MM = 0.05  # standard deviation of a place from which its error counts
 LEAST_STEP_MM, LARGEST_STEP_MM = 0.3, 2.0  # of differences; between them the standard deviation
 BESIDE = ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1), (1, -1), (-1, 1))  # steps
+SLOPE_MM = 0.2  # step of the slopes of one lump
+LEAST_STATES = 10  # with a lump whose place is spread
+UNTOLD = 1e-9  # 1/mm², information on a lump's place of a press that does not show it
 EXACT_MM = 1e-3  # of places whose error is noise
 
 
@@ -85,6 +90,61 @@ def with_place_errors(
 def shifts(observation: Observation, likelihood: BlockLikelihood, lumps: Floats, slopes: Floats) -> Floats:
     """Posterior mean of the errors of places to first order in mm, (presses, 2): ``a G' C^-1 r`` with G, ``slopes``."""
     return _shifts(observation, slopes, _explained(likelihood, lumps)[3])
+
+
+def with_place_spread(
+    samples: Samples, observation: Observation, likelihood: BlockLikelihood, fit: Fit, rng: np.random.Generator
+) -> Samples:
+    """The states with each lump as uncertain along the skin as places that err leave it.
+
+    Errors of the places move a lump that is known well in every press by their mean, of the variance ``a^2 / n`` for n
+    presses near. Linear noise holds them as long as its slopes do: those of a lump that is far above the noise are not
+    known well enough for errors of 2 mm, and what they miss would make its place too certain. With Q of a press, the
+    information on a lump's place, the covariance by errors of places is ``(sum (Q^-1 + a^2)^-1)^-1`` less the same
+    without a. Where the states have less, normal errors make up the rest.
+
+    Parameters
+    ----------
+    samples, fit
+        The states and the most probable one.
+    observation, likelihood
+        The presses before errors of their places became noise, and the likelihood that holds it.
+    rng
+        Draws the errors.
+    """
+    counts = [len(lumps) for lumps in samples.lumps]
+    rows = np.concatenate(samples.lumps)
+    for lump in fit.lumps:
+        inside, middle = np.zeros(len(rows), dtype=bool), lump[:3]
+        for _ in range(3):
+            inside = np.linalg.norm(rows[:, :3] - middle, axis=1) < SAME_LUMP_MM
+            if inside.sum() < LEAST_STATES:
+                break
+            middle = np.median(rows[inside, :3], axis=0)
+        if inside.sum() >= LEAST_STATES:
+            due = _variance_by_places(lump, observation, likelihood, fit)
+            lacking, along = np.linalg.eigh(due - np.cov(rows[inside, :2].T))
+            root = along * np.sqrt(np.maximum(lacking, 0.0))
+            rows[inside, :2] += rng.standard_normal((int(inside.sum()), 2)) @ root.T
+    return replace(samples, lumps=tuple(np.split(rows, np.cumsum(counts)[:-1])))
+
+
+def _variance_by_places(lump: Floats, observation: Observation, likelihood: BlockLikelihood, fit: Fit) -> Floats:
+    """Covariance of a lump's place along the skin by errors of the presses' places, (2, 2)."""
+    seen, sd = observation, float(likelihood.sds[fit.sd])
+    alone, right, left, up, down = (
+        seen.table.signals(lump[None], likelihood.observation.places_mm + np.array(by), seen.angle, seen.force_n)
+        for by in ((0.0, 0.0), (SLOPE_MM, 0.0), (-SLOPE_MM, 0.0), (0.0, SLOPE_MM), (0.0, -SLOPE_MM))
+    )
+    slopes = np.stack([right - left, up - down], axis=1) / (2 * SLOPE_MM)
+    length, angle = likelihood.kinds[fit.kind].length_mm, np.zeros(1)
+    noise = seen.own + sd**2 * seen.field.covariance(length, np.zeros((1, 2)), angle, seen.force_n[:1], angle)
+    noise[:, range(noise.shape[1]), range(noise.shape[1])] += (signal_errors(sd)[0] * alone) ** 2
+    told = slopes @ np.linalg.solve(noise, slopes.swapaxes(1, 2)) + UNTOLD * np.eye(2)
+    errs = seen.place_sd_mm[:, None, None] ** 2 * np.eye(2)
+    return np.asarray(
+        np.linalg.inv(np.linalg.inv(np.linalg.inv(told) + errs).sum(axis=0)) - np.linalg.inv(told.sum(axis=0))
+    )
 
 
 def _shifts(observation: Observation, slopes: Floats, weighted: Floats) -> Floats:
