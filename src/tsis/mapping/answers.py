@@ -10,7 +10,7 @@ import numpy as np
 from tsis.compiled import one_blas_thread
 from tsis.mapping.flags import CONTRAST_NOT_IDENTIFIED
 from tsis.mapping.lump_map import Lump, NextPlace
-from tsis.mapping.posterior import signal_errors
+from tsis.mapping.posterior import own_signal_variance, shared_signal_errors
 from tsis.mapping.signals import DEPTH, LOG_CONTRAST, LOG_DIAMETER, LUMP_COLUMNS, X, Y
 from tsis.model.estimate import Estimate
 
@@ -287,15 +287,14 @@ def next_places(
     share = region.expected * np.array(weight) / len(weight)
     single = seen.field.covariance(kind.length_mm, np.zeros((1, 2)), np.zeros(1), force[:1], np.zeros(1))
     noise = sd**2 * single + np.diag(seen.white.mean(axis=0) + (0.01 * seen.scale_kpa) ** 2)
-    each, shared = signal_errors(sd)
     harmonic = np.array([output[0] for output in seen.table.shapes.outputs])
     gains = np.empty(len(grid))
     for number in range(len(grid)):
         mean = signals[:, number].mean(axis=0)
         change = signals[:, number] - mean
-        by_harmonic = shared * (1 + harmonic / 2) * mean * (harmonic == np.unique(harmonic)[:, None])
-        errs = (each * mean) ** 2 + 0.25 * each**2 * (mean**2).mean()  # as `BlockLikelihood.with_signal_error`
-        inverse = np.linalg.inv(np.linalg.cholesky(noise + np.diag(errs) + by_harmonic.T @ by_harmonic))
+        by_harmonic = shared_signal_errors(harmonic, sd) * mean * (harmonic == np.unique(harmonic)[:, None])
+        errs = np.diag(own_signal_variance(mean, sd))
+        inverse = np.linalg.inv(np.linalg.cholesky(noise + errs + by_harmonic.T @ by_harmonic))
         spread = change.T @ change / len(change)
         new = np.array([one[number] for one in hidden])
         spread += (new * share[:, None]).T @ new

@@ -18,7 +18,7 @@ import numpy as np
 
 from tsis.compiled import one_blas_thread
 from tsis.mapping.answers import SAME_LUMP_MM
-from tsis.mapping.posterior import signal_errors
+from tsis.mapping.posterior import own_signal_variance
 
 if TYPE_CHECKING:
     from tsis.mapping.observation import Observation
@@ -139,7 +139,7 @@ def _variance_by_places(lump: Floats, observation: Observation, likelihood: Bloc
     slopes = np.stack([right - left, up - down], axis=1) / (2 * SLOPE_MM)
     length, angle = likelihood.kinds[fit.kind].length_mm, np.zeros(1)
     noise = seen.own + sd**2 * seen.field.covariance(length, np.zeros((1, 2)), angle, seen.force_n[:1], angle)
-    noise[:, range(noise.shape[1]), range(noise.shape[1])] += (signal_errors(sd)[0] * alone) ** 2
+    noise[:, range(noise.shape[1]), range(noise.shape[1])] += own_signal_variance(alone, sd)
     told = slopes @ np.linalg.solve(noise, slopes.swapaxes(1, 2)) + UNTOLD * np.eye(2)
     errs = seen.place_sd_mm[:, None, None] ** 2 * np.eye(2)
     return np.asarray(

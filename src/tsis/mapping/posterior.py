@@ -220,20 +220,17 @@ class BlockLikelihood:
         self.kinds = self._even_kinds
         weights = self.log_weights(seen.values - signal)
         best = weights.max(axis=1)
-        each, shared = signal_errors(self.sds[int(weights.max(axis=0).argmax())])
+        sd = float(self.sds[int(weights.max(axis=0).argmax())])
         order = np.argsort(-best)[:MOST_KINDS]
         kept = [int(index) for index in order if best[index] > best.max() - IMPROBABLE]
-        mean = np.sqrt((signal**2).mean(axis=1, keepdims=True))
-        variance = (each * signal) ** 2 + (0.5 * each * mean) ** 2
-        noise = seen.noise + np.diag(variance.ravel())
+        noise = seen.noise + np.diag(own_signal_variance(signal, sd).ravel())
         harmonic = np.array([output[0] for output in seen.table.shapes.outputs])
         for lump in lumps:
             alone = self.signal(lump[None])
             far = np.hypot(*(seen.places_mm - lump[:2]).T) / seen.radius_mm
             for slope in (np.ones(len(far)), np.clip(far - 1.0, -1.0, 1.0)):
                 columns = np.stack([alone * slope[:, None] * (harmonic == one) for one in np.unique(harmonic)])
-                size = shared * (1 + np.unique(harmonic) / 2)
-                flat = columns.reshape(len(columns), -1) * size[:, None]
+                flat = columns.reshape(len(columns), -1) * shared_signal_errors(np.unique(harmonic), sd)[:, None]
                 noise += flat.T @ flat
         self.kinds = self._turned(noise, kept)
 
@@ -273,10 +270,15 @@ class BlockLikelihood:
         return np.asarray(-0.5 * (np.log(variance) + turned**2 / variance).sum(axis=1) - kind.log_root)
 
 
-def signal_errors(sd: float) -> tuple[float, float]:
-    """Errors of a lump's signal that differ between numbers and that presses share, in a field of this sd."""
-    uneven = UNEVEN_ERROR * sd
-    return float(np.hypot(SIGNAL_ERROR, uneven)), float(np.hypot(SHARED_ERROR, uneven))
+def own_signal_variance(signals: Floats, sd: float) -> Floats:
+    """Variance of the error of signals by lumps (..., numbers) that differs between numbers, in a field of this sd."""
+    each = np.hypot(SIGNAL_ERROR, UNEVEN_ERROR * sd)
+    return np.asarray(each**2 * (signals**2 + (signals**2).mean(axis=-1, keepdims=True) / 4))
+
+
+def shared_signal_errors(harmonics: Floats, sd: float) -> Floats:
+    """Errors of each harmonic of one lump's signal, relative to it, that all presses share, in a field of this sd."""
+    return np.asarray(np.hypot(SHARED_ERROR, UNEVEN_ERROR * sd) * (1 + harmonics / 2))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
