@@ -58,6 +58,7 @@ def judged(path: Path, place_sd_mm: float) -> dict[str, Any]:
             entry["low"] = [interval[name][0] for name in NAMES]
             entry["high"] = [interval[name][1] for name in NAMES]
             entry["above"] = near[0].contrast_above
+            entry["probability"] = near[0].probability
         lumps.append(entry)
     # reliability of the map of areas: predicted probability and whether a lump's centre lies there
     area = []

@@ -107,6 +107,19 @@ def test_a_lump_is_found_at_its_place_and_depth(found: LumpMap) -> None:
     assert found.lumps[0].probability > 0.95
 
 
+def test_a_lump_that_is_too_uncertain_to_be_listed_is_told_with_its_place(
+    found: LumpMap, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tsis.mapping.estimation.PRESENT", 1.1)
+    doubted = estimate_map(scan_of([LUMP]), probe=PROBE, steps=3000, voxel_mm=3.0)
+    assert not doubted.lumps
+    assert set(doubted.flags) - set(found.flags) == {"lump_possible"}
+    told = next(note for note in doubted.notes if note.startswith("A lump is possible"))
+    assert "x 3 mm, y -2 mm" in told
+    assert "press near it again" in told
+    np.testing.assert_array_equal(doubted.probability, found.probability)
+
+
 def test_probabilities_of_numbers_voxels_and_areas_fit_each_other(found: LumpMap) -> None:
     assert found.count_probability.sum() == pytest.approx(1.0)
     assert found.probability.min() >= 0

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from tsis.model.flag import Finding
 
 SAME_LUMP_MM = 4.5  # lumps of two states this near are the same one
-PRESENT = 0.8  # probability from which a lump is listed
 AREA_MM = 10.0
 LOOSE_CONTRAST = 4.0  # ratio of the ends of the 90 % interval from which only a bound is told
 BLIND_CONTRAST = 5.0

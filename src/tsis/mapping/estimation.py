@@ -21,7 +21,6 @@ from tsis.mapping.answers import (
     BLIND_CONTRAST,
     BLIND_STEP_MM,
     PLACES,
-    PRESENT,
     Voxels,
     area_probability,
     blind_diameter,
@@ -33,15 +32,19 @@ from tsis.mapping.answers import (
     visibility,
 )
 from tsis.mapping.flags import (
+    LUMP_POSSIBLE,
     LUMP_SHALLOW,
     LUMPS_CLOSE,
     MAP_DOES_NOT_FIT,
     NARROW_MM,
     NOT_COVERED,
+    POSSIBLE,
+    PRESENT,
     PRESSES_LEFT_OUT,
     SAMPLER_NOT_SETTLED,
     SHALLOW_MM,
     UNEVEN_AT_END,
+    UNSETTLED,
     UNTRUSTED_MAP_FLAGS,
 )
 from tsis.mapping.lump_map import LumpMap, MapNumbers, NextPlace
@@ -50,7 +53,7 @@ from tsis.mapping.places import PLACE_MATTERS_MM, shifts, with_place_errors, wit
 from tsis.mapping.posterior import BlockLikelihood, Region, Sampler, Samples, field_sds, greedy_fit, of_presses
 from tsis.mapping.prior import MapPrior
 from tsis.mapping.scan import Scan, first_few
-from tsis.mapping.signals import LUMP_COLUMNS
+from tsis.mapping.signals import LUMP_COLUMNS, X, Y
 from tsis.mapping.stiffness import observe_stiffness, suited_prior
 from tsis.mapping.uneven_field import LENGTHS_MM
 from tsis.model.estimate import IMPROBABLE, Estimate, probability_bound
@@ -494,6 +497,9 @@ def _map(
             lump, said = lump_of(cluster, len(lumps) + 1, prior, rng)
             lumps.append(lump)
             findings += said
+        elif cluster.probability >= POSSIBLE:
+            x_mm, y_mm = np.median(cluster.samples[:, [X, Y]], axis=0).tolist()
+            findings.append(LUMP_POSSIBLE.finding(x_mm=x_mm, y_mm=y_mm, probability=cluster.probability))
     counts = np.bincount([len(one) for one in states])
     probability, first, second = painted(states, voxels)
     even, variance, blind = np.zeros(voxels.shape), np.zeros(voxels.shape), np.full(voxels.shape, np.inf)
@@ -627,4 +633,4 @@ def _unsettled(states: tuple[Floats, ...]) -> bool:
     """Whether the two halves of the sampling differ in the number of lumps."""
     counts = np.array([len(lumps) for lumps in states])
     halves = [np.bincount(half, minlength=int(counts.max()) + 1) / len(half) for half in np.array_split(counts, 2)]
-    return bool(np.abs(halves[0] - halves[1]).max() > 0.25)
+    return bool(np.abs(halves[0] - halves[1]).max() > UNSETTLED)

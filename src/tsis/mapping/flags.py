@@ -6,6 +6,9 @@ from tsis.model.estimate import IMPROBABLE
 from tsis.model.flag import Flag, declared, withholding
 
 SHALLOW_MM, NARROW_MM = 3.0, 2.0
+# Probability from which a lump is listed: two a scan at this end would be a false lump in ten scans; and is told.
+PRESENT, POSSIBLE = 0.95, 0.5
+UNSETTLED = 0.25  # between the halves of the sampling
 
 LUMP_SHALLOW = Flag(
     name="lump_shallow",
@@ -13,6 +16,13 @@ LUMP_SHALLOW = Flag(
     cure="press this lump by itself and use tsis examine",
     raised=f"depth of the top below {SHALLOW_MM:g} mm",
     says="The top of {lump} lies {depth_mm:.1f} mm under the skin, where the model errs by up to 7 % of the signal.",
+)
+LUMP_POSSIBLE = Flag(
+    name="lump_possible",
+    means="a lump is likely, but not likely enough to be listed",
+    cure="press near it again",
+    raised=f"probability from {POSSIBLE:g} to {PRESENT:g}",
+    says="A lump is possible at x {x_mm:.0f} mm, y {y_mm:.0f} mm (probability {probability:.2f}): {cure}.",
 )
 LUMPS_CLOSE = Flag(
     name="lumps_close",
@@ -57,12 +67,13 @@ SAMPLER_NOT_SETTLED = Flag(
     name="sampler_not_settled",
     means="the halves of the sampling differ",
     cure="give more steps",
-    raised="halves differ by more than 0.1 in a probability or one standard deviation in a parameter",
+    raised=f"halves differ by more than {UNSETTLED:g} in the probability of a number of lumps",
     says="The sampling has not settled: {cure}.",
 )
 
 MAP_FLAGS = declared(
     LUMP_SHALLOW,
+    LUMP_POSSIBLE,
     LUMPS_CLOSE,
     CONTRAST_NOT_IDENTIFIED,
     NOT_COVERED,
