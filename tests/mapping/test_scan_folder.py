@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
+from tsis.calibration.file import ProbeCalibration
+from tsis.calibration.frames import UsableCalibration
 from tsis.errors import TsisError
 from tsis.files.result_folder import write_folder
+from tsis.imaging.sensor import Sensor
 from tsis.mapping.scan import Indenter, Scan, ScanPress
-from tsis.mapping.scan_folder import read_scan, scan_files
+from tsis.mapping.scan_folder import calibrated, read_scan, scan_files
+from tsis.model.calibration import LightMap
+from tsis.model.image import TactileImage
+from tsis.virtual.probe import nominal_calibration
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -79,6 +86,21 @@ def test_a_robots_table_of_downward_travel_and_negative_force_gives_the_way_in(t
     presses = read_scan(table, indenter=BALL).scan.presses
     assert [press.place_mm for press in presses] == [(0.0, 0.0), (5.0, 0.0)]
     np.testing.assert_allclose(np.asarray(presses[1].travel_force), np.array([[1.0, 0.0], [2.0, 0.1], [3.0, 0.5]]))
+
+
+def test_a_stated_force_needs_no_force_line() -> None:
+    """Frames do not hold the force that the table of places states."""
+    response = nominal_calibration(Sensor(), LightMap.uniform())
+    usable = UsableCalibration(calibration=ProbeCalibration(name="bench", response=response), identity="0" * 64)
+    frame = TactileImage(grey=np.ones((8, 8)), mm_per_pixel=(1.0, 1.0))
+    stated = tuple(ScanPress(place_mm=(x, 0.0), frame=frame, force_n=1.0 + x) for x in (0.0, 1.0))
+    scan, read = calibrated(Scan(presses=stated), usable)
+    assert [press.frame.force_n for press in scan.presses if press.frame] == [1.0, 2.0]
+    assert read is not None
+    assert read.force_sd == response.force_sd
+    unknown = Scan(presses=(stated[0], replace(stated[1], force_n=None)))
+    with pytest.raises(TsisError, match="force_line"):
+        calibrated(unknown, usable)
 
 
 @pytest.mark.parametrize(

@@ -241,7 +241,8 @@ def calibrated(scan: Scan, usable: UsableCalibration | None) -> tuple[Scan, Cali
         return scan, None
     if usable is None:
         raise NotCalibratedError("frames must come with the calibration of the probe that pressed; got none")
-    frames, response = usable.pressed([press.frame for press in scan.presses if press.frame], on_tissue=True)
+    raw = [replace(press.frame, force_n=press.measured_force_n) for press in scan.presses if press.frame]
+    frames, response = usable.pressed(raw, on_tissue=True)  # which reads the forces that nobody stated
     pairs = zip(scan.presses, frames, strict=True)
     return replace(scan, presses=tuple(replace(press, frame=frame) for press, frame in pairs)), response
 
