@@ -244,7 +244,7 @@ OTHER_CODES = {
         (["verify", "--store", "absent"], "there is none"),
         (["recompute", *STORE], "give the number of a target, or --all"),
         (["recompute", "1", "--all", *STORE], "give the number of a target, or --all"),
-        (["recompute", "2", *STORE], "target 2 must have an estimate to be made again"),
+        (["recompute", "2", *STORE], "target 2 must have an estimate or a map to be made again"),
         (["recompute", "77", *STORE], "got 77"),
         (["edit", "1", *STORE], "give what to change: --name, --note or --truth"),
         (["edit", "1", "--press", "abcd", *STORE], "--note, --force-n, --role or --flag"),

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING
 from unittest import mock
 
+from tests.present.test_lump_map import map_of
 from tests.records.sample import WHEN, levels, sample_calibration, sample_estimate
 
 from tsis.errors import RecordsError
@@ -128,6 +129,12 @@ def add_estimate(store: Store) -> None:
     )
 
 
+def add_map(store: Store) -> None:
+    """Store a map, its file and its calibration."""
+    presses = store.presses(store.target(1))[:1]
+    store.add_map(store.target(1), map_of(1), presses=presses, probe="p", calibration=sample_calibration())
+
+
 def edit(store: Store) -> None:
     """Change a press."""
     store.edit_press(store.presses(store.target(1))[0], note="changed")
@@ -138,7 +145,7 @@ def add_target(store: Store) -> None:
     store.add_target(name="b")
 
 
-CALLS: tuple[Callable[[Store], None], ...] = (add_press, add_known_press, add_estimate, edit, add_target)
+CALLS: tuple[Callable[[Store], None], ...] = (add_press, add_known_press, add_estimate, add_map, edit, add_target)
 
 
 def begin(folder: Path) -> None:

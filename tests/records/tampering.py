@@ -18,6 +18,7 @@ from datetime import timedelta
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from tests.present.test_lump_map import map_of
 from tests.records.sample import WHEN, levels, sample_calibration, sample_estimate
 
 from tsis.errors import RecordsError
@@ -62,7 +63,7 @@ def make_stores(folder: Path) -> Stores:
 
 
 def fill(store: Store, seed: int, *, targets: int = 1) -> None:
-    """Add targets with presses and an estimate each, and change some of it."""
+    """Add targets with presses, an estimate and a map each, and change some of it."""
     for number in range(seed, seed + targets):
         target = store.add_target(name=f"size {number}", truth={"diameter_mm": 8.0 + 0.01 * number})
         known = replace(sample_calibration(), name=f"bench {number}")
@@ -83,6 +84,7 @@ def fill(store: Store, seed: int, *, targets: int = 1) -> None:
         samples = {name: np.asarray(values)[:20] + number for name, values in made.samples.items()}
         found = replace(made, untrusted=replace(made.untrusted, samples=samples))
         store.add_estimate(target, found, kind="inclusion", presses=presses, probe="tsis-2011", calibration=known)
+        store.add_map(target, map_of(number), presses=presses, probe="tsis-2011", calibration=known)
         store.edit_target(target, note="edited")
         store.edit_press(presses[0], force_n=0.5)
 
@@ -121,7 +123,7 @@ def _opened(folder: Path, kind: str) -> Judgement:
         return Judgement(faults=verify_store(store).faults)
 
 
-KEYS = {"store": "name", "targets": "id", "calibrations": "id", "frames": "id", "presses": "id", "estimates": "id"}
+KEYS = {"store": "name", **dict.fromkeys(("targets", "calibrations", "frames", "presses", "estimates", "maps"), "id")}
 FIRST = "0" * 64
 
 

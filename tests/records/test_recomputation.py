@@ -16,6 +16,7 @@ from tsis.errors import InputError, RecordsError
 from tsis.hardness.posterior import DRIFT_SD, HardnessPrior
 from tsis.hardness.reading import BLUR_MM
 from tsis.inclusion import InclusionPrior
+from tsis.model.estimate import Estimate
 from tsis.model.image import TactileImage
 from tsis.records.provenance import environment
 from tsis.records.recomputation import recompute, require_options
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from tsis.model.estimate import Estimate
     from tsis.records.store import Store
 
 
@@ -63,8 +63,11 @@ def test_right_away_it_is_the_same_bit_for_bit_and_nothing_is_stored(store: Stor
     assert again.message == "Nothing changed: bit for bit the same."
     assert again.causes == again.notes == again.flags_gained == again.flags_lost == ()
     assert [(shift.moved, shift.low_shift, shift.high_shift) for shift in again.shifts] == [(0.0, 0.0, 0.0)]
-    for name, values in again.before.estimate.samples.items():
-        np.testing.assert_array_equal(again.after.estimate.samples[name], values)
+    before, after = again.before.estimate, again.after.estimate
+    assert isinstance(before, Estimate)
+    assert isinstance(after, Estimate)
+    for name, values in before.samples.items():
+        np.testing.assert_array_equal(after.samples[name], values)
     assert not again.stored
     assert len(store.estimates(target)) == 1
 
@@ -257,7 +260,7 @@ def test_the_last_of_each_kind_is_made_again_and_the_one_in_force_stays(
 
 
 def test_without_an_estimate_there_is_nothing_to_make_again(store: Store) -> None:
-    with pytest.raises(RecordsError, match="target 1 must have an estimate to be made again; it has none"):
+    with pytest.raises(RecordsError, match="target 1 must have an estimate or a map to be made again; it has none"):
         recompute(store, store.add_target())
 
 

@@ -95,7 +95,7 @@ def test_dozens_of_honest_stores_are_not_suspected(tmp_path: Path) -> None:
         assert judged(tmp_path / str(number)) == Judgement(), name
 
 
-@pytest.mark.parametrize("table", ["targets", "calibrations", "frames", "presses", "estimates"])
+@pytest.mark.parametrize("table", ["targets", "calibrations", "frames", "presses", "estimates", "maps"])
 def test_every_column_is_watched(template: Stores, tmp_path: Path, table: str) -> None:
     shutil.copytree(template.store, tmp_path / "store")
     with forging(tmp_path / "store", random.Random(1)) as forger:

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from tsis.records.reader import TargetSummary
     from tsis.records.recomputation import Recomputation
     from tsis.records.store import Store, StoreVerification
-    from tsis.records.values import StoredEstimate, StoredPress, Target, TargetRecord
+    from tsis.records.values import StoredEstimate, StoredMap, StoredPress, Target, TargetRecord
 
 
 def list_targets(
@@ -104,12 +104,12 @@ def show(
     database: StoreDatabase = None,
     as_json: AsJson = False,
 ) -> None:
-    """Show a target: its presses, the current estimates with their intervals, calibrations and history."""
+    """Show a target: its presses, the current estimates and map with their intervals, calibrations and history."""
     with opened(store, kind, database) as records:
         target = records.target(number)
         total = records.press_count(target)
         record = records.record(target, limit=limit, offset=offset)
-    presses, estimates = record.presses, record.estimates
+    presses, results = record.presses, record.results
     if as_json:
         print_json(_target_document(record, total))
         return
@@ -127,16 +127,23 @@ def show(
         for message in tsis.present.document.estimate_messages(estimate):
             console.print(f"- {message}", markup=False)
         console.print(f"Flags: {', '.join(estimate.flags) or 'none'}", markup=False)
+    if record.map is not None:
+        found = record.map.estimate
+        page = tsis.present.lump_map.lump_map_page(found, title="Current map", subtitle=record.map.probe)
+        for table in page.tables:
+            console.print(rich_table(replace(table, title=f"Current map: {table.title}")))
+        for message in page.notes:
+            console.print(f"- {message}", markup=False)
     for message in record.damaged:
         console.print(f"- Left out: {message}", markup=False)
-    if not estimates:
+    if not results:
         console.print("No estimate yet.")
     for identity, calibration in record.calibrations.items():
         console.print(
             f"Calibration {calibration.name} ({identity[:12]}), good until {_until(calibration)}", markup=False
         )
-    if estimates:
-        console.print(rich_table(_history(estimates)))
+    if results:
+        console.print(rich_table(_history(results)))
     print_notice(console)
 
 
@@ -154,9 +161,9 @@ def _presses(presses: Sequence[StoredPress], total: int, offset: int) -> Table:
     return Table(title=f"Presses, {shown}", columns=columns, values=rows)
 
 
-def _history(estimates: Sequence[StoredEstimate]) -> Table:
+def _history(results: Sequence[StoredEstimate | StoredMap]) -> Table:
     rows = []
-    for stored in estimates:
+    for stored in results:
         code = str(stored.environment.get("code_sha256", ""))[:SHORT]
         trusted = "yes" if stored.estimate.trusted else "no"
         made = f"{stored.made:%Y-%m-%d %H:%M:%S}"
@@ -178,8 +185,9 @@ def _target_document(record: TargetRecord, total: int) -> dict[str, Any]:
         presses=[tsis.files.json_values.to_json_value(press) for press in record.presses],
         presses_in_all=total,
         estimate=documents[-1] if documents else None,
-        in_force=[stored.id for stored in record.active_estimates],
+        in_force=[stored.id for stored in record.active_results],
         history=documents[:-1],
+        maps=[tsis.present.lump_map.stored_map_document(stored) for stored in record.maps],
         calibrations=[
             {"sha256": identity, "name": calibration.name, "until": _until(calibration)}
             for identity, calibration in record.calibrations.items()
@@ -198,9 +206,9 @@ def recompute(
     database: StoreDatabase = None,
     as_json: AsJson = False,
 ) -> None:
-    """Recompute estimates from the stored frames, report what changed and why, and store changed estimates.
+    """Recompute estimates and maps from the stored frames, report what changed and why, and store what changed.
 
-    The old estimate stays, superseded by the new one. A calibration that has expired since is used as it
+    The old result stays, superseded by the new one. A calibration that has expired since is used as it
     was then.
     """
     if (number is None) != every:
@@ -239,8 +247,7 @@ def _recomputed(
 
     recomputations: list[tuple[Target, Recomputation]] = []
     failed: list[tuple[int, str]] = []
-    what = "solving the press for this probe (cached for next time)" if single else "estimating again"
-    with progress_bar(what) as advance:
+    with progress_bar("estimating again") as advance:
         for done, target in enumerate(targets):
             if not single:
                 advance(done, len(targets))

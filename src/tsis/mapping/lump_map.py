@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
+LUMP_PARAMETERS = ("x_mm", "y_mm", "centre_depth_mm", "depth_mm", "diameter_mm", "contrast", "young_kpa")
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Lump(ContentValue):
     """One lump of the map.
@@ -48,8 +51,18 @@ class Lump(ContentValue):
 
     def __post_init__(self) -> None:
         require_type("name", self.name, str)
-        require_type("estimate", self.estimate, Estimate)
+        _require_posterior("estimate", self.estimate, LUMP_PARAMETERS)
         require_number("probability", self.probability, 0.0, 1.0, hint="a probability")
+
+
+def _require_posterior(name: str, value: object, parameters: tuple[str, ...]) -> None:
+    """Require the posterior of these parameters; the whole map is withheld, and none of its parts."""
+    require_type(name, value, Estimate)
+    assert isinstance(value, Estimate)
+    if set(value.names) != set(parameters) or not value.trusted:
+        raise InputError(
+            f"{name} must be a trusted estimate of {', '.join(parameters)}; got one of {', '.join(value.names):.200}"
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,10 +127,17 @@ class MapNumbers(ContentValue):
             if values.shape != shape:
                 raise InputError(f"{name} must have the shape {shape} of depth_mm, y_mm and x_mm; got {values.shape}")
             object.__setattr__(self, name, values)
-        object.__setattr__(self, "area_probability", require_array("area_probability", self.area_probability, ndim=2))
-        blind = np.array(self.blind_diameter_mm, dtype=float)  # may be infinite
+        area, blind = require_array("area_probability", self.area_probability, ndim=2), self.blind_diameter_mm
+        blind = np.array(blind, dtype=float)  # may be infinite
+        if area.shape != shape[1:] or blind.shape != shape or not (blind >= 0).all():
+            raise InputError(
+                f"area_probability and blind_diameter_mm must have the shapes {shape[1:]} and {shape}, the diameters "
+                f"none below 0; got {area.shape} and {blind.shape}"
+            )
+        object.__setattr__(self, "area_probability", area)
         blind.flags.writeable = False
         object.__setattr__(self, "blind_diameter_mm", blind)
+        _require_posterior("unevenness", self.unevenness, ("sd", "length_mm"))
         for name in ("lumps", "next_places"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
 
@@ -173,7 +193,10 @@ class LumpMap(ContentValue):
         for name in ("flags", "notes", "left_out"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
         for name in ("places_mm", "place_shift_mm"):
-            object.__setattr__(self, name, require_array(name, getattr(self, name), ndim=2))
+            places = require_array(name, getattr(self, name), ndim=2)
+            if places.shape != (len(self.places_mm), 2):
+                raise InputError(f"{name} must have a row of x and y for each press; got the shape {places.shape}")
+            object.__setattr__(self, name, places)
         freeze_mappings(self, "provenance")
 
     @property

@@ -13,7 +13,7 @@ from matplotlib.patches import Circle
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.mapping.flags import MAP_FLAGS
 from tsis.mapping.scan_folder import described
-from tsis.model.estimate import INTERVAL_LEVEL, probability_text
+from tsis.model.estimate import INTERVAL_LEVEL, label_of, probability_text
 from tsis.present.document import envelope, estimate_document
 from tsis.present.labels import quantity_of
 from tsis.present.page import Card, Column, Page, Picture, Table, flags_table, on_axes
@@ -28,9 +28,11 @@ if TYPE_CHECKING:
     from tsis.mapping.lump_map import Lump, LumpMap, MapNumbers
     from tsis.mapping.scan import Scan
     from tsis.model.estimate import Estimate
+    from tsis.records.values import StoredMap
 
 
 SHOWN = ("x_mm", "y_mm", "depth_mm", "diameter_mm", "contrast", "young_kpa")
+LISTED = ("x_mm", "y_mm", "depth_mm", "diameter_mm")
 BALL = ("x_mm", "y_mm", "centre_depth_mm", "diameter_mm")
 DRAWN_DEPTHS_MM = (5.0, 10.0)  # of the drawn blind zones and planes of modulus
 LARGEST_DRAWN_MM = 20.0  # least diameter at the end of the blind zone's colours
@@ -428,6 +430,25 @@ def lump_map_document(found: LumpMap) -> dict[str, Any]:
         "place_shift_mm": None if numbers is None else found.place_shift_mm.tolist(),
         "provenance": dict(found.provenance),
     }
+
+
+def stored_map_document(stored: StoredMap) -> dict[str, Any]:
+    """A stored map as a JSON document without its volumes; numbers of an untrusted map are left out."""
+    from tsis.records.values import map_to_json  # loads the libraries of records
+
+    return {**map_to_json(stored), **lump_map_document(stored.estimate)}
+
+
+def lumps_text(found: LumpMap) -> str:
+    """The lumps of a trusted map in one line, with the intervals of place and size.
+
+    ``"lump 1: x 2.9 to 3.4 mm, ..."``, or that there is none.
+    """
+    told = (
+        f"{lump.name}: {', '.join(f'{label_of(name)} {_interval_text(lump.estimate, name)} mm' for name in LISTED)}"
+        for lump in found.lumps
+    )
+    return "; ".join(told) or "no lump"
 
 
 def vtk_bytes(numbers: MapNumbers) -> bytes:

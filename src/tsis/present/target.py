@@ -13,25 +13,32 @@ from tsis.__about__ import __version__
 from tsis.calibration.guard.limits import GUARD_FLAGS
 from tsis.catalog.probes import load_probe
 from tsis.errors import InputError, TsisError, UnknownNameError
+from tsis.hardness.flags import HARDNESS_FLAGS
 from tsis.imaging.corrections import subtract_background
 from tsis.inclusion import InclusionPrior
+from tsis.inclusion.flags import INCLUSION_FLAGS
 from tsis.inclusion.frames import ring_edges
-from tsis.model.estimate import INTERVAL_LEVEL
+from tsis.mapping.flags import MAP_FLAGS
+from tsis.mapping.lump_map import LumpMap
+from tsis.model.estimate import INTERVAL_LEVEL, Estimate
 from tsis.present.calibration import content_rows
 from tsis.present.hardness import HARDNESS, estimate_cards, estimate_messages_of, hardness_rows, modulus_picture
 from tsis.present.images import change_picture, force_of, frame_picture, profile_picture, sheet_picture, surface_picture
 from tsis.present.inclusion import estimate_table, marginals_picture, trade_off_picture
 from tsis.present.labels import counted, quantity_of
+from tsis.present.lump_map import lump_map_page, lumps_text
 from tsis.present.page import Card, Page, Table
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
     from datetime import datetime
 
-    from tsis.model.estimate import Estimate
+    from tsis.model.flag import Flag
     from tsis.model.image import TactileImage
     from tsis.present.page import Picture
-    from tsis.records.values import StoredEstimate, StoredPress, TargetRecord
+    from tsis.records.values import StoredEstimate, StoredMap, StoredPress, TargetRecord
+
+    Result = StoredEstimate | StoredMap
 
 
 MOST_FRAMES, MOST_PROFILES = 12, 10  # in a figure
@@ -65,7 +72,7 @@ class FrameWithRole:
 
 
 def target_gallery(record: TargetRecord) -> Gallery:
-    """All pictures of the frames and the active estimates."""
+    """All pictures of the frames, the active estimates and the active map."""
     frames, unread = _frames(record)
     gallery = unread + _posteriors(record) + _strongest(frames) + _profiles(record, frames)
     if len(frames) > 1:
@@ -75,7 +82,7 @@ def target_gallery(record: TargetRecord) -> Gallery:
 
 def _frames(record: TargetRecord) -> tuple[list[FrameWithRole], Gallery]:
     """Frames in the order of their presses, of many only those of the estimates, and messages on unreadable ones."""
-    used = {press for stored in record.active_estimates for press in stored.presses}
+    used = {press for stored in record.active_results for press in stored.presses}
     numbered = list(enumerate(record.presses, 1))
     chosen = sorted(numbered, key=lambda pair: (pair[1].id not in used, pair[0]))[:MOST_FRAMES]
     frames, notes = [], []
@@ -95,9 +102,16 @@ def _posteriors(record: TargetRecord) -> Gallery:
     return sum((_posterior(record, stored) for stored in newest_first(record)), Gallery())
 
 
-def _posterior(record: TargetRecord, stored: StoredEstimate) -> Gallery:
+def _map_page(found: LumpMap) -> Page:
+    """The parts of a map on the page of its target."""
+    return lump_map_page(found, title="", subtitle="")
+
+
+def _posterior(record: TargetRecord, stored: Result) -> Gallery:
     if not stored.estimate.trusted:
         return Gallery()
+    if isinstance(stored.estimate, LumpMap):
+        return Gallery(pictures=_map_page(stored.estimate).pictures)
     estimate, truth = stored.estimate, record.target.truth
     if stored.kind == "hardness":
         return Gallery(pictures=(modulus_picture(estimate, truth.get("young_kpa")),))
@@ -108,10 +122,12 @@ def _posterior(record: TargetRecord, stored: StoredEstimate) -> Gallery:
     return Gallery(pictures=(marginals_picture(estimate, prior, truth), *joint))
 
 
-def _prior(stored: StoredEstimate) -> InclusionPrior | None:
+def _prior(stored: Result) -> InclusionPrior | None:
     """The prior of the estimate, or None where the record has another kind of prior."""
-    prior = stored.estimate.provenance.get("prior") or stored.options.get("prior") or {}
-    if not isinstance(prior, Mapping) or not all(hasattr(InclusionPrior, name) for name in stored.estimate.names):
+    prior, estimate = stored.estimate.provenance.get("prior") or stored.options.get("prior") or {}, stored.estimate
+    if not isinstance(prior, Mapping) or not isinstance(estimate, Estimate):
+        return None
+    if not all(hasattr(InclusionPrior, name) for name in estimate.names):
         return None
     fields: dict[str, Any] = {
         str(name): tuple(value) if isinstance(value, list) else value for name, value in prior.items()
@@ -177,6 +193,7 @@ def _probe(record: TargetRecord) -> str:
     return next((press.probe for press in record.presses if press.probe), "")
 
 
+MAP = "map"  # kind of a stored map
 IDENTITY_NOTE = (
     "This is a subject: the page shows only the pseudonym. Notes, settings, file names, and probes and flags unknown "
     "to tsis are hidden."
@@ -191,22 +208,23 @@ def without_identity(record: TargetRecord) -> TargetRecord:
 
     result = deidentified(record)
     presses = {press.id: f"press {number}" for number, press in enumerate(result.presses, 1)}
-    estimates = {stored.id: f"estimate {number}" for number, stored in enumerate(result.estimates, 1)}
+    names = {stored.id: f"estimate {number}" for number, stored in enumerate(result.estimates, 1)}
+    names |= {stored.id: f"map {number}" for number, stored in enumerate(result.maps, 1)}
     return replace(
         result,
         target=replace(result.target, id="not told", name=record.target.name),
         presses=tuple(replace(press, id=presses[press.id]) for press in result.presses),
-        estimates=tuple(_renamed(stored, presses, estimates) for stored in result.estimates),
+        estimates=tuple(replace(stored, **_renamed(stored, presses, names)) for stored in result.estimates),
+        maps=tuple(replace(stored, **_renamed(stored, presses, names)) for stored in result.maps),
     )
 
 
-def _renamed(stored: StoredEstimate, presses: dict[str, str], estimates: dict[str, str]) -> StoredEstimate:
-    return replace(
-        stored,
-        id=estimates[stored.id],
-        supersedes=estimates.get(stored.supersedes, "another") if stored.supersedes else None,
-        presses=tuple(presses.get(press, "another press") for press in stored.presses),
-    )
+def _renamed(stored: Result, presses: dict[str, str], names: dict[str, str]) -> dict[str, Any]:
+    return {
+        "id": names[stored.id],
+        "supersedes": names.get(stored.supersedes, "another") if stored.supersedes else None,
+        "presses": tuple(presses.get(press, "another press") for press in stored.presses),
+    }
 
 
 MOST_NAMED = 12  # presses in a message
@@ -226,14 +244,24 @@ def roles(presses: Sequence[StoredPress]) -> str:
     return ", ".join(f"{counts[role]} {text}" for role, text in ROLE_NAMES.items() if counts[role])
 
 
-def newest_first(record: TargetRecord) -> tuple[StoredEstimate, ...]:
-    """The active estimates, the newest first."""
-    return tuple(sorted(record.active_estimates, key=lambda stored: stored.made, reverse=True))
+def newest_first(record: TargetRecord) -> tuple[Result, ...]:
+    """The active estimates and the active map, the newest first."""
+    return tuple(sorted(record.active_results, key=lambda stored: stored.made, reverse=True))
 
 
-def heading(record: TargetRecord, stored: StoredEstimate, title: str) -> str:
-    """A title, with the kind of the estimate where there are several active ones."""
-    return f"{title} ({stored.kind})" if len(record.active_estimates) > 1 else title
+def heading(record: TargetRecord, stored: Result, title: str) -> str:
+    """A title, with the kind of the result where there are several active ones."""
+    return f"{title} ({stored.kind})" if len(record.active_results) > 1 else title
+
+
+def result_messages(stored: Result) -> tuple[str, ...]:
+    """Messages on an estimate or a map, the most important first."""
+    return stored.estimate.notes if isinstance(stored.estimate, LumpMap) else estimate_messages_of(stored)
+
+
+def result_flags(stored: Result) -> Mapping[str, Flag]:
+    """The flags that an estimate or a map of this kind can have."""
+    return {HARDNESS: HARDNESS_FLAGS, MAP: MAP_FLAGS}.get(stored.kind, INCLUSION_FLAGS)
 
 
 def target_notes(record: TargetRecord) -> tuple[str, ...]:
@@ -254,27 +282,28 @@ def _estimate_notes(record: TargetRecord) -> tuple[str, ...]:
         return ("Nothing was estimated from these presses yet.",) if record.presses else ("Nothing was recorded yet.",)
     messages = []
     for stored in result:
-        sentences = (*estimate_messages_of(stored), origin(stored), *_coverage(record, stored))
+        sentences = (*result_messages(stored), origin(stored), *_coverage(record, stored))
         messages += [f"Of the {stored.kind}: {message}" if len(result) > 1 else message for message in sentences]
     return tuple(messages)
 
 
-def origin(stored: StoredEstimate) -> str:
-    """Inputs, time and code of an estimate."""
+def origin(stored: Result) -> str:
+    """Inputs, time and code of an estimate or a map."""
     version = f"tsis {stored.environment['tsis']}" if "tsis" in stored.environment else "an unknown version of tsis"
     again = f" It replaces {stored.supersedes[:SHORT]}." if stored.supersedes else ""
+    done, presses = "Mapped" if stored.kind == MAP else "Estimated", counted(len(stored.presses), "press")
     return (
-        f"Estimated {time_text(stored.made)} UTC by {version} from {counted(len(stored.presses), 'press')} of probe "
+        f"{done} {time_text(stored.made)} UTC by {version} from {presses} of probe "
         f"{stored.probe or 'not named'} with calibration {stored.calibration[:SHORT]}.{again}"
     )
 
 
-def _coverage(record: TargetRecord, stored: StoredEstimate) -> tuple[str, ...]:
-    held = {press.id for press in record.presses}
+def _coverage(record: TargetRecord, stored: Result) -> tuple[str, ...]:
+    held, what = {press.id for press in record.presses}, "map" if stored.kind == MAP else "estimate"
     left, gone = len(held.difference(stored.presses)), len(set(stored.presses).difference(held))
-    sentences = [f"The estimate does not rest on {counted(left, 'other press')} of this target."] if left else []
+    sentences = [f"The {what} does not rest on {counted(left, 'other press')} of this target."] if left else []
     if gone:
-        sentences.append(f"The store no longer shows {counted(gone, 'press')} that the estimate rests on.")
+        sentences.append(f"The store no longer shows {counted(gone, 'press')} that the {what} rests on.")
     return tuple(sentences)
 
 
@@ -334,11 +363,9 @@ def measure(value: float, unit: str) -> str:
 
 
 def _result(record: TargetRecord) -> tuple[Table, ...]:
-    truth = record.target.truth
-    if not record.estimates:
-        rows = tuple(_truth_rows(truth))
-        return (Table(title="What is true of the phantom", columns=("quantity", "truth"), values=rows),) if rows else ()
-    return tuple(_active_estimate(record, stored) for stored in newest_first(record))
+    rows = () if record.estimates else tuple(_truth_rows(record.target.truth))
+    truth = (Table(title="What is true of the phantom", columns=("quantity", "truth"), values=rows),) if rows else ()
+    return (*truth, *(table for stored in newest_first(record) for table in result_tables(record, stored)))
 
 
 def _truth_rows(truth: Mapping[str, float]) -> Iterator[tuple[str, str]]:
@@ -346,13 +373,16 @@ def _truth_rows(truth: Mapping[str, float]) -> Iterator[tuple[str, str]]:
         yield quantity_of(name).title, measure(value, quantity_of(name).unit)
 
 
-def _active_estimate(record: TargetRecord, stored: StoredEstimate) -> Table:
+def result_tables(record: TargetRecord, stored: Result) -> tuple[Table, ...]:
+    """The numbers of an active estimate, or the lumps of the active map with flags and next places."""
     title, truth = heading(record, stored, "Current estimate"), record.target.truth
+    if isinstance(stored.estimate, LumpMap):
+        return _map_page(stored.estimate).tables
     if stored.kind == HARDNESS:
         true = [(f"truth of {name}", value) for name, value in _truth_rows(truth)]
         values = (*hardness_rows(stored.estimate), *true)
-        return Table(title=title, columns=("quantity", "value"), values=values)
-    return estimate_table(stored.estimate, title=title, truth=truth)
+        return (Table(title=title, columns=("quantity", "value"), values=values),)
+    return (estimate_table(stored.estimate, title=title, truth=truth),)
 
 
 def _presses(record: TargetRecord) -> tuple[Table, ...]:
@@ -380,15 +410,15 @@ def _press_row(number: int, press: StoredPress) -> tuple[str, ...]:
 
 
 def history_tables(record: TargetRecord) -> tuple[Table, ...]:
-    """All estimates; no table where there is none."""
-    if not record.estimates:
+    """All estimates and maps; no table where there is none."""
+    if not record.active_results:
         return ()
     headings = ("made (UTC)", "estimate", "kind", "tsis", "mean and 90 % interval", "presses", "replaces")
-    rows = tuple(_history_row(stored) for stored in record.estimates)
+    rows = tuple(_history_row(stored) for stored in record.results)
     return (Table(title="All estimates; the last of each kind is current", columns=headings, values=rows),)
 
 
-def _history_row(stored: StoredEstimate) -> tuple[str, ...]:
+def _history_row(stored: Result) -> tuple[str, ...]:
     return (
         time_text(stored.made),
         stored.id[:SHORT],
@@ -400,11 +430,13 @@ def _history_row(stored: StoredEstimate) -> tuple[str, ...]:
     )
 
 
-def result_text(stored: StoredEstimate) -> str:
-    """An estimate in one line: mean and 90 % interval of each parameter, unless they are withheld."""
+def result_text(stored: Result) -> str:
+    """An estimate in one line: mean and 90 % interval of each parameter, or each lump, unless they are withheld."""
     estimate = stored.estimate
     if not estimate.trusted:
         return "not to be trusted"
+    if isinstance(estimate, LumpMap):
+        return lumps_text(estimate)
     return "; ".join(_value_text(estimate, name) for name in estimate.names)
 
 
@@ -441,13 +473,13 @@ def result_rows(records: Iterable[TargetRecord]) -> list[tuple[object, ...]]:
             numbers = [cell for name in names for cell in _numbers(stored.estimate, name)]
             made = (stored.kind, time_text(stored.made), " ".join(stored.estimate.flags))
             rows.append((*about, *made, *numbers))
-        if not record.active_estimates:
+        if not record.active_results:
             rows.append((*about, *("",) * (len(rows[0]) - len(about))))
     return rows
 
 
-def _numbers(estimate: Estimate, name: str) -> tuple[object, ...]:
-    if name not in estimate.names or not estimate.trusted:
+def _numbers(estimate: Estimate | LumpMap, name: str) -> tuple[object, ...]:
+    if isinstance(estimate, LumpMap) or name not in estimate.names or not estimate.trusted:
         return "", "", ""
     low, high = estimate.interval(INTERVAL_LEVEL)[name]
     return "" if estimate.withheld_reason(name) else estimate.mean[name], low, high
@@ -509,7 +541,11 @@ def target_cards(record: TargetRecord) -> tuple[Card, ...]:
         )
     cards = []
     for stored in result:
-        own = estimate_cards(stored, record.target.truth)
+        own = (
+            _map_page(stored.estimate).cards
+            if isinstance(stored.estimate, LumpMap)
+            else estimate_cards(stored, record.target.truth)
+        )
         cards += [replace(card, title=heading(record, stored, card.title)) for card in own]
     return tuple(cards)
 
@@ -531,7 +567,7 @@ def _provenance(record: TargetRecord) -> dict[str, Any]:
     }
 
 
-def _estimate(stored: StoredEstimate) -> dict[str, Any]:
+def _estimate(stored: Result) -> dict[str, Any]:
     return {
         "estimate in force": {
             "id": stored.id,

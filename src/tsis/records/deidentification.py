@@ -13,35 +13,84 @@ from tsis.catalog.probes import list_probes
 from tsis.files.canonical_json import SHA256
 from tsis.hardness.flags import HARDNESS_FLAGS
 from tsis.inclusion.flags import INCLUSION_FLAGS
+from tsis.mapping.flags import MAP_FLAGS
 from tsis.model.estimate import INTERVAL_LEVEL, NOT_TRUSTED, UNITS, PosteriorSamples
 from tsis.records.database import derived
 from tsis.records.provenance import LIBRARIES
 from tsis.records.recomputation import OPTIONS, PRIORS
+from tsis.records.values import MAP
 
 if TYPE_CHECKING:
     from tsis.calibration.file import ProbeCalibration
     from tsis.model.estimate import Estimate
-    from tsis.records.values import StoredEstimate, StoredPress, Target, TargetRecord
+    from tsis.model.flag import Flag
+    from tsis.records.values import StoredEstimate, StoredMap, StoredPress, Target, TargetRecord
 
 
 OTHER_FLAG = "other flag"
 CALIBRATION = "calibration"
 VERSION = re.compile(r"\d{1,4}(\.\d{1,6}){0,3}((a|b|rc|\.dev|\.post)\d{1,6})?")
-FLAGS = {"inclusion": INCLUSION_FLAGS, "hardness": HARDNESS_FLAGS}
-PARAMETERS = {"diameter_mm": ("diameter", "mm"), "depth_mm": ("depth", "mm"), "young_kpa": ("modulus", "kPa")}
+FLAGS: Mapping[str, Mapping[str, Flag]] = {"inclusion": INCLUSION_FLAGS, "hardness": HARDNESS_FLAGS, MAP: MAP_FLAGS}
+PARAMETERS = {
+    "diameter_mm": ("diameter", "mm"),
+    "depth_mm": ("depth", "mm"),
+    "young_kpa": ("modulus", "kPa"),
+    "x_mm": ("place along x", "mm"),
+    "y_mm": ("place along y", "mm"),
+    "centre_depth_mm": ("depth of the centre", "mm"),
+    "contrast": ("contrast", ""),
+    "sd": ("unevenness", ""),
+    "length_mm": ("length of the unevenness", "mm"),
+}
 LISTS = ("images", "reference", "presses")  # of frames, in a provenance
 CONTACT_KEYS = ("radius_mm", "radius_sd", "light_force_n")  # of a contact
 
 
 def deidentified_estimate(stored: StoredEstimate, frames: Mapping[str, str]) -> StoredEstimate:
     """The estimate without free text; ``frames`` gives the new name of each frame."""
-    original = stored.estimate
+    estimate = _neutral(stored.estimate, stored.kind)
+    return replace(
+        stored,
+        estimate=replace(estimate, provenance=_provenance(stored.estimate.provenance, stored.kind, frames)),
+        options=_options(stored.options, stored.kind),
+        environment=_environment(stored.environment),
+    )
+
+
+def deidentified_map(stored: StoredMap, frames: Mapping[str, str]) -> StoredMap:
+    """The map without free text; ``frames`` gives the new name of each frame."""
+    found, flags = stored.estimate, distinct(stored.estimate.flags, MAP_FLAGS)
+    lumps = tuple(
+        replace(lump, name=f"lump {number}", estimate=_neutral(lump.estimate, MAP))
+        for number, lump in enumerate(found.untrusted.lumps, 1)
+    )
+    numbers = replace(found.untrusted, lumps=lumps, unevenness=_neutral(found.untrusted.unevenness, MAP))
+    return replace(
+        stored,
+        estimate=replace(
+            found,
+            untrusted=numbers,
+            flags=flags,
+            notes=_meanings(flags, MAP),
+            left_out=(),
+            provenance=_provenance(found.provenance, MAP, frames),
+        ),
+        options=_options(stored.options, MAP),
+        environment=_environment(stored.environment),
+    )
+
+
+def _meanings(flags: Iterable[str], kind: str) -> tuple[str, ...]:
+    return tuple(f"{flag}: {FLAGS[kind][flag].means}." for flag in flags if flag in FLAGS[kind])
+
+
+def _neutral(original: Estimate, kind: str) -> Estimate:
+    """The numbers of an estimate, with texts that are made anew from them."""
     names = {
         name: name if name in PARAMETERS else _other(number, name) for number, name in enumerate(original.names, 1)
     }
-    known_flags = FLAGS[stored.kind]
     renamed = {f"{old}_not_identified": f"{new}_not_identified" for old, new in names.items()}
-    flags = distinct((renamed.get(flag, flag) for flag in original.flags), {*known_flags, *renamed.values()})
+    flags = distinct((renamed.get(flag, flag) for flag in original.flags), {*FLAGS[kind], *renamed.values()})
     estimate = replace(
         original,
         untrusted=PosteriorSamples(
@@ -50,23 +99,12 @@ def deidentified_estimate(stored: StoredEstimate, frames: Mapping[str, str]) -> 
         ),
         cramer_rao_sd={names[old]: sd for old, sd in original.cramer_rao_sd.items()},
         flags=flags,
-        notes=tuple(f"{flag}: {known_flags[flag].means}." for flag in flags if flag in known_flags),
+        notes=_meanings(flags, kind),
         provenance={},
         identifiability="",
         prior="",
     )
-    estimate = replace(
-        estimate,
-        identifiability=_identifiability(estimate),
-        prior=_spreads(estimate),
-        provenance=_provenance(original.provenance, stored.kind, frames),
-    )
-    return replace(
-        stored,
-        estimate=estimate,
-        options=_options(stored.options, stored.kind),
-        environment=_environment(stored.environment),
-    )
+    return replace(estimate, identifiability=_identifiability(estimate), prior=_spreads(estimate))
 
 
 def distinct(flags: Iterable[str], known: Iterable[str]) -> tuple[str, ...]:
@@ -207,7 +245,7 @@ def deidentified(record: TargetRecord) -> TargetRecord:
     this program remain by name. Texts are composed anew from the numbers.
     """
     probes = _neutral_probes(_probes_named(record))
-    numbers = {press.name: number for number, press in enumerate(record.presses, 1) if press.name}
+    frames = {press.name: f"press {number}" for number, press in enumerate(record.presses, 1) if press.name}
     target = pseudonym(record)
     calibrations = {
         cited: _calibration(calibration, f"{CALIBRATION} {number}", probes)
@@ -218,7 +256,14 @@ def deidentified(record: TargetRecord) -> TargetRecord:
         target=replace(record.target, id=target, name="", note="", truth={}),
         damaged=(DAMAGED,) if record.damaged else (),
         presses=tuple(_press(record, press, probes, target) for press in record.presses),
-        estimates=tuple(_stored(record, estimate, probes, numbers, target) for estimate in record.estimates),
+        estimates=tuple(
+            replace(deidentified_estimate(stored, frames), **_identities(record, stored, "estimate", probes, target))
+            for stored in record.estimates
+        ),
+        maps=tuple(
+            replace(deidentified_map(stored, frames), **_identities(record, stored, "map", probes, target))
+            for stored in record.maps
+        ),
         calibrations=calibrations,
     )
 
@@ -234,7 +279,7 @@ def from_camera(press: StoredPress) -> bool:
 
 def _probes_named(record: TargetRecord) -> Iterable[str]:
     yield from (press.probe for press in record.presses)
-    yield from (stored.probe for stored in record.estimates)
+    yield from (stored.probe for stored in record.results)
     for _, calibration in sorted(record.calibrations.items()):
         yield calibration.probe
         if calibration.response is not None:
@@ -262,19 +307,19 @@ def _press(record: TargetRecord, press: StoredPress, probes: Mapping[str, str], 
     )
 
 
-def _stored(
-    record: TargetRecord, stored: StoredEstimate, probes: Mapping[str, str], numbers: Mapping[str, int], target: str
-) -> StoredEstimate:
+def _identities(
+    record: TargetRecord, stored: StoredEstimate | StoredMap, what: str, probes: Mapping[str, str], target: str
+) -> dict[str, Any]:
+    """The new identities of a result, and of what it cites."""
     supersedes = stored.supersedes
-    return replace(
-        deidentified_estimate(stored, {name: f"press {number}" for name, number in numbers.items()}),
-        probe=probes[stored.probe],
-        presses=tuple(_optional_identity(record, "press", press) for press in stored.presses),
-        calibration=stored.calibration if SHA256.fullmatch(stored.calibration) else "",
-        supersedes=None if supersedes is None else _optional_identity(record, "estimate", supersedes),
-        id=_optional_identity(record, "estimate", stored.id),
-        target=target,
-    )
+    return {
+        "probe": probes[stored.probe],
+        "presses": tuple(_optional_identity(record, "press", press) for press in stored.presses),
+        "calibration": stored.calibration if SHA256.fullmatch(stored.calibration) else "",
+        "supersedes": None if supersedes is None else _optional_identity(record, what, supersedes),
+        "id": _optional_identity(record, what, stored.id),
+        "target": target,
+    }
 
 
 def _calibration(calibration: ProbeCalibration, name: str, probes: Mapping[str, str]) -> ProbeCalibration:

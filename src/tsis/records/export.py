@@ -108,6 +108,12 @@ ESTIMATE_HEADINGS = (
     "id",
 )
 
+MAP_HEADINGS = (
+    *("map", "in force", "made", "trusted", "lump", "probability of the lump", "parameter", "unit"),
+    *ESTIMATE_HEADINGS[6:10],
+    *("contrast above", "flags", "notes", "probe", "presses", "calibration (SHA-256)", "supersedes", "id"),
+)
+
 
 def target_rows(target: Target) -> list[list[Any]]:
     """Headings and the row of the target."""
@@ -166,6 +172,23 @@ def _parameter_rows(number: int, stored: StoredEstimate, *, in_force: bool) -> I
         ]
 
 
+def map_rows(record: TargetRecord) -> list[Sequence[Any]]:
+    """Headings and a row for each parameter of each lump of each map; one row for a map that shows no lump."""
+    rows: list[Sequence[Any]] = [MAP_HEADINGS]
+    for number, stored in enumerate(record.maps, start=1):
+        found = stored.estimate
+        head = [number, stored is record.map, stored.made.isoformat(), found.trusted]
+        told = [" ".join(texts) for texts in (found.flags, found.notes)]
+        tail = [*told, stored.probe, " ".join(stored.presses), stored.calibration, stored.supersedes, stored.id]
+        lumps = [
+            [lump.name, float(lump.probability), name, unit_of(name), *numbers[:4], lump.contrast_above]
+            for lump in (found.lumps if found.trusted else ())
+            for name, numbers in _numbers(lump.estimate).items()
+        ]
+        rows += [[*head, *cells, *tail] for cells in lumps or [[None] * 9]]
+    return rows
+
+
 def _numbers(estimate: Estimate) -> dict[str, list[Any]]:
     """Mean, sd, interval, prior sd, Cramer-Rao sd and narrowing by parameter; the prior alone if not trusted."""
     if not estimate.trusted:
@@ -185,6 +208,7 @@ def _float(value: float | None) -> float | None:
 
 
 FORMAT, VERSION = "tsis-csv", 1
+MAPS = "maps.csv        one row a map, lump and parameter, in the order of making; a bundle has the volumes\n"
 
 README = f"""Target {{number}}, written by tsis {__version__}
 
@@ -193,6 +217,7 @@ README = f"""Target {{number}}, written by tsis {__version__}
 target.csv      what was pressed; of a phantom its true values
 presses.csv     one row a press, in the order in which they were taken
 estimates.csv   one row an estimate and parameter, in the order of making; "in force" is the last one of each kind
+{{maps}}\
 frames/         the grey levels as the camera gave them, PNG of 8 or 16 bits; presses.csv names the file of each press
 manifest.json   SHA-256 and size in bytes of every file
 
@@ -243,7 +268,9 @@ def _content(record: TargetRecord) -> Iterator[tuple[str, bytes]]:
     yield "target.csv", table_bytes(target_rows(record.target))
     yield "presses.csv", table_bytes(press_rows(record, names))
     yield "estimates.csv", table_bytes(estimate_rows(record))
-    yield "README.txt", README.format(number=record.target.number).encode()
+    if record.maps:
+        yield "maps.csv", table_bytes(map_rows(record))
+    yield "README.txt", README.format(number=record.target.number, maps=MAPS if record.maps else "").encode()
     for press, name in zip(record.presses, names, strict=True):
         yield name, frame_png(record, press)
 

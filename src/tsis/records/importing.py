@@ -13,6 +13,7 @@ from tsis.calibration.file import calibration_sha256
 from tsis.errors import InputError, RecordsError, TsisError
 from tsis.instrument.image_files import whole_levels
 from tsis.records.blobs import frame_bytes
+from tsis.records.places import press_inputs
 from tsis.records.provenance import environment
 from tsis.records.reader import MOST_AT_ONCE
 from tsis.records.rows import press_of_row, press_query, target_of_row
@@ -26,10 +27,11 @@ if TYPE_CHECKING:
 
     from tsis.calibration.file import ProbeCalibration
     from tsis.calibration.frames import UsableCalibration
+    from tsis.mapping.lump_map import LumpMap
     from tsis.model.estimate import Estimate
     from tsis.model.image import TactileImage
     from tsis.records.store import Store
-    from tsis.records.values import StoredEstimate, StoredPress, Target, TargetRecord
+    from tsis.records.values import StoredEstimate, StoredMap, StoredPress, Target, TargetRecord
 
 
 def target_by_number(store: Store, number: int) -> Target | None:
@@ -143,6 +145,28 @@ def enter_estimate(
         estimate,
         kind=kind,
         presses=estimate_presses(presses),
+        probe=probe,
+        calibration=calibration,
+        options=options,
+        environment=environment(),
+    )
+
+
+def enter_map(
+    store: Store,
+    target: Target,
+    found: LumpMap,
+    *,
+    presses: Sequence[StoredPress],
+    probe: str,
+    calibration: ProbeCalibration,
+    options: Mapping[str, Any],
+) -> StoredMap:
+    """Store a new map of these presses, with what it rests on."""
+    return store.add_map(
+        target,
+        replace(found, provenance={**found.provenance, "images": press_inputs(presses)}),
+        presses=presses,
         probe=probe,
         calibration=calibration,
         options=options,
@@ -531,6 +555,43 @@ def save_results(store: Store, result: SavableResult, *, number: int | None = No
         "target": target.number,
         "estimate": stored.id,
         "notes": list(truth_note(truth, target)),
+    }
+
+
+def save_map(
+    store: Store,
+    number: int | None,
+    *,
+    found: LumpMap,
+    scan: ImportBatch | Sequence[StoredPress],
+    probe: str,
+    calibration: ProbeCalibration,
+    options: Mapping[str, Any],
+) -> dict[str, Any]:
+    """Save a map and the presses of its scan; return store, target, map and notes for the result document.
+
+    ``scan`` has the frames of a folder, or presses that the target of this ``number`` has already; parameters as in
+    `StoredMap` and `save_results`.
+
+    Raises
+    ------
+    RecordsError
+        When not everything could be saved; the message tells how many presses were.
+    """
+    if isinstance(scan, ImportBatch):
+        (entered,) = import_batches(store, [scan], target=number, difference=number is None)
+        target, presses, notes = entered.target, entered.presses, entered.batch.notes
+    else:
+        target, presses, notes = store.target(number or 0), tuple(scan), ()
+    try:
+        stored = enter_map(store, target, found, presses=presses, probe=probe, calibration=calibration, options=options)
+    except TsisError as error:
+        raise RecordsError(f"{error}; {len(presses)} presses are stored in target {target.number}") from error
+    return {
+        "store": str(store.folder.resolve()),
+        "target": target.number,
+        "map": stored.id,
+        "notes": list(notes),
     }
 
 

@@ -1,16 +1,18 @@
-"""Places of presses: a scan as a target of a store."""
+"""Places of presses: a scan as a target of a store, and what a map of it rests on."""
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
+from tsis.calibration.frames import UsableCalibration
 from tsis.errors import RecordsError
 from tsis.files.json_values import from_json_value
 from tsis.mapping.scan import Scan, ScanPress
 from tsis.mapping.scan_folder import StoredScan
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
 
     from tsis.records.values import StoredPress, TargetRecord
 
@@ -24,6 +26,20 @@ def place_settings(numbers: Mapping[str, float | None]) -> dict[str, Any]:
     return {PLACE: {name: value for name in NUMBERS if (value := numbers.get(name)) is not None}}
 
 
+def placed_presses(record: TargetRecord) -> tuple[StoredPress, ...]:
+    """The presses of a target that have a place, in the order of `recorded_scan`."""
+    return tuple(press for press in record.presses if PLACE in press.settings)
+
+
+def press_inputs(presses: Iterable[StoredPress]) -> list[dict[str, Any]]:
+    """Frame, force, role and place of each press of a map, by which a later map tells what changed."""
+    return [
+        {"name": press.name, "sha256": press.frame, "force_n": press.force_n, "role": press.role}
+        | {name: value for name, value in press.settings[PLACE].items() if name in NUMBERS}
+        for press in presses
+    ]
+
+
 def recorded_scan(record: TargetRecord) -> StoredScan:
     """The scan of a target, of its presses with a place; others are named in ``left_out``.
 
@@ -34,7 +50,7 @@ def recorded_scan(record: TargetRecord) -> StoredScan:
     InputError
         When a place lies outside its range.
     """
-    placed = [press for press in record.presses if PLACE in press.settings]
+    placed = placed_presses(record)
     if not placed:
         raise RecordsError(
             f"target {record.target.number} must have presses with a place to be mapped; it has none: import a folder "
@@ -49,6 +65,28 @@ def recorded_scan(record: TargetRecord) -> StoredScan:
         left_out=tuple(f"{press.name} has no place." for press in record.presses if PLACE not in press.settings),
     )
     return StoredScan(scan=scan, probe=probes.pop())
+
+
+def recorded_calibration(record: TargetRecord) -> UsableCalibration | None:
+    """The calibration that the presses of a target's scan cite; None where they cite none.
+
+    Raises
+    ------
+    RecordsError
+        When they cite several, or it is damaged.
+    CalibrationError
+        When it has expired.
+    """
+    cited = {press.calibration for press in placed_presses(record)} - {None}
+    if len(cited) > 1:
+        raise RecordsError(f"a scan must be of one calibration; target {record.target.number} has {len(cited)}")
+    if not cited:
+        return None
+    identity = str(cited.pop())
+    if (calibration := record.calibrations.get(identity)) is None:
+        raise RecordsError(f"the calibration {identity[:12]} must be as it was stored; it is not (tsis records verify)")
+    calibration.require_usable(datetime.now(UTC))
+    return UsableCalibration(calibration=calibration, identity=identity)
 
 
 def _scan_press(record: TargetRecord, press: StoredPress) -> ScanPress:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from importlib.resources.abc import Traversable
 
-    from tsis.records.values import StoredEstimate
+    from tsis.records.values import StoredEstimate, StoredMap
 
 
 LIBRARIES = ("numpy", "scipy", "numba", "scikit-image", "pillow")
@@ -53,13 +53,13 @@ def _files(folder: Traversable, location: str) -> Iterator[tuple[str, Traversabl
 
 
 FRAMES = ("images", "reference", "presses")  # lists of frames in a provenance
-STATED_ELSEWHERE = frozenset({"notice", "tsis", "prior", *FRAMES})
+STATED_ELSEWHERE = frozenset({"notice", "tsis", "prior", "scan", *FRAMES})  # a scan by its name
 LABELS = frozenset({"name", "settings"})  # do not change any number
 SHOWN = 60
 
 
-def changes(before: StoredEstimate, after: StoredEstimate) -> tuple[str, ...]:
-    """Differences of two estimates apart from their numbers, one clause each.
+def changes(before: StoredEstimate | StoredMap, after: StoredEstimate | StoredMap) -> tuple[str, ...]:
+    """Differences of two estimates, or of two maps, apart from their numbers, one clause each.
 
     Examples
     --------
@@ -116,7 +116,7 @@ def _option_changes(was: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[
         yield from _differences(f"the options changed: {name}", was.get(name), now.get(name))
 
 
-def _prior_changes(before: StoredEstimate, after: StoredEstimate) -> Iterator[str]:
+def _prior_changes(before: StoredEstimate | StoredMap, after: StoredEstimate | StoredMap) -> Iterator[str]:
     """Changes of the prior: that of the options, or the default that the provenance states."""
     stated = all(item.options.get("prior") for item in (before, after))
     sources = (item.options if stated else item.estimate.provenance for item in (before, after))

@@ -8,7 +8,7 @@ from datetime import datetime
 from threading import Lock
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from sqlalchemy import func, select
+from sqlalchemy import func, select, union_all
 
 from tsis.__about__ import LARGEST_TARGET
 from tsis.calibration.file import parse_calibration
@@ -26,12 +26,12 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from numpy.typing import NDArray
-    from sqlalchemy import Connection
+    from sqlalchemy import Connection, Table
 
     from tsis.calibration.file import ProbeCalibration
     from tsis.records.blobs import Blobs
     from tsis.records.database import Database
-    from tsis.records.values import StoredEstimate, StoredPress, Target
+    from tsis.records.values import StoredEstimate, StoredMap, StoredPress, Target
 
 
 MOST_AT_ONCE = 500  # names in a query
@@ -108,12 +108,15 @@ class StoreReader:
     def estimates(self, target: Target) -> tuple[StoredEstimate, ...]:
         """Estimates of a target in the order of time, each after the one that it supersedes."""
         with self.database.reading() as connection:
-            stored = _estimate_rows(connection, target)
+            stored = _result_rows(connection, tables.estimate_table, target)
         return in_lineage([self._estimate(row) for row in stored])
 
     def _estimate(self, row: rows.Row) -> StoredEstimate:
         name = str(row["samples"])
         return rows.estimate_of_row(row, samples_of(self.blobs.get(name, "samples"), f"samples {name:.12}"))
+
+    def _map(self, row: rows.Row) -> StoredMap:
+        return rows.map_of_row(row, self.blobs.get(str(row["file"]), "json"))
 
     def levels(self, frame: str) -> NDArray[Any]:
         """Grey levels of a stored frame, shape (rows, columns), uint8 or uint16; `RecordsError` when damaged."""
@@ -135,16 +138,20 @@ class StoreReader:
         Damaged parts are omitted and listed. Frames are read on use.
         """
         with self.database.reading() as connection:  # one state, which has the presses of all its estimates
-            presses, estimate_rows = _presses_of(connection, target, limit, offset), _estimate_rows(connection, target)
+            presses = _presses_of(connection, target, limit, offset)
+            estimate_rows, map_rows = (
+                _result_rows(connection, table, target) for table in (tables.estimate_table, tables.map_table)
+            )
         damaged: list[str] = []
-        estimates = _readable(self._estimate, estimate_rows, damaged)
-        cited = {str(item["calibration"]) for item in estimate_rows}
+        estimates, maps = _readable(self._estimate, estimate_rows, damaged), _readable(self._map, map_rows, damaged)
+        cited = {str(item["calibration"]) for item in (*estimate_rows, *map_rows)}
         cited |= {press.calibration for press in presses if press.calibration is not None}
         named = _readable(lambda item: (item, self.calibration(item)), sorted(cited), damaged)
         return TargetRecord(
             target=target,
             presses=presses,
             estimates=in_lineage(estimates),
+            maps=in_lineage(maps),
             calibrations=dict(named),
             read=self.levels,
             damaged=tuple(damaged),
@@ -175,20 +182,22 @@ def _presses_of(
     return tuple(rows.press_of_row(dict(zip(names, row, strict=True))) for row in values)
 
 
-def _estimate_rows(connection: Connection, target: Target) -> list[rows.Row]:
-    table = tables.estimate_table
+def _result_rows(connection: Connection, table: Table, target: Target) -> list[rows.Row]:
     query = select(table).where(table.c.target == target.id).order_by(table.c.made, table.c.id)
     return [row._asdict() for row in connection.execute(query)]
 
 
-def in_lineage(estimates: Sequence[StoredEstimate]) -> tuple[StoredEstimate, ...]:
-    """The estimates of a target in the order of time; the last of each kind is active.
+Result = TypeVar("Result", "StoredEstimate", "StoredMap")
 
-    A clock can be set back, so an estimate counts as at least as late as those that it supersedes.
+
+def in_lineage(results: Sequence[Result]) -> tuple[Result, ...]:
+    """The estimates or the maps of a target in the order of time; the last of each kind is active.
+
+    A clock can be set back, so a result counts as at least as late as those that it supersedes.
     """
-    by_name = {stored.id: stored for stored in estimates}
+    by_name = {stored.id: stored for stored in results}
 
-    def made(stored: StoredEstimate) -> tuple[datetime, int, str]:
+    def made(stored: Result) -> tuple[datetime, int, str]:
         latest, generation, visited = stored.made, 0, {stored.id}
         before = stored
         while before.supersedes in by_name and before.supersedes not in visited:  # a cycle is a forgery
@@ -197,7 +206,7 @@ def in_lineage(estimates: Sequence[StoredEstimate]) -> tuple[StoredEstimate, ...
             latest, generation = max(latest, before.made), generation + 1
         return latest, generation, stored.id
 
-    return tuple(sorted(estimates, key=made))
+    return tuple(sorted(results, key=made))
 
 
 ARCHIVED, DELETED = "archived", "deleted"
@@ -232,7 +241,7 @@ def read_states(connection: Connection, target: str = "") -> dict[str, TargetSta
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TargetSummary:
-    """A target with the number of its presses and estimates, and the time of the last press or None."""
+    """A target with the number of its presses and of its estimates and maps, and the time of the last press or None."""
 
     target: Target
     presses: int
@@ -277,7 +286,7 @@ class _Summaries:
             return None
         result = {row for kind, row in entries if kind == tables.target_table.name}
         result |= {row.removeprefix(TERM_OF) for _, row in entries if row.startswith(TERM_OF)}
-        for table in (tables.press_table, tables.estimate_table):
+        for table in (tables.press_table, tables.estimate_table, tables.map_table):
             of_table = {row for kind, row in entries if kind == table.name}
             found = connection.execute(select(table.c.id, table.c.target).where(table.c.id.in_(of_table))).all()
             if len(found) < len(of_table):  # a row was removed, with it the name of its target
@@ -288,15 +297,16 @@ class _Summaries:
 
 def target_summaries(connection: Connection, some: Collection[str] | None = None) -> dict[str, TargetSummary]:
     """The summaries of all targets, or of those with these identities, by identity in the order of their numbers."""
-    pressed, created, named = tables.press_table.c, tables.estimate_table.c, tables.target_table.c
+    pressed, named = tables.press_table.c, tables.target_table.c
     count = select(pressed.target, func.count().label("number"), func.max(pressed.taken).label("last"))
-    created_count = select(created.target, func.count().label("number"))
+    result = union_all(*(select(table.c.target) for table in (tables.estimate_table, tables.map_table))).subquery().c
+    result_count = select(result.target, func.count().label("number"))
     query = select(tables.target_table).order_by(named.number)
     if some is not None:
-        count, created_count = count.where(pressed.target.in_(some)), created_count.where(created.target.in_(some))
+        count, result_count = count.where(pressed.target.in_(some)), result_count.where(result.target.in_(some))
         query = query.where(named.id.in_(some))
     presses = {row.target: (row.number, row.last) for row in connection.execute(count.group_by(pressed.target))}
-    estimates = {row.target: row.number for row in connection.execute(created_count.group_by(created.target))}
+    estimates = {row.target: row.number for row in connection.execute(result_count.group_by(result.target))}
     states = read_states(connection)
     return {
         row.id: TargetSummary(

@@ -1,4 +1,4 @@
-"""Estimates from stored frames, and their repetition."""
+"""Estimates and maps from stored frames, and their repetition."""
 
 from __future__ import annotations
 
@@ -10,31 +10,41 @@ import numpy as np
 
 import tsis.hardness
 import tsis.inclusion
-from tsis.calibration.frames import apply_calibration
+from tsis.calibration.frames import UsableCalibration, apply_calibration
 from tsis.catalog.probes import load_probe
 from tsis.errors import CalibrationError, InputError, RecordsError
 from tsis.hardness.posterior import HardnessPrior
 from tsis.inclusion import InclusionPrior
+from tsis.mapping.estimation import estimate_map
+from tsis.mapping.prior import MapPrior
+from tsis.mapping.scan_folder import calibrated
 from tsis.model.content import ContentValue
 from tsis.model.estimate import INTERVAL_LEVEL
 from tsis.model.require import freeze_mappings
+from tsis.records.places import press_inputs, recorded_scan
 from tsis.records.provenance import changes, comparison_message, environment
-from tsis.records.values import ESTIMATES, estimate_to_json
+from tsis.records.values import ESTIMATES, MAP, StoredMap, estimate_to_json, map_bytes
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from tsis.calibration.file import ProbeCalibration
+    from tsis.mapping.lump_map import LumpMap
     from tsis.model.estimate import Estimate
     from tsis.records.store import Store
     from tsis.records.values import StoredEstimate, StoredPress, Target, TargetRecord
 
 
 REFERENCE_ROLES = {"inclusion": "plain", "hardness": "ball"}  # role of the reference presses
-PRIORS: Mapping[str, type[InclusionPrior | HardnessPrior]] = {"inclusion": InclusionPrior, "hardness": HardnessPrior}
+PRIORS: Mapping[str, type[InclusionPrior | HardnessPrior | MapPrior]] = {
+    "inclusion": InclusionPrior,
+    "hardness": HardnessPrior,
+    MAP: MapPrior,
+}
 OPTIONS = {  # beside the prior
     "inclusion": ("strain",),
     "hardness": ("radius_mm", "radius_sd_mm", "reference_radius_mm", "blur_mm", "drift_sd"),
+    MAP: ("voxel_mm", "seed", "steps", "left_out"),
 }
 
 
@@ -45,7 +55,7 @@ class EstimationRequest(ContentValue):
     Parameters
     ----------
     kind
-        ``"inclusion"`` or ``"hardness"``.
+        ``"inclusion"``, ``"hardness"`` or ``"map"``.
     probe
         Name of the probe in the catalog.
     presses
@@ -80,9 +90,7 @@ def estimate_stored(
     InputError, CalibrationError, NotCalibratedError
         As the estimators.
     """
-    calibration = record.calibrations.get(request.calibration)
-    if calibration is None:
-        raise RecordsError(f"the calibration {request.calibration[:12]!r} must be stored to estimate with; it is not")
+    calibration = _calibration(record, request)
     images = [record.image(press) for press in request.presses if press.role == "target"]
     others = [record.image(press) for press in request.presses if press.role == REFERENCE_ROLES[request.kind]]
     if not images:
@@ -97,6 +105,32 @@ def estimate_stored(
         response = max(response, other, key=lambda item: item.force_sd)
         return tsis.inclusion.estimate(ready, calibration=response, **arguments)
     return tsis.hardness.estimate(ready, calibration=response, **arguments)
+
+
+def map_stored(
+    record: TargetRecord, request: EstimationRequest, *, progress: Callable[[int, int], None] | None = None
+) -> LumpMap:
+    """Map the scan of stored presses with a stored calibration; ``progress`` is called with (done, all).
+
+    Raises
+    ------
+    RecordsError
+        When the record lacks the calibration, or a press has no place.
+    InputError, CalibrationError, NotCalibratedError
+        As `tsis.mapping.estimate_map`.
+    """
+    usable = UsableCalibration(calibration=_calibration(record, request), identity=request.calibration)
+    arguments = _arguments(MAP, request.options)
+    scan = recorded_scan(replace(record, presses=request.presses)).scan
+    pressed, response = calibrated(replace(scan, left_out=arguments.pop("left_out", ())), usable)
+    return estimate_map(pressed, probe=load_probe(request.probe), calibration=response, progress=progress, **arguments)
+
+
+def _calibration(record: TargetRecord, request: EstimationRequest) -> ProbeCalibration:
+    calibration = record.calibrations.get(request.calibration)
+    if calibration is None:
+        raise RecordsError(f"the calibration {request.calibration[:12]!r} must be stored to estimate with; it is not")
+    return calibration
 
 
 def require_options(kind: str, options: Mapping[str, Any]) -> None:
@@ -148,28 +182,28 @@ class Shift:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Recomputation:
-    """A recomputed estimate.
+    """A recomputed estimate or map.
 
     Attributes
     ----------
     before
-        The stored estimate.
+        The stored result.
     after
-        The new estimate, with an identity where it was stored.
+        The new one, with an identity where it was stored.
     same
         Whether all samples and texts are equal bit for bit.
     shifts
-        Shifts of the parameters of both; none where one of the estimates is not trusted.
+        Shifts of the parameters of both, of a map those of each lump; none where one of the two is not trusted.
     causes
         Other differences: code, libraries, frames, forces, options, calibration.
     notes
         Notes on the validity of the calibration.
     stored
-        Whether the new estimate was stored.
+        Whether the new result was stored.
     """
 
-    before: StoredEstimate
-    after: StoredEstimate
+    before: StoredEstimate | StoredMap
+    after: StoredEstimate | StoredMap
     same: bool
     shifts: tuple[Shift, ...]
     causes: tuple[str, ...]
@@ -195,30 +229,30 @@ class Recomputation:
 def recompute(
     store: Store, target: Target, *, dry_run: bool = False, progress: Callable[[int, int], None] | None = None
 ) -> tuple[Recomputation, ...]:
-    """Recompute the active estimates of a target, the last of each kind, and store those that changed.
+    """Recompute the active estimates of a target, the last of each kind, and its active map; store what changed.
 
     ``dry_run`` stores nothing; ``progress`` is called with (done, all) while the mechanics of a new probe are solved.
 
     Raises
     ------
     RecordsError
-        When the target has no estimate, or a frame or the calibration is damaged.
+        When the target has neither estimate nor map, or a frame or the calibration is damaged.
     InputError, CalibrationError
         When the present code refuses the stored input.
     """
     record = store.record(target)
     record.require_whole()
-    if not record.estimates:
-        raise RecordsError(f"target {target.number} must have an estimate to be made again; it has none")
+    if not record.active_results:
+        raise RecordsError(f"target {target.number} must have an estimate or a map to be made again; it has none")
     # In the order of time, so that the newest estimate stays the newest.
-    active = sorted(record.active_estimates, key=record.estimates.index)
+    active = sorted(record.active_results, key=record.results.index)
     return tuple(_recomputed(store, record, stored, dry_run=dry_run, progress=progress) for stored in active)
 
 
 def _recomputed(
     store: Store,
     record: TargetRecord,
-    before: StoredEstimate,
+    before: StoredEstimate | StoredMap,
     *,
     dry_run: bool,
     progress: Callable[[int, int], None] | None,
@@ -234,16 +268,11 @@ def _recomputed(
         calibration=before.calibration,
         options=before.options,
     )
+    if isinstance(before, StoredMap):
+        return _map_again(store, record, before, request, dry_run=dry_run, progress=progress)
     estimate = estimate_stored(record, request, progress=progress)
     calibration = record.calibrations[before.calibration]
-    after = replace(
-        before,
-        estimate=estimate,
-        made=datetime.now(UTC),
-        environment=environment(),
-        supersedes=before.id,
-        id="",
-    )
+    after = replace(before, estimate=estimate, **_of_now(before))
     same = _same(before, after)
     save = not same and not dry_run
     if save:
@@ -266,6 +295,59 @@ def _recomputed(
         causes=changes(before, after),
         notes=_calibration_notes(calibration, before.made),
         stored=save,
+    )
+
+
+def _of_now(before: StoredEstimate | StoredMap) -> dict[str, Any]:
+    return {"made": datetime.now(UTC), "environment": environment(), "supersedes": before.id, "id": ""}
+
+
+def _map_again(
+    store: Store,
+    record: TargetRecord,
+    before: StoredMap,
+    request: EstimationRequest,
+    *,
+    dry_run: bool,
+    progress: Callable[[int, int], None] | None,
+) -> Recomputation:
+    found = map_stored(record, request, progress=progress)
+    inputs = {**found.provenance, "images": press_inputs(request.presses)}
+    after = replace(before, estimate=replace(found, provenance=inputs), **_of_now(before))
+    was, now = (map_bytes(replace(stored.estimate, provenance={})) for stored in (before, after))
+    save, calibration = was != now and not dry_run, record.calibrations[before.calibration]
+    if save:
+        after = store.add_map(
+            record.target,
+            after.estimate,
+            presses=request.presses,
+            probe=before.probe,
+            calibration=calibration,
+            options=before.options,
+            environment=after.environment,
+            supersedes=before,
+        )
+    return Recomputation(
+        before=before,
+        after=after,
+        same=was == now,
+        shifts=_lump_shifts(before.estimate, after.estimate),
+        causes=changes(before, after),
+        notes=_calibration_notes(calibration, before.made),
+        stored=save,
+    )
+
+
+def _lump_shifts(before: LumpMap, after: LumpMap) -> tuple[Shift, ...]:
+    """The shifts of the lumps of one name."""
+    if not (before.trusted and after.trusted):
+        return ()
+    lumps = {lump.name: lump for lump in after.lumps}
+    return tuple(
+        replace(shift, name=f"{lump.name}, {shift.name}")
+        for lump in before.lumps
+        if lump.name in lumps
+        for shift in _shifts(lump.estimate, lumps[lump.name].estimate)
     )
 
 

@@ -16,7 +16,14 @@ from tsis.files.json_values import from_json_value, to_json_value
 from tsis.model.require import require_one_of
 from tsis.records import schema as tables
 from tsis.records.audit import AuditChange, last_content
-from tsis.records.values import StoredPress, Target, estimate_from_json, estimate_to_json
+from tsis.records.values import (
+    StoredPress,
+    Target,
+    estimate_from_json,
+    estimate_to_json,
+    map_from_json,
+    map_to_json,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -26,7 +33,7 @@ if TYPE_CHECKING:
     from sqlalchemy import Connection, Table
 
     from tsis.calibration.file import ProbeCalibration
-    from tsis.records.values import StoredEstimate
+    from tsis.records.values import StoredEstimate, StoredMap
 
 
 Row = dict[str, Any]
@@ -93,17 +100,35 @@ def estimate_row(stored: StoredEstimate, samples: str) -> Row:
     """Row of an estimate; ``samples`` names the file of its samples."""
     row = estimate_to_json(stored)
     document = row.pop("estimate")
-    nested = {name: canonical(row[name]) for name in ("presses", "options", "environment")}
-    return row | nested | {"made": moment(stored.made), "document": canonical(document), "samples": samples}
+    return _result_row(stored, row) | {"document": canonical(document), "samples": samples}
+
+
+NESTED = ("presses", "options", "environment")  # columns of a result in canonical JSON
+
+
+def _result_row(stored: StoredEstimate | StoredMap, document: Row) -> Row:
+    return document | {name: canonical(document[name]) for name in NESTED} | {"made": moment(stored.made)}
 
 
 def estimate_of_row(row: Mapping[str, Any], samples: Mapping[str, NDArray[np.float64]]) -> StoredEstimate:
     """The estimate of a row with its samples, name -> shape (n,); `RecordsError` when the row is invalid."""
     with _as_stored("estimate", row):
         document = {name: value for name, value in row.items() if name not in ("document", "samples")}
-        nested = {name: parse_canonical(row[name], name) for name in ("presses", "options", "environment")}
+        nested = {name: parse_canonical(row[name], name) for name in NESTED}
         nested["estimate"] = parse_canonical(row["document"], "document")
         return estimate_from_json(document | nested, samples)
+
+
+def map_row(stored: StoredMap, file: str) -> Row:
+    """Row of a map; ``file`` names the file that holds it."""
+    return _result_row(stored, map_to_json(stored)) | {"file": file}
+
+
+def map_of_row(row: Mapping[str, Any], content: bytes) -> StoredMap:
+    """The map of a row with the content of its file; `RecordsError` when the row is invalid."""
+    with _as_stored("map", row):
+        document = {name: value for name, value in row.items() if name != "file"}
+        return map_from_json(document | {name: parse_canonical(row[name], name) for name in NESTED}, content)
 
 
 def calibration_row(calibration: ProbeCalibration, file: str) -> Row:

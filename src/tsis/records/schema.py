@@ -97,6 +97,19 @@ estimate_table = Table(
     Index("estimates_of_a_target", "target", "made", "id"),
 )
 
+map_table = Table(
+    "maps",
+    metadata,
+    Column("id", Text, primary_key=True),
+    Column("target", Text, ForeignKey("targets.id"), nullable=False),
+    *_columns(Text, "made", "probe", "presses"),
+    Column("calibration", Text, ForeignKey("calibrations.id"), nullable=False),
+    *_columns(Text, "options", "environment"),
+    Column("supersedes", Text, ForeignKey("maps.id")),
+    Column("file", Text, nullable=False),  # the SHA-256 of the file that holds the map
+    Index("maps_of_a_target", "target", "made", "id"),
+)
+
 audit_table = Table(
     "audit",
     metadata,
@@ -116,7 +129,7 @@ audit_head_table = Table(
 
 RECORDED = {
     table.name: table
-    for table in (store_table, target_table, calibration_table, frame_table, press_table, estimate_table)
+    for table in (store_table, target_table, calibration_table, frame_table, press_table, estimate_table, map_table)
 }
 
 _APPEND_ONLY = {

@@ -63,18 +63,27 @@ from tsis.records.schema import (
     audit_head_table,
     audit_table,
     calibration_table,
-    estimate_table,
     frame_table,
     schema_faults,
 )
 from tsis.records.transfer import ImportedTarget, TargetImport, is_taken, next_number, require_kind, stored_frames
-from tsis.records.values import KINDS, StoredEstimate, StoredPress, Target, require_label, require_moment
+from tsis.records.values import (
+    KINDS,
+    StoredEstimate,
+    StoredMap,
+    StoredPress,
+    Target,
+    map_bytes,
+    require_label,
+    require_moment,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
 
     from sqlalchemy import Connection, Row, Select, Table
 
+    from tsis.mapping.lump_map import LumpMap
     from tsis.model.estimate import Estimate
     from tsis.records.values import TargetRecord
 
@@ -148,13 +157,20 @@ def erase_expired(now: datetime) -> Callable[[Connection], tuple[Erased, list[Au
 
 
 def _erased(connection: Connection, target: str, now: datetime) -> tuple[list[AuditChange], list[tuple[str, str]]]:
-    press, estimate, frame = tables.press_table, tables.estimate_table, tables.frame_table
+    press, frame, files = tables.press_table, tables.frame_table, list[tuple[str, str]]()
     number = connection.execute(
         select(tables.target_table.c.number).where(tables.target_table.c.id == target)
     ).scalar_one()
     presses = list(connection.execute(select(press.c.id, press.c.frame).where(press.c.target == target)))
-    estimates = list(connection.execute(select(estimate.c.id, estimate.c.samples).where(estimate.c.target == target)))
-    connection.execute(delete(estimate).where(estimate.c.target == target))
+    results: list[tuple[Table, str]] = []
+    for table, column, ending in RESULT_FILES:
+        file = table.c[column].label("file")
+        own = connection.execute(select(table.c.id, file).where(table.c.target == target)).all()
+        connection.execute(delete(table).where(table.c.target == target))
+        results += [(table, row.id) for row in own]
+        for name in {row.file for row in own}:
+            if connection.execute(select(table.c.id).where(table.c[column] == name).limit(1)).first() is None:
+                files.append((name, ending))
     connection.execute(delete(press).where(press.c.target == target))
     frames = [
         name
@@ -165,23 +181,19 @@ def _erased(connection: Connection, target: str, now: datetime) -> tuple[list[Au
         connection.execute(delete(frame).where(frame.c.id == name))
     connection.execute(delete(tables.target_table).where(tables.target_table.c.id == target))
     removed = [
-        *((estimate, row.id) for row in estimates),
+        *results,
         *((press, row.id) for row in presses),
         *((frame, name) for name in frames),
         (tables.target_table, target),
     ]
     tombstone = {"state": ERASED, "since": now.isoformat(), "number": int(number), "presses": len(presses)}
-    samples = [
-        row.samples
-        for row in estimates
-        if connection.execute(select(estimate.c.id).where(estimate.c.samples == row.samples).limit(1)).first() is None
-    ]
     return [
         *(AuditChange(action="erase", kind=table.name, row=row, values={}) for table, row in removed),
         _term_change(connection, target, "erase", tombstone),
-    ], [*((name, "png") for name in frames), *((name, "samples") for name in samples)]
+    ], [*((name, "png") for name in frames), *files]
 
 
+RESULT_FILES = ((tables.estimate_table, "samples", "samples"), (tables.map_table, "file", "json"))
 FILES = "files"
 Value = TypeVar("Value")
 
@@ -351,17 +363,56 @@ class Store(StoreReader):
             id=uuid.uuid4().hex,
             target=target.id,
         )
-        calibration_row = self._calibration_row(calibration)
         row = rows.estimate_row(stored, self.blobs.put(samples_bytes(estimate), "samples"))
+        self._enter_result(target, stored.presses, calibration, tables.estimate_table, row)
+        return stored
 
-        def enter(connection: Connection) -> tuple[StoredEstimate, list[AuditChange]]:
+    def add_map(
+        self,
+        target: Target,
+        found: LumpMap,
+        *,
+        presses: Iterable[StoredPress],
+        probe: str,
+        calibration: ProbeCalibration,
+        options: Mapping[str, Any] | None = None,
+        environment: Mapping[str, Any] | None = None,
+        supersedes: StoredMap | None = None,
+    ) -> StoredMap:
+        """Save a map of lumps with everything needed to repeat it, and return it as a reader will get it.
+
+        Parameters as in `StoredMap`; errors as `add_estimate`.
+        """
+        stored = StoredMap(
+            estimate=found,
+            made=datetime.now(UTC),
+            probe=probe,
+            presses=tuple(press.id for press in presses),
+            calibration=calibration_sha256(calibration),
+            options=options or {},
+            environment=environment or {},
+            supersedes=None if supersedes is None else supersedes.id,
+            id=uuid.uuid4().hex,
+            target=target.id,
+        )
+        content = map_bytes(found)
+        row = rows.map_row(stored, self.blobs.put(content, "json"))
+        self._enter_result(target, stored.presses, calibration, tables.map_table, row)
+        return rows.map_of_row(row, content)
+
+    def _enter_result(
+        self, target: Target, presses: tuple[str, ...], calibration: ProbeCalibration, table: Table, row: rows.Row
+    ) -> None:
+        calibration_row = self._calibration_row(calibration)
+
+        def enter(connection: Connection) -> tuple[None, list[AuditChange]]:
             require_present(connection, target)
-            for press in stored.presses:
+            for press in presses:
                 require_row(connection, tables.press_table, press, "press", target=target.id)
             changes = insert_row_once(connection, tables.calibration_table, calibration_row)
-            return stored, [*changes, insert_row(connection, tables.estimate_table, row)]
+            return None, [*changes, insert_row(connection, table, row)]
 
-        return self._write(enter)
+        self._write(enter)
 
     def import_target(
         self, record: TargetRecord, *, progress: Callable[[int, int], None] | None = None
@@ -823,7 +874,7 @@ def cited_files(connection: Connection) -> Iterator[tuple[tuple[str, str], str]]
     kinds: tuple[tuple[Table, str, str], ...] = (
         (frame_table, "id", "png"),
         (calibration_table, "file", "json"),
-        (estimate_table, "samples", "samples"),
+        *RESULT_FILES,
     )
     for table, column, ending in kinds:
         for row in _all(connection, select(table.c.id, table.c[column].label("file"))):

@@ -24,7 +24,16 @@ from tsis.files.json_values import from_json_value, to_json_value
 from tsis.files.reading import as_path, file_error, file_size, printable_path
 from tsis.records.blobs import samples_bytes, samples_of
 from tsis.records.export import export_file, export_folder, frame_png
-from tsis.records.values import StoredPress, Target, TargetRecord, estimate_from_json, estimate_to_json
+from tsis.records.values import (
+    StoredPress,
+    Target,
+    TargetRecord,
+    estimate_from_json,
+    estimate_to_json,
+    map_bytes,
+    map_from_json,
+    map_to_json,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Container, Iterator, Mapping, Sequence
@@ -33,27 +42,30 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.calibration.file import ProbeCalibration
-    from tsis.records.values import StoredEstimate
+    from tsis.records.values import StoredEstimate, StoredMap
 
     Put = Callable[[str, bytes], object]
 
 
 FORMAT, VERSION = "tsis-bundle", 1
 MANIFEST, TARGET, PRESSES, ESTIMATES = "manifest.json", "target.json", "presses.json", "estimates.json"
+MAPS = "maps.json"  # where there is a map
 DOCUMENTS = (TARGET, PRESSES, ESTIMATES)
-FRAMES, CALIBRATIONS, SAMPLES = "frames", "calibrations", "samples"
-FOLDERS = (FRAMES, CALIBRATIONS, SAMPLES)
+FRAMES, CALIBRATIONS, SAMPLES, MAP_FILES = "frames", "calibrations", "samples", "maps"
+FOLDERS = (FRAMES, CALIBRATIONS, SAMPLES, MAP_FILES)
 
 MIB = 2**20
 MOST_FILES = 20_000
 MOST_BYTES = 16 * 1024 * MIB
 MOST_SAMPLE_BYTES = 32 * MIB  # of all estimates together, which are in memory at once
+MOST_MAP_BYTES = 256 * MIB  # of all maps together, as well
 # Longest file of each kind, by the pattern of its name.
 LARGEST = {
-    re.compile(r"(manifest|target|presses|estimates)\.json"): 16 * MIB,
+    re.compile(r"(manifest|target|presses|estimates|maps)\.json"): 16 * MIB,
     re.compile(r"frames/[0-9a-f]{64}\.png"): 256 * MIB,  # 65 million incompressible pixels of 16 bits
     re.compile(r"calibrations/[0-9a-f]{64}\.json"): 128 * MIB,
     re.compile(r"samples/[0-9]{5}\.samples"): MOST_SAMPLE_BYTES,
+    re.compile(r"maps/[0-9]{5}\.json"): MOST_MAP_BYTES,
 }
 
 
@@ -70,6 +82,11 @@ def calibration_name(sha256: str) -> str:
 def samples_name(number: int) -> str:
     """Name of the file of an estimate's samples."""
     return f"{SAMPLES}/{number:05d}.samples"
+
+
+def map_name(number: int) -> str:
+    """Name of the file of a map."""
+    return f"{MAP_FILES}/{number:05d}.json"
 
 
 def largest(name: str) -> int:
@@ -95,9 +112,10 @@ def require_bounded(sizes: Mapping[str, int]) -> None:
             raise FileInputError(f"{name} must hold 1 to {most} bytes; got {size}")
     if (total := sum(sizes.values())) > MOST_BYTES:
         raise FileInputError(f"a bundle must hold at most {MOST_BYTES} bytes; got {total}")
-    samples = sum(size for name, size in sizes.items() if name.startswith(SAMPLES))
-    if samples > MOST_SAMPLE_BYTES:
-        raise FileInputError(f"{SAMPLES} must hold at most {MOST_SAMPLE_BYTES} bytes together; got {samples}")
+    for folder, most in ((SAMPLES, MOST_SAMPLE_BYTES), (MAP_FILES, MOST_MAP_BYTES)):
+        together = sum(size for name, size in sizes.items() if name.startswith(f"{folder}/"))
+        if together > most:
+            raise FileInputError(f"{folder} must hold at most {most} bytes together; got {together}")
 
 
 MOST_VALUES = 500_000  # a byte of JSON can become forty of memory
@@ -333,21 +351,23 @@ def require_presses(target: Target, presses: Sequence[StoredPress]) -> None:
             raise InputError(f"{where} must be of the size of its frame, {sizes[press.frame]}; another press says so")
 
 
-def require_estimates(target: Target, presses: Sequence[StoredPress], estimates: Sequence[StoredEstimate]) -> None:
-    """Raise `InputError` for an estimate of another target, or one from presses that are missing."""
-    _require_different([stored.id for stored in estimates], "estimate")
+def require_results(
+    target: Target, presses: Sequence[StoredPress], results: Sequence[StoredEstimate | StoredMap], what: str
+) -> None:
+    """Raise `InputError` for a result of another target, or one from presses that are missing."""
+    _require_different([stored.id for stored in results], what)
     known = {press.id for press in presses}
-    for number, stored in enumerate(estimates, start=1):
-        _require_own(target, stored.target, f"estimate {number}")
+    for number, stored in enumerate(results, start=1):
+        _require_own(target, stored.target, f"{what} {number}")
         if missing := [press for press in stored.presses if press not in known]:
-            raise InputError(f"estimate {number} must rest on presses of the bundle; got {missing[0]!r:.80}")
+            raise InputError(f"{what} {number} must rest on presses of the bundle; got {missing[0]!r:.80}")
 
 
 def require_calibrations(
-    presses: Sequence[StoredPress], estimates: Sequence[StoredEstimate], calibrations: Container[str]
+    presses: Sequence[StoredPress], results: Sequence[StoredEstimate | StoredMap], calibrations: Container[str]
 ) -> None:
     """Raise `InputError` for a calibration that is cited but missing."""
-    cited = [press.calibration for press in presses] + [stored.calibration for stored in estimates]
+    cited = [press.calibration for press in presses] + [stored.calibration for stored in results]
     for calibration in cited:
         if calibration and calibration not in calibrations:
             raise InputError(f"every calibration that is cited must be in the bundle; {calibration!r:.80} is not")
@@ -384,14 +404,16 @@ def read_source(source: BundleSource) -> TargetRecord:
     with _naming(TARGET):
         target = from_json_value(Target, bundle.document(TARGET), "target", complete=True)
     presses = _presses(bundle)
-    estimates = _estimates(bundle)
+    estimates, maps = _estimates(bundle), _maps(bundle)
     with _naming(PRESSES):
         require_presses(target, presses)
     with _naming(ESTIMATES):
-        require_estimates(target, presses, estimates)
+        require_results(target, presses, estimates, "estimate")
+    with _naming(MAPS):
+        require_results(target, presses, maps, "map")
     calibrations = _calibrations(bundle)
     with _naming(CALIBRATIONS):
-        require_calibrations(presses, estimates, calibrations)
+        require_calibrations(presses, (*estimates, *maps), calibrations)
     sizes = {press.frame: (press.rows, press.columns) for press in presses}
     bundle.require_names(FRAMES, {frame_name(frame) for frame in sizes})
 
@@ -400,7 +422,9 @@ def read_source(source: BundleSource) -> TargetRecord:
 
     for frame in sizes:
         levels(frame)
-    return TargetRecord(target=target, presses=presses, estimates=estimates, calibrations=calibrations, read=levels)
+    return TargetRecord(
+        target=target, presses=presses, estimates=estimates, maps=maps, calibrations=calibrations, read=levels
+    )
 
 
 class _Bundle:
@@ -484,6 +508,16 @@ def _estimates(bundle: _Bundle) -> tuple[StoredEstimate, ...]:
     return tuple(estimates)
 
 
+def _maps(bundle: _Bundle) -> tuple[StoredMap, ...]:
+    items = bundle.items(MAPS) if MAPS in bundle.files else []
+    bundle.require_names(MAP_FILES, {map_name(at) for at in range(len(items))})
+    maps = []
+    for at, item in enumerate(items):
+        with _naming(map_name(at)):
+            maps.append(map_from_json(item, bundle.content(map_name(at)), f"map {at + 1}"))
+    return tuple(maps)
+
+
 def _calibrations(bundle: _Bundle) -> dict[str, ProbeCalibration]:
     calibrations = {}
     for name in sorted(name for name in bundle.files if name.startswith(f"{CALIBRATIONS}/")):
@@ -563,6 +597,10 @@ def _files(record: TargetRecord) -> Iterator[tuple[str, bytes]]:
     yield ESTIMATES, document_bytes([estimate_to_json(stored) for stored in record.estimates])
     for number, stored in enumerate(record.estimates):
         yield samples_name(number), samples_bytes(stored.estimate)
+    if record.maps:
+        yield MAPS, document_bytes([map_to_json(stored) for stored in record.maps])
+    for number, found in enumerate(record.maps):
+        yield map_name(number), map_bytes(found.estimate)
     for cited, calibration in record.calibrations.items():
         yield calibration_name(cited), calibration_bytes(calibration)
     for frame, press in {press.frame: press for press in record.presses}.items():

@@ -18,6 +18,7 @@ from tsis.records.blobs import frame_bytes, frame_levels, samples_bytes
 from tsis.records.reader import MOST_AT_ONCE, in_lineage
 from tsis.records.rows import insert_row, insert_row_once
 from tsis.records.schema import target_table
+from tsis.records.values import map_bytes
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -82,9 +83,9 @@ class ImportedTarget:
     new
         Whether the target is new here.
     presses, estimates
-        Number of added presses and estimates.
+        Number of added presses, and of added estimates and maps.
     present
-        Number of presses and estimates that were here before.
+        Number of presses, estimates and maps that were here before.
     differing
         Number of presses that differ from their version here.
     """
@@ -131,6 +132,9 @@ class TargetImport:
             rows.estimate_row(stored, blobs.put(samples_bytes(stored.estimate), "samples"))
             for stored in in_lineage(record.estimates)  # a row can cite only earlier rows
         ]
+        self.maps = [
+            rows.map_row(stored, blobs.put(map_bytes(stored.estimate), "json")) for stored in in_lineage(record.maps)
+        ]
 
     def enter(self, connection: Connection) -> tuple[ImportedTarget, list[AuditChange]]:
         """Add the missing rows; `RecordsError` when an identity is taken by another row."""
@@ -149,7 +153,7 @@ class TargetImport:
         ):
             for row in shared:
                 changes += insert_row_once(connection, table, row, action=ACTION)
-        added, differing = {tables.press_table.name: 0, tables.estimate_table.name: 0}, 0
+        added, differing = dict.fromkeys((table.name for table, _ in self._own()), 0), 0
         for table, row in self._own():
             there = _stored_row(connection, table, row)
             if there is None:
@@ -159,19 +163,21 @@ class TargetImport:
                 raise RecordsError(f"{table.name} {row['id']!r:.40} must be of this target; here it is of another")
             else:
                 differing += there != row
-        total = len(self.presses) + len(self.estimates)
+        presses = added.pop(tables.press_table.name, 0)
+        results = sum(added.values())
         return ImportedTarget(
             target=target,
             new=stored is None,
-            presses=added["presses"],
-            estimates=added["estimates"],
-            present=total - sum(added.values()),
+            presses=presses,
+            estimates=results,
+            present=len(list(self._own())) - presses - results,
             differing=differing,
         ), changes
 
     def _own(self) -> Iterator[tuple[Table, rows.Row]]:
         yield from ((tables.press_table, row) for row in self.presses)
         yield from ((tables.estimate_table, row) for row in self.estimates)
+        yield from ((tables.map_table, row) for row in self.maps)
 
 
 def require_kind(target: Target, kind: str) -> None:

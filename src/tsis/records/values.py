@@ -1,11 +1,11 @@
-"""Values of records: targets, presses, estimates."""
+"""Values of records: targets, presses, estimates, maps."""
 
 from __future__ import annotations
 
 import re
 import secrets
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -13,9 +13,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.__about__ import LARGEST_TARGET
-from tsis.errors import InputError, RecordsError
-from tsis.files.canonical_json import SHA256
-from tsis.files.json_values import from_json_value, to_json_value
+from tsis.errors import CalibrationError, FileInputError, InputError, RecordsError
+from tsis.files.canonical_json import SHA256, json_bytes
+from tsis.files.json_values import from_json_value, require_bounded_arrays, to_json_value
+from tsis.files.reading import parse_object
+from tsis.mapping.lump_map import LumpMap  # noqa: TC001  # the type of a field, by which JSON is read
 from tsis.model.content import ContentValue
 from tsis.model.estimate import Estimate  # noqa: TC001  # the type of a field, by which JSON is read
 from tsis.model.image import TactileImage, require_image_numbers
@@ -39,6 +41,7 @@ ROLE_NAMES = {
 }
 ROLES = tuple(ROLE_NAMES)  # of presses; a ball is for hardness
 ESTIMATES = ("inclusion", "hardness")
+MAP = "map"  # kind of a result beside the estimates
 LONGEST_NAME, LONGEST_NOTE = 200, 4000
 LARGEST_SIDE_PX = 65_535
 LARGEST_VERSION = 2**53
@@ -253,11 +256,54 @@ class StoredEstimate:
         require_one_of("kind of estimate", self.kind, ESTIMATES)
         require_text("probe", self.probe, LONGEST_NAME)
         require_moment("made", self.made)
-        for name, part in (("options", "prior"), ("environment", "libraries")):
-            stored = getattr(self, name).get(part)
-            if stored is not None and not isinstance(stored, Mapping):
-                raise InputError(f"{name}[{part!r}] must be a mapping of names to values; got {stored!r:.80}")
-        freeze_mappings(self, "options", "environment")
+        _freeze_circumstances(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class StoredMap:
+    """A map of lumps with everything needed to repeat it.
+
+    Parameters
+    ----------
+    estimate
+        The map with its volumes, and the samples of its lumps.
+    presses
+        Identities of the presses, in the order of the scan.
+    options
+        Arguments of `tsis.mapping.estimate_map` by name as JSON values, the prior as its fields; and ``left_out`` of
+        the scan.
+    made, probe, calibration, environment, supersedes, id, target
+        As in `StoredEstimate`; ``supersedes`` is a map.
+    """
+
+    estimate: LumpMap
+    made: datetime
+    probe: str
+    presses: tuple[str, ...]
+    calibration: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+    environment: Mapping[str, Any] = field(default_factory=dict)
+    supersedes: str | None = None
+    id: str = ""
+    target: str = ""
+
+    def __post_init__(self) -> None:
+        require_text("probe", self.probe, LONGEST_NAME)
+        require_moment("made", self.made)
+        _freeze_circumstances(self)
+
+    @property
+    def kind(self) -> str:
+        """``"map"``."""
+        return MAP
+
+
+def _freeze_circumstances(stored: StoredEstimate | StoredMap) -> None:
+    for name, part in (("options", "prior"), ("environment", "libraries")):
+        known = getattr(stored, name).get(part)
+        if known is not None and not isinstance(known, Mapping):
+            raise InputError(f"{name}[{part!r}] must be a mapping of names to values; got {known!r:.80}")
+    freeze_mappings(stored, "options", "environment")
 
 
 LARGEST_FORCE_N = 100.0
@@ -341,6 +387,44 @@ def estimate_from_json(
     return from_json_value(StoredEstimate, document, where, complete=True)
 
 
+def map_to_json(stored: StoredMap) -> dict[str, Any]:
+    """JSON values of a stored map without the map itself, which `map_bytes` writes; errors as `estimate_to_json`."""
+    return to_json_value(stored, without=("estimate",))
+
+
+NEVER_SEEN_MM = 0.0  # in a file, for the infinite diameters of a blind zone, which JSON lacks
+
+
+def map_bytes(found: LumpMap) -> bytes:
+    """The file of a map: JSON with its volumes and samples, exact to the last bit."""
+    blind = found.untrusted.blind_diameter_mm
+    finite = replace(found.untrusted, blind_diameter_mm=np.where(np.isinf(blind), NEVER_SEEN_MM, blind))
+    content = to_json_value(replace(found, untrusted=finite))
+    require_bounded_arrays(content, "a map")
+    return json_bytes(content)
+
+
+def map_from_json(document: Any, content: bytes, where: str = "map") -> StoredMap:
+    """The stored map that `map_to_json` wrote, with the content of its file; ``where`` names it in errors.
+
+    Raises
+    ------
+    InputError
+        When ``document`` or the file is not what was written.
+    """
+    found = parse_object(content, where)
+    require_bounded_arrays(found, where)
+    if not isinstance(document, dict) or "estimate" in document:
+        raise InputError(f"{where} must hold what is known of a map, and the map in a file of its own; it does not")
+    try:
+        stored = from_json_value(StoredMap, document | {"estimate": found}, where, complete=True)
+    except CalibrationError as error:  # of a packed array
+        raise FileInputError(str(error)) from error
+    numbers = stored.estimate.untrusted
+    blind = np.where(numbers.blind_diameter_mm == NEVER_SEEN_MM, np.inf, numbers.blind_diameter_mm)
+    return replace(stored, estimate=replace(stored.estimate, untrusted=replace(numbers, blind_diameter_mm=blind)))
+
+
 def active_estimates(estimates: Iterable[StoredEstimate]) -> tuple[StoredEstimate, ...]:
     """The active estimates of a target: the last of each kind. ``estimates`` are in the order of time."""
     last = {stored.kind: stored for stored in estimates}
@@ -349,7 +433,7 @@ def active_estimates(estimates: Iterable[StoredEstimate]) -> tuple[StoredEstimat
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TargetRecord:
-    """A target with its presses, estimates and calibrations.
+    """A target with its presses, estimates, maps and calibrations.
 
     Parameters
     ----------
@@ -359,12 +443,14 @@ class TargetRecord:
         Its presses in the order of time.
     estimates
         Its estimates in the order of time; the last of each kind is active.
+    maps
+        Its maps of lumps in the order of time; the last is active.
     calibrations
-        Calibrations that presses and estimates cite, by SHA-256.
+        Calibrations that presses, estimates and maps cite, by SHA-256.
     read
         Reads and checks the grey levels of a stored frame: its SHA-256 -> shape (rows, columns), uint8 or uint16.
     damaged
-        A message for each estimate and calibration that is omitted because its file is damaged.
+        A message for each estimate, map and calibration that is omitted because its file is damaged.
     secret
         64 hexadecimal digits from which the pseudonym of the target follows (`tsis.records.deidentification`); no
         export contains them. A store derives them from its own secret, so they never change. A record without a store,
@@ -375,6 +461,7 @@ class TargetRecord:
     presses: tuple[StoredPress, ...]
     read: Callable[[str], NDArray[Any]]
     estimates: tuple[StoredEstimate, ...] = ()
+    maps: tuple[StoredMap, ...] = ()
     calibrations: Mapping[str, ProbeCalibration] = field(default_factory=dict)
     damaged: tuple[str, ...] = ()
     secret: str = field(default_factory=lambda: secrets.token_hex(32), repr=False)
@@ -391,6 +478,21 @@ class TargetRecord:
     def active_estimates(self) -> tuple[StoredEstimate, ...]:
         """The active estimates: the last of each kind, in the order of `tsis.records.values.ESTIMATES`."""
         return active_estimates(self.estimates)
+
+    @property
+    def map(self) -> StoredMap | None:
+        """The active map: the last."""
+        return self.maps[-1] if self.maps else None
+
+    @property
+    def results(self) -> tuple[StoredEstimate | StoredMap, ...]:
+        """All estimates, then all maps, each in the order of time."""
+        return (*self.estimates, *self.maps)
+
+    @property
+    def active_results(self) -> tuple[StoredEstimate | StoredMap, ...]:
+        """The active estimates, and the active map."""
+        return (*self.active_estimates, *self.maps[-1:])
 
     def require_whole(self) -> None:
         """Raise `RecordsError` when a part is damaged."""

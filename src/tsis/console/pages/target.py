@@ -27,10 +27,7 @@ from tsis.console.pages.records import (
     read_target,
 )
 from tsis.errors import StaleRecordError, TsisError
-from tsis.hardness.flags import HARDNESS_FLAGS
-from tsis.inclusion.flags import INCLUSION_FLAGS
 from tsis.model.image import TactileImage
-from tsis.present.hardness import HARDNESS, estimate_messages_of
 from tsis.present.images import comparison, difference
 from tsis.present.labels import counted, in_order, quantity_of
 from tsis.present.page import flags_table
@@ -42,13 +39,16 @@ from tsis.present.target import (
     measure,
     newest_first,
     origin,
+    result_flags,
+    result_messages,
+    result_tables,
     target_cards,
 )
 from tsis.records.deidentification import DAMAGED
 from tsis.records.reader import ARCHIVED, DELETED
 from tsis.records.rows import EDITABLE
 from tsis.records.store import UNDO_DAYS
-from tsis.records.values import ESTIMATES, ROLE_NAMES, parse_force, parse_truth
+from tsis.records.values import ESTIMATES, MAP, ROLE_NAMES, parse_force, parse_truth
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -578,7 +578,7 @@ NONE_YET = "Nothing was estimated yet. Estimate needs presses that were taken un
 
 
 def estimates(view: TargetView) -> None:
-    """Show the estimates in force, and what of the target is damaged."""
+    """Show the estimates and the map in force, and what of the target is damaged."""
     widgets.panel_title("Current estimates", level=3)
     current = newest_first(view.record)
     if current:
@@ -587,15 +587,18 @@ def estimates(view: TargetView) -> None:
         widgets.muted(NONE_YET)
     with widgets.message_list():
         for stored in current:
-            for message in (*estimate_messages_of(stored), origin(stored)):
+            for message in (*result_messages(stored), origin(stored)):
                 of_kind = f"Of the {stored.kind}: {message}"
                 widgets.list_message(of_kind if len(current) > 1 else message)
-            known = HARDNESS_FLAGS if stored.kind == HARDNESS else INCLUSION_FLAGS
-            for table in flags_table(stored.estimate.flags, known):
+            for table in flags_table(stored.estimate.flags, result_flags(stored)):
                 for _, means, cure, _ in table.rows:
                     widgets.list_message(f"{means[:1].upper()}{means[1:]}{f': {cure}' if cure else ''}.", "doubtful")
         for message in view.record.damaged:
             widgets.list_message(f"Left out: {message}", "flag")
+    for stored in current:
+        if stored.kind == MAP:
+            for table in result_tables(view.record, stored):
+                widgets.table(table)
     if view.private:
         widgets.muted(IDENTITY_NOTE)
 
@@ -667,7 +670,7 @@ def recompute_button(page: TargetPage, view: TargetView) -> ui.button:
     button = widgets.button(
         "Repeat the estimates", lambda: _ask_to_recompute(page, view), icon="restart_alt", look="outline dense"
     )
-    button.set_enabled(bool(view.record.estimates))
+    button.set_enabled(bool(view.record.active_results))
     return button
 
 
