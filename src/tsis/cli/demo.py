@@ -32,7 +32,7 @@ from tsis.cli.options import (
 )
 from tsis.cli.output import CommandOutcome, print_json, surrogate_progress
 from tsis.cli.progress import progress_bar
-from tsis.cli.saving import SaveOption, StoreOption, TargetOption, chosen_destination, publish_and_save, savable_result
+from tsis.cli.saving import SaveOption, StoreOption, TargetOption, chosen_destination, publish_and_save, save_estimate
 from tsis.errors import InputError
 from tsis.present.page import Table
 from tsis.present.terminal import print_tables
@@ -257,8 +257,8 @@ def demo(
     calibration = tsis.calibration.file.ProbeCalibration(
         name=virtual.calibration.name, probe=chosen.name, response=virtual.calibration
     )
-    savable = partial(
-        savable_result,
+    keep = partial(
+        save_estimate,
         kind="inclusion",
         estimate=result,
         probe=chosen.name,
@@ -280,7 +280,7 @@ def demo(
             CALIBRATION_FILE: tsis.calibration.file.calibration_bytes(calibration),
         },
     )
-    publish_and_save(outcome, out, destination, savable, as_json=as_json)
+    publish_and_save(outcome, out, destination, keep, as_json=as_json)
 
 
 def _require_only_seeds(context: typer.Context) -> None:

@@ -35,7 +35,7 @@ from tsis.cli.saving import (
     TargetOption,
     chosen_destination,
     publish_and_save,
-    savable_result,
+    save_estimate,
 )
 from tsis.errors import InputError
 
@@ -169,8 +169,8 @@ def examine(
         page=page,
         files={PDF: tsis.present.pdf.pdf_bytes(page)} if pdf else {},
     )
-    savable = partial(
-        savable_result,
+    keep = partial(
+        save_estimate,
         kind="inclusion",
         estimate=result,
         probe=by.name,
@@ -178,7 +178,7 @@ def examine(
         frames={"target": presses.images, "plain": presses.reference},
         options={"prior": asdict(assumed), "strain": result.provenance.get("strain", strain)},
     )
-    publish_and_save(outcome, out, destination, savable, as_json=as_json)
+    publish_and_save(outcome, out, destination, keep, as_json=as_json)
 
 
 def _folder_prior(paths: Sequence[Path]) -> InclusionPrior:

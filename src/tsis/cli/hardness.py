@@ -32,7 +32,7 @@ from tsis.cli.saving import (
     TargetOption,
     chosen_destination,
     publish_and_save,
-    savable_result,
+    save_estimate,
 )
 from tsis.cli.sensor import (
     chosen_sensor,
@@ -369,8 +369,8 @@ def hardness(
         **_options(assumed),
     }
     outcome, result = _outcome(frames, chosen, response, options, cites=known.citation())
-    savable = partial(
-        savable_result,
+    keep = partial(
+        save_estimate,
         kind="hardness",
         estimate=result,
         probe=chosen.name,
@@ -378,7 +378,7 @@ def hardness(
         frames={"target": raw, "ball": raw_balls},
         options=_written_down(options),
     )
-    publish_and_save(outcome, out, destination, savable, as_json=as_json)
+    publish_and_save(outcome, out, destination, keep, as_json=as_json)
 
 
 def _options(prior: HardnessPrior) -> dict[str, Any]:
@@ -419,8 +419,8 @@ def _virtual(
     outcome, result = _outcome(
         frames, probe, rig.calibration, options, truth_kpa=sphere.young_kpa, simulated=simulated, files=files
     )
-    savable = partial(
-        savable_result,
+    keep = partial(
+        save_estimate,
         kind="hardness",
         estimate=result,
         probe=probe.name,
@@ -430,7 +430,7 @@ def _virtual(
         name=name,
         truth={"young_kpa": sphere.young_kpa},
     )
-    publish_and_save(outcome, out, destination, savable, as_json=as_json)
+    publish_and_save(outcome, out, destination, keep, as_json=as_json)
 
 
 def _outcome(

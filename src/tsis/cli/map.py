@@ -2,23 +2,35 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
+from dataclasses import asdict
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 import tsis
 from tsis.__about__ import CALIBRATION_FILE, LARGEST_SEED, LARGEST_TARGET
-from tsis.cli.options import AsJson, ScaleMm, chosen_probe, chosen_scale
-from tsis.cli.output import CommandOutcome, publish
+from tsis.cli.options import AsJson, ScaleMm, chosen_probe, chosen_scale, require_no_file
+from tsis.cli.output import CommandOutcome
 from tsis.cli.progress import progress_bar
-from tsis.cli.saving import PHANTOM, StoreDatabase, StoreFolder, StoreKind, opened
+from tsis.cli.saving import (
+    PHANTOM,
+    StoreDatabase,
+    StoreFolder,
+    StoreKind,
+    chosen_destination,
+    opened,
+    publish_and_save,
+    save_map,
+)
 from tsis.errors import InputError
 
 if TYPE_CHECKING:
+    from tsis.calibration.frames import UsableCalibration
     from tsis.mapping.scan_folder import StoredScan
     from tsis.model.probe import Probe
+    from tsis.records.values import TargetRecord
 
 
 DEFAULT_PROBE = "tsis-2011"
@@ -36,7 +48,12 @@ def map_lumps(
     *,
     target: Annotated[
         int | None,
-        typer.Option(help="In place of a folder: map the scan of this target of the store.", min=1, max=LARGEST_TARGET),
+        typer.Option(
+            help="In place of a folder: map the scan of this target of the store. With a folder and --save: keep the "
+            "map under it.",
+            min=1,
+            max=LARGEST_TARGET,
+        ),
     ] = None,
     store: StoreFolder = None,
     kind: StoreKind = PHANTOM,
@@ -73,6 +90,10 @@ def map_lumps(
         Path | None, typer.Option(help="File in which an interrupted estimate goes on; it is written meanwhile.")
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path("tsis-map"),
+    save: Annotated[
+        bool,
+        typer.Option("--save", help="Save frames with their places, calibration and map in the store: tsis records."),
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Map several lumps in three dimensions, each with intervals, and what the scan could not have seen.
@@ -80,13 +101,15 @@ def map_lumps(
     The folder gets a page, result.json, map.vti for ParaView or 3D Slicer, and NIfTI and DICOM files where the extras
     map and dicom are installed.
     """
-    if (scan is None) == (target is None):
-        raise InputError("a scan must be given as a folder or a table, or by --target, and not by both")
-    if target is not None:
-        stored, usable = _of_store(target, store, kind, database)
+    if (scan is None) == (target is None) and not (save and scan):
+        raise InputError("a scan must be given as a folder or a table, or by --target, and not by both without --save")
+    if save:
+        require_no_file("--save", probe)
+    source, record = Path(scan or ""), None
+    if scan is None:
+        record, stored, usable = _of_store(target or 0, store, kind, database)
         usable = usable if calibration is None else tsis.calibration.frames.load_calibration(calibration)
     else:
-        source = Path(scan or "")
         usable = _calibration(source, calibration)
         stored = tsis.mapping.scan_folder.read_scan(
             source, mm_per_pixel=chosen_scale(usable, scale_mm), indenter=_indenter(ball_mm, punch_mm)
@@ -98,6 +121,11 @@ def map_lumps(
         pressed, tissue_young_kpa=tissue_kpa, tissue_young_sd=tissue_sd, thickness_mm=thickness_mm
     )
     chosen = _probe(stored, probe)
+    kept: dict[str, Any] = {}
+    destination = None
+    if save:
+        kept = _kept(source, record, stored, chosen, usable, chosen_scale(usable, scale_mm))
+        destination = chosen_destination(True, store, kind, target, database=database)
     with progress_bar(f"mapping {len(pressed.presses)} presses") as advance:
         found = tsis.mapping.estimate_map(
             pressed,
@@ -117,28 +145,45 @@ def map_lumps(
         calibration=None if usable is None else usable.citation(),
     )
     outcome = CommandOutcome(document=report.document, page=report.page, files=report.volumes, trusted=found.trusted)
-    publish(outcome, out, as_json=as_json)
+    options = {"prior": asdict(prior), "voxel_mm": voxel_mm, "seed": seed, "steps": steps, "left_out": pressed.left_out}
+    keep = partial(save_map, found=found, options=options, **kept)
+    publish_and_save(outcome, out, destination, keep, as_json=as_json)
+
+
+def _kept(
+    folder: Path,
+    record: TargetRecord | None,
+    stored: StoredScan,
+    probe: Probe | None,
+    usable: UsableCalibration | None,
+    scale: tuple[float, float] | None,
+) -> dict[str, Any]:
+    """What is kept beside a map: the presses of the target that was mapped, else the frames of the folder."""
+    if stored.scan.kind != "frame" or probe is None or usable is None:
+        raise InputError(
+            "--save needs a scan of frames; pressures and forces stay in their folder: leave --save out, and keep the "
+            "folder that the map is written to"
+        )
+    known: dict[str, Any] = {"probe": probe.name, "calibration": usable.calibration}
+    if record is not None:
+        return known | {"scan": tsis.records.places.placed_presses(record)}
+    from tsis.records.sources import ImportOptions, scanned  # loads the libraries of records
+
+    given = ImportOptions(mm_per_pixel=None if usable.calibration.scale else scale, **known)
+    return known | {"scan": scanned(folder, given, lambda: None)}
 
 
 def _of_store(
     number: int, folder: Path | None, kind: str, database: str | None
-) -> tuple[StoredScan, tsis.calibration.frames.UsableCalibration | None]:
-    """The scan of a target, and the calibration that its presses cite."""
+) -> tuple[TargetRecord, StoredScan, UsableCalibration | None]:
+    """A target with its scan, and the calibration that its presses cite."""
     with opened(folder, kind, database) as records:
         record = records.record(records.target(number))
         stored = tsis.records.places.recorded_scan(record)
-    if len(record.calibrations) > 1:
-        raise InputError(
-            f"the presses of target {number} must cite one calibration; they cite {len(record.calibrations)}"
-        )
-    if not record.calibrations:
-        return stored, None
-    ((identity, calibration),) = record.calibrations.items()
-    calibration.require_usable(datetime.now(UTC))
-    return stored, tsis.calibration.frames.UsableCalibration(calibration=calibration, identity=identity)
+    return record, stored, tsis.records.places.recorded_calibration(record)
 
 
-def _calibration(scan: Path, given: Path | None) -> tsis.calibration.frames.UsableCalibration | None:
+def _calibration(scan: Path, given: Path | None) -> UsableCalibration | None:
     beside = scan / CALIBRATION_FILE
     if given is None and not beside.is_file():
         return None

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from typing import Any
 
     from tsis.cli.output import CommandOutcome
-    from tsis.records.importing import SavableResult
     from tsis.records.store import Store
 
 
@@ -107,14 +106,20 @@ class Destination:
     folder: Path | None
     kind: str
     number: int | None
+    database: str | None = None
 
     def opened(self) -> Store:
         """The store, to be closed by a ``with``."""
-        return opened(self.folder, self.kind, os.environ.get(DATABASE), create=True)
+        return opened(self.folder, self.kind, self.database or os.environ.get(DATABASE), create=True)
 
 
 def chosen_destination(
-    save: bool, folder: Path | None, kind: str | None = None, number: int | None = None
+    save: bool,
+    folder: Path | None,
+    kind: str | None = None,
+    number: int | None = None,
+    *,
+    database: str | None = None,
 ) -> Destination | None:
     """Where to keep, found ready before anything is computed; None where nothing is to be kept.
 
@@ -131,27 +136,34 @@ def chosen_destination(
             if value is not None:
                 raise InputError(f"{option} needs --save, without which nothing goes into a store")
         return None
-    destination = Destination(folder=folder, kind=kind or PHANTOM, number=number)
+    destination = Destination(folder=folder, kind=kind or PHANTOM, number=number, database=database)
     destination.opened().close()
     return destination
 
 
-def savable_result(**entries: Any) -> SavableResult:
-    """`tsis.records.importing.SavableResult`, which loads the libraries of records."""
-    from tsis.records.importing import SavableResult
+def save_estimate(store: Store, number: int | None, **entries: Any) -> dict[str, Any]:
+    """Keep an estimate with its frames; ``entries`` are those of `tsis.records.importing.SavableResult`."""
+    from tsis.records.importing import SavableResult, save_results  # loads the libraries of records
 
-    return SavableResult(**entries)
+    return save_results(store, SavableResult(**entries), number=number)
+
+
+def save_map(store: Store, number: int | None, **entries: Any) -> dict[str, Any]:
+    """Keep a map with the presses of its scan; ``entries`` are those of `tsis.records.importing.save_map`."""
+    from tsis.records.importing import save_map as save  # loads the libraries of records
+
+    return save(store, number, **entries)
 
 
 def publish_and_save(
     outcome: CommandOutcome,
     out: Path,
     destination: Destination | None,
-    savable: Callable[[], SavableResult],
+    keep: Callable[[Store, int | None], dict[str, Any]],
     *,
     as_json: bool,
 ) -> None:
-    """Write the folder of results, then keep what they rest on, and print both.
+    """Write the folder of results, then ``keep`` what they rest on under the destination's number, and print both.
 
     The folder comes first, so that a store that takes nothing loses nothing: then it stays without the word ``kept``,
     a sentence tells why, and the exit code is 1.
@@ -159,12 +171,12 @@ def publish_and_save(
     if destination is None:
         publish(outcome, out, as_json=as_json)
         return
-    from tsis.records.importing import save_results, saved_notes  # loads the libraries of records
+    from tsis.records.importing import saved_notes  # loads the libraries of records
 
     folder = write_outcome(outcome, out)
     try:
         with destination.opened() as store:
-            saved = save_results(store, savable(), number=destination.number)
+            saved = keep(store, destination.number)
         outcome = outcome.with_notes(*saved_notes(saved))
         outcome = replace(outcome, document={**outcome.document, "saved": saved})
         tsis.files.atomic.write_durably(folder / RESULT, result_bytes(outcome.document))
