@@ -12,9 +12,13 @@ from playwright.sync_api import expect
 from tests.console.browser import needs_browser, picture
 from tests.console.contrast import texts
 from tests.console.operator import TABLET, operating
+from tests.records.stored_tray import PIXELS, PROBE, tray_calibration, write_tray
 
 from tsis.catalog.probes import load_probe
 from tsis.mapping.scan_folder import scan_files
+from tsis.records.importing import import_batches
+from tsis.records.sources import ImportOptions, scanned
+from tsis.records.store import open_store
 from tsis.virtual.scan import THREE_LUMPS, grid_places, virtual_scan
 
 if TYPE_CHECKING:
@@ -67,6 +71,31 @@ def test_from_files_to_a_map_that_is_kept(console: RunningConsole, browser: Brow
         page.get_by_text("No scan is open.").wait_for()
     (folder,) = (console.workspace / "maps").iterdir()
     assert {"result.json", "index.html", "map.vti", "probability.dcm"} <= {file.name for file in folder.iterdir()}
+
+
+def test_the_map_of_a_stored_scan_is_kept_in_its_target(
+    console: RunningConsole, browser: Browser, tmp_path: Path
+) -> None:
+    options = ImportOptions(mm_per_pixel=PIXELS, probe=PROBE, calibration=tray_calibration())
+    with open_store(console.store) as store:
+        (entered,) = import_batches(store, [scanned(write_tray(tmp_path / "tray"), options, lambda: None)])
+    number = entered.target.number
+    with operating(browser, console, "/map") as page:
+        page.get_by_label("Or the scan of target").fill("99")
+        page.get_by_role("button", name="Open the target").click()
+        page.get_by_role("alert").filter(has_text="must be a number that this store").first.wait_for()
+        page.get_by_label("Or the scan of target").fill(str(number))
+        page.get_by_role("button", name="Open the target").click()
+        page.get_by_text("4 presses (frames) by tsis-2011").wait_for()
+        page.get_by_role("button", name="Map the lumps").click()
+        page.get_by_text(f"Kept as map tray and in target {number}.").wait_for(timeout=240_000)
+        page.get_by_role("link", name=f"Target {number}", exact=True).click()
+        page.get_by_role("heading", name="Current estimates").wait_for()
+        page.get_by_text("Lumps, 90 % intervals").wait_for()
+        picture(page, "target-map")
+    with open_store(console.store) as store:
+        (kept,) = store.record(entered.target).maps
+    assert len(kept.estimate.untrusted.lumps) == 1
 
 
 def test_a_press_at_the_next_place_updates_the_map(console: RunningConsole, browser: Browser) -> None:

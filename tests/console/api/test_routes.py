@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 from PIL import Image
+from tests.present.test_lump_map import map_of
+from tests.records.stored_tray import kept
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.records.store import open_store
@@ -338,6 +340,19 @@ def test_an_estimate_tells_what_is_stored(estimated: Any, console: RunningConsol
     assert reported["identifiability"] == stored.identifiability
     assert reported["trusted"] == stored.trusted
     assert estimated["in_force"] == [reported["id"]]
+
+
+@pytest.mark.system
+def test_a_map_tells_its_lumps(console: RunningConsole, script: Script) -> None:
+    with open_store(console.store, kind="phantom") as store:
+        target, stored = kept(store, map_of(2))
+    answer = script.client.get(f"/targets/{target.number}/estimates").json()
+    (told,) = answer["maps"]
+    assert (answer["in_force"], answer["estimates"]) == ([stored.id], [])
+    (lump,) = stored.estimate.lumps
+    low, high = told["lumps"][0]["estimate"]["parameters"]["x_mm"]["interval_90"]
+    assert (low, high) == pytest.approx(lump.estimate.interval(0.9)["x_mm"], rel=1e-12)
+    assert told["next_places"] == [{"x_mm": 8.0, "y_mm": 4.0, "gain_nats": 0.3}]
 
 
 @pytest.mark.system

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from tests.present.test_lump_map import map_of as made_up_map
+from tests.records.sample import WHEN, levels
+from tests.records.stored_tray import PROBE, pressed, require_equal
 from tests.waiting import HANGS_S
 
 from tsis.console.services import maps as module
@@ -15,9 +19,15 @@ from tsis.console.services.maps import RESULT, MapQuestion, MapRepository, Opene
 from tsis.console.statuses import AbsentError
 from tsis.errors import InputError, RecordsError
 from tsis.mapping.prior import MapPrior
+from tsis.model.image import TactileImage
+from tsis.records.reader import DELETED
+from tsis.records.store import open_store
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from tsis.mapping.lump_map import LumpMap
+    from tsis.records.store import Store
 
 TABLE = "press,x_mm,y_mm,travel_mm,force_n\n"
 
@@ -78,6 +88,89 @@ def test_a_map_is_not_done_before_it_is_drawn(tmp_path: Path, monkeypatch: pytes
     assert job.state().status == DONE
     assert all(0.9 < fraction < 1.0 for fraction in shown)
     assert len(shown) == 1
+
+
+def mapped_target(store: Store, opened: OpenedScan, workspace: Path, *, start: Any = None) -> str:
+    """Map the opened scan of a target, and give what the job says."""
+    scan = opened.of_target()
+    assert scan is not None
+    question = MapQuestion(
+        stored=scan.stored,
+        probe=PROBE,
+        calibration=scan.calibration,
+        prior=MapPrior(),
+        start=start,
+        of_target=scan,
+    )
+    job = Jobs().begin("map", map_of(question, MapRepository(workspace), lambda _: ()))
+    assert job.wait(HANGS_S)
+    return job.state().sentence
+
+
+@pytest.fixture
+def answered(monkeypatch: pytest.MonkeyPatch) -> LumpMap:
+    """The map that every estimate finds."""
+    found = made_up_map(3)
+    monkeypatch.setattr(module, "calibrated", lambda scan, _: (scan, None))
+    monkeypatch.setattr(module, "estimate_map", lambda *_, **__: found)
+    return found
+
+
+def test_the_map_of_a_target_is_kept_there_but_not_that_of_an_update(tmp_path: Path, answered: LumpMap) -> None:
+    with open_store(tmp_path / "store") as store:
+        target, presses = pressed(store)
+        opened = OpenedScan()
+        opened.open_target(store, target.number)
+        assert opened.read(None, None).scan.places_mm.tolist() == [[0.0, 0.0], [9.0, 0.0], [18.0, 0.0]]
+        assert mapped_target(store, opened, tmp_path) == f"Kept as map tray and in target {target.number}."
+        mapped_target(store, opened, tmp_path, start=answered)
+        (kept,) = store.record(target).maps
+        require_equal(replace(kept.estimate, provenance={}), answered)
+        assert list(kept.presses) == [press.id for press in presses]
+        assert {"prior", "seed", "steps", "voxel_mm"} <= set(kept.options)
+        (folder,) = (tmp_path / "maps").iterdir()
+        assert (folder / RESULT).is_file()
+        version = opened.version()
+        store.add_press(target, TactileImage(grey=levels(7), name="one more"), taken=WHEN)
+        assert opened.version() != version
+        opened.clear()
+        assert not opened.chosen
+
+
+def test_a_target_without_places_or_that_is_absent_is_refused(tmp_path: Path) -> None:
+    with open_store(tmp_path / "store") as store:
+        store.add_target()
+        opened = OpenedScan()
+        with pytest.raises(InputError, match="target must be a number that this store"):
+            opened.open_target(store, 2)
+        opened.open_target(store, 1)
+        with pytest.raises(RecordsError, match="must have presses with a place"):
+            opened.read(None, None)
+
+
+def test_the_map_of_a_subject_names_no_file(tmp_path: Path, answered: LumpMap) -> None:
+    with open_store(tmp_path / "store", kind="subject") as store:
+        target, _ = pressed(store, "S-1")
+        opened = OpenedScan()
+        opened.open_target(store, target.number)
+        assert [press.name for press in opened.read(None, None).scan.presses] == ["press 1", "press 2", "press 3"]
+        mapped_target(store, opened, tmp_path)
+        (folder,) = (tmp_path / "maps").iterdir()
+        assert not [file for file in folder.iterdir() if b"of S-1 0.png" in file.read_bytes()]
+
+
+def test_a_map_that_its_target_cannot_keep_stays_and_is_named(tmp_path: Path, answered: LumpMap) -> None:
+    with open_store(tmp_path / "store") as store:
+        target, _ = pressed(store)
+        opened = OpenedScan()
+        opened.open_target(store, target.number)
+        scan = opened.of_target()
+        assert scan is not None
+        store.set_state(target, DELETED)
+        said = mapped_target(store, opened, tmp_path)
+        assert said.startswith("the map is kept as map tray, but not in target 1: target 1 must not be deleted")
+        assert store.record(target).maps == ()
+        assert MapRepository(tmp_path).names() == ["tray"]
 
 
 def test_uploaded_files_become_one_scan() -> None:

@@ -521,14 +521,55 @@ class EstimateItem(ItemModel):
     provenance: dict[str, Any]
 
 
+class LumpItem(ItemModel):
+    """One lump of a map."""
+
+    name: str
+    probability: float
+    contrast_above: float | None = Field(description="of the contrast, where only a bound can be told")
+    estimate: dict[str, Any] = Field(
+        description="parameters as of an estimate, with intervals; the depth is of the top"
+    )
+
+
+class PlaceItem(ItemModel):
+    """A place to press next."""
+
+    x_mm: float
+    y_mm: float
+    gain_nats: float = Field(description="expected gain of information")
+
+
+class MapItem(ItemModel):
+    """A stored map of lumps with everything that is needed to recompute it, without its volumes."""
+
+    id: str
+    made: datetime
+    probe: str
+    presses: list[str]
+    calibration: str
+    supersedes: str | None
+    lumps: list[LumpItem] | None = Field(description="null where the map is not trusted")
+    count_probability: list[float] | None = Field(description="of 0, 1, 2, ... lumps")
+    next_places: list[PlaceItem] | None
+    trusted: bool = Field(description="false: the numbers of this map are withheld, and null here")
+    flags: list[str]
+    notes: list[str]
+    left_out: list[str] = Field(description="presses that were not used, each with its reason")
+    options: dict[str, Any]
+    environment: dict[str, Any]
+    provenance: dict[str, Any]
+
+
 class EstimatesResponse(ResponseModel):
-    """Estimates of a target, the oldest first."""
+    """Estimates and maps of a target, the oldest first."""
 
     command: Literal["estimates"] = "estimates"
     target: int
     in_force: list[str] = Field(description="identities of the last of each kind")
     estimates: list[EstimateItem]
-    damaged: list[str] = Field(description="one message for each stored estimate that was changed")
+    maps: list[MapItem] = Field(description="maps of lumps under the places of its presses")
+    damaged: list[str] = Field(description="one message for each stored estimate or map that was changed")
 
 
 class RecomputeRequest(RequestModel):

@@ -63,6 +63,7 @@ from tsis.errors import CameraError, InputError
 from tsis.files.images import QUICK_PNG, encode_picture
 from tsis.instrument.image_files import whole_levels
 from tsis.model.require import require_one_of
+from tsis.present.lump_map import stored_map_document
 from tsis.records.provenance import environment
 from tsis.records.recomputation import PRIORS
 from tsis.records.values import require_label
@@ -352,13 +353,14 @@ estimates_router = APIRouter(prefix="/targets/{number}", tags=["records"])
 
 @estimates_router.get("/estimates", operation_id="list_estimates", responses=OF_RECORDS)
 def list_estimates(instrument: TheInstrument, number: TargetNumber) -> models.EstimatesResponse:
-    """List the estimates of a target, the oldest first."""
+    """List the estimates and maps of a target, the oldest first."""
     target = find_target(instrument, number)
     record = instrument.store.record(target, limit=0)
     return models.EstimatesResponse(
         target=number,
-        in_force=[item.id for item in record.active_estimates],
+        in_force=[item.id for item in record.active_results],
         estimates=[estimate_item(estimate, target.truth) for estimate in record.estimates],
+        maps=[models.MapItem(**stored_map_document(found)) for found in record.maps],
         damaged=list(record.damaged),
     )
 

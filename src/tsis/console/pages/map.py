@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from nicegui import ui
 
+from tsis.__about__ import LARGEST_TARGET
 from tsis.catalog.probes import list_probes
 from tsis.console import widgets
 from tsis.console.messages import field_messages, plain_message
@@ -34,13 +35,14 @@ if TYPE_CHECKING:
 
 SAYS = (
     "Drop poses.csv (file, x_mm, y_mm) and the presses that it names, or one table of travel and force. They stay on "
-    "the console's computer."
+    "the console's computer. The map of a target's scan is kept in the records."
 )
 ENDINGS = (".csv", ".txt", ".tsv", ".xlsx", ".json", ".png", ".bmp", ".tif", ".tiff", ".jpg", ".jpeg")
 EVERY_S = 0.4  # between two readings of the job
 DEFAULT_PROBE = "tsis-2011"
 BACKGROUND, LUMP_COLOUR, PRESS_COLOUR, EDGE_COLOUR = "#f4f6f8", "#c62828", "#222222", "#607080"  # of the 3-D view
 OF_SCAN = "as the scan states"
+TARGET = "Or the scan of target"
 SHAPES = {"": "a probe", "ball": "a ball", "punch": "a flat punch"}
 LABELS = {  # of the fields, by the parameters that errors name
     "tissue_young_kpa": "Modulus of the tissue",
@@ -111,7 +113,7 @@ class MapPage:
 
     async def _first(self) -> None:
         await self._list()
-        if self._draft.opened.source is not None:
+        if self._draft.opened.chosen:
             await self._read()
 
     def _files(self) -> None:
@@ -124,6 +126,9 @@ class MapPage:
             folder=lambda: self._draft.opened.uploads,
             opened=self._opened,
         )
+        with ui.element("div").classes("row"):
+            self._number = widgets.unit_field(TARGET, keys="numeric").on("keydown.enter", self._open_target)
+            widgets.button("Open the target", self._open_target, icon="folder_open")
         with self._upload.row:
             widgets.button("Use a simulated scan", self._simulate, icon="science")
             widgets.button("Close the scan", self._close, icon="close")
@@ -144,9 +149,9 @@ class MapPage:
             self._typed("radius_mm", "mm")
         active = self._instrument.calibration is not None
         widgets.muted(
-            "Frames are read with the active calibration."
+            "Frames of a folder are read with the active calibration, those of a target with the one they cite."
             if active
-            else "No calibration is active: a scan of frames needs one (page Camera)."
+            else "No calibration is active: a folder of frames needs one (page Camera)."
         )
         with ui.element("div").classes("row"):
             self._start = widgets.button("Map the lumps", self._started, icon="scatter_plot", look="unelevated")
@@ -164,6 +169,15 @@ class MapPage:
         else:
             self._draft.opened.open(path)
         await self._read(quiet=uploaded)  # the files of a scan arrive one by one
+
+    async def _open_target(self) -> None:
+        def opened() -> bool:
+            number = widgets.typed_integer(TARGET, self._number.value, 1, LARGEST_TARGET)
+            self._draft.opened.open_target(self._instrument.store, number)
+            return True
+
+        if await self._viewer.attempt(opened):
+            await self._read()
 
     def _close(self) -> None:
         self._draft.opened.clear()
@@ -216,18 +230,20 @@ class MapPage:
         draft = self._draft
 
         def asked() -> MapQuestion:
-            version = draft.opened.version()
-            prior, stored = draft.prior(), draft.read()
+            version, of_target = draft.opened.version(), draft.opened.of_target()
+            prior, stored = draft.prior(), draft.read() if of_target is None else of_target.stored
+            calibration = None if of_target is None else of_target.calibration
             stated = stored.probe or DEFAULT_PROBE
             probe = "" if stored.scan.kind == "travel_force" else stated if draft.probe == OF_SCAN else draft.probe
             draft.mapped = version
             return MapQuestion(
                 stored=stored,
                 probe=probe,
-                calibration=self._instrument.calibration,
+                calibration=calibration or self._instrument.calibration,
                 prior=prior,
                 tissue_known=bool(draft.texts["tissue_young_kpa"].strip()),
                 start=start,
+                of_target=of_target,
             )
 
         question = await self._viewer.attempt(asked)
@@ -276,6 +292,8 @@ class MapPage:
         self._result.set_visibility(True)
         with self._result:
             with widgets.title_row(f"{result.page.title}: {result.page.subtitle}"):
+                if result.target is not None:
+                    ui.link(f"Target {result.target}", f"/records/{result.target}").classes("link")
                 if result.name:
                     self._downloads(result.name)
             if result.found.trusted:

@@ -6,7 +6,7 @@ import re
 import shutil
 import tempfile
 import weakref
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,7 +15,7 @@ import numpy as np
 from tsis.catalog.probes import load_probe
 from tsis.console.services.jobs import JobCancelled
 from tsis.console.statuses import AbsentError
-from tsis.errors import InputError, RecordsError
+from tsis.errors import InputError, RecordsError, TsisError
 from tsis.files.atomic import write_durably
 from tsis.files.canonical_json import json_bytes
 from tsis.files.result_folder import free_folder, write_folder
@@ -24,6 +24,8 @@ from tsis.mapping.scan_folder import POSES_FILE, calibrated, read_scan, scan_fil
 from tsis.mapping.stiffness import suited_prior
 from tsis.present.html import html_bytes
 from tsis.present.lump_map import guide_page, map_report
+from tsis.records.importing import enter_map
+from tsis.records.places import placed_presses, recorded_calibration, recorded_scan
 from tsis.virtual.scan import THREE_LUMPS, grid_places, virtual_scan
 
 if TYPE_CHECKING:
@@ -36,6 +38,8 @@ if TYPE_CHECKING:
     from tsis.mapping.scan import Indenter
     from tsis.mapping.scan_folder import StoredScan
     from tsis.present.page import Page
+    from tsis.records.store import Store
+    from tsis.records.values import StoredPress, Target
 
 
 FOLDER = "maps"
@@ -43,8 +47,35 @@ RESULT, PAGE = "result.json", "index.html"
 UPLOADED, SIMULATED, SIMULATED_PROBE = "uploaded-scan", "simulated-scan", "tsis-2011"
 PRESSES_A_SIDE, SPACING_MM = 5, 10.0
 STEPS, GUIDE_STEPS = 20_000, 1000  # of the sampler: of a map that is kept, and of an update by a press
+VOXEL_MM, SEED = 2.0, 0
 DRAWN = 15  # the steps of a map over those of its report, which follows
 NAME = re.compile(r"[A-Za-z0-9_-]{1,80}", re.ASCII)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TargetScan:
+    """The scan of a stored target, whose map is kept there; ``calibration`` is None where its presses cite none."""
+
+    store: Store
+    target: Target
+    presses: tuple[StoredPress, ...]
+    stored: StoredScan
+    calibration: UsableCalibration | None
+
+
+def target_scan(store: Store, number: int) -> TargetScan:
+    """The scan of the target of this number; errors as `recorded_scan` and `recorded_calibration`."""
+    record = store.record(store.target(number))
+    if store.kind == "subject":  # the name of a file may be that of a person
+        numbered = enumerate(record.presses, 1)
+        record = replace(record, presses=tuple(replace(press, name=f"press {at}") for at, press in numbered))
+    return TargetScan(
+        store=store,
+        target=record.target,
+        presses=placed_presses(record),
+        stored=recorded_scan(record),
+        calibration=recorded_calibration(record),
+    )
 
 
 class OpenedScan:
@@ -57,10 +88,25 @@ class OpenedScan:
         self.uploads.mkdir()
         self.source: Path | None = None
         self.simulated = False
+        self._target: tuple[Store, int] | None = None
+
+    @property
+    def chosen(self) -> bool:
+        """Whether there is a scan to be read."""
+        return self.source is not None or self._target is not None
 
     def open(self, source: Path) -> None:
         """Choose a folder or a table of the console's computer."""
-        self.source, self.simulated = source, False
+        self.source, self.simulated, self._target = source, False, None
+
+    def open_target(self, store: Store, number: int) -> None:
+        """Choose the scan of a stored target; `InputError` when the store has none of this number."""
+        store.target(number)
+        self.source, self.simulated, self._target = None, False, (store, number)
+
+    def of_target(self) -> TargetScan | None:
+        """The scan of the chosen target; None where files are chosen."""
+        return None if self._target is None else target_scan(*self._target)
 
     def uploaded(self, file: Path) -> None:
         """Choose the folder of the uploaded files once its table of places is there, until then the newest file."""
@@ -70,7 +116,7 @@ class OpenedScan:
         """Forget the scan and the uploaded files."""
         shutil.rmtree(self.uploads, ignore_errors=True)
         self.uploads.mkdir(exist_ok=True)
-        self.source, self.simulated = None, False
+        self.source, self.simulated, self._target = None, False, None
 
     def simulate(self, seed: int) -> None:
         """Choose a scan of the virtual flat probe over three lumps."""
@@ -79,7 +125,7 @@ class OpenedScan:
         made = virtual_scan(probe, THREE_LUMPS, places, rng=np.random.default_rng(seed))
         folder = self.uploads.parent / SIMULATED
         shutil.rmtree(folder, ignore_errors=True)
-        self.source = write_folder(folder, scan_files(made, probe=probe.name))
+        self.open(write_folder(folder, scan_files(made, probe=probe.name)))
         self.simulated = True
 
     def press_at(self, place_mm: tuple[float, float]) -> None:
@@ -96,18 +142,23 @@ class OpenedScan:
             write_durably(self.source / name, files[name])
 
     def version(self) -> int:
-        """A number that changes when the scan's table does; 0 where there is none."""
-        if self.source is None:
-            return 0
+        """A number that changes when the scan's table or the target's presses do; 0 where there is none."""
         try:
+            if self._target is not None:
+                store, number = self._target
+                return store.press_count(store.target(number))
+            if self.source is None:
+                return 0
             return (self.source / POSES_FILE if self.source.is_dir() else self.source).stat().st_mtime_ns
-        except OSError:
+        except (OSError, TsisError):
             return 0
 
     def read(self, mm_per_pixel: tuple[float, float] | None, indenter: Indenter | None) -> StoredScan:
-        """The scan as it lies on the disk now; errors as of `tsis.mapping.scan_folder.read_scan`."""
+        """The scan as it lies on the disk now; errors as of `tsis.mapping.scan_folder.read_scan` and `target_scan`."""
+        if (of_target := self.of_target()) is not None:
+            return of_target.stored
         if self.source is None:
-            raise InputError("a scan must be chosen first: drop its files, or enter its folder")
+            raise InputError("a scan must be chosen first: drop its files, enter its folder, or open a target")
         return read_scan(self.source, mm_per_pixel=mm_per_pixel, indenter=indenter)
 
 
@@ -117,7 +168,7 @@ class MapQuestion:
 
     ``probe`` is a name of the catalog, empty for an indenter's travel and force; where ``tissue_known`` is false, the
     presses of an indenter tell the tissue's modulus. ``start`` is the map before the newest presses: then the answer
-    guides to the next press, within seconds.
+    guides to the next press, within seconds. The map of a target's scan is kept there too.
     """
 
     stored: StoredScan
@@ -126,16 +177,21 @@ class MapQuestion:
     prior: MapPrior
     tissue_known: bool = True
     start: LumpMap | None = None
+    of_target: TargetScan | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MapResult:
-    """A map, its page with drawn pictures, and the name of its folder in the workspace; a guide is not kept."""
+    """A map, its page with drawn pictures, and the name of its folder in the workspace; a guide is not kept.
+
+    ``target`` is the number of the target that keeps it; None where none does.
+    """
 
     found: LumpMap
     page: Page
     pictures: tuple[str, ...]
     name: str
+    target: int | None = None
 
 
 def map_of(
@@ -156,6 +212,8 @@ def map_of(
             progress=lambda done, total: job.advance(done, total + (total // DRAWN or 1)),
             start=question.start,
             steps=STEPS if question.start is None else GUIDE_STEPS,
+            voxel_mm=VOXEL_MM,
+            seed=SEED,
         )
         if question.start is not None:
             page = guide_page(found, title="Next place", subtitle=f"after {len(scan.presses)} presses")
@@ -167,10 +225,33 @@ def map_of(
         if job.ending:
             raise JobCancelled
         name = maps.keep(scan.name or "scan", files)
-        job.say(f"Kept as map {name}." if found.trusted else f"Withheld: a check failed. Kept as map {name}.")
-        return MapResult(found=found, page=report.page, pictures=draw(report.page), name=name)
+        target = _kept(question, found, prior, name)
+        kept = f"Kept as map {name}{'' if target is None else f' and in target {target}'}."
+        job.say(kept if found.trusted else f"Withheld: a check failed. {kept}")
+        return MapResult(found=found, page=report.page, pictures=draw(report.page), name=name, target=target)
 
     return work
+
+
+def _kept(question: MapQuestion, found: LumpMap, prior: MapPrior, name: str) -> int | None:
+    """Keep the map of a target's scan as its result, as the command does; the number of the target."""
+    scan, usable = question.of_target, question.calibration
+    if scan is None or usable is None:
+        return None
+    settings = {"voxel_mm": VOXEL_MM, "seed": SEED, "steps": STEPS, "left_out": scan.stored.scan.left_out}
+    try:
+        enter_map(
+            scan.store,
+            scan.target,
+            found,
+            presses=scan.presses,
+            probe=question.probe,
+            calibration=usable.calibration,
+            options={"prior": asdict(prior), **settings},
+        )
+    except TsisError as error:
+        raise RecordsError(f"the map is kept as map {name}, but not in target {scan.target.number}: {error}") from error
+    return scan.target.number
 
 
 class MapRepository:
