@@ -9,7 +9,10 @@ import pytest
 import tsis
 from tsis.errors import InputError
 from tsis.mechanics import press
-from tsis.mechanics.lump_kernel import LumpKernel, eshelby_factor, lump_kernel
+from tsis.mechanics.finite_strain.neo_hookean_press import PressSeries
+from tsis.mechanics.lump_kernel import LumpKernel, eshelby_factor, finite_strain_kernel, lump_kernel
+from tsis.mechanics.surrogate.correction_building import build_finite_correction
+from tsis.mechanics.surrogate.finite_correction import wide_box
 from tsis.mechanics.tissue_field import FieldMesh, TissueFieldResponse
 from tsis.model.probe import Layer, Probe
 
@@ -59,6 +62,31 @@ def test_a_kernel_made_anew_is_near_exact_presses(
     exact = exact_change(8.0, 5.0, contrast, kernel.radius_mm, plain=plain)[:INNER]
     found = kernel.response(distance_mm=0.0, centre_mm=9.0, diameter_mm=8.0, contrast=contrast)
     assert np.abs(found[0, :INNER] - exact).max() < error * np.abs(exact).max()
+
+
+def test_at_finite_strain_the_kernel_is_near_exact_presses(
+    kernel: LumpKernel, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Between the forces and spheres that it is fitted to, here eight; a light press feels the rounded rim alone."""
+    monkeypatch.setenv("TSIS_CACHE_DIR", str(tmp_path))
+    for name, values in (("DIAMETERS", (6.0, 8.0)), ("TOPS", (5.0, 8.0)), ("CONTRASTS", (4.0, 10.0))):
+        monkeypatch.setattr(f"tsis.mechanics.lump_kernel.EXACT_{name}", values)
+    finite = finite_strain_kernel(kernel, PROBE, build_finite_correction(PROBE, ranges=wide_box(PROBE)), young_kpa=5.0)
+    lump = tsis.Inclusion(diameter_mm=7.0, depth_mm=6.5, young_kpa=30.0)
+    series = PressSeries(PROBE)
+    after, before = (series.press(one, force_n=0.7) for one in (replace(PLAIN, inclusion=lump), PLAIN))
+    exact = np.interp(kernel.radius_mm, before.radius_mm, after.pressure_kpa - before.pressure_kpa)[:INNER]
+
+    def found(force_n: float) -> np.ndarray:
+        change = finite.response(distance_mm=0.0, centre_mm=10.0, diameter_mm=7.0, contrast=6.0, force_n=force_n)
+        return np.asarray(change[0, :INNER])
+
+    bare = replace(kernel, correction=np.zeros_like(finite.correction), force_n=finite.force_n)
+    linear = bare.response(distance_mm=0.0, centre_mm=10.0, diameter_mm=7.0, contrast=6.0)[0, :INNER]
+    assert np.abs(found(0.7) - exact).max() < 0.03 * exact.max()
+    assert np.abs(0.7 * linear - exact).max() > 0.08 * exact.max()
+    assert found(0.02) / 0.02 == pytest.approx(found(0.05) / 0.05)
+    assert np.abs(found(0.02) / 0.02 - linear).max() < 0.1 * linear.max()
 
 
 @pytest.mark.parametrize("contrast", [0.5, 3.0, 30.0])

@@ -83,6 +83,9 @@ def map_lumps(
         float | None, typer.Option(help="Relative standard deviation of that modulus.", show_default="0.1")
     ] = None,
     thickness_mm: Annotated[float, typer.Option(help="Thickness of the tissue on its support.")] = 30.0,
+    strain: Annotated[
+        str, typer.Option(help="Mechanics of the model: small, or finite, which corrects deep presses of a probe.")
+    ] = "small",
     voxel_mm: Annotated[float, typer.Option(help="Width of the map's voxels.", min=0.5, max=10.0)] = 2.0,
     steps: Annotated[int, typer.Option(help="Steps of the sampler.", min=1000, max=10_000_000)] = 20_000,
     seed: Annotated[int, typer.Option(help="Seed of the sampler.", min=0, max=LARGEST_SEED)] = 0,
@@ -132,6 +135,7 @@ def map_lumps(
             probe=chosen,
             calibration=response,
             prior=prior,
+            strain=strain,
             voxel_mm=voxel_mm,
             seed=seed,
             steps=steps,

@@ -287,11 +287,12 @@ def next_places(
     single = seen.field.covariance(kind.length_mm, np.zeros((1, 2)), np.zeros(1), force[:1], np.zeros(1))
     noise = sd**2 * single + np.diag(seen.white.mean(axis=0) + (0.01 * seen.scale_kpa) ** 2)
     harmonic = np.array([output[0] for output in seen.table.shapes.outputs])
+    shared = shared_signal_errors(harmonic, sd, float(np.median(seen.strain_error)))
     gains = np.empty(len(grid))
     for number in range(len(grid)):
         mean = signals[:, number].mean(axis=0)
         change = signals[:, number] - mean
-        by_harmonic = shared_signal_errors(harmonic, sd) * mean * (harmonic == np.unique(harmonic)[:, None])
+        by_harmonic = shared * mean * (harmonic == np.unique(harmonic)[:, None])
         errs = np.diag(own_signal_variance(mean, sd))
         inverse = np.linalg.inv(np.linalg.cholesky(noise + errs + by_harmonic.T @ by_harmonic))
         spread = change.T @ change / len(change)

@@ -143,7 +143,10 @@ def estimate_map(
     prior
         Tissue and lumps; `MapPrior` by default, for an indenter with the modulus of its median press.
     strain
-        ``"small"``, the default; ``"finite"`` is refused as long as the kernel is of small strain.
+        Mechanics of the model: ``"small"``, the default, or ``"finite"``, which corrects the press without lump, and
+        the lumps' signals as those of lumps on the axis, from the tables of finite strain. A probe that is not in the
+        catalog waits for its table, some ten minutes once. Refused for pairs of travel and force, and for forces and
+        priors that the table does not hold.
     voxel_mm
         Width of the map's voxels, in [0.5, 20].
     seed
@@ -179,17 +182,21 @@ def estimate_map(
     require_number("voxel_mm", voxel_mm, 0.5, 20.0, hint="millimetres")
     require_integer("steps", steps, 500, 10**7)
     require_integer("seed", seed, 0, 2**63 - 1)
-    if strain is not None and require_one_of("strain", strain, STRAINS) == "finite":
-        raise InputError(
-            name="strain", requirement="must be 'small' for a map", value="'finite'", cure="press at a smaller force"
-        )
+    strain = require_one_of("strain", strain or STRAINS[0], STRAINS)
     if scan.kind == "travel_force":
+        if strain == "finite":
+            raise InputError(
+                name="strain",
+                requirement="must be 'small' for pairs of travel and force",
+                value="'finite'",
+                cure="leave strain away, and press less deep",
+            )
         observation = observe_stiffness(scan, prior)
     else:
         if probe is None:
             raise InputError("probe must be given for frames and pressures; got None")
         require_type("probe", probe, Probe)
-        observation = observe(scan, probe, calibration, prior)
+        observation = observe(scan, probe, calibration, prior, strain=strain)
     areas = block_areas(observation.places_mm)
     whole = Region.of(observation, prior, expected=prior.lumps_per_scan)
     voxels = Voxels.of(whole.low[:2], whole.high[:2], prior.thickness_mm, voxel_mm)
@@ -202,11 +209,11 @@ def estimate_map(
         if progress is not None:
             progress(done, total)
 
-    stored = _Resumed(resume, _key(scan, probe, calibration, prior, voxel_mm, seed, steps, start is not None))
+    stored = _Resumed(resume, _key(scan, probe, calibration, prior, strain, voxel_mm, seed, steps, start is not None))
     blocks = []
     for number, (low, high) in enumerate(areas):
         blocks.append(_block(observation, prior, whole, voxels, low, high, stored, number, seed, steps, start, report))
-    result = _map(scan, observation, blocks, prior, voxels, seed, guides=start is not None)
+    result = _map(scan, observation, blocks, prior, voxels, seed, strain=strain, guides=start is not None)
     if progress is not None:
         progress(total, total)
     return result
@@ -448,6 +455,7 @@ def _key(
     probe: Probe | None,
     calibration: Calibration | None,
     prior: MapPrior,
+    strain: str,
     voxel_mm: float,
     seed: int,
     steps: int,
@@ -465,7 +473,7 @@ def _key(
             "probe": None if probe is None else asdict(probe),
             "calibration": None if calibration is None else calibration.provenance(),
             "prior": asdict(prior),
-            "run": [voxel_mm, seed, steps, guides],
+            "run": [strain, voxel_mm, seed, steps, guides],
         }
     )
 
@@ -486,6 +494,7 @@ def _map(
     voxels: Voxels,
     seed: int,
     *,
+    strain: str,
     guides: bool,
 ) -> LumpMap:
     rng = np.random.default_rng([seed, 10**6])
@@ -560,6 +569,7 @@ def _map(
             "blocks": len(blocks),
             "prior": asdict(prior),
             "seed": seed,
+            "strain": strain,
             "started_from_earlier_map": guides,
         },
     )

@@ -18,9 +18,12 @@ from tsis.inclusion.posterior.rings import ring_means
 from tsis.mapping.scan import LEAST_FORCE_N, first_few
 from tsis.mapping.signals import DIAMETERS_MM, LEAST_KPA, SHAPES, SignalTable
 from tsis.mapping.uneven_field import FieldResponses
-from tsis.mechanics.lump_kernel import lump_kernel
+from tsis.mechanics.lump_kernel import finite_strain_kernel, lump_kernel
 from tsis.mechanics.mesh import mechanical_content
+from tsis.mechanics.surrogate.correction_building import build_finite_correction
+from tsis.mechanics.surrogate.finite_correction import tissue_box, wide_box
 from tsis.mechanics.tissue_field import FieldMesh, TissueFieldResponse
+from tsis.model.press import MN_PER_N
 from tsis.optics.angles import ERF_SLOPE
 
 if TYPE_CHECKING:
@@ -28,6 +31,7 @@ if TYPE_CHECKING:
     from tsis.mapping.prior import MapPrior
     from tsis.mapping.scan import Scan, ScanPress
     from tsis.mapping.signals import Floats
+    from tsis.mechanics.surrogate.finite_correction import CorrectionBox, FiniteCorrection
     from tsis.model.calibration import Calibration
     from tsis.model.probe import Probe
 
@@ -43,6 +47,11 @@ LEAST_PLACE_SD_MM = 0.03
 LEAST_READ_FORCE_N = 0.01  # a press of unknown force whose pressures amount to less has no contact
 NO_CONTACT = 0.1  # of the stated force, to which the pressures amount where the probe did not touch
 WRONG_UNIT = 4.0  # a ratio of pressures and force that no tissue has: the next unit is a factor of 7 or more away
+FINITE_POISSON = 0.49  # of the tables of finite strain
+# Of a lump's signal, for each unit of force over modulus times radius squared: what the correction by finite strain,
+# which is that of lumps on the axis, leaves of presses beside a lump in three dimensions
+FINITE_ERROR = 0.15
+ITERATIONS = 6  # of the force that pressures amount to
 LEAST_SPAN = 0.5  # of the face's radius: places nearer together than that are in another unit
 
 
@@ -77,6 +86,8 @@ class Observation:
         A sentence for each press that is not used.
     scale_kpa
         Mean pressure of a press.
+    strain_error
+        Of a lump's signal in each press, alike in all: what the correction by finite strain leaves; 0 at small strain.
     """
 
     table: SignalTable
@@ -94,6 +105,7 @@ class Observation:
     index: Integers
     left_out: tuple[str, ...]
     scale_kpa: float
+    strain_error: Floats
 
     @property
     def noise(self) -> Floats:
@@ -111,17 +123,50 @@ class EvenSlab:
     bare: Floats  # ring means of the press, (parts, rings)
     by_thickness: Floats  # derivative by the logarithm of the thickness, (parts, rings)
     tilt: Floats  # harmonic 1 per radian, (rings,)
+    finite: FiniteCorrection | None  # of the ring means without lump; None at small strain
+    tissue: tuple[float, float]  # modulus in kPa, thickness in mm
+
+    def even(self, force_n: float, *, stiffer: float = 0.0, thicker: float = 0.0) -> Floats:
+        """Ring means of a press; the logarithms of modulus and thickness change those at finite strain alone."""
+        return np.asarray(force_n * self.bare[0] + self.bare[1] + self._added(force_n, stiffer, thicker))
+
+    def _added(self, force_n: float, stiffer: float = 0.0, thicker: float = 0.0) -> Floats:
+        """What finite strain adds to the ring means."""
+        if self.finite is None:
+            return np.zeros_like(self.bare[0])
+        young, thickness = self.tissue[0] * np.exp(stiffer), self.tissue[1] * np.exp(thicker)
+        return np.asarray(self.finite.without_inclusion(np.array([[young, thickness, force_n]]))[0])
 
     def force_n(self, round_kpa: Floats) -> float:
         """Force to which ring means of the pressure amount, in newtons."""
-        weight = np.arange(len(round_kpa)) + 0.5
-        return float((weight * (round_kpa - self.bare[1])).sum() / (weight * self.bare[0]).sum())
+        weight, force = np.arange(len(round_kpa)) + 0.5, 0.0
+        for _ in range(1 if self.finite is None else ITERATIONS):
+            rest = round_kpa - self.bare[1] - (self._added(force) if force > 0 else 0.0)
+            force = float((weight * rest).sum() / (weight * self.bare[0]).sum())
+        return force
 
 
 @lru_cache(maxsize=4)
-def _slab(probe: Probe, young_kpa: float, thickness_mm: float, poisson: float, rings: int, harmonics: int) -> EvenSlab:
+def _slab(
+    probe: Probe,
+    young_kpa: float,
+    thickness_mm: float,
+    poisson: float,
+    rings: int,
+    harmonics: int,
+    ranges: CorrectionBox | None,
+) -> EvenSlab:
+    """``ranges`` are those of the correction by finite strain; None at small strain."""
     kernel = lump_kernel(probe, young_kpa=young_kpa, thickness_mm=thickness_mm, poisson=poisson)
-    rows = ring_means(kernel.radius_mm, np.linspace(0.0, OUTER_FRACTION * probe.radius_mm, rings + 1))
+    edges = np.linspace(0.0, OUTER_FRACTION * probe.radius_mm, rings + 1)
+    finite = None
+    if ranges is not None:
+        correction = build_finite_correction(probe, ranges=ranges)
+        kernel = finite_strain_kernel(kernel, probe, correction, young_kpa=young_kpa)
+        means = ring_means(correction.radius_mm, edges)
+        to_rings = np.hstack([means, np.zeros_like(means)])  # of the pressures, not of the displacements
+        finite = correction.mapped(to_rings, to_rings)
+    rows = ring_means(kernel.radius_mm, edges)
     key = content_key(
         {
             "version": TABLE_VERSION,
@@ -147,18 +192,60 @@ def _slab(probe: Probe, young_kpa: float, thickness_mm: float, poisson: float, r
         bare=bare,
         by_thickness=by_thickness,
         tilt=rows @ slab.tilt()[0],
+        finite=finite,
+        tissue=(young_kpa, thickness_mm),
     )
 
 
-def observe(scan: Scan, probe: Probe, calibration: Calibration | None, prior: MapPrior) -> Observation:
+def finite_ranges(probe: Probe, prior: MapPrior) -> CorrectionBox:
+    """Ranges of the table of finite strain that covers a prior, that of the larger forces first."""
+    tables = (tissue_box(probe), wide_box(probe))
+    for ranges in tables:
+        pairs = (
+            (ranges.diameter_mm, prior.diameter_mm),
+            (ranges.depth_mm, prior.depth_mm),
+            (ranges.contrast, prior.contrast),
+            (ranges.tissue_young_kpa, (prior.tissue_young_kpa,) * 2),
+            (ranges.thickness_mm, (prior.thickness_mm,) * 2),
+        )
+        if prior.poisson == FINITE_POISSON and all(own[0] <= low and high <= own[1] for own, (low, high) in pairs):
+            return ranges
+    wide = tables[-1]
+    raise InputError(
+        f"prior must lie within diameter_mm {wide.diameter_mm}, depth_mm {wide.depth_mm}, contrast {wide.contrast}, "
+        f"tissue_young_kpa {wide.tissue_young_kpa}, thickness_mm {wide.thickness_mm} and poisson {FINITE_POISSON} for "
+        f"strain 'finite'; got {prior}: narrow the prior, or press lightly and map at strain 'small'"
+    )
+
+
+def _require_forces(presses: list[ScanPress], forces: list[float], slab: EvenSlab) -> None:
+    """`InputError` for a force outside the table of finite strain."""
+    if slab.finite is None:
+        return
+    least, most = slab.finite.forces_n(*slab.tissue)
+    for press, force in zip(presses, forces, strict=True):
+        if not least <= force <= most:
+            raise InputError(
+                f"force_n must lie between {np.ceil(100 * least) / 100:g} and {np.floor(100 * most) / 100:g} N for "
+                f"strain 'finite' on tissue of {slab.tissue[0]:g} kPa; got {force:.3g} N for "
+                f"{press.name or press.place_mm!r}: press at a force in between, or, on tissue of 3 to 8.4 kPa, give a "
+                "prior of lumps of 1 to 15 mm, 4 to 12 mm deep and at most 22 times as stiff, whose table reaches "
+                "farther"
+            )
+
+
+def observe(
+    scan: Scan, probe: Probe, calibration: Calibration | None, prior: MapPrior, *, strain: str = "small"
+) -> Observation:
     """Numbers of the presses of a probe; presses that cannot be used are named."""
+    ranges = finite_ranges(probe, prior) if strain == "finite" else None
     if scan.kind == "frame":
         if calibration is None:
             raise NotCalibratedError("calibration must be given for frames: their grey levels are no pressures without")
         check_calibration(calibration, probe)
     used, left_out = _usable(scan)
     harmonics, rings, sectors = _resolution(scan, used)
-    slab = _slab(probe, prior.tissue_young_kpa, prior.thickness_mm, prior.poisson, rings, harmonics)
+    slab = _slab(probe, prior.tissue_young_kpa, prior.thickness_mm, prior.poisson, rings, harmonics, ranges)
     shapes = slab.table.shapes
     read = {index: _harmonics(scan.presses[index], probe, calibration, harmonics, sectors) for index in used}
     forces_read = {index: slab.force_n(measured[0].real) for index, (measured, _) in read.items()}
@@ -171,12 +258,13 @@ def observe(scan: Scan, probe: Probe, calibration: Calibration | None, prior: Ma
         measured, variance = read[index]
         force, sd = _force(press, calibration, forces_read[index])
         expected = np.zeros_like(measured)
-        expected[0] = force * slab.bare[0] + slab.bare[1]
+        expected[0] = slab.even(force)
         level = REPEATABILITY * float(np.abs(expected[0]).mean())
         values.append(shapes.reduced(measured - expected))
         blocks.append(shapes.noise(variance + level**2))
         forces.append(force)
         force_sds.append(sd)
+    _require_forces(presses, forces, slab)
     pushes: Floats = np.array(forces)
     shared, own = _nuisances(slab, pushes, np.array(force_sds), calibration, prior, rings)
     return Observation(
@@ -194,8 +282,14 @@ def observe(scan: Scan, probe: Probe, calibration: Calibration | None, prior: Ma
         radius_mm=probe.radius_mm,
         index=np.array(used),
         left_out=tuple(left_out),
-        scale_kpa=float(np.abs(pushes.mean() * slab.bare[0] + slab.bare[1]).mean()),
+        scale_kpa=float(np.abs(slab.even(float(pushes.mean()))).mean()),
+        strain_error=_strain_error(pushes, probe, prior) * (strain == "finite"),
     )
+
+
+def _strain_error(force_n: Floats, probe: Probe, prior: MapPrior) -> Floats:
+    unit_n = prior.tissue_young_kpa * probe.radius_mm**2 / MN_PER_N
+    return FINITE_ERROR * force_n / unit_n
 
 
 def _usable(scan: Scan) -> tuple[list[int], list[str]]:
@@ -348,7 +442,8 @@ def _nuisances(
         result[order] = round_part * (1j if side else 1.0)
         return shapes.reduced(result)
 
-    each = [numbers(push * slab.bare[0] + slab.bare[1]) for push in force]
+    even = [slab.even(push) for push in force]
+    each = [numbers(rings_of) for rings_of in even]
     stiffer = slab.field.uniform()
     gain_sd = GAIN_SD if calibration is None else calibration.gain_sd
     offset_sd = OFFSET_SD if calibration is None else calibration.offset_sd
@@ -356,17 +451,20 @@ def _nuisances(
     pattern = [] if calibration is None else _pattern(calibration, rings)
     shared, single = [], []
     for press, push in enumerate(force):
+        by_modulus, by_height = (
+            numbers((slab.even(push, **{name: STEP}) - even[press]) / STEP) for name in ("stiffer", "thicker")
+        )  # of what finite strain adds
         shared.append(
             [
                 gain_sd * each[press],
-                prior.tissue_young_sd * push * stiffer,
-                prior.thickness_sd * push * by_thickness,
-                *(numbers(one * (push * slab.bare[0] + slab.bare[1])) for one in pattern),
+                prior.tissue_young_sd * (push * stiffer + by_modulus),
+                prior.thickness_sd * (push * by_thickness + by_height),
+                *(numbers(one * even[press]) for one in pattern),
             ]
         )
-        mean = float((push * slab.bare[0] + slab.bare[1]).mean())
+        mean = float(even[press].mean())
         parts = [
-            numbers(force_sd[press] * push * slab.bare[0]),
+            numbers(force_sd[press] * (slab.even(push * (1 + STEP)) - even[press]) / STEP),
             numbers(np.full(rings, offset_sd * mean)),
         ]
         if len(shapes.basis) > 1:

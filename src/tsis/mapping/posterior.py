@@ -230,7 +230,8 @@ class BlockLikelihood:
             far = np.hypot(*(seen.places_mm - lump[:2]).T) / seen.radius_mm
             for slope in (np.ones(len(far)), np.clip(far - 1.0, -1.0, 1.0)):
                 columns = np.stack([alone * slope[:, None] * (harmonic == one) for one in np.unique(harmonic)])
-                flat = columns.reshape(len(columns), -1) * shared_signal_errors(np.unique(harmonic), sd)[:, None]
+                size = shared_signal_errors(np.unique(harmonic), sd, seen.strain_error)
+                flat = (columns * size[:, :, None]).reshape(len(columns), -1)
                 noise += flat.T @ flat
         self.kinds = self._turned(noise, kept)
 
@@ -276,9 +277,13 @@ def own_signal_variance(signals: Floats, sd: float) -> Floats:
     return np.asarray(each**2 * (signals**2 + (signals**2).mean(axis=-1, keepdims=True) / 4))
 
 
-def shared_signal_errors(harmonics: Floats, sd: float) -> Floats:
-    """Errors of each harmonic of one lump's signal, relative to it, that all presses share, in a field of this sd."""
-    return np.asarray(np.hypot(SHARED_ERROR, UNEVEN_ERROR * sd) * (1 + harmonics / 2))
+def shared_signal_errors(harmonics: Floats, sd: float, strain_error: Floats | float = 0.0) -> Floats:
+    """Errors of each harmonic of one lump's signal, relative to it, that all presses share, in a field of this sd.
+
+    With the ``strain_error`` of each press the shape is (harmonics, presses).
+    """
+    shared = np.hypot(np.hypot(SHARED_ERROR, UNEVEN_ERROR * sd), strain_error)
+    return np.asarray(np.multiply.outer(1 + harmonics / 2, shared))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -737,7 +742,7 @@ def of_presses(observation: Observation, presses: Integers) -> Observation:
         name: getattr(observation, name)[presses]
         for name in (
             *("values", "own", "shared", "white"),
-            *("places_mm", "place_sd_mm", "angle", "force_n", "reference", "index"),
+            *("places_mm", "place_sd_mm", "angle", "force_n", "reference", "index", "strain_error"),
         )
     }
     return replace(observation, **parts)

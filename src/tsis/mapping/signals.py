@@ -163,6 +163,7 @@ class SignalTable:
             np.log(np.array(EXACT_DIAMETERS)),
             np.log(np.array(EXACT_TOPS)),
             eshelby_factor(np.array(EXACT_CONTRASTS), kernel.poisson),
+            kernel.force_n,
             np.ascontiguousarray(kernel.correction),
             2 * (4 - 5 * kernel.poisson) / (15 * (1 - kernel.poisson)),
         )
@@ -199,6 +200,7 @@ def add_signals(
     log_diameters: Floats,
     log_tops: Floats,
     factors: Floats,
+    forces: Floats,
     correction: Floats,
     eshelby: float,
 ) -> None:
@@ -209,22 +211,19 @@ def add_signals(
     a, pa = _cell(log_diameters, lump[3])
     b, pb = _cell(log_tops, np.log(top))
     c, pc = _cell(factors, factor)
-    shift, log_scale = 0.0, 0.0
+    shifts, log_scales = np.zeros(len(forces)), np.zeros(len(forces))
     for i in range(2):
         for j in range(2):
             for k in range(2):
                 weight = (pa if i else 1 - pa) * (pb if j else 1 - pb) * (pc if k else 1 - pc)
-                shift += weight * correction[0, a + i, b + j, c + k]
-                log_scale += weight * correction[1, a + i, b + j, c + k]
-    strength = np.pi / 6 * diameter**3 * factor * np.exp(log_scale)
+                for number in range(len(forces)):
+                    shifts[number] += weight * correction[0, number, a + i, b + j, c + k]
+                    log_scales[number] += weight * correction[1, number, a + i, b + j, c + k]
     parts, sizes, distances, depths, shapes = table.shape
     # the diameters of the table are evenly spaced in the logarithm from 3 to 20 mm
     at = (lump[3] - np.log(3.0)) / (np.log(20.0) - np.log(3.0)) * (sizes - 1)
     d = min(max(int(at), 0), sizes - 2)
     pd = min(max(at - d, 0.0), 1.0)
-    at = min(max((lump[2] + shift - first_depth) / step, 0.0), depths - 1.001)
-    z = int(at)
-    pz = at - z
     for press in range(len(places)):
         dx, dy = lump[0] - places[press, 0], lump[1] - places[press, 1]
         distance = np.sqrt(dx * dx + dy * dy)
@@ -233,6 +232,13 @@ def add_signals(
             continue
         r = int(at)
         pr = at - r
+        f, pf = _cell(forces, force[press])
+        shift = (1 - pf) * shifts[f] + pf * shifts[f + 1]
+        log_scale = (1 - pf) * log_scales[f] + pf * log_scales[f + 1]
+        strength = np.pi / 6 * diameter**3 * factor * np.exp(log_scale)
+        at = min(max((lump[2] + shift - first_depth) / step, 0.0), depths - 1.001)
+        z = int(at)
+        pz = at - z
         turn = np.arctan2(dy, dx) - angle[press]
         number = 0
         shape = 0

@@ -28,6 +28,7 @@ from tsis.mechanics.lump_kernel import (
     SHALLOWEST_MM,
     STEP_MM,
     LumpKernel,
+    at_any_force,
 )
 from tsis.mechanics.tissue_field import FieldMesh, FieldResponse, TissueFieldResponse
 from tsis.model.probe import Layer, Probe
@@ -172,7 +173,7 @@ def stiffness_kernel(
         depth_mm=depth,
         pressure_kpa=pressure,
         face_displacement_mm=np.zeros_like(pressure),
-        correction=np.zeros((2, len(EXACT_DIAMETERS), len(EXACT_TOPS), len(EXACT_CONTRASTS))),
+        **at_any_force(np.zeros((2, len(EXACT_DIAMETERS), len(EXACT_TOPS), len(EXACT_CONTRASTS)))),
         poisson=tissue[2],
         thickness_mm=tissue[1],
     )
@@ -432,4 +433,5 @@ def observe_stiffness(scan: Scan, prior: MapPrior) -> Observation:
         index=np.array(read.index),
         left_out=read.left_out,
         scale_kpa=1.0,
+        strain_error=np.zeros(len(presses)),
     )

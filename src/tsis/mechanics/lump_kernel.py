@@ -6,6 +6,9 @@ and depth. A sphere of contrast k counts as its mean over the sphere's volume, t
 ``(k - 1) / (1 + 0.405 (k - 1))`` at a Poisson's ratio of 0.49: the strain inside a stiff sphere is smaller than in the
 tissue. What remains for lumps that are large, or near to the skin or the support, is a small shift of the depth and a
 factor, both fitted to exact presses of spheres on the axis.
+
+At finite strain a lump comes nearer to the face, and more of the press rests on it: shift and factor depend on the
+force. They are fitted to presses on the axis at finite strain, and taken for lumps beside the axis too.
 """
 
 from __future__ import annotations
@@ -20,12 +23,16 @@ from tsis.compiled import one_blas_thread
 from tsis.files.cache import cached_arrays, content_key
 from tsis.mechanics.mesh import mechanical_content
 from tsis.mechanics.small_strain.linear_press import small_strain_press
+from tsis.mechanics.small_strain.slab import Resolution
+from tsis.mechanics.surrogate.polynomial import Box, contrast_factor, signal_scale
+from tsis.mechanics.surrogate.states import OUTPUTS, SmallStrainSlabs, full_contact_rows
 from tsis.mechanics.tissue_field import FieldMesh, TissueFieldResponse
 from tsis.model.phantom import Inclusion, Phantom
 from tsis.model.require import require_number
 
 if TYPE_CHECKING:
     from tsis.mechanics.mesh import Floats
+    from tsis.mechanics.surrogate.finite_correction import FiniteCorrection
     from tsis.model.probe import Probe
 
 
@@ -67,8 +74,11 @@ class LumpKernel:
         Change per mm**3, shape (parts, harmonics, radii, n, k), of `PARTS`: harmonic m is the factor of
         ``cos m (angle - angle of the lump)``.
     correction
-        Shift of the depth in mm and logarithm of the factor, at `EXACT_DIAMETERS`, `EXACT_TOPS` and Eshelby's factors
-        of `EXACT_CONTRASTS`, shape (2, diameters, tops, contrasts); zeros correct nothing.
+        Shift of the depth in mm and logarithm of the factor, at ``force_n``, `EXACT_DIAMETERS`, `EXACT_TOPS` and
+        Eshelby's factors of `EXACT_CONTRASTS`, shape (2, forces, diameters, tops, contrasts); zeros correct nothing.
+    force_n
+        Ascending forces of the correction in newtons, shape (forces,); beyond them it is that of the nearest. At small
+        strain it is the same at all.
     poisson, thickness_mm
         Of the slab.
     """
@@ -79,6 +89,7 @@ class LumpKernel:
     pressure_kpa: Floats
     face_displacement_mm: Floats
     correction: Floats
+    force_n: Floats
     poisson: float
     thickness_mm: float
 
@@ -120,11 +131,14 @@ class LumpKernel:
         factor = np.cos(harmonic * angle) * weight
         return _bilinear(self.distance_mm, self.depth_mm, away, below, factor)
 
-    def corrected(self, diameter_mm: Floats, centre_mm: Floats, contrast: Floats) -> tuple[Floats, Floats]:
+    def corrected(
+        self, diameter_mm: Floats, centre_mm: Floats, contrast: Floats, force_n: float = 1.0
+    ) -> tuple[Floats, Floats]:
         """Depth in the kernel and factor of its response for spheres: those that exact presses on the axis give."""
-        axes = (np.log(EXACT_DIAMETERS), np.log(EXACT_TOPS), eshelby_factor(np.array(EXACT_CONTRASTS), self.poisson))
+        factors = eshelby_factor(np.array(EXACT_CONTRASTS), self.poisson)
+        axes = (self.force_n, np.log(EXACT_DIAMETERS), np.log(EXACT_TOPS), factors)
         top = np.maximum(np.asarray(centre_mm) - np.asarray(diameter_mm) / 2, EXACT_TOPS[0])
-        place = [np.log(diameter_mm), np.log(top), eshelby_factor(contrast, self.poisson)]
+        place = [np.asarray(force_n), np.log(diameter_mm), np.log(top), eshelby_factor(contrast, self.poisson)]
         at = [np.clip(values, axis[0], axis[-1]) for values, axis in zip(place, axes, strict=True)]
         table = scipy.interpolate.RegularGridInterpolator(axes, np.moveaxis(self.correction, 0, -1))
         shift, log_factor = np.moveaxis(table(np.stack(np.broadcast_arrays(*at), axis=-1)), -1, 0)
@@ -146,7 +160,7 @@ class LumpKernel:
         require_number("distance_mm", distance_mm, 0.0, 1e4, hint="millimetres")
         require_number("centre_mm", centre_mm, diameter_mm / 2, self.thickness_mm, hint="millimetres")
         require_number("contrast", contrast, 1e-3, 1e6)
-        depth, factor = self.corrected(np.array([diameter_mm]), np.array([centre_mm]), np.array([contrast]))
+        depth, factor = self.corrected(np.array([diameter_mm]), np.array([centre_mm]), np.array([contrast]), force_n)
         offset, weight = _sphere_points(diameter_mm / 2)
         x = distance_mm + offset[:, 0]
         away, angle = np.hypot(x, offset[:, 1]), np.arctan2(offset[:, 1], x)
@@ -243,7 +257,13 @@ def lump_kernel(
 
     arrays = cached_arrays("lump-kernel", content_key(content), solve, compressed=True)  # a flat face has no shape
     values = {name: np.asarray(array, dtype=float) for name, array in arrays.items()}
-    return LumpKernel(**values, poisson=poisson, thickness_mm=thickness_mm)
+    at_all_forces = at_any_force(values.pop("correction"))
+    return LumpKernel(**values, **at_all_forces, poisson=poisson, thickness_mm=thickness_mm)
+
+
+def at_any_force(correction: Floats) -> dict[str, Floats]:
+    """Fields of a `LumpKernel` whose correction (2, diameters, tops, contrasts) is the same at all forces."""
+    return {"correction": np.stack([correction, correction], axis=1), "force_n": np.array([0.0, 1.0])}
 
 
 def _solve(
@@ -275,7 +295,7 @@ def _solve(
         "face_displacement_mm": displacement,
     }
     if corrected:
-        bare = LumpKernel(**found, correction=correction, poisson=poisson, thickness_mm=thickness_mm)
+        bare = LumpKernel(**found, **at_any_force(correction), poisson=poisson, thickness_mm=thickness_mm)
         correction = _fitted(bare, probe, Phantom(young_kpa=young_kpa, thickness_mm=thickness_mm, poisson=poisson))
     store: dict[str, Floats] = {
         name: values.astype(np.float32) if values.ndim > 1 else values for name, values in found.items()
@@ -291,7 +311,7 @@ def _fitted(kernel: LumpKernel, probe: Probe, plain: Phantom) -> Floats:
     flat = replace(probe, face_curvature_mm=None)
     area = kernel.radius_mm * (kernel.radius_mm <= INNER * probe.radius_mm)
     before = small_strain_press(flat, plain, LIGHT_N, None)
-    correction = np.zeros_like(kernel.correction)
+    correction = np.zeros_like(kernel.correction[:, 0])
     for at_diameter, diameter in enumerate(EXACT_DIAMETERS):
         table = kernel.sphere_table(np.eye(len(kernel.radius_mm)), np.array([diameter]))[0, 0, 0, :, 0]
         for at_top, top in enumerate(EXACT_TOPS):
@@ -311,9 +331,95 @@ def _fitted(kernel: LumpKernel, probe: Probe, plain: Phantom) -> Floats:
     return correction
 
 
-def _nearest(depth_mm: Floats, table: Floats, exact: Floats, area: Floats, centre_mm: float) -> tuple[float, float]:
+FORCES = 6  # of a correction at finite strain
+FARTHEST_MM = 4.0  # shift at finite strain
+
+
+def finite_strain_kernel(
+    kernel: LumpKernel, probe: Probe, correction: FiniteCorrection, *, young_kpa: float
+) -> LumpKernel:
+    """The kernel, corrected by presses of spheres on the axis at finite strain; seconds, or the stored one.
+
+    Parameters
+    ----------
+    kernel, probe, young_kpa
+        The kernel of a probe on tissue of a modulus in kPa.
+    correction
+        What finite strain adds to the probe's presses; beyond its ranges it is that of their ends.
+    """
+    content = {
+        "version": FORMAT_VERSION,
+        "correction": correction.key,
+        "tissue": [young_kpa, kernel.thickness_mm, kernel.poisson],
+        "exact": [EXACT_DIAMETERS, EXACT_TOPS, EXACT_CONTRASTS, FORCES, FARTHEST_MM],
+        "radii": kernel.radius_mm.tolist(),
+    }
+
+    def solve() -> dict[str, Floats]:
+        with one_blas_thread():
+            return _at_finite_strain(kernel, probe, correction, young_kpa)
+
+    stored = cached_arrays("finite-lump-kernel", content_key(content), solve)
+    return replace(kernel, correction=stored["correction"], force_n=stored["force_n"])
+
+
+def _at_finite_strain(
+    kernel: LumpKernel, probe: Probe, correction: FiniteCorrection, young_kpa: float
+) -> dict[str, Floats]:
+    thickness, most = kernel.thickness_mm, correction.forces_n(young_kpa, kernel.thickness_mm)[1]
+    least = most * correction.box.load[0] / float(correction.box.largest_load(np.array(young_kpa)))
+    forces = np.linspace(least, most, FORCES)
+    states = np.column_stack([np.full(FORCES, young_kpa), np.full(FORCES, thickness), forces])
+    area = kernel.radius_mm * (kernel.radius_mm <= INNER * probe.radius_mm)
+    contrasts = np.array(EXACT_CONTRASTS)
+    grid = (len(EXACT_DIAMETERS), len(EXACT_TOPS), len(EXACT_CONTRASTS))
+    result = np.zeros((2, FORCES, *grid))
+    round_part = replace(kernel, pressure_kpa=kernel.pressure_kpa[:, :1])  # of harmonic 0
+    for at_diameter, diameter in enumerate(EXACT_DIAMETERS):
+        tables = round_part.sphere_table(np.eye(len(kernel.radius_mm)), np.array([diameter]))[:, 0, 0, :, 0]
+        for at_top, top in enumerate(EXACT_TOPS):
+            if top + diameter > FITS * thickness:
+                result[:, :, at_diameter, at_top] = result[:, :, at_diameter, at_top - 1]
+                continue
+            rows = _changes(probe, (diameter, top), contrasts, young_kpa, thickness, kernel.poisson)
+            for at_contrast, contrast in enumerate(EXACT_CONTRASTS):
+                parts = rows[at_contrast, :, :OUTPUTS]
+                small = forces[:, None] * parts[0] + parts[1]
+                sphere = (np.array([diameter]), np.array([top]), np.array([contrast]))
+                finite = small + correction.change(*sphere, states, small[:, None])[:, 0]
+                volume = np.pi / 6 * diameter**3 * float(eshelby_factor(contrast, kernel.poisson))
+                for at_force, force in enumerate(forces.tolist()):
+                    exact = np.interp(kernel.radius_mm, correction.radius_mm, finite[at_force, : OUTPUTS // 2])
+                    table = volume * (force * tables[0] + tables[1])
+                    shift, scale = _nearest(kernel.depth_mm, table, exact, area, top + diameter / 2, FARTHEST_MM)
+                    result[:, at_force, at_diameter, at_top, at_contrast] = shift, np.log(scale)
+    return {"correction": result, "force_n": forces}
+
+
+def _changes(
+    probe: Probe, sphere: tuple[float, float], contrasts: Floats, young_kpa: float, thickness_mm: float, poisson: float
+) -> Floats:
+    """Change at small strain by a sphere (diameter, top) of each contrast, shape (contrasts, `PARTS`, outputs)."""
+    diameter, top = sphere
+    box = Box(
+        diameter_mm=(diameter / 2, diameter),
+        depth_mm=(top / 2, top),
+        tissue_young_kpa=(0.9 * young_kpa, 1.1 * young_kpa),
+        thickness_mm=(thickness_mm, 1.01 * thickness_mm),
+        poisson=poisson,
+    )
+    slabs = SmallStrainSlabs(probe, box, Resolution(), full_contact_rows, thickness_mm)
+    factors = contrast_factor(contrasts)
+    rows = slabs.changes(sphere, factors, [young_kpa])[:, 0] * signal_scale(*sphere, factors)[:, None]
+    unit, shape = rows[:, : OUTPUTS + 1], rows[:, OUTPUTS + 1 : 2 * (OUTPUTS + 1)]
+    return np.stack([unit, shape if shape.shape == unit.shape else np.zeros_like(unit)], axis=1)
+
+
+def _nearest(
+    depth_mm: Floats, table: Floats, exact: Floats, area: Floats, centre_mm: float, farthest_mm: float = 1.5
+) -> tuple[float, float]:
     """Shift of the depth and factor with which the kernel's profile (depths, radii) is nearest to the exact one."""
-    shifts = np.linspace(-1.5, 1.5, 121)
+    shifts = np.linspace(-farthest_mm, farthest_mm, round(80 * farthest_mm) + 1)
     profiles = scipy.interpolate.interp1d(depth_mm, table, axis=0, fill_value="extrapolate")(centre_mm + shifts)
     product, square = profiles @ (area * exact), (profiles**2) @ area
     scale = product / square

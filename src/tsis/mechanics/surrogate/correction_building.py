@@ -86,6 +86,7 @@ def build_finite_correction(
     resolution: FiniteResolution | None = None,
     progress: Progress | None = None,
     cached: bool = True,
+    ranges: CorrectionBox | None = None,
 ) -> FiniteCorrection:
     """Build what finite strain adds to the presses of a probe that cover its face, or load it from the disk cache.
 
@@ -107,6 +108,8 @@ def build_finite_correction(
         Called with (presses solved, presses in all).
     cached
         Whether to read and write the disk cache.
+    ranges
+        Those of the correction, in place of those that cover ``box``.
 
     Raises
     ------
@@ -117,7 +120,7 @@ def build_finite_correction(
     """
     require_type("probe", probe, Probe)
     seed = require_integer("seed", seed, 0, 2**31 - 1)
-    ranges, poisson = correction_box(probe, box), 0.49 if box is None else box.poisson
+    ranges, poisson = ranges or correction_box(probe, box), 0.49 if box is None else box.poisson
     usual = WIDE_SIZE if ranges == wide_box(probe) else _Size()
     size = replace(
         usual,

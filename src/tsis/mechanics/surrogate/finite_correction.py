@@ -133,11 +133,10 @@ def correction_box(probe: Probe, box: Box | None = None) -> CorrectionBox:
 
     They are those of the catalog's priors with a margin, else those of `wide_box`, else those of the box itself.
     """
-    load = FLAT_LOADS if probe.face_curvature_mm is None else DOMED_LOADS
-    of_phantoms = CorrectionBox(load=load)
+    of_phantoms = CorrectionBox(load=_loads(probe))
     if box is None or of_phantoms.holds(box):
         return of_phantoms
-    of_tissue = CorrectionBox(contrast=TISSUE_CONTRAST, tissue_young_kpa=TISSUE_KPA, load=load)
+    of_tissue = tissue_box(probe)
     if of_tissue.holds(box):
         return of_tissue
     wide = wide_box(probe)
@@ -153,6 +152,15 @@ def correction_box(probe: Probe, box: Box | None = None) -> CorrectionBox:
         thickness_mm=(0.97 * box.thickness_mm[0], 1.03 * box.thickness_mm[1]),
         load=(wide.load[0], *loads),
     )
+
+
+def _loads(probe: Probe) -> tuple[float, float, float]:
+    return FLAT_LOADS if probe.face_curvature_mm is None else DOMED_LOADS
+
+
+def tissue_box(probe: Probe) -> CorrectionBox:
+    """Lumps of usual size and depth in soft tissue, of any contrast: it reaches to larger loads than `wide_box`."""
+    return CorrectionBox(contrast=TISSUE_CONTRAST, tissue_young_kpa=TISSUE_KPA, load=_loads(probe))
 
 
 def wide_box(probe: Probe) -> CorrectionBox:
