@@ -32,7 +32,7 @@ from tests.records.stored_tray import (
 from tsis.calibration.file import calibration_sha256
 from tsis.calibration.frames import UsableCalibration
 from tsis.catalog.probes import load_probe
-from tsis.errors import FileInputError, RecordsError, UntrustedError
+from tsis.errors import FileInputError, InputError, RecordsError, UntrustedError
 from tsis.mapping import estimate_map
 from tsis.mapping.prior import MapPrior
 from tsis.mapping.scan_folder import calibrated, read_scan
@@ -391,6 +391,17 @@ def test_a_force_that_was_corrected_moves_the_map_and_is_named(scans: Store) -> 
     first, second = scans.record(target).maps
     assert (second.id, second.supersedes) == (again.after.id, first.id)
     assert verify_store(scans).sound
+
+
+def test_a_map_is_made_again_at_the_strain_that_it_was_made_with(scans: Store) -> None:
+    target = scans.target(1)
+    record = scans.record(target)
+    usable = recorded_calibration(record)
+    assert usable is not None
+    kept_as: dict[str, Any] = {"presses": placed_presses(record), "probe": PROBE, "calibration": usable.calibration}
+    scans.add_map(target, map_of(1), options={"strain": "finite"}, **kept_as)
+    with pytest.raises(InputError, match=r"force_n must lie between 0 and .* for strain 'finite'"):  # 1 N is beyond it
+        recompute(scans, target)
 
 
 def test_the_scan_of_a_kept_map_is_mapped_again_though_its_map_has_another_calibration(scans: Store) -> None:

@@ -149,7 +149,14 @@ def map_lumps(
         calibration=None if usable is None else usable.citation(),
     )
     outcome = CommandOutcome(document=report.document, page=report.page, files=report.volumes, trusted=found.trusted)
-    options = {"prior": asdict(prior), "voxel_mm": voxel_mm, "seed": seed, "steps": steps, "left_out": pressed.left_out}
+    options = {
+        "prior": asdict(prior),
+        "strain": strain,
+        "voxel_mm": voxel_mm,
+        "seed": seed,
+        "steps": steps,
+        "left_out": pressed.left_out,
+    }
     keep = partial(save_map, found=found, options=options, **kept)
     publish_and_save(outcome, out, destination, keep, as_json=as_json)
 

@@ -44,7 +44,7 @@ PRIORS: Mapping[str, type[InclusionPrior | HardnessPrior | MapPrior]] = {
 OPTIONS = {  # beside the prior
     "inclusion": ("strain",),
     "hardness": ("radius_mm", "radius_sd_mm", "reference_radius_mm", "blur_mm", "drift_sd"),
-    MAP: ("voxel_mm", "seed", "steps", "left_out"),
+    MAP: ("strain", "voxel_mm", "seed", "steps", "left_out"),
 }
 
 
