@@ -557,6 +557,19 @@ def test_bad_scans_are_refused_in_one_sentence() -> None:
         MapPrior(contrast=(1.2, 5.0))
 
 
+@pytest.mark.parametrize(
+    ("force_n", "strain", "told"), [(0.7, "small", True), (0.7, "finite", False), (0.15, "small", False)]
+)
+def test_presses_too_deep_for_small_strain_are_told(force_n: float, strain: str, told: bool) -> None:
+    even = np.repeat(force_n * observe_bare(RINGS)[:, None], SECTORS, axis=1)
+    presses = tuple(
+        ScanPress(place_mm=(x, 0.0), force_n=force_n, pressure_kpa=even, noise_kpa=0.004) for x in (-10.0, 0.0, 10.0)
+    )
+    result = estimate_map(Scan(presses=presses), probe=PROBE, strain=strain, steps=500, voxel_mm=5.0)
+    assert ("presses_deep" in result.flags) is told
+    assert any(note.startswith("At 0.7 N on tissue of 5 kPa") for note in result.notes) is told
+
+
 def test_a_press_at_finite_strain_on_even_tissue_leaves_nothing_to_explain() -> None:
     field = PressSeries(PROBE).press(tsis.Phantom(young_kpa=5.0, thickness_mm=30.0), force_n=0.7)
     edges = np.linspace(0.0, OUTER_FRACTION * PROBE.radius_mm, RINGS + 1)

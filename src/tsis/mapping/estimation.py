@@ -32,6 +32,8 @@ from tsis.mapping.answers import (
     visibility,
 )
 from tsis.mapping.flags import (
+    DEEP,
+    DEEP_CHANGE,
     LUMP_POSSIBLE,
     LUMP_SHALLOW,
     LUMPS_CLOSE,
@@ -40,6 +42,7 @@ from tsis.mapping.flags import (
     NOT_COVERED,
     POSSIBLE,
     PRESENT,
+    PRESSES_DEEP,
     PRESSES_LEFT_OUT,
     SAMPLER_NOT_SETTLED,
     SHALLOW_MM,
@@ -57,6 +60,7 @@ from tsis.mapping.signals import LUMP_COLUMNS, X, Y
 from tsis.mapping.stiffness import observe_stiffness, suited_prior
 from tsis.mapping.uneven_field import LENGTHS_MM
 from tsis.model.estimate import IMPROBABLE, Estimate, probability_bound
+from tsis.model.press import MN_PER_N
 from tsis.model.probe import Probe
 from tsis.model.require import require_integer, require_number, require_one_of, require_type
 
@@ -543,6 +547,12 @@ def _map(
         blind_diameter_mm=blind,
         next_places=tuple(gains[:PLACES]),
     )
+    if strain == "small" and scan.kind != "travel_force":
+        force_n = float(np.median(observation.force_n))
+        load = force_n * MN_PER_N / (prior.tissue_young_kpa * observation.radius_mm**2)
+        if load > DEEP:
+            young_kpa, percent = prior.tissue_young_kpa, 100 * DEEP_CHANGE * load
+            findings.append(PRESSES_DEEP.finding(force_n=force_n, young_kpa=young_kpa, percent=percent))
     findings += _findings(
         observation, blocks, states, lumps, prior, blind, voxels, sd, len(scan.presses) + len(scan.left_out)
     )

@@ -8,6 +8,7 @@ from tsis.model.flag import Flag, declared, withholding
 SHALLOW_MM, NARROW_MM = 3.0, 2.0
 # Probability from which a lump is listed: two a scan at this end would be a false lump in ten scans; and is told.
 PRESENT, POSSIBLE = 0.95, 0.5
+DEEP, DEEP_CHANGE = 0.3, 0.17  # force over modulus and squared radius; its part by which finite strain changes signals
 UNSETTLED = 0.25  # between the halves of the sampling
 
 LUMP_SHALLOW = Flag(
@@ -58,6 +59,14 @@ MAP_DOES_NOT_FIT = Flag(
     withholds=True,
     says="Lumps in uneven tissue do not explain the presses (chance below {chance}): {cure}.",
 )
+PRESSES_DEEP = Flag(
+    name="presses_deep",
+    means="presses are so deep that finite strain, which the map leaves out, changes a lump's signal by more than 5 %",
+    cure="press more lightly, or map at strain 'finite'",
+    raised=f"at small strain, median force above {DEEP:g} of the tissue's modulus times the face's squared radius",
+    says="At {force_n:.2g} N on tissue of {young_kpa:.3g} kPa finite strain changes the signal of a lump beside the "
+    "axis by some {percent:.0f} %, which a map at small strain leaves out: {cure}.",
+)
 PRESSES_LEFT_OUT = Flag(
     name="presses_left_out",
     means="presses were not used",
@@ -78,6 +87,7 @@ MAP_FLAGS = declared(
     CONTRAST_NOT_IDENTIFIED,
     NOT_COVERED,
     UNEVEN_AT_END,
+    PRESSES_DEEP,
     PRESSES_LEFT_OUT,
     SAMPLER_NOT_SETTLED,
     MAP_DOES_NOT_FIT,
