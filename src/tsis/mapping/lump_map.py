@@ -6,7 +6,7 @@ and asking for them raises; ``untrusted`` has them for those who know what they 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -240,3 +240,20 @@ class LumpMap(ContentValue):
     def next_places(self) -> tuple[NextPlace, ...]:
         """Where to press next."""
         return self.numbers.next_places
+
+
+NEVER_SEEN_MM = 0.0  # in a file, for the infinite diameters of a blind zone, which JSON lacks
+
+
+def with_finite_numbers(found: LumpMap) -> LumpMap:
+    """The map as a file holds it, without infinite numbers."""
+    blind = found.untrusted.blind_diameter_mm
+    finite = np.where(np.isinf(blind), NEVER_SEEN_MM, blind)
+    return replace(found, untrusted=replace(found.untrusted, blind_diameter_mm=finite))
+
+
+def with_infinite_numbers(found: LumpMap) -> LumpMap:
+    """The map whose `with_finite_numbers` a file holds."""
+    blind = found.untrusted.blind_diameter_mm
+    infinite = np.where(blind == NEVER_SEEN_MM, np.inf, blind)
+    return replace(found, untrusted=replace(found.untrusted, blind_diameter_mm=infinite))

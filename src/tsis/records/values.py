@@ -17,7 +17,7 @@ from tsis.errors import CalibrationError, FileInputError, InputError, RecordsErr
 from tsis.files.canonical_json import SHA256, json_bytes
 from tsis.files.json_values import from_json_value, require_bounded_arrays, to_json_value
 from tsis.files.reading import parse_object
-from tsis.mapping.lump_map import LumpMap  # noqa: TC001  # the type of a field, by which JSON is read
+from tsis.mapping.lump_map import LumpMap, with_finite_numbers, with_infinite_numbers
 from tsis.model.content import ContentValue
 from tsis.model.estimate import Estimate  # noqa: TC001  # the type of a field, by which JSON is read
 from tsis.model.image import TactileImage, require_image_numbers
@@ -392,14 +392,9 @@ def map_to_json(stored: StoredMap) -> dict[str, Any]:
     return to_json_value(stored, without=("estimate",))
 
 
-NEVER_SEEN_MM = 0.0  # in a file, for the infinite diameters of a blind zone, which JSON lacks
-
-
 def map_bytes(found: LumpMap) -> bytes:
     """The file of a map: JSON with its volumes and samples, exact to the last bit."""
-    blind = found.untrusted.blind_diameter_mm
-    finite = replace(found.untrusted, blind_diameter_mm=np.where(np.isinf(blind), NEVER_SEEN_MM, blind))
-    content = to_json_value(replace(found, untrusted=finite))
+    content = to_json_value(with_finite_numbers(found))
     require_bounded_arrays(content, "a map")
     return json_bytes(content)
 
@@ -420,9 +415,7 @@ def map_from_json(document: Any, content: bytes, where: str = "map") -> StoredMa
         stored = from_json_value(StoredMap, document | {"estimate": found}, where, complete=True)
     except CalibrationError as error:  # of a packed array
         raise FileInputError(str(error)) from error
-    numbers = stored.estimate.untrusted
-    blind = np.where(numbers.blind_diameter_mm == NEVER_SEEN_MM, np.inf, numbers.blind_diameter_mm)
-    return replace(stored, estimate=replace(stored.estimate, untrusted=replace(numbers, blind_diameter_mm=blind)))
+    return replace(stored, estimate=with_infinite_numbers(stored.estimate))
 
 
 def active_estimates(estimates: Iterable[StoredEstimate]) -> tuple[StoredEstimate, ...]:
