@@ -328,6 +328,21 @@ def test_silence_is_noticed_within_the_timeout() -> None:
     assert 1.0 <= port.now_s - since_s <= 1.05
 
 
+def test_a_machine_that_stops_in_a_wait_does_not_lose_its_gauge(monkeypatch: pytest.MonkeyPatch) -> None:
+    port = FakePort(unasked=[(0.0, b"9 N\r\n"), (0.5, b"8 N\r\n"), (60.0, b"1 N\r\n2 N\r\n")])
+    readings = port.gauge(poll=None, timeout_s=1.0).readings()
+    next(readings)
+    read = port.read
+
+    def stopped(size: int) -> bytes:
+        monkeypatch.setattr(port, "read", read)
+        port.now_s += 60.0
+        return b""
+
+    monkeypatch.setattr(port, "read", stopped)
+    assert [next(readings).force_n, next(readings).force_n] == [1.0, 2.0]
+
+
 def test_a_trickle_of_garbage_does_not_hold_the_program() -> None:
     port = FakePort(unasked=[(0.3 * k, b"\xff") for k in range(100)])
     with pytest.raises(GaugeError, match="sent bytes but no reading"):

@@ -91,7 +91,9 @@ def test_a_search_names_it_and_an_unknown_name_says_what_was_found() -> None:
             AravisCamera("Aravis-Fake-NONE").open()
 
 
-def test_modes_settings_and_a_camera_that_is_held() -> None:
+def test_modes_settings_and_a_camera_that_is_held(monkeypatch: pytest.MonkeyPatch) -> None:
+    # the fake camera is free again when this process stops for its three seconds, so the wait ends long before
+    monkeypatch.setattr("tsis.instrument.drivers.aravis.HELD_S", 0.3)
     with fake_camera("TSISC"):
         camera = AravisCamera(LOOPBACK, clock=standing_clock)
         camera.open()

@@ -15,7 +15,7 @@ from tsis.model.image import TactileImage
 from tsis.model.require import require_array, require_number, require_one_of, require_type
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Callable, Iterable, Iterator, Mapping
 
     from numpy.typing import NDArray
 
@@ -35,6 +35,34 @@ def silence_timeout_s(values: Mapping[str, float]) -> float:
     rate = values.get("frames_per_s", 0.0)
     period_s = max(1.0 / rate if rate > 0 else 0.0, values.get("exposure_ms", 0.0) / 1000.0)
     return max(SILENT_S, LATE_FRAMES * period_s)
+
+
+LONGEST_LOOK_S = 0.5
+
+
+class AwakeClock:
+    """Seconds during which a reader looked: a step of over half a second between two looks counts as half a second.
+
+    Its program, or its machine, was stopped then, and what arrived meanwhile has yet to be read. It is no silence.
+
+    Examples
+    --------
+    >>> looks = iter([10.0, 10.1, 13.1, 13.2])
+    >>> awake = AwakeClock(lambda: next(looks))
+    >>> [round(awake(), 3) for _ in range(3)]
+    [10.1, 10.6, 10.7]
+    """
+
+    def __init__(self, clock: Callable[[], float]) -> None:
+        self._clock = clock
+        self._looked_s, self._stopped_s = clock(), 0.0
+
+    def __call__(self) -> float:
+        """The time now, less that of the stops."""
+        now_s = self._clock()
+        self._stopped_s += max(0.0, now_s - self._looked_s - LONGEST_LOOK_S)
+        self._looked_s = now_s
+        return now_s - self._stopped_s
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

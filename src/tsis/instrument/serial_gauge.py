@@ -22,6 +22,7 @@ from serial.tools import list_ports
 
 from tsis.errors import GaugeError, InputError
 from tsis.files.tables import UNITS
+from tsis.instrument.camera import AwakeClock
 from tsis.instrument.gauge import LARGEST_FORCE_N, ForceReading
 from tsis.model.require import require_integer, require_number, require_type
 
@@ -467,7 +468,8 @@ class SerialGauge:
     def _next(self, serial_line: SerialLine) -> ForceReading | None:
         """The next reading within the timeout; None when the gauge was closed meanwhile."""
         serial_line.heard, self._in_a_row = False, 0
-        deadline_s = self._clock() + self._timeout_s
+        awake = AwakeClock(self._clock)
+        deadline_s = awake() + self._timeout_s
         while not serial_line.closed:
             try:
                 line = serial_line.take()
@@ -476,7 +478,7 @@ class SerialGauge:
             reading = self._reading(line) if line is not None else None
             if reading is not None:
                 return reading
-            if self._clock() >= deadline_s:
+            if awake() >= deadline_s:
                 raise self._silent(heard=serial_line.heard)
         return None
 

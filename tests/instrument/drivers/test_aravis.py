@@ -58,6 +58,12 @@ def test_a_camera_is_lost_after_a_second_of_silence_or_three_frame_times() -> No
         assert silent[-1] == f"nothing came for {limit:g} s"
 
 
+def test_a_machine_that_stops_in_a_wait_does_not_lose_its_camera() -> None:
+    looks = iter([0.0, 0.05, 0.1, 60.0, 60.05])
+    watch = Watch(lambda: next(looks))
+    assert [watch.reason(heard=False) for _ in range(3)] == [None] * 3
+
+
 def test_parts_of_frames_keep_a_camera_for_ten_seconds() -> None:
     ticks = count()
     watch = Watch(lambda: 0.5 * next(ticks))

@@ -41,3 +41,9 @@ def test_a_torn_first_frame_counts() -> None:
     count.begin(100)
     count.begin(90)  # torn frames are reported late
     assert [count.at(number) for number in (102, 103, 1, 2)] == [2, 3, 4, 5]
+
+
+def test_a_first_frame_without_its_first_packet_has_no_number() -> None:
+    count = BlockCount()
+    count.begin(0)  # as GigE Vision's drivers report it
+    assert [count.at(number) for number in (65401, 65402, 65404)] == [0, 1, 3]

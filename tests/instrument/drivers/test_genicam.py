@@ -434,6 +434,16 @@ def test_a_slow_camera_is_waited_for(running: Run) -> None:
         next(frames)
 
 
+def test_a_machine_that_stops_in_a_wait_does_not_lose_its_camera(running: Run) -> None:
+    clock = Clock()
+
+    def stop() -> None:
+        clock.now_s += 60.0
+
+    frames = running(FakeLink([whole(0), None, stop, None, whole(1)], clock=clock)).frames()
+    assert [next(frames).sequence, next(frames).sequence] == [0, 1]
+
+
 @pytest.mark.parametrize("script", [[whole(0), DriverError("Device has been removed. : X (file 'a')")], [whole(0)]])
 def test_a_removed_camera_is_lost_at_once(script: list[Any], running: Run) -> None:
     clock = Clock()

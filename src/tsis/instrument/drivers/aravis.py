@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.errors import CameraError, MissingExtraError
-from tsis.instrument.camera import SILENT_S, Frame, Mode, Setting, checked_setting, silence_timeout_s
+from tsis.instrument.camera import SILENT_S, AwakeClock, Frame, Mode, Setting, checked_setting, silence_timeout_s
 from tsis.instrument.discovery import CameraInfo, missing_message
 from tsis.instrument.drivers.frame_numbers import FULL_SCALE, BlockCount
 from tsis.model.require import require_type
@@ -576,13 +576,13 @@ class Watch:
     """Started whenever a reader begins to wait, so that the reader's own time does not count."""
 
     def __init__(self, clock: Callable[[], float]) -> None:
-        self._clock = clock
-        self._began_s = self._heard_s = clock()
+        self._awake = AwakeClock(clock)
+        self._began_s = self._heard_s = self._awake()
         self._torn = 0
 
     def reason(self, *, heard: bool, silent_s: float = SILENT_S) -> str | None:
         """Why the camera counts as lost; None if it does not. An incomplete frame counts as ``heard``."""
-        now_s = self._clock()
+        now_s = self._awake()
         if heard:
             self._heard_s, self._torn = now_s, self._torn + 1
         if now_s - self._heard_s >= silent_s:

@@ -23,8 +23,8 @@ class BlockCount:
         self._sequence = -1
 
     def begin(self, number: int) -> None:
-        """Count from this incomplete frame, unless counting has begun."""
-        if self._last is None:
+        """Count from this incomplete frame, unless counting has begun; one whose first packet is lost has number 0."""
+        if self._last is None and number > 0:
             self._last, self._sequence = number, 0
 
     def at(self, number: int | None) -> int:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
 from tsis.errors import CameraError, import_extra
-from tsis.instrument.camera import Frame, Mode, Setting, silence_timeout_s
+from tsis.instrument.camera import AwakeClock, Frame, Mode, Setting, silence_timeout_s
 from tsis.instrument.drivers.frame_numbers import FULL_SCALE, BlockCount
 from tsis.instrument.image_files import quiet_decoders
 from tsis.model.require import require_one_of
@@ -502,13 +502,16 @@ class GenICamCamera:
         if not self._running.is_set():
             raise CameraError(f"{self.name} must be started before frames are read; call start()")
         count, first_s, own_clock = BlockCount(), None, True
-        silent_since_s = self._clock()
+        awake = AwakeClock(self._clock)
+        silent_since_s = awake()
         while (link := self._link) is not None and self._running.is_set():
-            grab = self._check_connection(link, silent_since_s)
-            now_s = self._clock()
+            grab = self._look(link)
+            now_s, awake_s = self._clock(), awake()
             if grab is None:
+                if self._running.is_set() and awake_s - silent_since_s >= silence_timeout_s(self._values):
+                    raise self._loss(f"no frame came for {awake_s - silent_since_s:.1f} s")
                 continue
-            silent_since_s = now_s
+            silent_since_s = awake_s
             if grab.pixels is None:
                 if grab.number is not None:
                     count.at(grab.number)
@@ -526,7 +529,7 @@ class GenICamCamera:
                 name=f"{self.name}#{sequence}",
                 settings=self._values,
             )
-            silent_since_s = self._clock()  # a slow reader is not a silent camera
+            silent_since_s = awake()  # a slow reader is not a silent camera
 
     def stop(self) -> None:
         """End the stream and release the camera; a thread that waits in `frames` returns at once."""
@@ -544,8 +547,8 @@ class GenICamCamera:
             with _open_identities_lock:
                 _open_identities.discard(name)
 
-    def _check_connection(self, link: Link, silent_since_s: float) -> Grab | None:
-        """One attempt to get a frame; the camera counts as lost when it was removed or silent too long."""
+    def _look(self, link: Link) -> Grab | None:
+        """One attempt to get a frame; the camera counts as lost when it was removed."""
         try:
             with self._looking:
                 if self._link is not link:
@@ -556,12 +559,8 @@ class GenICamCamera:
             if not self._running.is_set():
                 return None
             raise self._loss(f"reading it failed: {reason(error)}") from error
-        if grab is None and self._running.is_set():
-            if not present:
-                raise self._loss("it was removed")
-            silent_s = self._clock() - silent_since_s
-            if silent_s >= silence_timeout_s(self._values):
-                raise self._loss(f"no frame came for {silent_s:.1f} s")
+        if not present and self._running.is_set():
+            raise self._loss("it was removed")
         return grab
 
     def _loss(self, why: str) -> CameraError:
