@@ -1,4 +1,4 @@
-"""Frames of a target from a folder, and a calibration applied to them."""
+"""Frames of a target from a folder, with the forces and roles of its tables, and a calibration applied to them."""
 
 from __future__ import annotations
 

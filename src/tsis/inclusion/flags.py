@@ -1,7 +1,8 @@
 """Flags of an inclusion estimate: each is declared once, with its sentences, threshold and cure.
 
 `Flag.finding` raises a flag with the numbers of one estimate: flags on the posterior are raised by the functions below,
-those on frames in `tsis.inclusion.checks`, that on partial contact in `tsis.inclusion.estimation`.
+those on frames in `tsis.inclusion.checks.images` and `tsis.inclusion.checks.position`, that on partial contact in
+`tsis.inclusion.estimation`, which collects all of them as the estimate's notes.
 """
 
 from __future__ import annotations

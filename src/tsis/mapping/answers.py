@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.compiled import one_blas_thread
-from tsis.mapping.flags import CONTRAST_NOT_IDENTIFIED
+from tsis.mapping.flags import CONTRAST_NOT_IDENTIFIED, LOOSE_CONTRAST
 from tsis.mapping.lump_map import Lump, NextPlace
 from tsis.mapping.posterior import own_signal_variance, shared_signal_errors
 from tsis.mapping.signals import DEPTH, LOG_CONTRAST, LOG_DIAMETER, LUMP_COLUMNS, X, Y
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 SAME_LUMP_MM = 4.5  # lumps of two states this near are the same one
 AREA_MM = 10.0
-LOOSE_CONTRAST = 4.0  # ratio of the ends of the 90 % interval from which only a bound is told
 BLIND_CONTRAST = 5.0
 SEEN = 5.75  # signal over noise that shows a lump nine times in ten: sqrt(2 * 10) + 1.28, ten being the prior's odds
 BLIND_STEP_MM = 5.0

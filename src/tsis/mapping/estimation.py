@@ -32,8 +32,11 @@ from tsis.mapping.answers import (
     visibility,
 )
 from tsis.mapping.flags import (
+    AT_END,
     DEEP,
     DEEP_CHANGE,
+    HARD_MISFIT,
+    LARGE_BLIND,
     LUMP_POSSIBLE,
     LUMP_SHALLOW,
     LUMPS_CLOSE,
@@ -44,6 +47,7 @@ from tsis.mapping.flags import (
     PRESENT,
     PRESSES_DEEP,
     PRESSES_LEFT_OUT,
+    PRIORS_END,
     SAMPLER_NOT_SETTLED,
     SHALLOW_MM,
     UNEVEN_AT_END,
@@ -84,10 +88,8 @@ RESUMED = (
     *("counts", "lumps", "sd", "length_mm", "shift_mm", "misfit", "numbers", "index"),
     *("z", "y", "x", "even", "variance", "blind_mm", "gains"),
 )  # arrays of a finished block in the file
-HARD_MISFIT = 1.35  # mean square of the whitened residual above which no model error of a few per cent explains it
 TYPICAL_LENGTH_MM = 6.0  # of the field, by which slopes are found before any lump is known
 TYPICAL_SIZE_MM, TYPICAL_TOP_MM = 8.0, 8.0  # of the lump by which the blind zone is judged
-LARGE_BLIND = 0.1  # of the area
 MOST_VOXELS = 4_000_000
 REPORTS = 38  # of progress a fit of a block, beside one in 500 steps
 LARGE_MM2 = 20_000.0  # an area that few presses may have
@@ -638,7 +640,7 @@ def _findings(
             found.append(
                 NOT_COVERED.finding(percent=100 * hidden, diameter_mm=TYPICAL_SIZE_MM, depth_mm=TYPICAL_TOP_MM)
             )
-    if np.mean(sd > 0.8 * prior.heterogeneity_sd) > 1 / 3:
+    if np.mean(sd > PRIORS_END * prior.heterogeneity_sd) > AT_END:
         found.append(UNEVEN_AT_END.finding(end=prior.heterogeneity_sd))
     if _unsettled(states):
         found.append(SAMPLER_NOT_SETTLED.finding())

@@ -1,4 +1,4 @@
-"""Flags of a map: each is declared once, with its sentence, threshold and cure."""
+"""Flags of a map: each is declared once, with sentence, threshold and cure; `tsis.mapping.estimation` raises them."""
 
 from __future__ import annotations
 
@@ -10,6 +10,10 @@ SHALLOW_MM, NARROW_MM = 3.0, 2.0
 PRESENT, POSSIBLE = 0.95, 0.5
 DEEP, DEEP_CHANGE = 0.3, 0.17  # force over modulus and squared radius; its part by which finite strain changes signals
 UNSETTLED = 0.25  # between the halves of the sampling
+LOOSE_CONTRAST = 4.0  # ratio of the ends of the 90 % interval from which only a bound is told
+LARGE_BLIND = 0.1  # of the area
+PRIORS_END, AT_END = 0.8, 1 / 3  # of the prior's largest unevenness; share of the samples above
+HARD_MISFIT = 1.35  # mean square of the whitened residual above which no model error of a few per cent explains it
 
 LUMP_SHALLOW = Flag(
     name="lump_shallow",
@@ -35,27 +39,28 @@ LUMPS_CLOSE = Flag(
 CONTRAST_NOT_IDENTIFIED = Flag(
     name="contrast_not_identified",
     means="the contrast of a lump is known only to lie above a bound",
-    raised="contrast whose 90 % interval reaches the end of the prior or spans a factor of 4",
+    raised=f"contrast whose 90 % interval reaches the end of the prior or spans a factor of {LOOSE_CONTRAST:g}",
     says="The contrast of {lump} cannot be told: it lies above {bound:.2g}.",
 )
 NOT_COVERED = Flag(
     name="not_covered",
     means="parts of the area between presses lie in the blind zone",
     cure="press at the places that the map names next",
+    raised=f"more than {100 * LARGE_BLIND:g} % of the area",
     says="{percent:.0f} % of the scanned area could hide a lump of {diameter_mm:g} mm with its top at {depth_mm:g} mm.",
 )
 UNEVEN_AT_END = Flag(
     name="uneven_at_prior_end",
     means="the tissue is as uneven as the prior allows: lumps may be unevenness and unevenness lumps",
     cure="give a prior with a larger heterogeneity_sd",
-    raised="a third of the samples in the prior's last fifth",
+    raised=f"{AT_END:.0%} of the samples above {PRIORS_END:g} of the prior's largest unevenness",
     says="The tissue is at least as uneven as the prior allows, {end:g}: {cure}.",
 )
 MAP_DOES_NOT_FIT = Flag(
     name="map_does_not_fit",
     means="no spheres in uneven tissue explain the presses",
     cure="check places, scale and calibration, and the tissue's modulus and thickness in the prior",
-    raised=f"chance of the misfit below {IMPROBABLE:g}",
+    raised=f"chance below {IMPROBABLE:g} of a misfit of noise that is {HARD_MISFIT:g} times as large as stated",
     withholds=True,
     says="Lumps in uneven tissue do not explain the presses (chance below {chance}): {cure}.",
 )

@@ -1,4 +1,4 @@
-"""Frames without an estimate: pictures, features of the contact, relative readings, comparison of two."""
+"""Pictures of frames (image, change, surface, ring profiles), and pages of frames without an estimate."""
 
 from __future__ import annotations
 
