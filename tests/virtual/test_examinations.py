@@ -7,7 +7,7 @@ import pytest
 
 import tsis
 from tsis.errors import InputError
-from tsis.inclusion import InclusionPrior
+from tsis.inclusion import InclusionPrior, load_prior
 from tsis.inclusion.prior import PARAMETERS
 from tsis.virtual.examinations import RepeatedExamination, coverage_counts, stored_coverage
 
@@ -60,8 +60,15 @@ def test_the_stored_counts_are_those_of_a_run_that_anyone_can_repeat() -> None:
 
 @pytest.mark.slow
 def test_the_stored_cases_come_out_again() -> None:
-    finite = RepeatedExamination(probe=DOMED.probe, prior=DOMED.prior, strain="finite")
-    for case in stored_coverage()["examinations"][:4]:
+    stored = stored_coverage()
+    protocol = stored["protocol"]
+    finite = RepeatedExamination(
+        probe=tsis.load_probe(protocol["probe"]),
+        prior=load_prior(protocol["prior"]),
+        forces_n=tuple(protocol["forces_n"]),
+        strain=protocol["strain"],
+    )
+    for case in stored["examinations"][:4]:
         again = finite.once(case["seed"])
         assert {key: again.get(key) for key in ("held", "trusted")} == {
             key: case.get(key) for key in ("held", "trusted")
