@@ -80,6 +80,8 @@ def test_a_map_is_kept_shown_made_again_and_carried_to_another_store(run_tsis: R
         (["map", ".", "--ball-mm", "2", "--punch-mm", "2"], "must not be given together"),
         (["map", "robot.csv", "--ball-mm", "2", "--save", "--store", "r"], "--save needs a scan of frames"),
         (["map", ".", "--probe", "mine.toml", "--save"], "needs a probe of the catalog"),
+        (["map", ".", "--store", "r"], "--store needs --save"),
+        (["map", "--target", "1", "--ball-mm", "2"], "a target has frames and scale"),
         (["simulate", "--scan", "s", "--lump", "1,2,3"], "--lump must be five numbers"),
         (["simulate", "--scan", "s", "--lump", "1,2,25,9,40"], "must be less than thickness_mm = 30"),
         (["simulate", "--scan", "s", "--place-sd-mm", "-1"], "place_sd_mm must lie in"),

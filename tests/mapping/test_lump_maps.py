@@ -373,8 +373,21 @@ def test_an_interrupted_estimate_continues_with_the_same_answer(
         assert np.array_equal(getattr(first.numbers, name), getattr(again.numbers, name)), name
     assert np.array_equal(first.place_shift_mm, again.place_shift_mm)
     assert again.next_places == first.next_places
-    with pytest.raises(InputError, match="resume"):
+    kept = dict(np.load(file))
+    for change in ({"force_sd": 0.5}, {"noise_kpa": 0.02}, {"reference": True}, {"place_sd_mm": 0.3}, {"force_n": 0.9}):
+        other = replace(scan, presses=(replace(scan.presses[0], **change), *scan.presses[1:]))
+        with pytest.raises(InputError, match="is of others"):
+            estimate_map(other, probe=PROBE, steps=600, voxel_mm=5.0, resume=file)
+    with pytest.raises(InputError, match="is of others"):
         estimate_map(scan, probe=PROBE, steps=700, voxel_mm=5.0, resume=file)
+    wrong = {"key": np.frombuffer(b"\xff\xfe", np.uint8), "even0": np.ones(3), "lumps0": kept["lumps0"] * np.nan}
+    for name, values in wrong.items():
+        np.savez(file, **{**kept, name: values})
+        with pytest.raises(InputError, match=r"resume must name a file .*: name another file"):
+            estimate_map(scan, probe=PROBE, steps=600, voxel_mm=5.0, resume=file)
+    np.savez(file, **{name: values for name, values in kept.items() if name != "gains0"})
+    with pytest.raises(InputError, match=r"resume\.npz is damaged: name another file"):
+        estimate_map(scan, probe=PROBE, steps=600, voxel_mm=5.0, resume=file)
 
 
 def test_what_no_press_can_tell_draws_none(found: LumpMap) -> None:
@@ -462,6 +475,33 @@ def test_a_press_that_hardly_enters_is_left_out_by_name_and_repeats_tell_the_sd_
     assert float(np.sqrt(observation.white.mean() / 3)) == pytest.approx(0.18, rel=0.35)  # numbers are sums of three
 
 
+def test_units_and_contacts_of_an_indenter_are_named_before_anything_is_estimated() -> None:
+    rng, indenter = np.random.default_rng(9), Indenter(shape="ball", radius_mm=3.0)
+    curves = [ball_press(3.0, 12.0, 0.3, rng) for _ in range(12)]
+
+    def scan(changed: list[Floats]) -> Scan:
+        presses = [ScanPress(place_mm=(5.0 * n, 0.0), travel_force=curve) for n, curve in enumerate(changed)]
+        return Scan(presses=tuple(presses), indenter=indenter)
+
+    with pytest.raises(InputError, match=r"the median press amounts to .*e\+03 kPa: check the units \(mm, N\)"):
+        suited_prior(scan([curve * [1.0, 400.0] for curve in curves]))
+    with pytest.raises(InputError, match=r"must hold presses with contact.* has no contact\. And 9 more"):
+        suited_prior(scan([curve * [1.0, 1e-4] for curve in curves]))
+    noise = np.column_stack([curves[0][:, 0], rng.normal(0.0, 0.05, 41)])
+    touches = read_touches(scan([noise, *curves[1:]]), MapPrior())
+    assert touches.index == tuple(range(1, 12))
+    assert touches.left_out[0].endswith("tare the force, begin above the skin.")
+
+
+@pytest.mark.parametrize("thickness_mm", [8.0, 15.0, 40.0])
+def test_the_prior_of_thin_tissue_has_lumps_that_lie_in_it(thickness_mm: float) -> None:
+    prior = suited_prior(scan_of([]), thickness_mm=thickness_mm)
+    assert prior.thickness_mm == thickness_mm
+    assert prior.depth_mm == (2.5, min(20.0, thickness_mm))
+    with pytest.raises(InputError, match=r"thickness_mm must lie in \[5, 200\]"):
+        suited_prior(scan_of([]), thickness_mm=4.0)
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -487,6 +527,7 @@ def test_a_bad_press_is_refused_in_one_sentence(change: dict[str, object], messa
         (1e3, 1.0, 1.0, "check the units"),  # Pa
         (-1.0, 1.0, 1.0, "check the units"),
         (1.0, 0.102, 1.0, "check the units"),  # kilograms
+        (1e3, None, 1.0, r"the median press amount to 1\.\d+e\+03 N: check the unit \(kPa\)"),
         (1.0, 1.0, 1e-3, "give x_mm and y_mm in millimetres"),  # metres
         (1.0, 1.0, 0.1, "give x_mm and y_mm in millimetres"),  # centimetres
         (1.0, 1.0, 50.0, "spread over"),
@@ -494,7 +535,7 @@ def test_a_bad_press_is_refused_in_one_sentence(change: dict[str, object], messa
     ],
 )
 def test_slips_of_units_are_named_before_anything_is_estimated(
-    pressure: float, force: float, place: float, message: str
+    pressure: float, force: float | None, place: float, message: str
 ) -> None:
     presses = [
         replace(
@@ -543,8 +584,8 @@ def test_bad_scans_are_refused_in_one_sentence() -> None:
         estimate_map(scan)
     with pytest.raises(InputError, match="no strain is called"):
         estimate_map(scan, probe=PROBE, strain="large")
-    with pytest.raises(InputError, match="one shape"):
-        estimate_map(Scan(presses=(press, replace(other, pressure_kpa=np.ones(8)))), probe=PROBE)
+    with pytest.raises(InputError, match=r"one shape, \(rings, sectors\), in all presses; got \(8,\) in flat and "):
+        estimate_map(Scan(presses=(press, replace(other, pressure_kpa=np.ones(8), name="flat"))), probe=PROBE)
     frames = Scan(
         presses=tuple(
             ScanPress(place_mm=(x, 0.0), frame=tsis.TactileImage(grey=np.ones((8, 8)), mm_per_pixel=(3.0, 3.0)))

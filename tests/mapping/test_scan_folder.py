@@ -14,12 +14,13 @@ from tsis.errors import TsisError
 from tsis.files.result_folder import write_folder
 from tsis.imaging.sensor import Sensor
 from tsis.mapping.scan import Indenter, Scan, ScanPress
-from tsis.mapping.scan_folder import calibrated, read_scan, scan_files
+from tsis.mapping.scan_folder import calibrated, loading_part, read_scan, scan_files
 from tsis.model.calibration import LightMap
 from tsis.model.image import TactileImage
 from tsis.virtual.probe import nominal_calibration
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
 
@@ -88,6 +89,59 @@ def test_a_robots_table_of_downward_travel_and_negative_force_gives_the_way_in(t
     np.testing.assert_allclose(np.asarray(presses[1].travel_force), np.array([[1.0, 0.0], [2.0, 0.1], [3.0, 0.5]]))
 
 
+PRESS = [(0.0, 0.0), (1.0, 0.1), (2.0, 0.4)]  # travel and force on the way in
+
+
+def written(table: Path, rows: Sequence[tuple[object, ...]], heads: str = "x_mm,y_mm,travel_mm,force_n") -> Path:
+    table.write_text("\n".join([heads, *(",".join(map(str, row)) for row in rows)]) + "\n")
+    return table
+
+
+def test_a_place_pressed_again_is_another_press(tmp_path: Path) -> None:
+    """At once after a way back, or on a second round over all places, or with the way in alone."""
+    way = [*PRESS, (1.0, 0.05), (0.0, 0.0)]
+    again = [(travel, 2 * force) for travel, force in way]
+    at_once = [(x, 0, *row) for x in (0, 5) for row in (*way, *again)]
+    rounds = [(x, 0, *row) for visit in (way, again) for x in (0, 5) for row in visit]
+    way_in = [(x, 0, travel, visit * force) for visit in (1, 2) for x in (0, 5) for travel, force in PRESS]
+    for rows in (at_once, rounds, way_in):
+        presses = read_scan(written(tmp_path / "robot.csv", rows), indenter=BALL).scan.presses
+        assert [press.name for press in presses] == ["0, 0", "0, 0 (2)", "5, 0", "5, 0 (2)"]
+        last = [np.asarray(press.travel_force)[-1].tolist() for press in presses]
+        assert last == [[2.0, 0.4], [2.0, 0.8], [2.0, 0.4], [2.0, 0.8]]
+
+
+def test_rows_sorted_by_travel_or_with_places_that_tremble_are_one_press_a_place(tmp_path: Path) -> None:
+    rng = np.random.default_rng(8)
+    by_travel = [(x, 0, *row) for row in PRESS for x in (0, 5)]
+    trembling = [(x + rng.normal(0, 0.02), rng.normal(0, 0.02), *row) for x in (0, 5) for row in PRESS]
+    between = [*trembling[:3], (2.4, 0, -3.0, 0.0), *trembling[3:]]
+    for rows, left_out in ((by_travel, ()), (trembling, ()), (between, ("Rows that are alone at their place: 1.",))):
+        scan = read_scan(written(tmp_path / "robot.csv", rows), indenter=BALL).scan
+        np.testing.assert_allclose(scan.places_mm, [[0, 0], [5, 0]], atol=0.1)
+        assert all(np.array_equal(np.asarray(press.travel_force), PRESS) for press in scan.presses)
+        assert scan.left_out == left_out
+
+
+def test_numbers_that_begin_anew_on_each_line_are_refused(tmp_path: Path) -> None:
+    heads = "press,x_mm,y_mm,travel_mm,force_n"
+    rows = [(number, 5 * number, y, *row) for y in (0, 5) for number in (1, 2) for row in PRESS]
+    with pytest.raises(TsisError, match=r"the rows of press 1 lie up to 5 mm apart: number all presses through"):
+        read_scan(written(tmp_path / "robot.csv", rows, heads), indenter=BALL)
+    unnumbered = [("", x, 0, *row) for x in (0, 0.5) for row in PRESS]
+    with pytest.raises(TsisError, match=r"column press numbers 1: number each press, or leave the column out"):
+        read_scan(written(tmp_path / "robot.csv", unnumbered, heads), indenter=BALL)
+
+
+@pytest.mark.parametrize("zero_n", [-1.0, -0.05, 0.05, 1.0])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_zero_of_a_force_is_taken_off_where_the_press_begins_above_the_tissue(zero_n: float, sign: float) -> None:
+    travel = np.linspace(0.0, 4.0, 81)
+    force = 0.05 * np.maximum(travel - 1.0, 0.0) ** 1.5
+    pairs = loading_part(travel, sign * force + zero_n)
+    np.testing.assert_allclose(pairs, np.column_stack([travel, force]), atol=1e-12)
+
+
 def test_a_stated_force_needs_no_force_line() -> None:
     """Frames do not hold the force that the table of places states."""
     response = nominal_calibration(Sensor(), LightMap.uniform())
@@ -133,11 +187,16 @@ def test_headings_of_other_programs_name_place_travel_and_force(tmp_path: Path, 
         ("file,x_mm,y_mm,kind\nb.csv,1,2,bone\nb.csv,1,3,press\n", "kind must be press or reference"),
         ("file,x_mm,y_mm,force_n\nb.csv,1,2,-1\nb.csv,1,3,1\n", "force_n must lie in"),
         ("file,x_mm,y_mm\nc.csv,1,2\nb.csv,1,3\n", "each ring from 1 on"),
+        ("file,x_mm,y_mm\nd.csv,1,2\nb.csv,1,3\n", "each ring from 1 on"),
+        ("file,x_mm,y_mm\ne.csv,1,2\nb.csv,1,3\n", "each ring from 1 on"),
+        ("file,x_mm,y_mm\nb.csv,1,2\nb.csv,1,3\n", "line 2 has the same file at another place; got 'b.csv'"),
     ],
 )
 def test_wrong_input_is_one_sentence(tmp_path: Path, poses: str | None, sentence: str) -> None:
     (tmp_path / "b.csv").write_text("ring,sector,pressure_kpa\n1,1,2\n2,1,2\n3,1,2\n")
     (tmp_path / "c.csv").write_text("ring,sector,pressure_kpa\n1,1,2\n3,1,2\n")
+    (tmp_path / "d.csv").write_text("ring,sector,pressure_kpa\n1,1,2\n2,1,2\n3,1,2\n3,1,9\n")
+    (tmp_path / "e.csv").write_text("ring,sector,pressure_kpa\n1000000000,1,2\n1,9999,2\n3.5,1,2\n")
     if poses is not None:
         (tmp_path / "poses.csv").write_text(poses)
     with pytest.raises(TsisError) as stop:

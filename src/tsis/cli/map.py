@@ -108,6 +108,10 @@ def map_lumps(
         raise InputError("a scan must be given as a folder or a table, or by --target, and not by both without --save")
     if save:
         require_no_file("--save", probe)
+    elif scan is not None:
+        chosen_destination(False, store)
+    if scan is None and (ball_mm, punch_mm, scale_mm) != (None, None, None):
+        raise InputError("--ball-mm, --punch-mm and --scale-mm are of a folder or table; a target has frames and scale")
     source, record = Path(scan or ""), None
     if scan is None:
         record, stored, usable = _of_store(target or 0, store, kind, database)

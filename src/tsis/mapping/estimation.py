@@ -35,6 +35,7 @@ from tsis.mapping.flags import (
     AT_END,
     DEEP,
     DEEP_CHANGE,
+    FINITE_LOAD,
     HARD_MISFIT,
     LARGE_BLIND,
     LUMP_POSSIBLE,
@@ -396,7 +397,7 @@ class _Resumed:
     """Finished blocks in a file, as long as it belongs to the same estimate."""
 
     def __init__(self, path: Path | None, key: str) -> None:
-        self._path, self._key = path, key
+        self._path, self._key, self._name = path, key, "" if path is None else path.name
         self._arrays: dict[str, Any] = {}
         if path is not None and not path.parent.is_dir():
             raise InputError(f"resume must name a file in a folder that exists; there is no {str(path.parent)!r}")
@@ -405,7 +406,7 @@ class _Resumed:
                 arrays = read_arrays(read_bytes(path, most=LARGEST_RESUME_BYTES))
             except FileInputError as error:
                 raise FileInputError(f"resume must name a file that an estimate wrote; {path.name}: {error}") from error
-            if "key" not in arrays or bytes(arrays["key"].tobytes()).decode() != key:
+            if "key" not in arrays or arrays["key"].tobytes() != key.encode():
                 raise InputError(
                     f"resume must name a file of the same scan, prior, voxels, seed and steps; {path.name} is of "
                     "others: name another file"
@@ -416,7 +417,24 @@ class _Resumed:
         """A finished block, or None."""
         if f"misfit{number}" not in self._arrays:
             return None
+        try:
+            return self._block(number, low, high)
+        except (KeyError, ValueError, TypeError, IndexError) as error:
+            raise FileInputError(
+                f"resume must name a file that an estimate wrote; {self._name} is damaged: name another file"
+            ) from error
+
+    def _block(self, number: int, low: Floats, high: Floats) -> Block:
         kept = {name: self._arrays[f"{name}{number}"] for name in RESUMED}
+        states, voxels = len(kept["counts"]), tuple(len(kept[axis]) for axis in "zyx")
+        shapes = {
+            "lumps": (int(kept["counts"].sum()), LUMP_COLUMNS),
+            **dict.fromkeys(("even", "variance", "blind_mm"), voxels),
+            **{name: (states, *kept[name].shape[1:]) for name in ("sd", "length_mm")},
+        }
+        finite = all(np.isfinite(values).all() for name, values in kept.items() if name != "blind_mm")
+        if not finite or any(kept[name].shape != shape for name, shape in shapes.items()):
+            raise ValueError("arrays that no estimate wrote")
         return Block(
             core_low=low,
             core_high=high,
@@ -472,10 +490,13 @@ def _key(
         for values in (press.pressure_kpa, press.travel_force, None if press.frame is None else press.frame.grey):
             if values is not None:
                 digest.update(np.ascontiguousarray(values).tobytes())
-        digest.update(repr((press.place_mm, press.place_sd_mm, press.angle_deg, press.measured_force_n)).encode())
+        frame = None if press.frame is None else (press.frame.full_scale, press.frame.mm_per_pixel, press.frame.axis_px)
+        stated = (press.place_mm, press.place_sd_mm, press.angle_deg, press.measured_force_n, press.force_sd)
+        digest.update(repr((stated, press.noise_kpa, press.reference, frame)).encode())
     return content_key(
         {
             "scan": digest.hexdigest(),
+            "indenter": None if scan.indenter is None else asdict(scan.indenter),
             "probe": None if probe is None else asdict(probe),
             "calibration": None if calibration is None else calibration.provenance(),
             "prior": asdict(prior),
@@ -554,7 +575,9 @@ def _map(
         load = force_n * MN_PER_N / (prior.tissue_young_kpa * observation.radius_mm**2)
         if load > DEEP:
             young_kpa, percent = prior.tissue_young_kpa, 100 * DEEP_CHANGE * load
-            findings.append(PRESSES_DEEP.finding(force_n=force_n, young_kpa=young_kpa, percent=percent))
+            finite_n = FINITE_LOAD * force_n / load
+            told = {"force_n": force_n, "young_kpa": young_kpa, "percent": percent, "finite_n": finite_n}
+            findings.append(PRESSES_DEEP.finding(**told))
     findings += _findings(
         observation, blocks, states, lumps, prior, blind, voxels, sd, len(scan.presses) + len(scan.left_out)
     )

@@ -9,6 +9,7 @@ SHALLOW_MM, NARROW_MM = 3.0, 2.0
 # Probability from which a lump is listed: two a scan at this end would be a false lump in ten scans; and is told.
 PRESENT, POSSIBLE = 0.95, 0.5
 DEEP, DEEP_CHANGE = 0.3, 0.17  # force over modulus and squared radius; its part by which finite strain changes signals
+FINITE_LOAD = 1.1  # force over modulus and squared radius up to which the tables of finite strain hold flat presses
 UNSETTLED = 0.25  # between the halves of the sampling
 LOOSE_CONTRAST = 4.0  # ratio of the ends of the 90 % interval from which only a bound is told
 LARGE_BLIND = 0.1  # of the area
@@ -67,10 +68,11 @@ MAP_DOES_NOT_FIT = Flag(
 PRESSES_DEEP = Flag(
     name="presses_deep",
     means="presses are so deep that finite strain, which the map leaves out, changes a lump's signal by more than 5 %",
-    cure="press more lightly, or map at strain 'finite'",
+    cure="press more lightly, or up to the force that the sentence names map at strain 'finite'",
     raised=f"at small strain, median force above {DEEP:g} of the tissue's modulus times the face's squared radius",
     says="At {force_n:.2g} N on tissue of {young_kpa:.3g} kPa finite strain changes the signal of a lump beside the "
-    "axis by some {percent:.0f} %, which a map at small strain leaves out: {cure}.",
+    "axis by some {percent:.0f} %, which a map at small strain leaves out: press more lightly; up to {finite_n:.2g} N "
+    "a map at strain 'finite' corrects most of it for lumps on the axis.",
 )
 PRESSES_LEFT_OUT = Flag(
     name="presses_left_out",

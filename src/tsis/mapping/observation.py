@@ -15,7 +15,7 @@ from tsis.inclusion.checks.sectors import RINGS, SECTORS, harmonic, harmonic_noi
 from tsis.inclusion.estimation import check_calibration
 from tsis.inclusion.frames import OUTER_FRACTION
 from tsis.inclusion.posterior.rings import ring_means
-from tsis.mapping.scan import LEAST_FORCE_N, first_few
+from tsis.mapping.scan import LARGEST_FORCE_N, LEAST_FORCE_N, first_few
 from tsis.mapping.signals import DIAMETERS_MM, LEAST_KPA, SHAPES, SignalTable
 from tsis.mapping.uneven_field import FieldResponses
 from tsis.mechanics.lump_kernel import finite_strain_kernel, lump_kernel
@@ -337,6 +337,11 @@ def _in_contact(scan: Scan, forces_read: dict[int, float]) -> tuple[list[int], l
                 f"force_n must fit the pressures; those of the median press amount to {read[middle]:.3g} N, and "
                 f"{stated[middle]:.3g} N is stated: check the units (kPa, N), the probe and its calibration"
             )
+    if float(np.median(read)) > LARGEST_FORCE_N:
+        raise InputError(
+            f"pressure_kpa must be of presses of at most {LARGEST_FORCE_N:g} N; those of the median press amount to "
+            f"{np.median(read):.3g} N: check the unit (kPa) and the probe"
+        )
     unknown = max(float(np.median(read)), LEAST_READ_FORCE_N / NO_CONTACT)
     idle = read < NO_CONTACT * np.where(known, stated, unknown)
     names = [scan.presses[index].name or f"press {index + 1}" for index in used]
@@ -368,10 +373,11 @@ def _resolution(scan: Scan, used: list[int]) -> tuple[int, int, int]:
     """Harmonics, rings and sectors of the presses, which must agree."""
     if scan.kind == "frame":
         return len(SHAPES), RINGS, SECTORS
-    shapes = {scan.presses[index].pressure_kpa.shape for index in used}  # type: ignore[union-attr]
+    shapes = {scan.presses[index].pressure_kpa.shape: scan.presses[index].name for index in used}  # type: ignore[union-attr]
     if len(shapes) > 1:
-        raise InputError(f"pressure_kpa must have one shape in all presses; got {sorted(shapes)}")
-    shape = shapes.pop()
+        got = " and ".join(f"{shape} in {name or 'a press'}" for shape, name in sorted(shapes.items()))
+        raise InputError(f"pressure_kpa must have one shape, (rings, sectors), in all presses; got {got}")
+    shape = next(iter(shapes))
     sectors = shape[1] if len(shape) == 2 else 1
     return min(len(SHAPES), (sectors - 1) // 2 + 1), shape[0], sectors
 

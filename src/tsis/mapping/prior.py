@@ -8,6 +8,7 @@ from tsis.errors import InputError
 from tsis.model.require import require_number, require_pair
 
 LEAST_CONTRAST = 2.0  # fainter lumps cannot be told from uneven tissue
+TISSUE_KPA, THICKNESS_MM = (0.05, 2000.0), (5.0, 200.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,9 +54,9 @@ class MapPrior:
 
     def __post_init__(self) -> None:
         for name, low, high, hint in (
-            ("tissue_young_kpa", 0.05, 2000.0, "kilopascals"),
+            ("tissue_young_kpa", *TISSUE_KPA, "kilopascals"),
             ("tissue_young_sd", 1e-3, 1.0, "a fraction"),
-            ("thickness_mm", 5.0, 200.0, "millimetres"),
+            ("thickness_mm", *THICKNESS_MM, "millimetres"),
             ("thickness_sd", 0.0, 0.5, "a fraction"),
             ("poisson", 0.3, 0.495, ""),
             ("heterogeneity_sd", 0.02, 0.6, ""),

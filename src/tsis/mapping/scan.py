@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 FARTHEST_MM = 2000.0  # of a place from the scan's origin
-LEAST_FORCE_N = 1e-3  # a press below it has no contact
+LEAST_FORCE_N, LARGEST_FORCE_N = 1e-3, 100.0  # a press below the first has no contact
 MEASURES = ("frame", "pressure_kpa", "travel_force")
 TOLD = 3  # presses that an error or a flag names
 
@@ -129,7 +129,7 @@ class ScanPress(ContentValue):
         require_type("reference", self.reference, bool)
         require_type("name", self.name, str)
         if self.force_n is not None:
-            require_number("force_n", self.force_n, 0.0, 100.0, hint="newtons")
+            require_number("force_n", self.force_n, 0.0, LARGEST_FORCE_N, hint="newtons")
         if self.force_sd is not None:
             require_number("force_sd", self.force_sd, 0.0, 1.0, hint="a fraction")
         given = [name for name in MEASURES if getattr(self, name) is not None]
@@ -163,7 +163,7 @@ class ScanPress(ContentValue):
         if (np.diff(pairs[:, 0]) <= 0).any():
             raise InputError("travel_force must ascend in travel; sort its rows by travel")
         require_number("travel_force", float(np.abs(pairs[:, 0]).max()), 0.0, 2000.0, hint="millimetres")
-        require_number("travel_force", float(np.abs(pairs[:, 1]).max()), 0.0, 100.0, hint="newtons")
+        require_number("travel_force", float(np.abs(pairs[:, 1]).max()), 0.0, LARGEST_FORCE_N, hint="newtons")
         object.__setattr__(self, "travel_force", pairs)
 
     @property

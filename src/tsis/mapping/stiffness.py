@@ -16,8 +16,8 @@ import scipy
 
 from tsis.errors import InputError
 from tsis.mapping.observation import LEAST_PLACE_SD_MM, Observation, require_places
-from tsis.mapping.prior import MapPrior
-from tsis.mapping.scan import LEAST_FORCE_N, Indenter
+from tsis.mapping.prior import THICKNESS_MM, TISSUE_KPA, MapPrior
+from tsis.mapping.scan import LEAST_FORCE_N, Indenter, first_few
 from tsis.mapping.signals import SignalTable
 from tsis.mapping.uneven_field import FieldResponses
 from tsis.mechanics.lump_kernel import (
@@ -32,6 +32,7 @@ from tsis.mechanics.lump_kernel import (
 )
 from tsis.mechanics.tissue_field import FieldMesh, FieldResponse, TissueFieldResponse
 from tsis.model.probe import Layer, Probe
+from tsis.model.require import require_number
 
 if TYPE_CHECKING:
     from tsis.mapping.scan import Scan
@@ -338,7 +339,10 @@ def read_touches(scan: Scan, prior: MapPrior) -> Touches:
     curves = [_thinned(np.asarray(scan.presses[index].travel_force)) for index in used]
     reaches = [float(curve[-1, 0] - (min(curve[0, 0], 0.0) if _is_short(curve) else curve[0, 0])) for curve in curves]
     if max(reaches, default=0.0) <= 0:
-        raise InputError("travel_force must reach a travel above 0 mm in every press")
+        raise InputError(
+            f"travel_force must hold presses with contact, from {LEAST_FORCE_N:g} N on, over some travel: "
+            f"{first_few(left_out) or 'none has any travel'}"
+        )
     tissue = (prior.tissue_young_kpa, prior.thickness_mm, prior.poisson)
     even = _punches(scan.indenter, float(np.ceil(11 * max(reaches))) / 10, tissue)
     zero_sd = min(FORCE_ZERO_SD_N, 0.1 * float(np.median([curve[:, 1].max() for curve in curves])))
@@ -346,10 +350,12 @@ def read_touches(scan: Scan, prior: MapPrior) -> Touches:
     ends = np.array([touch.depth_mm[-1] for touch in touches])
     sure = np.array([touch.contact_sd_mm for touch in touches]) < MOST_CONTACT_SHARE * ends
     deep = sure & (ends >= SHALLOWEST_SHARE * np.median(ends))
-    for index, touch in zip(np.array(used)[~deep], np.array(touches)[~deep], strict=True):
+    for index, touch, known in zip(np.array(used)[~deep], np.array(touches)[~deep], sure[~deep], strict=True):
+        depth, sd = f"{touch.depth_mm[-1]:.2g} mm", f"{touch.contact_sd_mm:.2g} mm"
         left_out.append(
-            f"{names[index]} enters {touch.depth_mm[-1]:.2g} mm (sd {touch.contact_sd_mm:.2g} mm), too little beside "
-            "the others."
+            f"{names[index]} enters {depth}, too little beside the others."
+            if known
+            else f"{names[index]} has no clear contact (depth {depth}, sd {sd}): tare the force, begin above the skin."
         )
     kept = np.flatnonzero(deep)
     require_places([scan.presses[used[place]].place_mm for place in kept], scan.indenter.radius_mm, left_out)
@@ -379,13 +385,24 @@ def suited_prior(
         "tissue_young_sd": tissue_young_sd,
         "thickness_mm": thickness_mm,
     }
-    prior = MapPrior(**{name: value for name, value in stated.items() if value is not None})
+    known = {name: value for name, value in stated.items() if value is not None}
+    if thickness_mm is not None:
+        require_number("thickness_mm", thickness_mm, *THICKNESS_MM, hint="millimetres")
+        top, bottom = MapPrior().depth_mm
+        known["depth_mm"] = (top, min(bottom, thickness_mm))
+    prior = MapPrior(**known)
     if tissue_young_kpa is not None or scan.kind != "travel_force":
         return prior
     read = read_touches(scan, prior)
     depths = np.array(read.depths_mm)
     last = [_levels(touch, depths, read.even)[0][-1] for touch in read.touches]
-    young = float(np.clip(prior.tissue_young_kpa * np.exp(np.median(last)), 0.05, 2000.0))
+    young = float(prior.tissue_young_kpa * np.exp(np.median(last)))
+    softest, stiffest = TISSUE_KPA
+    if not softest <= young <= stiffest:
+        raise InputError(
+            f"travel_force must be of tissue of {softest:g} to {stiffest:g} kPa; the median press amounts to "
+            f"{young:.3g} kPa: check the units (mm, N) and the zero of the force, and the radius of the indenter"
+        )
     return replace(prior, tissue_young_kpa=young, tissue_young_sd=tissue_young_sd or MEASURED_TISSUE_SD)
 
 
