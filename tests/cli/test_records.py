@@ -155,6 +155,14 @@ def test_a_damaged_store_is_exit_code_1_with_what_is_wrong(run_tsis: RunTsis, re
     assert len(result["faults"]) == 1
 
 
+def test_a_target_whose_estimates_are_damaged_is_not_said_to_have_none(run_tsis: RunTsis, records: Path) -> None:
+    for samples in (records / "files").glob("*/*.samples"):
+        samples.unlink()
+    shown = run_tsis("records", "show", "1", *STORE).out
+    assert "Left out: " in shown
+    assert "No estimate can be read." in shown
+
+
 def test_edits_change_what_people_wrote_and_count_versions(run_tsis: RunTsis, records: Path) -> None:
     assert run_tsis("records", "edit", "2", "--name", "plain", "--truth", "young_kpa=5", *STORE).code == 0
     with open_store(records) as store:

@@ -134,10 +134,10 @@ def show(
             console.print(rich_table(replace(table, title=f"Current map: {table.title}")))
         for message in page.notes:
             console.print(f"- {message}", markup=False)
-    for message in record.damaged:
+    for message in dict.fromkeys(record.damaged):
         console.print(f"- Left out: {message}", markup=False)
     if not results:
-        console.print("No estimate yet.")
+        console.print("No estimate can be read." if record.damaged else "No estimate yet.")
     for identity, calibration in record.calibrations.items():
         console.print(
             f"Calibration {calibration.name} ({identity[:12]}), good until {_until(calibration)}", markup=False

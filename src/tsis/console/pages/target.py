@@ -610,7 +610,7 @@ def history(view: TargetView) -> None:
         widgets.table(table)
     if not tables:
         widgets.panel_title("History", level=3)
-        widgets.muted("No estimate yet.")
+        widgets.muted("No estimate can be read." if view.record.damaged else "No estimate yet.")
 
 
 NEWEST = "the newest press of each role and force"
