@@ -179,7 +179,7 @@ def test_headings_of_other_programs_name_place_travel_and_force(tmp_path: Path, 
     [
         (None, "must be a folder with poses.csv"),
         ("file,x_mm\na.csv,1\n", "missing: y_mm"),
-        ("file,x_mm,y_mm\n../a.csv,1,2\nb.csv,1,3\n", "a.csv"),
+        ("file,x_mm,y_mm\n../a.csv,1,2\nb.csv,1,3\n", "poses.csv', line 2"),
         ("file,x_mm,y_mm\ngone.csv,1,2\nb.csv,1,3\n", "gone.csv"),
         ("file,x_mm,y_mm,probe\nb.csv,1,2,tsis-2011\nb.csv,1,3,tsis-domed\n", "must be of one probe"),
         ("file,x_mm,y_mm\nb.csv,nan,2\nb.csv,1,3\n", "x_mm must be a finite number"),

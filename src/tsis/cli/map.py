@@ -24,7 +24,7 @@ from tsis.cli.saving import (
     publish_and_save,
     save_map,
 )
-from tsis.errors import InputError
+from tsis.errors import InputError, TsisError
 
 if TYPE_CHECKING:
     from tsis.calibration.frames import UsableCalibration
@@ -220,4 +220,9 @@ def _probe(stored: StoredScan, given: str | None) -> Probe | None:
         if given is not None:
             raise InputError("--probe is not used with travel and force; leave it out")
         return None
-    return chosen_probe(given or stored.probe or DEFAULT_PROBE)
+    try:
+        return chosen_probe(given or stored.probe or DEFAULT_PROBE)
+    except TsisError as error:
+        if given or not stored.probe:
+            raise
+        raise InputError(f"{error} (column probe of {tsis.mapping.scan_folder.POSES_FILE})") from error

@@ -125,7 +125,10 @@ def _require_files_of_their_own(rows: Sequence[CsvRow]) -> None:
 
 
 def _press(folder: Path, row: CsvRow, name: str, mm_per_pixel: tuple[float, float] | None) -> ScanPress:
-    file = own_file(folder, row.text("file"))
+    try:
+        file = own_file(folder, row.text("file"))
+    except FileInputError as error:
+        raise FileInputError(f"{error} ({row.where})") from error
     kind = row.text("kind") or KINDS[0]
     if kind not in KINDS:
         raise row.refused("kind", " or ".join(KINDS), kind)
