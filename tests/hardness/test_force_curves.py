@@ -65,6 +65,64 @@ def test_signs_and_the_return_do_not_matter() -> None:
     assert interval(back, radius_mm=RADIUS_MM) == pytest.approx(there, rel=0.02)
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("seed", range(4))
+def test_a_record_may_begin_at_full_depth(sign: int, seed: int) -> None:
+    """A retreat listed before the way in, a deep start, or a relaxation before both: the way in tells the modulus."""
+    position, force = pressed(seed=seed)
+    there = interval(ForceCurve(position_mm=position, force_n=force), radius_mm=RADIUS_MM)
+    deeper, greater = pressed(seed=seed + 10)
+    starts = {
+        "retreat": (position[::-1], 0.9 * (force[::-1] - force[:50].mean()) + force[:50].mean()),
+        "greater": (deeper[::-1], 1.05 * (greater[::-1] - greater[:50].mean()) + greater[:50].mean()),
+        "dwell": (np.full(200, position[-1]), np.linspace(0.99, 0.8, 200) * force[-1]),
+    }
+    starts["dwell"] = tuple(np.concatenate(pair) for pair in zip(starts["dwell"], starts["retreat"], strict=True))  # type: ignore[assignment]
+    for before, pulled in starts.values():
+        curve = ForceCurve(
+            position_mm=sign * np.concatenate([before, position]), force_n=np.concatenate([pulled, force])
+        )
+        assert interval(curve, radius_mm=RADIUS_MM) == pytest.approx(there, rel=0.05)
+
+
+@pytest.mark.parametrize("order", ["newest first", "by position"])
+def test_rows_that_are_not_in_the_order_of_time_are_put_into_it(tmp_path: Path, order: str) -> None:
+    position, force = pressed()
+    way = np.concatenate([position, position[::-1]])
+    back = np.maximum(force[::-1] - 0.15 * np.ptp(force), force[0])  # the sample gives back less than it took
+    table = np.column_stack([np.arange(way.size) / 100, way, np.concatenate([force, back])])
+    rows = table[::-1] if order == "newest first" else table[np.argsort(way, kind="stable")]
+    found = []
+    for name, values in (("time.csv", table), ("other.csv", rows)):
+        np.savetxt(tmp_path / name, values, delimiter=",", header="time_s,position_mm,force_n", comments="")
+        (curve,) = read_curves(tmp_path / name)
+        found.append(interval(curve, radius_mm=RADIUS_MM))
+    assert found[0] == pytest.approx(found[1], rel=1e-6)
+    assert dict(curve.recorded or {})["order"] == "rows sorted by time"
+
+
+def test_segments_whose_time_begins_anew_stay_as_they_are(tmp_path: Path) -> None:
+    position, force = pressed()
+    time = np.concatenate([np.arange(600) / 100, np.arange(600) / 100 + 0.001])
+    table = np.column_stack([time, np.concatenate([position, position[::-1]]), np.concatenate([force, force[::-1]])])
+    np.savetxt(tmp_path / "two.csv", table, delimiter=",", header="time_s,position_mm,force_n", comments="")
+    (curve,) = read_curves(tmp_path / "two.csv")
+    np.testing.assert_array_equal(curve.force_n, table[:, 2])
+
+
+def test_a_clear_contact_of_few_points_after_a_long_wait_is_one() -> None:
+    position, force = pressed(noise=1e-3)
+    wait = np.full(6000, position[0]), np.full(6000, force[0])
+    rng = np.random.default_rng(5)
+    curve = ForceCurve(
+        position_mm=np.concatenate([wait[0], position]),
+        force_n=np.concatenate([wait[1] + 1e-3 * np.ptp(force) * rng.standard_normal(6000), force]),
+    )
+    estimate = tsis.hardness.indentation(curve, radius_mm=RADIUS_MM)
+    assert estimate.trusted
+    assert estimate.mean["young_kpa"] == pytest.approx(YOUNG_KPA, rel=0.06)
+
+
 @pytest.mark.parametrize(("indenter", "options"), [("punch", {"radius_mm": 2.0}), ("cone", {"half_angle_deg": 40.0})])
 def test_punch_and_cone_tell_the_modulus_of_sneddon(indenter: str, options: dict[str, Any]) -> None:
     position = np.linspace(-0.5, 0.3, 600)
@@ -232,6 +290,7 @@ def test_exports_are_read_by_name_and_unit(tmp_path: Path, name: str) -> None:
         (b"\x93NUMPY\x01\x00", "numpy.savetxt"),
         (b"IGOR\nWAVES/D\tForce\nBEGIN\n1\nEND\n", "Igor: save its waves as delimited text"),
         (b'{"force_n": [1, 2]}', "JSON: write a table"),
+        (b"force_n,depth_mm\nmN,um\n1,2\n2,3\n", "must have one unit; it states 'n', and the line below 'mN'"),
     ],
 )
 def test_other_files_are_refused_in_a_sentence(tmp_path: Path, content: bytes, message: str) -> None:

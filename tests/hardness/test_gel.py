@@ -249,6 +249,28 @@ def test_the_scale_counts_once(tmp_path: Path) -> None:
         as_touch_readings(row | {"scale_sd": 0.7})
 
 
+@pytest.mark.parametrize("word", [True, 1, 1.0, "yes", "TRUE", "", None, float("nan"), np.True_])
+def test_a_row_that_is_called_good_or_nothing_counts(word: object) -> None:
+    row = {"force_n": 0.2, "radius_mm": 2.0, "good": word}
+    assert len(as_touch_readings([row, row])[0]) == 2
+
+
+@pytest.mark.parametrize("word", [False, 0, 0.0, "no", "n", "F", "bad", np.False_])
+def test_a_row_that_is_called_bad_does_not_count(word: object) -> None:
+    row = {"force_n": 0.2, "radius_mm": 2.0}
+    readings, refused, _ = as_touch_readings([row, row | {"good": word}])
+    assert (len(readings), len(refused)) == (1, 1)
+
+
+def test_other_words_and_columns_that_contradict_each_other_are_refused() -> None:
+    row = {"force_n": 0.2, "radius_mm": 2.0}
+    with pytest.raises(InputError, match=r"good must be true or false, 1 or 0, yes or no; got 'nein'"):
+        as_touch_readings([row | {"good": "nein"}])
+    as_touch_readings([row | {"area_mm2": 12.6}])
+    with pytest.raises(InputError, match=r"2 mm has 12\.6 mm2, and 3\.14 mm2 is stated"):
+        as_touch_readings([row | {"area_mm2": 3.14}])
+
+
 def test_contacts_of_frames_say_which_part_of_their_sd_is_the_scale() -> None:
     sensor = replace(load_sensor("9dtact"), scale_uncertainty=0.04)
     y, x = np.mgrid[:345, :460]

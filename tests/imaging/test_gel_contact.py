@@ -136,6 +136,26 @@ def test_a_contact_that_moved_since_the_frame_before_is_refused_with_the_quality
     assert after.quality < 0.5 < alone[0].quality
 
 
+def test_presses_at_one_place_are_not_good_against_their_own_median() -> None:
+    """The median of frames holds the dent that most of them show, unless the presses lie at different places."""
+    rows, columns = MINI.reference.shape[:2]
+    change = MINI.frame.astype(int) - MINI.reference
+    x, y = (round(part) for part in MINI.centre_px)
+
+    def frame(place: tuple[int, int], share: float) -> Any:
+        moved = np.roll(share * change, (place[1] - y, place[0] - x), axis=(0, 1))
+        return np.clip(MINI.reference + moved, 0, 255).astype(np.uint8)
+
+    shares = np.linspace(0.6, 1.4, 9)
+    middle = columns // 2, rows // 2
+    alike = contacts([frame(middle, share) for share in shares], sensor=MINI.sensor)
+    assert not any(contact.good for contact in alike)
+    assert all(set(contact.reasons) & {"no reference", "no contact"} for contact in alike)
+    places = [(round(columns * (0.2 + 0.3 * (n % 3))), round(rows * (0.2 + 0.3 * (n // 3)))) for n in range(9)]
+    apart = contacts([frame(place, 1.0) for place in places], sensor=MINI.sensor)
+    assert not any("no reference" in contact.reasons for contact in apart)
+
+
 def test_a_straight_edge_through_the_frame_is_no_good_contact() -> None:
     """An ellipse explains it, and leaves the frame."""
     rows, columns = MINI.depth_mm.shape

@@ -523,7 +523,13 @@ def _factor(heading: str, below: str, name: str, where: str) -> float:
     wanted = parse_heading(name).unit
     if heading == name and not below:
         return 1.0
-    given, dimension = parse_heading(heading).unit or below, _dimension(wanted)
+    stated = parse_heading(heading).unit
+    if stated and below and _dimension(below) not in (None, _dimension(stated)):
+        raise FileInputError(
+            f"the heading {heading!r:.60} must have one unit; it states {stated!r:.20}, and the line below "
+            f"{below!r:.20} ({where})"
+        )
+    given, dimension = stated or below, _dimension(wanted)
     if dimension is None:
         if given in ("", wanted):
             return 1.0

@@ -62,10 +62,20 @@ def contact_value(row: Any, name: str) -> Any:
     return None if value is None or value == "" or (isinstance(value, float) and math.isnan(value)) else value
 
 
+GOOD = ("", "nan", "none", "true", "t", "1", "1.0", "yes", "y", "good", "ok")  # a row without a word is good
+BAD = ("false", "f", "0", "0.0", "no", "n", "bad")
+LARGEST_DIFFERENCE = 0.2  # of the area of a contact from that of its radius
+
+
 def is_good(row: Any) -> bool:
-    """Whether the row is not marked as bad."""
+    """Whether the row is not marked as bad; `InputError` for a word that says neither."""
     good = contact_value(row, "good")
-    return good is None or str(good).strip().lower() not in ("false", "0", "no")
+    word = "" if good is None else str(good).strip().lower()
+    if word in BAD:
+        return False
+    if word not in GOOD:
+        raise InputError(f"good must be true or false, 1 or 0, yes or no; got {good!r:.40}")
+    return True
 
 
 def forces_of_contacts(force: float | Sequence[float] | None, count: int) -> Sequence[float | None]:
@@ -255,6 +265,12 @@ def _reading(row: Any, name: str, force: float | None) -> TouchReading:
             except (TypeError, ValueError) as error:
                 raise InputError(f"{column} of {name} must be a number; got {value!r:.40}") from error
     area = numbers.pop("area_mm2", None)
+    radius = numbers.get("radius_mm")
+    if area is not None and radius is not None and abs(area / (math.pi * radius**2) - 1) > LARGEST_DIFFERENCE:
+        raise InputError(
+            f"radius_mm and area_mm2 of {name} must be of one contact; {radius:g} mm has {math.pi * radius**2:.3g} "
+            f"mm2, and {area:g} mm2 is stated: leave one column out (a diameter is no radius)"
+        )
     area_sd = numbers.pop("area_sd_mm2", None)
     if area is not None and "radius_mm" not in numbers:
         require_number(f"area_mm2 of {name}", area, 1e-4, 1e5, hint="square millimetres")

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 LARGEST_BYTES = 256 * 2**20
 MOST_CURVES = 10_000
+MOST_SEGMENTS, MUCH = 20, 0.05  # times that go back more often, and in this part of the rows, are not segments
 AFM_ENDINGS = (".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".h5", ".ibw", ".tab")
 DEPTHS = ("depth_mm", "displacement_mm")
 _CHIARO = re.compile(r"^(?P<name>[^\t\n]+?)\t(?P<value>[-+\d.]+)\s*$", re.MULTILINE)
@@ -179,12 +180,25 @@ def _cell(row: Any, key: str) -> float:
 def _curve(
     where: str, name: str, position: Any, force: Any, time: Any, radius_mm: float | None, recorded: dict[str, Any]
 ) -> ForceCurve:
+    order = _order(time)
+    if order is not None:
+        position, force, time = (np.asarray(values)[order] for values in (position, force, time))
+        recorded = {**recorded, "order": "rows sorted by time"}
     try:
         return ForceCurve(
             position_mm=position, force_n=force, time_s=time, name=name, radius_mm=radius_mm, recorded=recorded
         )
     except InputError as error:
         raise FileInputError(f"{where}: {error}") from error
+
+
+def _order(time: Any) -> Any:
+    """What puts rows into the order of time; None where they are, and where each of a few segments begins anew at 0."""
+    times = np.asarray([] if time is None else time, dtype=float)
+    if times.size < 2 or not np.isfinite(times).all() or len(np.unique(times)) < times.size:
+        return None
+    backward = int((np.diff(times) < 0).sum())
+    return np.argsort(times) if backward > max(MOST_SEGMENTS, MUCH * times.size) else None
 
 
 def _afm_curves(file: Path) -> Iterator[ForceCurve]:

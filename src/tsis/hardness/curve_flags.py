@@ -8,8 +8,8 @@ from tsis.model.flag import Flag, declared, withholding
 NO_CONTACT = Flag(
     name="no_contact",
     means="the force does not rise beyond noise and drift",
-    cure="press further, or check that the file holds the loading part",
-    raised="rise below 6 sd of the residuals, or fewer than 7 % of the points in contact",
+    cure="press further, or check that the file holds the loading part, and force that is positive in compression",
+    raised="rise below 6 sd of the residuals, or below 50 with fewer than 7 % of the points in contact",
     withholds=True,
     says="The force does not rise beyond noise and drift: {cure}.",
 )

@@ -58,6 +58,7 @@ BINS = 120
 DEEPEST_BALL, DEEPEST_LAYER = 0.5, 0.25  # depth over the ball's radius and over the thickness
 MODEL_SD = (np.log(0.01), np.log(0.002))  # prior median of the model's relative error, and of a foot over the peak
 DEPTH_PARTS = (0.5, 0.6, 0.7, 0.8, 0.9, 1.0)  # of the used depth, to which the model is fitted anew
+CLEAR_RISE = 50.0  # over the residual: a contact of few points, after a long approach or a wait, is one
 APPROACH = 2.5  # length of the used approach over the used depth
 FINITE = {"ball": (0.05, 0.04)}  # F falls by this times sqrt(depth / radius): neo-Hookean bodies of nu 0.45-0.49
 
@@ -278,9 +279,16 @@ class _Loading:
         width = max(1, force.size // 500)
         smooth = scipy.ndimage.uniform_filter1d(force, width, mode="nearest")
         travel = scipy.ndimage.uniform_filter1d(position, width, mode="nearest")
-        last = int(np.argmax(smooth))
-        rising = float(np.median(travel[max(last - 5 * width, 0) : last + 1])) - float(np.median(travel[: 5 * width]))
-        sign = 1.0 if rising >= 0 else -1.0
+        last, half = int(np.argmax(smooth)), float(smooth.max() + smooth.min()) / 2
+        light = np.flatnonzero(smooth < half)
+        if last < LEAST_POINTS and light.size and light[-1] > last:  # the record begins with a retreat
+            begin = int(light[light > last][0])
+            later = begin + int(np.argmax(smooth[begin:]))
+            last = later if smooth[later] > half else last
+        # The way in is that from half of the force to the peak: the record may begin at any depth.
+        before, after = light[light < last], light[light > last]
+        near = int(before[-1]) if before.size else int(after[0]) if after.size else 0
+        sign = 1.0 if travel[last] >= travel[near] else -1.0
         position = sign * position - compliance * (force - np.median(force[: max(LEAST_POINTS // 3, last // 10)]))
         # What lies behind the indenter's farthest place is an earlier retreat.
         first = int(np.argmin((sign * travel)[: last + 1]))
@@ -544,7 +552,7 @@ def _prior_samples(rng: np.random.Generator) -> Floats:
 
 def _fit_findings(depth: Floats, rise: float, residual: float, left_out: float) -> Iterator[Finding]:
     touching = int(np.sum(depth > 0))
-    if rise < 6 * residual or touching < 0.07 * len(depth):
+    if rise < 6 * residual or (touching < 0.07 * len(depth) and rise < CLEAR_RISE * residual):
         yield NO_CONTACT.finding()
     elif residual > 0.08 * rise:
         yield POOR_FIT.finding(percent=100 * residual / rise)

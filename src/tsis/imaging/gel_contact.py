@@ -26,7 +26,7 @@ from tsis.imaging.pixels import block_means
 from tsis.mechanics.gel.contact import layer_compliance
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -71,6 +71,7 @@ TEXTURED_MODEL_SD = {"rgb": 0.03, "white": 0.06}
 SOFT_EDGE_SD = 0.4
 LEAST_QUALITY, REFUSED_QUALITY = 0.5, 0.45  # of a good contact; of one with a reason against it, at most
 MOVED = 0.1  # of the radius, between frames of a sequence
+MOST_HERE = 0.34  # of the frames whose median is the reference: with a contact at one place, or with none
 LARGEST_SHIFT = 0.45  # of the markers' pitch, from the movement of the neighbours: beyond it another may be meant
 NEIGHBOURS = 1.6  # pitches
 FEWEST_MARKER_PX, MOST_MARKER = 4, 0.5  # pixels of a marker, and its size over the pitch
@@ -86,6 +87,8 @@ REASONS = {
     "several contacts": "another contact is as strong: press with one",
     "moving": "the contact moved since the frame before: hold still, or take a later frame",
     "marker pattern": "markers cover much of the contact: press deeper, or use a gel without markers",
+    "no reference": "too many frames are pressed here, or show nothing, for their median to be that of the untouched "
+    "sensor: give a frame of it as reference",
     "uncertain": "the radius is not known within 15 %: press deeper, or reduce noise",
 }
 
@@ -683,7 +686,23 @@ def contacts(
         found.append(contact)
         if progress is not None:
             progress(number + 1, len(frames))
-    return tuple(found)
+    return tuple(found) if reference is not None else tuple(_beside_one_another(found))
+
+
+def _beside_one_another(found: Sequence[GelContact]) -> Iterator[GelContact]:
+    """The contacts, those refused at whose place the median of the frames may not be that of the untouched sensor."""
+    idle = sum("no contact" in contact.reasons for contact in found)
+    for contact in found:
+        apart = [np.hypot(*np.subtract(contact.centre_px, other.centre_px)) for other in found]
+        here = sum(
+            distance < contact.radius_px and "no contact" not in other.reasons
+            for distance, other in zip(apart, found, strict=True)
+        )
+        if "no contact" in contact.reasons or here + idle <= MOST_HERE * len(found):
+            yield contact
+        else:
+            quality = min(contact.quality, REFUSED_QUALITY)
+            yield replace(contact, good=False, quality=quality, reasons=(*contact.reasons, "no reference"))
 
 
 def _moved(before: GelContact, now: GelContact) -> bool:
