@@ -110,6 +110,19 @@ def test_segments_whose_time_begins_anew_stay_as_they_are(tmp_path: Path) -> Non
     np.testing.assert_array_equal(curve.force_n, table[:, 2])
 
 
+@pytest.mark.parametrize(
+    ("column", "row", "jump"), [("force_n", 40, -30.0), ("force_n", 500, 3.0), ("position_mm", 550, 9)]
+)
+def test_a_row_that_stands_alone_does_not_move_the_modulus(column: str, row: int, jump: float) -> None:
+    values = dict(zip(("position_mm", "force_n"), pressed(), strict=True))
+    there = interval(ForceCurve(**values), radius_mm=RADIUS_MM)  # type: ignore[arg-type]
+    values[column] = values[column].copy()
+    values[column][row] += jump * np.ptp(values[column])
+    estimate = tsis.hardness.indentation(ForceCurve(**values), radius_mm=RADIUS_MM)  # type: ignore[arg-type]
+    assert estimate.interval()["young_kpa"] == pytest.approx(there, rel=0.02)
+    assert "rows_replaced" in estimate.flags
+
+
 def test_a_clear_contact_of_few_points_after_a_long_wait_is_one() -> None:
     position, force = pressed(noise=1e-3)
     wait = np.full(6000, position[0]), np.full(6000, force[0])

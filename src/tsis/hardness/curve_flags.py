@@ -62,7 +62,16 @@ CHANGES_WITH_DEPTH = Flag(
     raised="moduli of the first 50 to 100 % of the depth scatter by more than twice the sd of the fit",
     says="Fits of the first 50 to 100 % of the depth scatter by {percent:.0f} %, which widens the interval: {cure}.",
 )
+SPIKE, LIKE_OTHERS = 0.3, 0.1  # of the range: a row this far from the median of five, whose neighbours are not
+ROWS_REPLACED = Flag(
+    name="rows_replaced",
+    means="single rows stand far from their neighbours, as after a loose plug",
+    cure="look at these rows in the file",
+    raised=f"one row more than {SPIKE:g} of the whole range from its neighbours",
+    says="Rows that stand alone far from their neighbours were replaced by the median of five: {count}. {advice}",
+)
 INDENTATION_FLAGS = declared(
-    NO_CONTACT, NOT_IDENTIFIED, ADHESION, HOLD_RELAXES, NO_BASELINE, SHALLOW_PART, POOR_FIT, CHANGES_WITH_DEPTH
+    *(NO_CONTACT, NOT_IDENTIFIED, ADHESION, HOLD_RELAXES, NO_BASELINE, SHALLOW_PART, POOR_FIT, CHANGES_WITH_DEPTH),
+    ROWS_REPLACED,
 )
 UNTRUSTED_FLAGS = withholding(INDENTATION_FLAGS)

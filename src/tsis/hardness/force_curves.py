@@ -8,7 +8,7 @@ interval holds what these share with the modulus, not only the scatter of the po
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,11 +21,14 @@ from tsis.hardness.curve_flags import (
     ADHESION,
     CHANGES_WITH_DEPTH,
     HOLD_RELAXES,
+    LIKE_OTHERS,
     NO_BASELINE,
     NO_CONTACT,
     NOT_IDENTIFIED,
     POOR_FIT,
+    ROWS_REPLACED,
     SHALLOW_PART,
+    SPIKE,
     UNTRUSTED_FLAGS,
 )
 from tsis.hardness.flags import WIDE
@@ -58,6 +61,7 @@ BINS = 120
 DEEPEST_BALL, DEEPEST_LAYER = 0.5, 0.25  # depth over the ball's radius and over the thickness
 MODEL_SD = (np.log(0.01), np.log(0.002))  # prior median of the model's relative error, and of a foot over the peak
 DEPTH_PARTS = (0.5, 0.6, 0.7, 0.8, 0.9, 1.0)  # of the used depth, to which the model is fitted anew
+MANY_POINTS = 100  # of a curve in which one row that stands alone is no peak
 CLEAR_RISE = 50.0  # over the residual: a contact of few points, after a long approach or a wait, is one
 APPROACH = 2.5  # length of the used approach over the used depth
 FINITE = {"ball": (0.05, 0.04)}  # F falls by this times sqrt(depth / radius): neo-Hookean bodies of nu 0.45-0.49
@@ -468,7 +472,20 @@ def _used(loading: _Loading, press: RigidIndenter) -> tuple[Floats, Floats, tupl
     return _binned(position, BINS), _binned(force, BINS), (modulus, contact), left_out
 
 
+def _without_spikes(values: Floats) -> tuple[Floats, int]:
+    """Values with rows that stand alone replaced by the median of five, and how many; few points tell none."""
+    typical = scipy.ndimage.median_filter(values, 5, mode="nearest")
+    away = np.abs(values - typical) / max(float(np.ptp(typical)), 1e-300)
+    beside = np.maximum(np.roll(away, 1), np.roll(away, -1))
+    spikes = (away > SPIKE) & (beside < LIKE_OTHERS)
+    if values.size < MANY_POINTS or not spikes.any():
+        return values, 0
+    return np.where(spikes, typical, values), int(spikes.sum())
+
+
 def _estimated(curve: ForceCurve, press: RigidIndenter, rng: np.random.Generator) -> Estimate:
+    (position_mm, moved), (force_n, jumped) = _without_spikes(curve.position_mm), _without_spikes(curve.force_n)
+    curve = replace(curve, position_mm=position_mm, force_n=force_n)
     loading = _Loading.of(curve, press.compliance_mm_per_n)
     if loading.force.size < LEAST_POINTS:
         return _answer(curve, press, _prior_samples(rng), [NO_CONTACT.finding()], {})
@@ -485,6 +502,7 @@ def _estimated(curve: ForceCurve, press: RigidIndenter, rng: np.random.Generator
     residual = float(np.sqrt(np.mean((force - fitted) ** 2)))
     flagged = [
         *_fit_findings(depth, rise, residual, left_out),
+        *([ROWS_REPLACED.finding(count=moved + jumped)] if moved + jumped else []),
         *_retreat_findings(curve, loading, press, rise, noise, contact_mm),
     ]
     log_reduced = values[:, 0] + _systematic(press, depth, rise, rng, len(values))
