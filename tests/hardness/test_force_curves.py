@@ -123,6 +123,16 @@ def test_a_row_that_stands_alone_does_not_move_the_modulus(column: str, row: int
     assert "rows_replaced" in estimate.flags
 
 
+def test_a_fast_approach_before_a_slow_press_is_no_hold() -> None:
+    position, force = pressed(points=2000)
+    far = np.linspace(-30 * np.ptp(position), position[0], 60)[:-1]
+    way = np.concatenate([far, position, position[::-1]])
+    curve = ForceCurve(position_mm=way, force_n=np.concatenate([np.full(59, force[:200].mean()), force, force[::-1]]))
+    estimate = tsis.hardness.indentation(curve, radius_mm=RADIUS_MM)
+    assert "hold_relaxes" not in estimate.flags
+    assert estimate.mean["young_kpa"] == pytest.approx(YOUNG_KPA, rel=0.06)
+
+
 def test_a_clear_contact_of_few_points_after_a_long_wait_is_one() -> None:
     position, force = pressed(noise=1e-3)
     wait = np.full(6000, position[0]), np.full(6000, force[0])

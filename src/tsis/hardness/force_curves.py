@@ -591,7 +591,8 @@ def _retreat_findings(
         return
     travel = float(np.ptp(loading.position))
     peak = float(np.max(loading.force) - np.median(loading.force[: max(10, loading.force.size // 20)]))
-    resting = np.abs(position - position[0]) < 0.02 * travel
+    still = min(0.02 * travel, 0.1 * max(float(position[0]) - contact_mm, 0.0))
+    resting = np.abs(position - position[0]) <= still
     last = int(np.argmin(resting)) if not resting.all() else resting.size
     if last >= 0.1 * loading.force.size and last > 10:
         change = float(np.max(force[:10]) - np.median(force[last - max(last // 10, 3) : last])) / peak
