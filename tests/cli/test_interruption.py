@@ -159,7 +159,7 @@ ENTERED = {  # what may get whole entries before the end, and the command that v
 RECORDING = "acquire"  # Ctrl-C ends a recording, which is complete as it is
 NEEDED = {  # by the commands after it
     *("demo", "acquire", "calibrate make", "detect train", "network train", "login add", "sweep example"),
-    *("simulate", "sensor new", "sensor frames", "session", "depth calibrate"),
+    *("simulate", "sensor new", "sensor frames", "session", "depth calibrate", "records backup"),
     *("study new", "study run", "study export", "study import"),
     *("calibrate guide", "sweep run", "records import", "study analyse"),  # they continue
 }
