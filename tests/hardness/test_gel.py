@@ -269,6 +269,8 @@ def test_other_words_and_columns_that_contradict_each_other_are_refused() -> Non
     as_touch_readings([row | {"area_mm2": 12.6}])
     with pytest.raises(InputError, match=r"2 mm has 12\.6 mm2, and 3\.14 mm2 is stated"):
         as_touch_readings([row | {"area_mm2": 3.14}])
+    with pytest.raises(InputError, match=r"radius_mm"):
+        as_touch_readings([row | {"radius_mm": 0.0, "area_mm2": 3.14}])
 
 
 def test_contacts_of_frames_say_which_part_of_their_sd_is_the_scale() -> None:

@@ -599,7 +599,7 @@ def test_bad_scans_are_refused_in_one_sentence() -> None:
 
 
 @pytest.mark.parametrize(
-    ("force_n", "strain", "told"), [(0.7, "small", True), (0.7, "finite", False), (0.15, "small", False)]
+    ("force_n", "strain", "told"), [(0.7, "small", True), (0.79, "finite", False), (0.15, "small", False)]
 )
 def test_presses_too_deep_for_small_strain_are_told(force_n: float, strain: str, told: bool) -> None:
     even = np.repeat(force_n * observe_bare(RINGS)[:, None], SECTORS, axis=1)
@@ -609,6 +609,7 @@ def test_presses_too_deep_for_small_strain_are_told(force_n: float, strain: str,
     result = estimate_map(Scan(presses=presses), probe=PROBE, strain=strain, steps=500, voxel_mm=5.0)
     assert ("presses_deep" in result.flags) is told
     assert any(note.startswith("At 0.7 N on tissue of 5 kPa") for note in result.notes) is told
+    assert any("up to 0.79 N a map at strain 'finite'" in note for note in result.notes) is told
 
 
 def test_a_press_at_finite_strain_on_even_tissue_leaves_nothing_to_explain() -> None:

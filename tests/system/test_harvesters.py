@@ -138,12 +138,12 @@ def test_stop_releases_a_waiting_reader_and_the_camera_opens_again(camera: GenIC
     camera.adjust("frames_per_s", 1.0)
     camera.start()
     reading = threading.Event()
-    taken_after_stop: list[int] = []
+    numbers: list[int] = []
 
     def read() -> None:
         for frame in camera.frames():
             reading.set()
-            taken_after_stop.append(frame.sequence)
+            numbers.append(frame.sequence)
 
     reader = threading.Thread(target=read)
     reader.start()
@@ -151,7 +151,7 @@ def test_stop_releases_a_waiting_reader_and_the_camera_opens_again(camera: GenIC
     camera.stop()
     reader.join(HANGS_S)
     assert not reader.is_alive()
-    assert len(taken_after_stop) == 1  # the next frame comes a second later: the reader did not wait for it
+    assert len(numbers) == 1  # the next frame comes a second later: the reader did not wait for it
     camera.open()
     camera.start(camera.modes()[0])
     assert taken(camera, 2)[1].sequence == 1

@@ -266,10 +266,11 @@ def _reading(row: Any, name: str, force: float | None) -> TouchReading:
                 raise InputError(f"{column} of {name} must be a number; got {value!r:.40}") from error
     area = numbers.pop("area_mm2", None)
     radius = numbers.get("radius_mm")
-    if area is not None and radius is not None and abs(area / (math.pi * radius**2) - 1) > LARGEST_DIFFERENCE:
+    round_mm2 = None if radius is None else math.pi * radius**2
+    if area is not None and round_mm2 is not None and abs(area - round_mm2) > LARGEST_DIFFERENCE * round_mm2:
         raise InputError(
-            f"radius_mm and area_mm2 of {name} must be of one contact; {radius:g} mm has {math.pi * radius**2:.3g} "
-            f"mm2, and {area:g} mm2 is stated: leave one column out (a diameter is no radius)"
+            f"radius_mm and area_mm2 of {name} must be of one contact; {radius:g} mm has {round_mm2:.3g} mm2, and "
+            f"{area:g} mm2 is stated: leave one column out (a diameter is no radius)"
         )
     area_sd = numbers.pop("area_sd_mm2", None)
     if area is not None and "radius_mm" not in numbers:

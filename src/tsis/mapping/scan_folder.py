@@ -116,6 +116,8 @@ def _require_files_of_their_own(rows: Sequence[CsvRow]) -> None:
     """`FileInputError` where one file is to be the press at several places."""
     first: dict[str, CsvRow] = {}
     for row in rows:
+        if _without_place(row):
+            continue
         other = first.setdefault(row.text("file"), row)
         if any(row.number(axis) != other.number(axis) for axis in ("x_mm", "y_mm")):
             line = other.where.rpartition(", ")[2]
