@@ -12,7 +12,7 @@ import ssl
 import subprocess
 import sys
 import threading
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from http.client import HTTPConnection
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -344,6 +344,24 @@ def test_connections_that_wait_for_their_next_request_make_room(patient_port: in
 def test_an_answer_that_takes_long_is_waited_for(port: int) -> None:
     assert httpx.get(f"http://127.0.0.1:{port}/", timeout=30).text == "done"
     assert Hurried.checks == CHECKS
+
+
+@pytest.mark.system
+def test_an_answered_connection_is_kept_for_the_next_request(port: int) -> None:
+    with closing(HTTPConnection("127.0.0.1", port, timeout=30)) as kept:
+        for _ in range(3):
+            kept.request("GET", "/")  # on a closed connection this fails: nothing opens it again
+            assert kept.getresponse().read() == b"done"
+            assert httpx.get(f"http://127.0.0.1:{port}/", timeout=30).text == "done"  # which takes several looks
+
+
+@pytest.mark.system
+def test_an_answered_connection_that_never_ends_its_next_request_is_ended(port: int) -> None:
+    with closing(HTTPConnection("127.0.0.1", port, timeout=30)) as kept:
+        kept.request("GET", "/")
+        assert kept.getresponse().read() == b"done"
+        kept.sock.sendall(b"GET / HT")
+        assert kept.sock.recv(1) == b""
 
 
 def test_a_login_that_is_never_sent_whole_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

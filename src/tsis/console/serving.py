@@ -340,6 +340,7 @@ def _config(application: ASGIApp, tls: ssl.SSLContext | None) -> uvicorn.Config:
         log_config=None,
         access_log=False,
         server_header=False,
+        timeout_keep_alive=KEPT_S,
         timeout_graceful_shutdown=END_S,
         ssl_context_factory=None if tls is None else lambda *_: tls,
     )
@@ -359,6 +360,7 @@ def _terminated_as_interrupted() -> Iterator[None]:
 
 
 SILENCE_S = 10.0
+KEPT_S = 75  # an answered connection is kept so long, as other servers do: a script rarely pauses for longer
 SILENT = 64  # connections of one address that have sent no request
 NOT_OPENED = "A WebSocket is asked for by GET, without a body, and with few and short headers."
 
@@ -372,6 +374,7 @@ class TimeoutProtocol(H11Protocol):
     def __init__(self, *arguments: Any, **named: Any) -> None:
         super().__init__(*arguments, **named)
         self._last_cycle: object = None
+        self._awaited = True  # a whole request, at the last check
         self._number = next(self._numbers)
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
@@ -403,8 +406,11 @@ class TimeoutProtocol(H11Protocol):
     def _check(self) -> None:
         if self not in self.connections:  # it was closed, or has become a WebSocket
             return
-        if self.waits() and self.cycle is self._last_cycle:  # no whole request since the last check
+        # An answered connection without a byte of the next request has a timer of uvicorn, which ends it later.
+        # To end it here could meet the next request on its way.
+        awaits = self.waits() and self.timeout_keep_alive_task is None
+        if awaits and self._awaited and self.cycle is self._last_cycle:  # no whole request since the last check
             self.transport.close()
             return
-        self._last_cycle = self.cycle
+        self._last_cycle, self._awaited = self.cycle, awaits
         self.loop.call_later(self.silence_s, self._check)
