@@ -66,7 +66,7 @@ def test_signs_and_the_return_do_not_matter() -> None:
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2, 3))])
 def test_a_record_may_begin_at_full_depth(sign: int, seed: int) -> None:
     """A retreat listed before the way in, a deep start, or a relaxation before both: the way in tells the modulus."""
     position, force = pressed(seed=seed)

@@ -377,15 +377,16 @@ class _Likelihood:
         depth = self.position - values[1] * self.span
         model = np.exp(values[0]) * _force(depth, *self.tables)
         white, long, short, relative, foot = np.exp(2 * values[2:7])
-        apart = np.abs(depth[:, None] - depth) / self.depth_scale
-        near, nearer = np.exp(-apart), np.exp(-8 * apart)
+        near = np.exp(-np.abs(depth[:, None] - depth) / self.depth_scale)
+        nearer = np.square(np.square(np.square(near)))  # of an eighth of that length
         # Rough or sticky contact has a foot, and samples slip: from shortly before contact on, the curve departs by
         # more than its share of a small force.
         window = self.peak * np.exp(-((np.minimum(depth, 0.0) / (0.4 * self.depth_scale)) ** 2))
-        covariance = long * self.long + short * self.short + relative * np.outer(model, model) * (near + nearer) / 2
-        covariance += foot * np.outer(window, window) * nearer
-        covariance[np.diag_indices_from(covariance)] += white
-        return model, covariance + self.baseline
+        share = np.outer(0.5 * relative * model, model)
+        covariance = self.baseline + long * self.long + short * self.short + share * near
+        covariance += (share + np.outer(foot * window, window)) * nearer
+        covariance.flat[:: depth.size + 1] += white
+        return model, covariance
 
     def __call__(self, values: Floats) -> float:
         if np.any(np.abs(values[2:7] - self.means) > 12) or abs(values[0]) > 60:
