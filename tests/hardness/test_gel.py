@@ -210,6 +210,41 @@ def test_a_sequence_counts_as_one_press() -> None:
     assert once.sd["young_kpa"] > several.sd["young_kpa"]
 
 
+def test_contacts_of_a_release_are_left_out_and_named() -> None:
+    there_and_back = [
+        *hertz(60.0, (0.05, 0.1, 0.2)),
+        {"force_n": 0.1, "radius_mm": 3.4},
+        {"force_n": 0.05, "radius_mm": 3},
+    ]
+    result = estimate_from_contacts(there_and_back, sensor=GEL, geometry=R_MM, sequence=True)
+    assert "contacts_left_out" in result.flags
+    assert any(note.endswith("where it is released, were left out: 2.") for note in result.notes)
+
+
+def test_a_press_that_is_listed_from_its_largest_contact_on_is_refused_without_times() -> None:
+    backwards = hertz(60.0, (0.05, 0.1, 0.15, 0.2))[::-1]
+    with pytest.raises(InputError, match="order of time"):
+        estimate_from_contacts(backwards, sensor=GEL, geometry=R_MM, sequence=True)
+    with pytest.raises(InputError, match="order of time"):
+        estimate_from_contacts([row | {"press": 3} for row in backwards], sensor=GEL, geometry=R_MM)
+    timed = [row | {"time_s": 0.1 * number} for number, row in enumerate(backwards)]
+    result = estimate_from_contacts(timed, sensor=GEL, geometry=R_MM, sequence=True)
+    assert len(result.provenance["contacts"]) == 1
+    assert "contacts_left_out" in result.flags
+
+
+def test_contacts_of_a_held_press_may_begin_with_the_largest() -> None:
+    held = [row | {"force_n": row["force_n"] * factor} for row in hertz(60.0, (0.2,)) for factor in (1.01, 0.99, 1.0)]
+    assert estimate_from_contacts(held, sensor=GEL, geometry=R_MM, sequence=True).trusted
+
+
+def test_two_different_radii_of_one_object_are_refused() -> None:
+    stated = [row | {"object_radius_mm": R_MM} for row in hertz(60.0)]
+    assert estimate_from_contacts(stated, sensor=GEL, geometry=1.01 * R_MM).trusted
+    with pytest.raises(InputError, match="leave one of them out"):
+        estimate_from_contacts(stated, sensor=GEL, geometry=2 * R_MM)
+
+
 def test_any_program_may_have_read_the_contacts(tmp_path: Path) -> None:
     pandas = pytest.importorskip("pandas")
     rows = hertz(60.0)

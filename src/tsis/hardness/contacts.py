@@ -203,10 +203,20 @@ def as_touch_readings(
     return readings, refused, radii.pop() if radii else None
 
 
+MUCH_LESS = 0.8  # of the largest force or size: contacts of a held press differ by less
+
+
 def loading_part(readings: Sequence[TouchReading]) -> tuple[TouchReading, ...]:
     """The contacts of a press from its first to its largest, in the order of time: what follows is unloading."""
     sizes = [reading.force_n or reading.radius_mm or reading.depth_mm or 0.0 for reading in readings]
-    return tuple(readings[: sizes.index(max(sizes)) + 1])
+    largest = max(sizes)
+    if sizes[0] == largest and sizes[-1] < MUCH_LESS * largest and any(reading.time_s is None for reading in readings):
+        raise InputError(
+            "contacts of one press must be in the order of time, from the first touch on; "
+            f"{readings[0].name or 'the first'} has the largest force or size of its press: list them the other way "
+            "round, or state time_s"
+        )
+    return tuple(readings[: sizes.index(largest) + 1])
 
 
 def grouped_presses(readings: Sequence[TouchReading], *, sequence: bool) -> tuple[TouchReading, ...]:
@@ -286,6 +296,7 @@ def _reading(row: Any, name: str, force: float | None) -> TouchReading:
 
 SHAPES = ("sphere", "cylinder", "flat")
 LARGEST_RADIUS_MM = 60.0  # of objects
+SAME_RADIUS = 0.05  # relative difference up to which two statements are of one radius
 STATED_RADIUS_SD = 0.01  # relative, of an object's radius that is given without one
 
 
@@ -343,4 +354,11 @@ def as_geometry(geometry: Any, stated_mm: float | None) -> ObjectGeometry:
     else:
         require_type("geometry", geometry, ObjectGeometry)
         shape = geometry
-    return replace(shape, radius_mm=stated_mm) if shape.radius_mm is None else shape
+    if shape.radius_mm is None or stated_mm is None:
+        return replace(shape, radius_mm=stated_mm) if shape.radius_mm is None else shape
+    if abs(shape.radius_mm - stated_mm) > SAME_RADIUS * stated_mm:
+        raise InputError(
+            f"radius_mm of the object must be the contacts' object_radius_mm, {stated_mm:g} mm, where both are given; "
+            f"got {shape.radius_mm:g} mm: leave one of them out"
+        )
+    return shape

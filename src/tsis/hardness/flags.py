@@ -105,7 +105,7 @@ OUTSIDE_TABLE = Flag(
 
 CONTACTS_LEFT_OUT = Flag(
     name="contacts_left_out",
-    means="contacts that are not good, or wider than the model holds, were left out",
+    means="contacts that are not good, of a release, or wider than the model holds, were left out",
     says="{left_out} contacts are not good and were left out.",
 )
 WIDEST_CONTACT = 0.6  # of half the face's smaller side
@@ -123,6 +123,10 @@ CONTACTS_BEYOND = replace(
     CONTACTS_LEFT_OUT,
     says=f"Contacts wider than {WIDEST_CONTACT:g} of the face or {DEEPEST_CONTACT:g} of the object's radius were left "
     "out: {beyond}.",
+)
+CONTACTS_OF_RELEASE = replace(
+    CONTACTS_LEFT_OUT,
+    says="Contacts after the largest of their press, where it is released, were left out: {released}.",
 )
 CONTACT_TOO_DEEP = Flag(
     name="contact_too_deep",

@@ -23,6 +23,7 @@ from tsis.hardness.flags import (
     CONTACT_TOO_WIDE,
     CONTACTS_BEYOND,
     CONTACTS_LEFT_OUT,
+    CONTACTS_OF_RELEASE,
     DEEPEST_CONTACT,
     FLAT_OBJECT,
     FORCE_AND_DEPTH_UNKNOWN,
@@ -447,7 +448,9 @@ def estimate_from_contacts(
     require_number("force_zero_sd_n", force_zero_sd_n, 0.0, 10.0, hint="newtons")
     readings, left_out, stated_mm = as_touch_readings(contacts, force=force)
     shape = as_geometry(geometry, stated_mm)
+    given = len(readings)
     readings = grouped_presses(readings, sequence=sequence)
+    released = given - len(readings)
     # The beginning of one press is the part that a delay of the gauge changes most: it does not stand for the whole.
     held = () if sequence else tuple(reading for reading in readings if not _beyond_model(reading, shape, gel))
     beyond, readings = (len(readings) - len(held), held) if held else (0, readings)
@@ -460,6 +463,7 @@ def estimate_from_contacts(
     samples, misfit, count = _explored(bodies, gel, prior, errors, flat=shape.shape == "flat" or bool(reasons))
     flagged = [
         *reasons,
+        *([CONTACTS_OF_RELEASE.finding(released=released)] if released else []),
         *([CONTACTS_BEYOND.finding(beyond=beyond)] if beyond else []),
         *contact_findings(readings, left_out, shape, gel),
         *(() if reasons else modulus_findings(samples, prior)),
