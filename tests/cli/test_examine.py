@@ -29,7 +29,7 @@ from tsis.cli.options import reference_forces
 from tsis.errors import InputError
 from tsis.model.calibration import Calibration, LightMap
 from tsis.model.estimate import Estimate
-from tsis.present.page import Table
+from tsis.present.page import Column, Table
 from tsis.present.terminal import rich_table
 
 if TYPE_CHECKING:
@@ -322,6 +322,21 @@ def test_a_terminal_shows_whole_numbers(columns: int) -> None:
     words = " ".join(lines).split()
     for cell in (*headings, *(cell for row in rows for cell in row)):
         assert set(cell.split()) <= set(words)
+
+
+@pytest.mark.parametrize("columns", [60, 80])
+def test_a_terminal_without_room_breaks_names_and_never_numbers(columns: int) -> None:
+    rows = (("a_long_name_of_a_curve_0.csv", "20.2", "19.7", "20.7", "68.9", "young_kpa_not_identified"),) * 2
+    numbers = (Column(label="modulus", unit="kPa"), *(Column(label=each) for each in ("from", "to", "depth")))
+    table = rich_table(Table(title="Moduli", columns=("curve", *numbers, "flags"), values=rows))
+    shown = Console(file=io.StringIO(), width=columns)
+    shown.print(table)
+    assert isinstance(shown.file, io.StringIO)
+    lines = shown.file.getvalue().splitlines()
+    assert max(map(len, lines)) <= columns
+    assert set(rows[0][1:5]) <= set(" ".join(lines).split())
+    start = next(line.index("flags") for line in lines if "flags" in line)
+    assert rows[0][-1] * 2 in "".join(line[start:].strip() for line in lines)
 
 
 def test_withheld_numbers_stay_withheld(run: RunTsis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

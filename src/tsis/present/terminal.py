@@ -15,7 +15,11 @@ from tsis.__about__ import RESEARCH_USE_ONLY
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from rich.console import ConsoleOptions, RenderResult
+
     from tsis.present.page import Page, Table
+
+LEAST_TEXT = 10  # columns of a text whose words are broken
 
 
 def people() -> Console:
@@ -50,11 +54,32 @@ def print_tables(tables: Iterable[Table], notes: Iterable[str] = (), *, where: s
     print_notice(console)
 
 
+class _FittingTable(RichTable):
+    """A table as wide as its terminal at most; the library's own narrows the widest column first and can lose one."""
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        texts = [[str(column.header), *map(str, column.cells)] for column in self.columns]
+        whole = [max(map(cell_len, cells)) for cells in texts]
+        widths = [max(cell_len(word) for cell in cells for word in ["", *cell.split()]) for cells in texts]
+        room = options.max_width - 2 * len(widths) - 1  # a space after each column, and what is drawn between them
+        if sum(whole) <= room:
+            yield from super().__rich_console__(console, options)
+            return
+        broken = [at for at, column in enumerate(self.columns) if column.justify == "left"]  # texts, never numbers
+        while sum(widths) > room and any(widths[at] > LEAST_TEXT for at in broken):
+            widths[max(broken, key=lambda at: widths[at])] -= 1
+        while sum(widths) < room and any(width < most for width, most in zip(widths, whole, strict=True)):
+            short = [at for at, most in enumerate(whole) if widths[at] < most]
+            widths[min(short, key=lambda at: widths[at])] += 1
+        for column, width in zip(self.columns, widths, strict=True):
+            column.width, column.overflow = width, "fold"
+        yield from super().__rich_console__(console, options)
+
+
 def rich_table(table: Table) -> RichTable:
-    """A table for a terminal; where that is narrow, lines break between words and never in one."""
-    shown = RichTable(*table.headings, title=escape(table.title), box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    for column, item, *cells in zip(shown.columns, table.columns, table.headings, *table.rows, strict=True):
-        column.min_width = max((cell_len(word) for cell in cells for word in cell.split()), default=0)
+    """A table for a terminal; where that is narrow, lines break between words, in one only where it has no room."""
+    shown = _FittingTable(*table.headings, title=escape(table.title), box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for column, item in zip(shown.columns, table.columns, strict=True):
         column.justify = "left" if isinstance(item, str) else "right"
     for row in table.rows:
         shown.add_row(*(escape(cell) for cell in row))
