@@ -77,6 +77,14 @@ def test_a_session_folder_gives_frames_the_untouched_one_and_forces(
     estimated = run_tsis("hardness", "gel-frames", "--sensor", "gelsight-mini", "--radius-mm", "3", "--json")
     contacts = json.loads(estimated.out)["estimate"]["provenance"]["contacts"]
     assert [contact["force_n"] for contact in contacts] == pytest.approx([0.2, 0.5], abs=1e-3)
+    (folder / "press-1.json").write_text('{"force": {"force_n": 0.3, "force_sd_n": 0.05}}')
+    (folder / "presses.csv").unlink()
+    order = ("--sensor", "gelsight-mini", "--reference", "gel-frames/untouched.png", "--radius-mm", "3", "--json")
+    alone = run_tsis("hardness", "gel-frames/press-1.png", "gel-frames/press-2.png", *order)
+    assert alone.out, alone.err
+    contacts = json.loads(alone.out)["estimate"]["provenance"]["contacts"]
+    assert [contact["force_n"] for contact in contacts] == [0.3, None]
+    assert contacts[0]["force_sd_n"] == 0.05
 
 
 def test_dropped_frames_of_a_recording_are_said_in_one_sentence(tmp_path: Path) -> None:

@@ -143,6 +143,9 @@ def test_a_flat_object_is_withheld_with_its_reason(run_tsis: RunTsis) -> None:
         (("contacts.csv", "--sensor", "gel.toml", "--flat", "--cylinder-mm", "3"), "an object has one shape"),
         (("contacts.csv", "--sensor", "gel.toml", "--demo"), "--contacts must stand alone"),
         (("contacts.csv", "--sensor", "gel.toml", "--radius-mm", "900"), "radius_mm of the object must lie in"),
+        (("contacts.csv", "--sensor", "gel.toml", "--save", "--out", "made"), "--out and --save must be left out with"),
+        (("contacts.csv", "--sensor", "gel.toml", "--forces", "none.csv"), "--forces must be left out with --contacts"),
+        (("contacts.csv", "--sensor", "gel.toml", "--seed", "4"), "--seed must be left out with --contacts"),
     ],
 )
 @pytest.mark.usefixtures("contacts")
@@ -151,6 +154,24 @@ def test_wrong_orders_are_one_sentence(run_tsis: RunTsis, arguments: tuple[str, 
     assert finished.code == 2
     assert message in " ".join(finished.err.split())
     assert finished.err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--demo", "--flat"), "--flat must be left out with --virtual and --demo"),
+        (("--demo", "--reference", "none.png", "--sequence"), "--sequence and --reference must be left out"),
+        (
+            ("one.png", "two.png", "--ball-contacts", "none.csv"),
+            "--ball-contacts must be left out with frames of a probe",
+        ),
+        (("one.png", "two.png", "--seed", "4"), "--seed must be left out with frames of a probe"),
+    ],
+)
+def test_options_of_other_presses_are_refused(run_tsis: RunTsis, arguments: tuple[str, ...], message: str) -> None:
+    finished = run_tsis("hardness", *arguments)
+    assert finished.code == 2
+    assert message in " ".join(finished.err.split())
 
 
 def gel_film(folder: Path, *, lag_s: float, young_kpa: float = 60.0, ball_mm: float = 8.0) -> None:
@@ -200,6 +221,9 @@ def test_a_video_of_a_press_with_its_gauge_gives_the_modulus_and_their_delay(run
     without = run_tsis(*order)
     assert without.code == 2
     assert "--forces" in without.err
+    forced = run_tsis(*order, "--forces", "gauge.csv", "--force-n", "0.5")
+    assert forced.code == 2
+    assert "--force-n must be left out with a video" in forced.err
     early = run_tsis(*order, "--forces", "gauge.csv", "--video-start-s", "-50")
     assert early.code == 2
     assert "must have readings during the film" in early.err

@@ -12,7 +12,7 @@ import typer
 
 import tsis
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.cli.options import AsJson
+from tsis.cli.options import AsJson, typed_options
 from tsis.cli.output import CommandOutcome, leave, print_json, publish
 from tsis.cli.presses import folder_of, read_presses
 from tsis.cli.progress import progress_bar
@@ -117,15 +117,10 @@ def contacts(
         publish(outcome, out, as_json=as_json)
 
 
-OPTION_NAMES = {"match_lamps": "--match-light", "scale_mm": "--scale-mm", "page": "--html"}
-
-
 def _require_own(context: typer.Context, what: str, names: Sequence[str]) -> None:
     """Refuse options of the other kind of frames."""
-    for name in names:
-        source = context.get_parameter_source(name)
-        if source is not None and source.name == "COMMANDLINE":
-            raise InputError(f"{OPTION_NAMES.get(name, f'--{name}')} is an option for frames of {what}; leave it out")
+    for option in typed_options(context, names):
+        raise InputError(f"{option} is an option for frames of {what}; leave it out")
 
 
 def _probe_contacts(

@@ -29,6 +29,7 @@ from tsis.cli.options import (
     inclusion_prior_option,
     is_careful,
     require_no_file,
+    typed_options,
 )
 from tsis.cli.output import CommandOutcome, print_json, surrogate_progress
 from tsis.cli.progress import progress_bar
@@ -285,11 +286,11 @@ def demo(
 
 def _require_only_seeds(context: typer.Context) -> None:
     """Refuse options that --seeds, which draws each inclusion and writes nothing, would ignore."""
-    sources = {name: context.get_parameter_source(name) for name in ONE_EXAMINATION}
-    typed = [name for name, source in sources.items() if source is not None and source.name == "COMMANDLINE"]
+    typed = typed_options(context, ONE_EXAMINATION)
     if typed:
-        option_names = " and ".join(f"--{'target' if name == 'number' else name.replace('_', '-')}" for name in typed)
-        raise InputError(f"--seeds draws every inclusion from the prior and writes nothing: leave out {option_names}")
+        raise InputError(
+            f"--seeds draws every inclusion from the prior and writes nothing: leave out {' and '.join(typed)}"
+        )
 
 
 def _forces(stated: list[float] | None, protocol_name: str, probe: Probe, tissue_kpa: float) -> list[float]:

@@ -22,6 +22,7 @@ from tsis.cli.options import (
     read_frames,
     require_no_file,
     target_forces,
+    typed_options,
 )
 from tsis.cli.output import CommandOutcome, leave, print_json
 from tsis.cli.progress import progress_bar, waiting
@@ -152,8 +153,7 @@ def contacts_of_frames(paths: Sequence[Path], given: ContactOptions) -> tuple[An
             progress=advance,
         )
     if times is None:
-        told = [force for force, _ in gel_frame_forces(frames) if force is not None]
-        return found, given if given.force_n or len(told) < len(frames) else replace(given, force_n=told)
+        return (found, given) if given.force_n else (_with_forces(found, gel_frame_forces(frames)), given)
     film = tsis.hardness.film.filmed_press(found, [time + given.video_start_s for time in times], readings)
     for note in film.notes:
         typer.echo(note, err=True)
@@ -161,12 +161,23 @@ def contacts_of_frames(paths: Sequence[Path], given: ContactOptions) -> tuple[An
     return film.contacts, replace(given, sequence=True, lag_sd_s=lag_sd)
 
 
+def _with_forces(found: Sequence[Any], forces: Sequence[tuple[float | None, float | None]]) -> list[dict[str, Any]]:
+    """The contacts with the force that stands beside each frame, if any, and its standard deviation."""
+    names = (*tsis.hardness.contacts.COLUMNS, "name", "good")
+    rows = [{name: tsis.hardness.contacts.contact_value(contact, name) for name in names} for contact in found]
+    return [row | {"force_n": force, "force_sd_n": sd} for row, (force, sd) in zip(rows, forces, strict=True)]
+
+
 def _gauge_readings(times: Sequence[float] | None, given: ContactOptions) -> list[ForceReading]:
     """The gauge's readings beside a video, checked before any frame is looked at; none for single frames."""
     if times is None:
-        if given.forces is not None:
-            raise InputError("--forces needs a video: give the forces of single frames as --force-n, one for each")
+        if given.forces is not None or given.video_start_s:
+            raise InputError(
+                "--forces and --video-start-s need a video: give the forces of single frames as --force-n, one for each"
+            )
         return []
+    if given.force_n:
+        raise InputError("--force-n must be left out with a video: its forces are the gauge's (--forces)")
     if given.forces is None:
         raise InputError("a video needs --forces, the table of the gauge with time_s and force_n")
     gauge = tsis.instrument.gauge.RecordedGauge(given.forces)
@@ -229,7 +240,26 @@ DEMO, DEMO_FORCES = "cl2000x", [0.7, 1.2]
 UNNAMED = "tsis-direct"  # for calibrations that name no probe
 
 
+KEPT = ("out", "save", "store", "kind", "number")  # no folder is written of contacts, and no record kept
+OF_PROBE = ("scale_mm", "calibration", "ball", "ball_force_n", "probe", "virtual", "demo", "seed", *KEPT)
+OF_CONTACTS = ("cylinder_mm", "flat", "ball_contacts", "sequence", "press_sd", "force_zero_sd_n", "force_lag_sd_s")
+OF_FRAMES = ("forces", "reference", "video_start_s")  # of a gel sensor
+
+
+def _require_options_that_count(context: typer.Context, *, contacts: bool, frames: bool, virtual: bool) -> None:
+    """`InputError` for an option that the kind of presses would ignore."""
+    if contacts or frames:
+        what = "--contacts" if contacts else "frames of a gel sensor (--sensor)"
+        ignored = typed_options(context, (*OF_PROBE, *(OF_FRAMES if contacts else ())))
+    else:
+        what = "--virtual and --demo" if virtual else "frames of a probe"
+        ignored = typed_options(context, (*OF_CONTACTS, *OF_FRAMES, *(() if virtual else ("seed",))))
+    if ignored:
+        raise InputError(f"{' and '.join(ignored)} must be left out with {what}, for which it means nothing")
+
+
 def hardness(
+    context: typer.Context,
     images: Annotated[
         list[Path] | None,
         typer.Argument(help="Frames of the probe pressed on the object itself; or, with --sensor, frames or a video."),
@@ -297,6 +327,7 @@ def hardness(
             raise InputError("--sensor needs --contacts, or frames or a video of that gel sensor")
         if (contacts is not None and paths) or demo or virtual is not None or calibration is not None:
             raise InputError("--contacts must stand alone: give no images, calibration, --demo or --virtual")
+        _require_options_that_count(context, contacts=contacts is not None, frames=contacts is None, virtual=False)
         own = (
             None if prior is None else tsis.catalog.priors.read_prior_file(prior, tsis.hardness.posterior.HardnessPrior)
         )
@@ -322,6 +353,7 @@ def hardness(
             source, stated = contacts_of_frames(paths, stated)
         hardness_from_contacts(source, stated, prior=own, as_json=as_json)
         return
+    _require_options_that_count(context, contacts=False, frames=False, virtual=demo or virtual is not None)
     if save:
         require_no_file("--save", probe)
     assumed = (

@@ -316,3 +316,10 @@ def numbers(name: str, text: str) -> list[float]:
         return [float(part) for part in text.split(",")]
     except ValueError as error:
         raise InputError(f"{name} must be numbers with commas between, as 1.41,1.515; got {text!r}") from error
+
+
+def typed_options(context: typer.Context, names: Iterable[str]) -> list[str]:
+    """Those of the named parameters that the user typed, as they are typed: a command refuses what it would ignore."""
+    forms = {parameter.name: max(parameter.opts, key=len) for parameter in context.command.params}
+    sources = {name: context.get_parameter_source(name) for name in names}
+    return [forms[name] for name, source in sources.items() if source is not None and source.name == "COMMANDLINE"]
