@@ -48,6 +48,13 @@ def test_a_known_weight_scales_the_force(run_tsis: RunTsis, folder: Path) -> Non
         (("colour.npy",), "must hold numbers in rows and columns; got (60, 80, 3)"),
         (("flat.npy",), "no pixel is pressed in by more than 0.03 mm"),
         (("depth.npy", "--markers", "press.png"), "--markers needs a frame of the untouched sensor"),
+        (("depth.npy", "--reference", "none.png"), "--reference must be given with --calibration or --markers"),
+        (
+            ("depth.npy", "--calibration", "none.json", "--markers", "none.png"),
+            "--markers must be given with a depth map",
+        ),
+        (("--demo", "--calibration", "none.json"), "--demo must be given without --calibration"),
+        (("depth.npy", "--weight", "depth.npy=0.5", "--weight", "./depth.npy=0.6"), "must name each press once"),
         (("depth.npy", "--weight", "depth.npy"), "as press.npy=0.5; got 'depth.npy'"),
     ],
 )
@@ -59,6 +66,27 @@ def test_wrong_input_ends_in_one_sentence(
     assert said in " ".join(finished.err.split())
     assert finished.err.count("\n") == 1
     assert folder.exists()
+
+
+@pytest.mark.parametrize(
+    ("weights", "said"),
+    [
+        (("depth.npy=50",), "check the unit (newtons)"),
+        (("half.npy=0.4",), "a press of a known force: the contact reaches the border of the map"),
+        (("depth.npy=0.25", "deeper.npy=4"), "the presses of known forces scatter by"),
+    ],
+)
+def test_a_weight_that_cannot_be_right_is_told(
+    run_tsis: RunTsis, folder: Path, weights: tuple[str, ...], said: str
+) -> None:
+    depth = np.load(folder / "depth.npy")
+    np.save(folder / "half.npy", np.roll(depth, 40, axis=1))
+    np.save(folder / "deeper.npy", 1.3 * depth)
+    given = [part for weight in weights for part in ("--weight", weight)]
+    finished = run_tsis("force", "depth.npy", *given, "--json")
+    assert finished.code == 3, finished.err
+    assert not json.loads(finished.out)["trusted"]
+    assert said in " ".join(run_tsis("force", "depth.npy", *given).out.split())
 
 
 def test_a_video_has_the_force_of_each_depth(run_tsis: RunTsis, tmp_path: Path) -> None:

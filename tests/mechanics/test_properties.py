@@ -23,7 +23,8 @@ from tsis.model.press import PressField
 
 
 def presses(*forces_n: float) -> list[Any]:
-    return [SimpleNamespace(force_n=force) for force in forces_n]
+    possible = np.array([0.5, 2.0])
+    return [SimpleNamespace(force_n=force, samples_n=force * possible, problems=()) for force in forces_n]
 
 
 def test_weights_scale_a_gels_forces_with_the_scatter_of_one_new_press() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
 
 
 MOST_WEIGHTS = 10**6  # of a depth calibration
+WEIGHT_DRAWS = 60  # of what a press of a known force may have
 FRAME_DRAWS = 40  # of the interval, frame by frame
 LARGEST_MAP = 16_000_000  # pixels
 DEMO_FORCE_N, DEMO_RADIUS_MM = 0.4, 2.5
@@ -84,6 +86,7 @@ def force(
     """Compute the pressure and the normal force from a depth map of a gel sensor, with the force's interval."""
     if (depth is None) != demo:
         raise InputError("give one depth map as an NPY file, or --demo")
+    _require_options_that_count(demo=demo, markers=markers, reference=reference, calibration=calibration)
     loaded = tsis.catalog.load_sensor(sensor)
     errors = tsis.mechanics.gel.force.DepthErrors(scale_sd=depth_scale_sd, offset_sd_mm=depth_offset_sd_mm)
     known = [_weight(text) for text in weights or []]
@@ -136,13 +139,31 @@ def force(
     show_result(shown, out, as_json=as_json, trusted=not problems)
 
 
+def _require_options_that_count(
+    *, demo: bool, markers: Path | None, reference: Path | None, calibration: Path | None
+) -> None:
+    """`InputError` for an option that would change nothing."""
+    if demo and (calibration is not None or markers is not None):
+        raise InputError("--demo must be given without --calibration and --markers: it has a depth map and no frame")
+    if calibration is not None and markers is not None:
+        raise InputError("--markers must be given with a depth map (NPY); with --calibration the depth is of frames")
+    if reference is not None and calibration is None and markers is None:
+        raise InputError("--reference must be given with --calibration or --markers: a depth map needs no reference")
+
+
 def _scale(known: Sequence[tuple[Path, float]], sensor: GelSensor) -> ForceScale | None:
     """What the known weights tell of the gel; None without them."""
     if not known:
         return None
+    maps = [_read_depth(path) for path, _ in known]
+    for (first, (path, _)), (second, (other, _)) in combinations(enumerate(known), 2):
+        if np.array_equal(maps[first], maps[second]):
+            raise InputError(
+                f"--weight must name each press once; {path.name} and {other.name} hold the same depth map"
+            )
     presses = [
-        tsis.mechanics.gel.force.gel_force(_read_depth(path), sensor=sensor, sd_mm=_read_sd(path), draws=20)
-        for path, _ in known
+        tsis.mechanics.gel.force.gel_force(depth, sensor=sensor, sd_mm=_read_sd(path), draws=WEIGHT_DRAWS)
+        for depth, (path, _) in zip(maps, known, strict=True)
     ]
     return tsis.mechanics.gel.force.gel_force_scale(presses, [newtons for _, newtons in known])
 

@@ -31,6 +31,10 @@ DRAW_PX = 100  # pixels along the longer side of the grid of a draw
 DRAWS = 200
 
 
+BEYOND_SAMPLES = 1.5  # times the least and greatest of the possible forces: a known force lies between
+MOST_SCATTER = 0.3  # standard deviation of the logarithms of known over computed forces
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DepthErrors:
     """Standard deviations of a depth map: relative error of its scale, and error of its zero in mm."""
@@ -47,11 +51,13 @@ class DepthErrors:
 class ForceScale:
     """Factor on the force that known weights gave, and its relative standard deviation.
 
-    It replaces what is not known of the gel's modulus, thickness and Poisson's ratio.
+    It replaces what is not known of the gel's modulus, thickness and Poisson's ratio. ``problems`` are reasons not to
+    trust it, and with it no force that it scales.
     """
 
     factor: float
     relative_sd: float
+    problems: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         require_number("factor", self.factor, 1e-3, 1e3)
@@ -175,7 +181,10 @@ def gel_force(
         contact_area_mm2=float(pressed.sum()) * pixel[0] * pixel[1],
         deepest_mm=float(depth[touching].max()),
         strain_correction=correction,
-        problems=_problems(sensor, pressed, float(depth[touching].max()) / best.thickness_mm, correction),
+        problems=(
+            *_problems(sensor, pressed, float(depth[touching].max()) / best.thickness_mm, correction),
+            *(() if scale is None else scale.problems),
+        ),
     )
 
 
@@ -191,14 +200,29 @@ def gel_force_scale(forces: list[GelForce], known_n: list[float]) -> ForceScale:
     """
     if not forces or len(forces) != len(known_n):
         raise InputError(f"known_n must give one force for each press; got {len(known_n)} for {len(forces)}")
-    ratios = []
+    ratios: list[float] = []
+    problems: dict[str, None] = {}
     for press, known in zip(forces, known_n, strict=True):
         require_number("known force", known, 1e-4, 1000.0, hint="newtons")
-        ratios.append(np.log(known / require_number("force_n", press.force_n, 1e-9, 1e9)))
+        ratios.append(float(np.log(known / require_number("force_n", press.force_n, 1e-9, 1e9))))
+        problems |= dict.fromkeys(f"a press of a known force: {problem}" for problem in press.problems)
+        low, high = press.samples_n[[0, -1]] * [1 / BEYOND_SAMPLES, BEYOND_SAMPLES]
+        if not low <= known <= high:
+            problems[
+                f"a press of a known force of {known:.3g} N has {low:.2g} to {high:.2g} N by the limits of the gel: "
+                "check the unit (newtons), the depth map and the sensor"
+            ] = None
     count = len(ratios)
     scatter = 0.10 if count == 1 else max(0.03, float(np.std(ratios, ddof=1)))
+    if scatter > MOST_SCATTER:
+        problems[
+            f"the presses of known forces scatter by {100 * scatter:.0f} % about one factor, more than "
+            f"{100 * MOST_SCATTER:.0f} %: check each force and its depth map"
+        ] = None
     return ForceScale(
-        factor=float(np.exp(np.mean(ratios))), relative_sd=min(1.0, scatter * float(np.sqrt(1 + 1 / count)))
+        factor=float(np.exp(np.mean(ratios))),
+        relative_sd=min(1.0, scatter * float(np.sqrt(1 + 1 / count))),
+        problems=tuple(problems),
     )
 
 
