@@ -14,7 +14,7 @@ from tsis.errors import ImageMismatchError, InputError, NotCalibratedError
 from tsis.imaging.sensor import Sensor
 from tsis.inclusion import InclusionPrior, reading
 from tsis.inclusion.estimation import check_calibration
-from tsis.inclusion.frames import ring_edges, ring_profiles
+from tsis.inclusion.frames import repeats_chance, ring_edges, ring_profiles
 from tsis.inclusion.posterior.exploration import explore_inclusion
 from tsis.inclusion.reading import press_tables, read_frames
 from tsis.mechanics.surrogate.full_contact import build_full_contact_surrogate
@@ -391,6 +391,30 @@ def test_repeats_count_as_their_mean() -> None:
         assert mean.mean[name] == pytest.approx(every.mean[name], abs=0.2 * every.sd[name])
         assert mean.sd[name] == pytest.approx(every.sd[name], rel=0.05)
     assert mean.sd["diameter_mm"] < once.sd["diameter_mm"]
+
+
+@pytest.mark.parametrize("others", ["plain", "size-8"])
+def test_repeats_of_different_places_are_withheld(others: str) -> None:
+    """Their mean is that of a soft lump, which lies nowhere."""
+    virtual = VirtualProbe(PROBE, rng=np.random.default_rng(12), light=EVEN, strain="small")
+    phantoms = [tsis.load_phantom(name) for name in ("hardness-100", others)]
+    frames = [virtual.press(each, force_n=1.0) for each in phantoms for _ in range(2)]
+    result = estimate(frames, probe=PROBE, calibration=ANSWER, prior=EVEN_TISSUE)
+    assert not result.trusted
+    assert {"presses_disagree", "model_does_not_fit"} & set(result.flags)
+
+
+def test_true_repeats_scatter_as_often_as_the_errors_say() -> None:
+    """Never below the least chance: what no error of the calibration explains is allowed for besides."""
+    edges, chances = ring_edges(PROBE), []
+    for seed in range(6):
+        virtual = VirtualProbe(PROBE, rng=np.random.default_rng(seed), light=EVEN, strain="small")
+        frames = [virtual.press(tsis.load_phantom("size-8"), force_n=force) for force in (0.5, 0.5, 1.0, 1.0, 1.0)]
+        chances.append(repeats_chance(frames, ANSWER, edges))
+        assert repeats_chance(frames[1:3], ANSWER, edges) == 1.0, "none of them repeats another"
+        half = [*frames[:-1], replace(frames[-1], grey=0.8 * frames[-1].grey)]
+        assert repeats_chance(half, ANSWER, edges) < 1e-4, "one whose light fell by a fifth"
+    assert min(chances) > 0.01
 
 
 def light_to(reach_mm: float) -> LightMap:

@@ -17,6 +17,7 @@ from tsis.inclusion.checks.position import position_findings
 from tsis.inclusion.flags import (
     NEARLY_COVERED,
     PARTIAL_CONTACT,
+    REPEATS_DISAGREE,
     UNTRUSTED_FLAGS,
     identifiability,
     layer_findings,
@@ -25,13 +26,20 @@ from tsis.inclusion.flags import (
     posterior_findings,
     presence_caveats,
 )
-from tsis.inclusion.frames import covering_force_n, mean_of_repeats, require_valid_forces, with_gain_of_presses
+from tsis.inclusion.frames import (
+    covering_force_n,
+    mean_of_repeats,
+    repeats_chance,
+    require_valid_forces,
+    ring_edges,
+    with_gain_of_presses,
+)
 from tsis.inclusion.posterior.exploration import explore_inclusion
 from tsis.inclusion.posterior.forward import TISSUE
 from tsis.inclusion.posterior.likelihood import least_sd
 from tsis.inclusion.prior import PARAMETERS, InclusionPrior
 from tsis.inclusion.reading import FrameReading, PressTables, covered_presses, press_tables, read_frames
-from tsis.model.estimate import IMPROBABLE, NOT_TRUSTED, Estimate
+from tsis.model.estimate import IMPROBABLE, NOT_TRUSTED, Estimate, probability_bound
 from tsis.model.image import TactileImage, as_images, require_frames_of_probe, require_image_series, require_same_probe
 from tsis.model.require import require_one_of, require_type
 
@@ -171,6 +179,7 @@ def analyse(
     frames = targets, references
     stated = stated_strain([frame.settings for frame in targets + references])
     strain = stated if strain is None else require_one_of("strain", strain, STRAINS)
+    of_one_press = calibration
     targets, references, calibration = mean_of_repeats(targets, references, calibration)
     surrogate = _covered(probe, prior) if progress is None else covered_presses(probe, prior, progress=progress)
     # Before the table of finite strain is built, which takes minutes
@@ -202,6 +211,9 @@ def analyse(
         if chance < IMPROBABLE:
             disagree = len(targets) > 1 and all(_fits(read([target]), prior) for target in targets)
             flagged.append(misfit_finding(chance, disagree=disagree))
+        repeated = _repeats_chance(*frames, of_one_press, probe, prior)
+        if chance >= IMPROBABLE > repeated:
+            flagged.append(REPEATS_DISAGREE.finding(chance=probability_bound(repeated)))
     flagged += _contact_findings(targets + references, surrogate, reading.likelihood, posterior, prior)
     causes = UNTRUSTED_FLAGS.intersection(flag for flag, _ in flagged)
     estimated = Estimate(
@@ -246,6 +258,21 @@ def stated_strain(settings: Iterable[Mapping[str, Any]]) -> str:
 
 def _fits(reading: FrameReading, prior: InclusionPrior) -> bool:
     return _misfit_chance(explore_inclusion(reading.likelihood, prior), reading.data) >= IMPROBABLE
+
+
+def _repeats_chance(
+    targets: list[TactileImage],
+    references: list[TactileImage],
+    calibration: Calibration,
+    probe: Probe,
+    prior: InclusionPrior,
+) -> float:
+    """The least chance of the scatter of repeats, on the target or on the tissue, whose places may differ."""
+    edges, uneven_sd = ring_edges(probe), float(np.hypot(calibration.site_sd, prior.heterogeneity_sd))
+    return min(
+        repeats_chance(targets, calibration, edges),
+        repeats_chance(references, calibration, edges, tissue_sd=uneven_sd),
+    )
 
 
 def _misfit_chance(posterior: InclusionPosterior, data: Profiles) -> float:

@@ -7,6 +7,7 @@ those on frames in `tsis.inclusion.checks.images` and `tsis.inclusion.checks.pos
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -176,12 +177,17 @@ PARTIAL_CONTACT = Flag(
 
 PRESSES_DISAGREE = Flag(
     name="presses_disagree",
-    means="each press fits an inclusion, but not the same inclusion",
+    means="each press fits an inclusion, but not the same inclusion; or repeats of one force differ",
     cure="press one place, and only along the axis",
-    raised=f"chance of the misfit below {IMPROBABLE:g} together, not alone",
+    raised=f"chance of the misfit below {IMPROBABLE:g} together, not alone; chance of the scatter of repeats below it",
     withholds=True,
     says="The presses contradict each other (chance below {chance}): each fits an inclusion, but not the same "
     "inclusion: {cure}.",
+)
+REPEATS_DISAGREE = replace(
+    PRESSES_DISAGREE,
+    says="Presses of one force contradict each other (chance below {chance}): they are not repeats at one place, or a "
+    "force or the role of a press is wrong: {cure}.",
 )
 MODEL_DOES_NOT_FIT = Flag(
     name="model_does_not_fit",

@@ -8,6 +8,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import scipy
 
 from tsis.errors import InputError
 from tsis.imaging import Features, features
@@ -351,6 +352,42 @@ def mean_of_repeats(
 
     target_forces, reference_forces = groups
     return means(targets, target_forces), means(references, reference_forces), averaged_errors(calibration, repeats)
+
+
+# What a press from the same place may differ by, beyond the calibration's errors, smoothly along the radius: a place
+# that is 1 mm off, creep, a tilt. Repeats of the virtual probe differ by 1 %, presses of other lumps by 10 % and more.
+REPEAT_SD, REPEAT_REACH = 0.01, 0.25  # relative, and its correlation length over the outer radius
+REPEAT_SHAPES = 4
+
+
+def repeats_chance(
+    frames: list[TactileImage], calibration: Calibration, edges_mm: Floats, *, tissue_sd: float = 0.0
+) -> float:
+    """Chance of at least the scatter among frames of equal force of one site; 1 where no force is repeated.
+
+    ``tissue_sd`` is by how much the tissue may differ from place to place, relative, where frames may be of several.
+    """
+    groups = [[frame for frame in frames if frame.force_n == force] for force in {frame.force_n for frame in frames}]
+    light = ring_light(frames[0], calibration, edges_mm).level if frames else np.ones(0)
+    middle = (edges_mm[1:] + edges_mm[:-1]) / 2
+    along = np.exp(-np.abs(middle[:, None] - middle) / (REPEAT_REACH * edges_mm[-1]))
+    square, freedom = 0.0, 0
+    for group in groups:
+        if len(group) < 2:
+            continue
+        data = ring_profiles(group, calibration, edges_mm, light=light, model_error=0.0)
+        used = data.usable.all(axis=0)
+        grey = data.grey[:, used]
+        mean = grey.mean(axis=0)
+        smooth = (REPEAT_SD**2 + tissue_sd**2) * along[np.ix_(used, used)]
+        own = np.outer(mean, mean) * (
+            smooth + calibration.force_sd**2 + calibration.repeatability_sd**2 * np.eye(mean.size)
+        )
+        own += (calibration.offset_sd * float(mean.mean())) ** 2 + np.diag(data.variance[:, used].mean(axis=0))
+        size, shape = np.linalg.eigh(own)  # other presses differ smoothly: by the largest shapes of the errors
+        square += float((np.square((grey - mean) @ shape[:, -REPEAT_SHAPES:]) / size[-REPEAT_SHAPES:]).sum())
+        freedom += (len(group) - 1) * min(REPEAT_SHAPES, mean.size)
+    return 1.0 if freedom == 0 else float(scipy.stats.chi2.sf(square, freedom))
 
 
 def _mean(frames: list[TactileImage]) -> TactileImage:
