@@ -23,10 +23,11 @@ import tsis
 from tsis.calibration.camera_reference import CameraReference
 from tsis.calibration.file import ProbeCalibration, calibration_bytes, read_calibration, write_calibration
 from tsis.calibration.force_line import ForceLine
+from tsis.calibration.frames import load_frames
 from tsis.calibration.measured import MeasuredValue
 from tsis.calibration.scale import PixelScale
 from tsis.cli.options import reference_forces
-from tsis.errors import InputError
+from tsis.errors import FileInputError, InputError
 from tsis.model.calibration import Calibration, LightMap
 from tsis.model.estimate import Estimate
 from tsis.present.page import Column, Table
@@ -260,10 +261,42 @@ def test_a_table_of_presses_tells_forces_kinds_and_scale(run: RunTsis, kept: Pat
     again = told(run, "examine", folder, "--strain", "small", "--out", tmp_path / "made")["estimate"]
     for name, found in again["parameters"].items():
         assert found["mean"] == first["parameters"][name]["mean"]
-    (folder / "presses.csv").write_text(rows[0] + "\n../target.png,1,target,,,\n")
-    refused = run("examine", folder)
-    assert refused.code == 2
-    assert "must name files of its own" in refused.err
+    for changed, said in (
+        (["../target.png,1,target,,,"], "must name files of its own"),
+        ([rows[1], rows[2].replace(",target,", ",,")], "role must be target, plain or untouched in each row"),
+    ):
+        (folder / "presses.csv").write_text("\n".join([rows[0], *changed]))
+        refused = run("examine", folder)
+        assert refused.code == 2
+        assert said in " ".join(refused.err.split())
+
+
+def test_frames_of_an_export_are_those_that_were_written(run: RunTsis, kept: Path, tmp_path: Path) -> None:
+    store = ("--store", tmp_path / "store")
+    assert run("records", "import", kept / "demo", *store).code == 0
+    levels = cv2.imread(str(kept / "demo" / "target-1N.png"), cv2.IMREAD_UNCHANGED)
+    assert levels is not None
+    cv2.imwrite(str(tmp_path / "ball.png"), levels[::-1])
+    ball = ("--target", "1", "--role", "ball", "--force-n", "1", "--probe", "tsis-domed", "--scale-mm", "0.0336,0.0392")
+    added = run("records", "import", tmp_path / "ball.png", *ball, *store)
+    assert added.code == 0, added.err
+    assert run("records", "export", "1", "--format", "csv", "--out", tmp_path / "out", *store).code == 0
+    (folder,) = (path.parent for path in (tmp_path / "out").rglob("presses.csv"))
+    shutil.copy(kept / "demo" / "calibration.json", folder)
+    found = load_frames(folder)
+    assert [len(part) for part in (found.images, found.reference)] == [2, 2], "the press of a ball is none of tissue"
+    first, second = (folder / "frames" / f"{number:05d}-target.png" for number in (1, 2))
+    held = first.read_bytes()
+    first.write_bytes(second.read_bytes())
+    with pytest.raises(FileInputError, match="its content is another"):
+        load_frames(folder)
+    first.write_bytes(held)
+    table = (folder / "presses.csv").read_text()
+    (folder / "presses.csv").write_text(table.replace(",383.5,245.5,", ",380,240,"))
+    assert {frame.axis_px for frame in load_frames(folder).images} == {(380.0, 240.0)}
+    (folder / "presses.csv").write_text(table.replace(",492,768,", ",480,640,"))
+    with pytest.raises(FileInputError, match=r"columns \(px\) must be those of the frame"):
+        load_frames(folder)
 
 
 BUDGET = ("examine", *FRAMES, *KNOWN, *FORCES, *REFERENCES, "--budget")

@@ -40,8 +40,9 @@ if TYPE_CHECKING:
 
 RESULT_FILE, UNTOUCHED_FILE = "result.json", "untouched.png"
 TARGET, REFERENCE, UNTOUCHED = "target", "plain", "untouched"  # roles of frames in sidecars
+BALL = "ball"  # of presses of a known ball, in exports of records
 MOST_FRAMES = 1000  # of one folder
-PRESSES_FILE, FRAMES_FOLDER = "presses.csv", "frames"
+PRESSES_FILE, FRAMES_FOLDER, MANIFEST_FILE = "presses.csv", "frames", "manifest.json"
 PRESS_COLUMNS = (  # the first two are needed
     *("frame file", "force (N)", "role", "pixel size x (mm)", "pixel size y (mm)", "probe", "full scale (grey level)"),
     *("frame (SHA-256)", "press", "taken", "axis x (px)", "axis y (px)", "rows (px)", "columns (px)", "flags", "name"),
@@ -359,24 +360,56 @@ def _of_demo(folder: Path, source: Path) -> Iterator[_SavedFrame]:
 
 
 def _of_table(folder: Path, table: Path, role: str) -> Iterator[_SavedFrame]:
-    """Frames as a table of presses lists them: that of ``tsis records export``, or one of the same headings."""
+    """Frames as a table of presses lists them: that of ``tsis records export``, or one of the same headings.
+
+    Presses of a ball are left out: they say nothing of tissue.
+    """
     rows = list(read_csv_rows(table, PRESS_COLUMNS[:2], PRESS_COLUMNS[2:]))
     require_integer(f"the number of frames in {printable_path(table)}", len(rows), 1, MOST_FRAMES)
+    without = [row for row in rows if not row.text("role")]
+    if without and len(without) < len(rows):
+        raise without[0].refused("role", f"{TARGET}, {REFERENCE} or {UNTOUCHED} in each row, or in none", "")
+    written = _hashes_of_manifest(folder)
     for row in rows:
+        if row.text("role") == BALL:
+            continue
         name = row.text("frame file")
         inside = own_file(folder, FRAMES_FOLDER) if name.startswith(f"{FRAMES_FOLDER}/") else folder
         file = own_file(inside, name.removeprefix(f"{FRAMES_FOLDER}/"))
         x, y = row.number("pixel size x (mm)"), row.number("pixel size y (mm)")
         scale = None if x is None or y is None else (x, y)
         image = read_image(file, mm_per_pixel=scale, force_n=row.number("force (N)"))
+        known = {row.text("frame (SHA-256)"), written.get(name, "")} - {""}
+        if known and image.settings["sha256"] not in known:
+            raise file_error(
+                file,
+                f"must be the frame of which {printable_path(table)} states the SHA-256; its content is another (if it "
+                f"was changed on purpose, empty that column and delete {MANIFEST_FILE})",
+            )
+        stated = row.number("rows (px)"), row.number("columns (px)")
+        if any(length not in (None, own) for length, own in zip(stated, image.grey.shape, strict=True)):
+            raise row.refused("rows (px) and columns (px)", f"those of the frame, {image.grey.shape}", f"{stated}")
         full_scale, probe = row.number("full scale (grey level)"), row.text("probe")
+        axis = row.number("axis x (px)"), row.number("axis y (px)")
         image = replace(
             image,
             full_scale=image.full_scale if full_scale is None else full_scale,
+            axis_px=image.axis_px if axis[0] is None or axis[1] is None else (axis[0], axis[1]),
             settings={**image.settings, "probe": probe},
         )
         given = require_one_of("role", row.text("role") or role, (TARGET, REFERENCE, UNTOUCHED))
         yield _SavedFrame(file=file, role=given, target=None, image=image, probe=probe)
+
+
+def _hashes_of_manifest(folder: Path) -> dict[str, str]:
+    """The SHA-256 of each file of an export by its name; none where the folder has no list of them."""
+    manifest = own_file(folder, MANIFEST_FILE)
+    if not manifest.exists():
+        return {}
+    files = read_object(manifest).get("files")
+    if not isinstance(files, dict):
+        return {}
+    return {name: str(entry.get("sha256", "")) for name, entry in files.items() if isinstance(entry, dict)}
 
 
 def _of_snapshots(folder: Path, role: str) -> Iterator[_SavedFrame]:
