@@ -238,6 +238,20 @@ def test_contacts_of_a_held_press_may_begin_with_the_largest() -> None:
     assert estimate_from_contacts(held, sensor=GEL, geometry=R_MM, sequence=True).trusted
 
 
+def test_contacts_of_a_ball_need_a_force_and_those_left_out_are_named() -> None:
+    ball = [{"force_n": 0.1, "radius_mm": 1.5}, {"force_n": 0.2, "radius_mm": 1.9, "good": "no"}]
+    result = estimate_from_contacts(hertz(60.0), sensor=GEL, geometry=R_MM, reference=ball, reference_radius_mm=5.0)
+    assert "contacts_left_out" in result.flags
+    for wrong, said in (
+        ({"reference": [{"radius_mm": 1.5}], "reference_radius_mm": 5.0}, "must state force_n"),
+        ({"reference_radius_mm": 5.0}, "reference must be given with reference_radius_mm"),
+    ):
+        with pytest.raises(InputError, match=said):
+            estimate_from_contacts(hertz(60.0), sensor=GEL, geometry=R_MM, **wrong)
+    with pytest.raises(InputError, match="must be given with radius_sd_mm"):
+        estimate_from_contacts(hertz(60.0), sensor=GEL, geometry={"radius_sd_mm": 0.1})
+
+
 def test_two_different_radii_of_one_object_are_refused() -> None:
     stated = [row | {"object_radius_mm": R_MM} for row in hertz(60.0)]
     assert estimate_from_contacts(stated, sensor=GEL, geometry=1.01 * R_MM).trusted

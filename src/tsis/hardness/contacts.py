@@ -354,6 +354,8 @@ def as_geometry(geometry: Any, stated_mm: float | None) -> ObjectGeometry:
     else:
         require_type("geometry", geometry, ObjectGeometry)
         shape = geometry
+    if shape.radius_mm is None and stated_mm is None and shape.radius_sd_mm is not None:
+        raise InputError("radius_mm of the object must be given with radius_sd_mm, its standard deviation; got None")
     if shape.radius_mm is None or stated_mm is None:
         return replace(shape, radius_mm=stated_mm) if shape.radius_mm is None else shape
     if abs(shape.radius_mm - stated_mm) > SAME_RADIUS * stated_mm:

@@ -456,7 +456,11 @@ def estimate_from_contacts(
     beyond, readings = (len(readings) - len(held), held) if held else (0, readings)
     bodies = [_body(readings, shape)]
     if reference is not None:
-        bodies.append(_rigid_ball(reference, reference_radius_mm))
+        ball, not_good = _rigid_ball(reference, reference_radius_mm)
+        bodies.append(ball)
+        left_out = (*left_out, *not_good)
+    elif reference_radius_mm is not None:
+        raise InputError("reference must be given with reference_radius_mm: contacts of that rigid ball; got none")
     require_number("lag_sd_s", lag_sd_s, 0.0, 5.0, hint="seconds")
     errors = TouchErrors(press=press_sd, scale=gel.scale_uncertainty, force_zero_n=force_zero_sd_n, lag_s=lag_sd_s)
     reasons = unknowable(readings, shape)
@@ -511,12 +515,17 @@ def _body(readings: tuple[TouchReading, ...], shape: ObjectGeometry) -> TouchedB
     )
 
 
-def _rigid_ball(reference: Any, radius_mm: float | None) -> TouchedBody:
-    readings, _, stated_mm = as_touch_readings(reference)
+def _rigid_ball(reference: Any, radius_mm: float | None) -> tuple[TouchedBody, tuple[str, ...]]:
+    """The ball with its contacts, and the names of those that are not good."""
+    readings, left_out, stated_mm = as_touch_readings(reference)
     radius_mm = stated_mm if radius_mm is None else radius_mm
     if radius_mm is None:
         raise InputError("reference_radius_mm must be given, the radius of the rigid ball; no contact states it")
-    return replace(_body(readings, ObjectGeometry(radius_mm=radius_mm)), rigid=True)
+    if all(reading.force_n is None for reading in readings):
+        raise InputError(
+            "contacts of the rigid ball must state force_n; none does, and without a force they tell nothing of the gel"
+        )
+    return replace(_body(readings, ObjectGeometry(radius_mm=radius_mm)), rigid=True), left_out
 
 
 def _explored(
