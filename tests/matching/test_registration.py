@@ -396,3 +396,24 @@ def test_the_accepted_share_of_wrong_answers_sets_the_threshold() -> None:
     assert [item.reliable for item in found] == sorted(item.reliable for item in found)
     with pytest.raises(InputError, match="most_wrong must lie in"):
         register(shape, noisy, most_wrong=0.5)
+
+
+@pytest.mark.parametrize("method", ["cpd", "bcpd", "shape-context", "rpm-lns"])
+def test_the_trust_in_matches_is_how_many_are_right_by_any_method(method: str) -> None:
+    """Points that slid by one along a contour lie close to a wrong partner each."""
+    rng, angle = np.random.default_rng(7), np.linspace(0.0, 2 * np.pi, 80, endpoint=False)
+    contour = np.column_stack(
+        [
+            np.cos(angle) + 0.2 * np.cos(3 * angle + 0.4) + 0.13 * np.sin(2 * angle),
+            0.6 * np.sin(angle) + 0.17 * np.sin(2 * angle),
+        ]
+    ) + rng.normal(0.0, 0.02, (80, 2))
+    turn = np.array([[np.cos(0.5), np.sin(0.5)], [-np.sin(0.5), np.cos(0.5)]])
+    order = rng.permutation(80)
+    result = register(contour, (contour @ turn)[order], method=method)
+    matches, trust = result.untrusted.matches, result.untrusted.trust
+    matched = matches >= 0
+    right = matches == np.argsort(order)
+    assert trust[matched].mean() == pytest.approx(right[matched].mean(), abs=0.15)
+    assert right[trust > 0.95].mean() > 0.95
+    assert not trust[~matched].any()

@@ -21,6 +21,7 @@ from tsis.matching import shape_context
 from tsis.matching.flags import FEW, FEW_POINTS, MATCHING_FLAGS, SAMPLED, doubts
 from tsis.matching.methods import (
     MOST_POINTS,
+    TOLERANCE_SD,
     UNMATCHED,
     Booleans,
     Copies,
@@ -380,6 +381,10 @@ def fit_and_measures(
     return fit, posterior, trust_measures(posterior, fit.move(source), sound=sound, related=related)
 
 
+BLOCK_PAIRS = 1_000_000  # of points, whose distances are held at a time
+LEAST_SIGMA = 0.05  # of the target's spacing: noise that exact points are allowed in their trust
+
+
 def _fitted(
     method: str,
     source: Floats,
@@ -395,7 +400,27 @@ def _fitted(
     fit_method: MatchMethod = METHODS[method] if method in METHODS else load_plugin("matching", method)
     fit = fit_method(source, target, rng=rng)
     also = fit.move(source)
-    return fit, pose_posterior(source, target, rng=rng, rotation_sd_deg=rotation_sd_deg, also=also, searched=searched)
+    posterior = pose_posterior(source, target, rng=rng, rotation_sd_deg=rotation_sd_deg, also=also, searched=searched)
+    return replace(fit, trust=_bounded_trust(fit, posterior, source, target)), posterior
+
+
+def _bounded_trust(fit: MatchFit, posterior: PosePosterior, source: Floats, target: Floats) -> Floats:
+    """A method's trust in each match, at most the match's probability by the poses that the sets allow.
+
+    A method knows its own map alone: along a contour it can slide all points to a neighbour, each of them close to it.
+    """
+    if posterior.best is None:
+        return fit.trust
+    sigma = max(posterior.best.sigma, LEAST_SIGMA * posterior.search.step)
+    chance, matched = np.zeros(len(source)), np.flatnonzero(fit.matches != UNMATCHED)
+    unmatched = np.exp(-0.5 * TOLERANCE_SD**2)
+    for pose in posterior.alternatives():
+        moved = pose.move(source)
+        for rows in np.array_split(matched, 1 + matched.size * len(target) // BLOCK_PAIRS):
+            likely = np.exp(-0.5 * scipy.spatial.distance.cdist(moved[rows], target, "sqeuclidean") / sigma**2)
+            own = likely[np.arange(rows.size), fit.matches[rows]]
+            chance[rows] += pose.probability * own / (likely.sum(axis=1) + unmatched)
+    return np.minimum(fit.trust, chance)
 
 
 def _outward(pose: LikelyPose, source: Floats, end: NormalFrame) -> Alternative:
