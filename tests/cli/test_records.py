@@ -184,6 +184,33 @@ def test_edits_change_what_people_wrote_and_count_versions(run_tsis: RunTsis, re
     assert (now.force_n, now.flags, now.note, now.role, now.version) == (None, (), "again", "untouched", 3)
 
 
+def test_an_edit_that_leaves_an_estimate_stale_is_told_everywhere(run_tsis: RunTsis, records: Path) -> None:
+    with open_store(records) as store:
+        press = store.presses(store.target(1))[1].id
+    edit = ("records", "edit", "1", "--press", press, *STORE)
+    assert "have changed since" not in run_tsis(*edit, "--note", "again").out
+    sentence = (
+        f"The presses have changed since the hardness was estimated: force_n 1.2 -> 1.4 of press {press[:8]}; make it "
+        "again with tsis records recompute 1."
+    )
+    assert sentence in run_tsis(*edit, "--force-n", "1.4").out
+    (told,) = json.loads(run_tsis(*edit, "--note", "more", "--json").out)["changed_since"]
+    assert told["sentence"] == sentence
+    assert told["inputs"] == [{"press": press, "name": "force_n", "before": 1.2, "after": 1.4}]
+    assert sentence in run_tsis("records", "show", "1", "--limit", "1", *STORE).out
+    shown = json.loads(run_tsis("records", "show", "1", "--limit", "1", *STORE, "--json").out)
+    assert shown["changed_since"] == [told]
+    assert told["id"] in shown["in_force"]
+    listed = json.loads(run_tsis("records", "list", *STORE, "--json").out)["targets"]
+    assert [each["changed_since"] for each in listed] == [["hardness"], []]
+    people = run_tsis("records", "list", *STORE).out
+    assert "1 *" in people
+    assert "tsis records show N tells which" in people
+    assert run_tsis(*edit, "--force-n", "1.2").code == 0
+    assert "*" not in run_tsis("records", "list", *STORE).out
+    assert "have changed since" not in run_tsis("records", "show", "1", *STORE).out
+
+
 def test_recompute_tells_the_same_and_then_what_changed(run_tsis: RunTsis, monkeypatch: pytest.MonkeyPatch) -> None:
     with open_store("records") as store:
         stored_object(store)

@@ -311,3 +311,21 @@ def test_paper_and_screen_tell_the_same(tmp_path: Path) -> None:
         assert card.value.replace(" ", "") in close
     for press in sample_record().presses:
         assert press.frame in close
+
+
+@pytest.mark.parametrize("kind", ["phantom", "subject"])
+def test_an_estimate_whose_presses_were_edited_since_is_told_first(kind: str) -> None:
+    record = sample_record(kind=kind)
+    (stored,) = record.estimates
+    told = {
+        name: [{"name": press.name, "force_n": press.force_n} for press in record.presses if press.role == role]
+        for name, role in (("images", "target"), ("reference", "plain"))
+    }
+    record = replace(record, estimates=(replace(stored, estimate=replace(stored.estimate, provenance=told)),))
+    assert "have changed since" not in words(target_page(record))
+    first, second, *others = record.presses
+    record = replace(record, presses=(first, replace(second, force_n=1.2, version=2), *others))
+    assert target_page(record).notes[0] == (
+        "The presses have changed since the inclusion was estimated: force_n 1 -> 1.2 of press 2; make it again with "
+        "tsis records recompute 3."
+    )

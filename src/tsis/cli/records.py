@@ -32,7 +32,7 @@ from tsis.present.page import Column, Table
 from tsis.present.terminal import people, print_notice, rich_table
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from rich.console import Console
 
@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from tsis.records.importing import ImportedBatch
     from tsis.records.reader import TargetSummary
     from tsis.records.recomputation import Recomputation
+    from tsis.records.staleness import StaleResult
     from tsis.records.store import Store, StoreVerification
     from tsis.records.values import StoredEstimate, StoredMap, StoredPress, Target, TargetRecord
 
@@ -54,10 +55,16 @@ def list_targets(
     """List the targets of a store: numbers of presses and estimates, and the last press."""
     with opened(store, kind, database) as records:
         summaries, place = records.targets(), str(records.folder.resolve())
+        edited = records.edited_targets()
+        stale = {
+            item.target.id: [result.kind for result in records.stale_results(item.target)]
+            for item in summaries
+            if item.estimates and item.target.id in edited
+        }
     if as_json:
         print_json(
             tsis.present.document.envelope(
-                "records list", store=place, kind=kind, targets=[_summary_document(item) for item in summaries]
+                "records list", store=place, kind=kind, targets=[_summary_document(item, stale) for item in summaries]
             )
         )
         return
@@ -67,18 +74,25 @@ def list_targets(
         columns=("number", "name", Column(label="presses"), Column(label="estimates"), "last press (UTC)"),
         values=tuple(
             (
-                *(item.target.number, item.target.name, item.presses, item.estimates),
+                *(item.target.number, item.target.name, item.presses),
+                f"{item.estimates}{STALE_MARK if stale.get(item.target.id) else ''}",
                 "never" if item.last is None else f"{item.last:%Y-%m-%d %H:%M}",
             )
             for item in summaries
         ),
     )
     console.print(rich_table(table) if summaries else "The store is empty; tsis records import and --save fill it.")
+    if any(stale.values()):
+        console.print(STALE_MEANS, markup=False, soft_wrap=True)
     console.print(f"Store: {place}", markup=False, soft_wrap=True)
     print_notice(console)
 
 
-def _summary_document(summary: TargetSummary) -> dict[str, Any]:
+STALE_MARK = " *"
+STALE_MEANS = "* The presses have changed since a current estimate was made; tsis records show N tells which."
+
+
+def _summary_document(summary: TargetSummary, stale: Mapping[str, list[str]]) -> dict[str, Any]:
     target = summary.target
     return {
         "number": target.number,
@@ -86,6 +100,7 @@ def _summary_document(summary: TargetSummary) -> dict[str, Any]:
         "id": target.id,
         "presses": summary.presses,
         "estimates": summary.estimates,
+        "changed_since": stale.get(target.id, []),
         "last": None if summary.last is None else summary.last.isoformat(),
     }
 
@@ -109,9 +124,10 @@ def show(
         target = records.target(number)
         total = records.press_count(target)
         record = records.record(target, limit=limit, offset=offset)
+        stale = records.stale_results(target)
     presses, results = record.presses, record.results
     if as_json:
-        print_json(_target_document(record, total))
+        print_json(_target_document(record, total, stale))
         return
     console = people()
     name = f" {target.name}" if target.name else ""
@@ -119,11 +135,13 @@ def show(
     if target.note:
         console.print(target.note, markup=False)
     console.print(rich_table(_presses(presses, total, offset)))
+    changed = {result.id: result.message() for result in stale}
     for stored in sorted(record.active_estimates, key=lambda item: item.made, reverse=True):
         estimate = stored.estimate
         truth = target.truth if set(estimate.names) <= set(target.truth) else None
         title = f"Current estimate: {stored.kind}, {stored.probe}"
         console.print(rich_table(tsis.present.inclusion.estimate_table(estimate, title=title, truth=truth)))
+        _print_stale(console, changed.get(stored.id))
         for message in tsis.present.document.estimate_messages(estimate):
             console.print(f"- {message}", markup=False)
         console.print(f"Flags: {', '.join(estimate.flags) or 'none'}", markup=False)
@@ -132,6 +150,7 @@ def show(
         page = tsis.present.lump_map.lump_map_page(found, title="Current map", subtitle=record.map.probe)
         for table in page.tables:
             console.print(rich_table(replace(table, title=f"Current map: {table.title}")))
+        _print_stale(console, changed.get(record.map.id))
         for message in page.notes:
             console.print(f"- {message}", markup=False)
     for message in dict.fromkeys(record.damaged):
@@ -145,6 +164,11 @@ def show(
     if results:
         console.print(rich_table(_history(results)))
     print_notice(console)
+
+
+def _print_stale(console: Console, message: str | None) -> None:
+    if message is not None:
+        console.print(f"- {message}", markup=False, soft_wrap=True)
 
 
 def _presses(presses: Sequence[StoredPress], total: int, offset: int) -> Table:
@@ -176,7 +200,7 @@ def _until(calibration: ProbeCalibration) -> str:
     return "it is replaced (simulated)" if calibration.expires is None else f"{calibration.expires:%Y-%m-%d}"
 
 
-def _target_document(record: TargetRecord, total: int) -> dict[str, Any]:
+def _target_document(record: TargetRecord, total: int, stale: Sequence[StaleResult]) -> dict[str, Any]:
     truth = record.target.truth
     documents = [tsis.present.document.stored_document(stored, truth) for stored in record.estimates]
     return tsis.present.document.envelope(
@@ -186,6 +210,7 @@ def _target_document(record: TargetRecord, total: int) -> dict[str, Any]:
         presses_in_all=total,
         estimate=documents[-1] if documents else None,
         in_force=[stored.id for stored in record.active_results],
+        changed_since=[_stale_document(result) for result in stale],
         history=documents[:-1],
         maps=[tsis.present.lump_map.stored_map_document(stored) for stored in record.maps],
         calibrations=[
@@ -194,6 +219,13 @@ def _target_document(record: TargetRecord, total: int) -> dict[str, Any]:
         ],
         damaged=list(record.damaged),
     )
+
+
+def _stale_document(result: StaleResult) -> dict[str, Any]:
+    inputs = [
+        {"press": item.press, "name": item.name, "before": item.before, "after": item.after} for item in result.inputs
+    ]
+    return {"id": result.id, "kind": result.kind, "sentence": result.message(), "inputs": inputs}
 
 
 def recompute(
@@ -511,7 +543,8 @@ def edit(
 ) -> None:
     """Change the entries of a target or a press; frames and estimates never change.
 
-    The audit records what changed, when and by whom. After a change of force or role, recompute the estimate.
+    The audit records what changed, when and by whom. After a change of force or role, recompute the estimate:
+    the command says which results rest on the press as it was.
     """
     changes: dict[str, Any] = {} if note is None else {"note": note}
     if press is None:
@@ -528,20 +561,29 @@ def edit(
         )
     with opened(store, kind, database) as records:
         target = records.target(number)
+        stale: tuple[StaleResult, ...] = ()
         # The store refuses an edit of another version than the last.
         seen: dict[str, Any] = {} if version is None else {"version": version}
         if press is None:
             edited: Target | StoredPress = records.edit_target(replace(target, **seen), **changes)
         else:
             edited = records.edit_press(replace(_press(records, target, press), **seen), **changes)
+            stale = _resting_on(edited.id, records.stale_results(target))
     what = f"target {number}" if press is None else f"press {edited.id[:8]} of target {number}"
     if as_json:
         cited = {"press": None if press is None else edited.id, "record": edited.id, "version": edited.version}
-        print_json(tsis.present.document.envelope("records edit", target=number, **cited))
+        documents = [_stale_document(result) for result in stale]
+        print_json(tsis.present.document.envelope("records edit", target=number, **cited, changed_since=documents))
         return
     console = people()
     console.print(f"Changed {', '.join(changes)} of {what}; it is version {edited.version} now.", markup=False)
+    for result in stale:
+        console.print(result.message(), markup=False, soft_wrap=True)
     print_notice(console)
+
+
+def _resting_on(press: str, stale: Sequence[StaleResult]) -> tuple[StaleResult, ...]:
+    return tuple(result for result in stale if press in {item.press for item in result.inputs})
 
 
 def _of_a_press(force_n: str | None, role: str | None, flags: Sequence[str] | None) -> dict[str, Any]:

@@ -264,6 +264,13 @@ def result_flags(stored: Result) -> Mapping[str, Flag]:
     return {HARDNESS: HARDNESS_FLAGS, MAP: MAP_FLAGS}.get(stored.kind, INCLUSION_FLAGS)
 
 
+def stale_notes(record: TargetRecord) -> tuple[str, ...]:
+    """A message for each current result whose presses were edited since; ``record`` is the one of the store."""
+    from tsis.records.staleness import stale_results  # loads the libraries of records
+
+    return tuple(result.message(numbered=True) for result in stale_results(record))
+
+
 def target_notes(record: TargetRecord) -> tuple[str, ...]:
     """All messages, those of the active estimates first."""
     return (
@@ -507,6 +514,7 @@ def target_page(record: TargetRecord) -> Page:
         calibrations, all estimates and where each number came from. That of a subject shows the pseudonym and no
         other name.
     """
+    stale = stale_notes(record)  # which needs the presses as they are stored
     record = without_identity(record)
     target, gallery = record.target, target_gallery(record)
     name = f": {target.name}" if target.name else ""
@@ -514,7 +522,7 @@ def target_page(record: TargetRecord) -> Page:
         title=f"{'Subject, target' if target.kind == 'subject' else 'Target'} {target.number}{name}",
         subtitle=_subtitle(record),
         cards=target_cards(record),
-        notes=(*target_notes(record), *gallery.notes),
+        notes=(*stale, *target_notes(record), *gallery.notes),
         pictures=gallery.pictures,
         tables=target_tables(record),
         provenance=_provenance(record),

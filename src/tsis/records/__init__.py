@@ -28,6 +28,7 @@ if not TYPE_CHECKING:  # modules load when they are first used
             "rows",
             "schema",
             "sources",
+            "staleness",
             "store",
             "target",
             "transfer",

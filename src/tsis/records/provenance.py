@@ -146,10 +146,11 @@ def _differences(what: str, was: Any, now: Any, *, arrow: str = ": ") -> Iterato
     if isinstance(was, (Mapping, list)) or isinstance(now, (Mapping, list)):
         yield what
         return
-    yield f"{what}{arrow}{_shown(was)} -> {_shown(now)}"
+    yield f"{what}{arrow}{shown_value(was)} -> {shown_value(now)}"
 
 
-def _shown(value: Any) -> str:
+def shown_value(value: Any) -> str:
+    """A value in a message."""
     if value is None:
         return "none"
     return f"{value:g}" if isinstance(value, float) else str(value)[:SHOWN]

@@ -19,6 +19,7 @@ from tsis.records import schema as tables
 from tsis.records.audit import AuditHead, has_entry
 from tsis.records.blobs import frame_levels, samples_of
 from tsis.records.rows import target_of_row
+from tsis.records.staleness import stale_results
 from tsis.records.values import TargetRecord
 
 if TYPE_CHECKING:
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from tsis.calibration.file import ProbeCalibration
     from tsis.records.blobs import Blobs
     from tsis.records.database import Database
+    from tsis.records.staleness import StaleResult
     from tsis.records.values import StoredEstimate, StoredMap, StoredPress, Target
 
 
@@ -84,6 +86,18 @@ class StoreReader:
         query = select(func.count()).select_from(tables.press_table).where(tables.press_table.c.target == target.id)
         with self.database.reading() as connection:
             return int(connection.execute(query).scalar_one())
+
+    def edited_targets(self, target: Target | None = None) -> frozenset[str]:
+        """Identities of the targets, or of this one, that have an edited press: the others are as they were."""
+        table = tables.press_table.c
+        query = select(table.target).distinct().where(table.version > 1)
+        with self.database.reading() as connection:
+            found = connection.execute(query if target is None else query.where(table.target == target.id))
+            return frozenset(found.scalars())
+
+    def stale_results(self, target: Target) -> tuple[StaleResult, ...]:
+        """The current results of a target whose presses were edited since they were made."""
+        return stale_results(self.record(target)) if self.edited_targets(target) else ()
 
     def press(self, target: Target, identity: str) -> StoredPress:
         """The press of this identity, or `InputError`."""

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from tests.console.filled_store import ESTIMATED, HARD, MANY, PRESSES, fill
 from tests.console.pages.simulated import at_console
 from tests.console.services.instruments import lit_instrument
+from tests.records.pressed_object import stored_object
 from tests.records.sample import sample_record
 
 from tsis.console.pages import records
@@ -546,6 +547,20 @@ def test_a_page_of_a_target_is_a_sheet_of_its_presses(edited: Store) -> None:
     assert (observed.total, observed.offset, len(observed.presses)) == (AT_ONCE + 4, AT_ONCE, 4)
     assert [press.id for press in observed.presses] == [press.id for press in edited.presses(target)[AT_ONCE:]]
     assert observed.record.estimates[0].id == "estimate-a"
+
+
+def test_a_page_of_a_target_tells_what_was_edited_since_its_estimate(tmp_path: Path) -> None:
+    with open_store(tmp_path / "store") as opened:
+        target = stored_object(opened)
+        before = read_target(opened, "1", 0)
+        opened.edit_press(opened.presses(target)[1], force_n=1.4)
+        observed = read_target(opened, "1", 0)
+    assert before.stale == ()
+    assert observed.stale == (
+        "The presses have changed since the hardness was estimated: force_n 1.2 -> 1.4 of press 2; make it again with "
+        "tsis records recompute 1.",
+    )
+    assert observed.fingerprint != before.fingerprint
 
 
 def test_of_a_subject_pages_show_the_pseudonym_and_known_flags(tmp_path: Path) -> None:

@@ -54,6 +54,7 @@ class TargetView:
     offset: int  # presses before that page
     total: int  # of all presses
     state: TargetState | None = None  # whether it is archived or deleted
+    stale: tuple[str, ...] = ()  # a message for each current result whose presses were edited since
 
     @property
     def private(self) -> bool:
@@ -75,7 +76,7 @@ class TargetView:
         """Fingerprint of the whole page: equal ones have the same view."""
         record = self.record
         estimates = tuple(estimate.id for estimate in record.estimates)
-        return self.target, self.state, self.sheet, estimates, tuple(record.calibrations), record.damaged
+        return self.target, self.state, self.sheet, estimates, tuple(record.calibrations), record.damaged, self.stale
 
 
 def read_target(store: Store, number: str, offset: int) -> TargetView:
@@ -93,6 +94,7 @@ def read_target(store: Store, number: str, offset: int) -> TargetView:
         offset=offset,
         total=total,
         state=store.state(target),
+        stale=tuple(result.message(numbered=True) for result in store.stale_results(target)),
     )
 
 

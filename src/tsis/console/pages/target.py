@@ -586,6 +586,8 @@ def estimates(view: TargetView) -> None:
     else:
         widgets.muted(NONE_YET)
     with widgets.message_list():
+        for message in view.stale:
+            widgets.list_message(message, "doubtful")
         for stored in current:
             for message in (*result_messages(stored), origin(stored)):
                 of_kind = f"Of the {stored.kind}: {message}"
