@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import csv
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 from tests.records.test_sources import grey, image
 
-from tsis.errors import FileInputError, RecordsError
+from tsis.errors import FileInputError, InputError, RecordsError
 from tsis.records.importing import import_batches
 from tsis.records.places import recorded_scan
 from tsis.records.sources import ImportOptions, find_import_batches
@@ -53,6 +53,12 @@ def test_places_survive_import_export_and_import(tmp_path: Path, folder: Path) -
         assert press.reference == (kind == "reference")
         assert press.frame is not None
         np.testing.assert_array_equal(press.frame.grey, grey(number))
+
+
+@pytest.mark.parametrize(("option", "said"), [("--role", {"role": "plain"}), ("--force-n", {"force_n": (1.0,)})])
+def test_a_scan_says_role_and_force_itself(folder: Path, option: str, said: dict[str, Any]) -> None:
+    with pytest.raises(InputError, match=f"{option} must not be given for .*three places', a scan, which says it"):
+        find_import_batches([folder], ImportOptions(**said))
 
 
 def test_a_press_without_place_is_named(tmp_path: Path, folder: Path) -> None:

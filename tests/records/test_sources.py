@@ -17,7 +17,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from tests.instrument.scripted_camera import END, ScriptedCamera
 from tests.records.folders import WHEN, demo_levels, frame, make_demo, save, write
-from tests.records.sample import sample_calibration
+from tests.records.sample import sample_calibration, sample_record
 from tests.waiting import HANGS_S
 
 from tsis.calibration.file import calibration_sha256
@@ -27,6 +27,7 @@ from tsis.instrument.recording import FrameFolder, FurtherColumns, LosslessVideo
 from tsis.records.importing import ImportProgress, import_batches
 from tsis.records.sources import ImportOptions, find_import_batches
 from tsis.records.store import open_store, verify_store
+from tsis.records.target import write_bundle
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -545,3 +546,41 @@ def test_a_folder_of_nothing_that_is_known_says_what_may_be_imported(tmp_path: P
 def test_an_unknown_role_is_refused_at_once(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no role of a press is called 'palin'; did you mean 'plain'"):
         find_import_batches([tmp_path], ImportOptions(role="palin"))
+
+
+SAID: dict[str, Any] = {
+    "--role": {"role": "plain"},
+    "--force-n": {"force_n": (1.2,)},
+    "--scale-mm": {"mm_per_pixel": (0.1, 0.1)},
+    "--probe": {"probe": "tsis-2011"},
+    "--calibration": {"calibration": sample_calibration()},
+    "--taken": {"taken": WHEN},
+}
+
+
+@pytest.mark.parametrize("option", SAID)
+def test_what_a_demo_or_a_bundle_says_itself_is_not_said_again(tmp_path: Path, demo: Path, option: str) -> None:
+    write_bundle(sample_record(), tmp_path / "bundle.zip")
+    write_bundle(sample_record(), tmp_path / "bundle")
+    sources = {"tsis-demo": "a folder of tsis demo", "bundle.zip": "a bundle", "bundle": "a bundle"}
+    for name, kind in sources.items():
+        with pytest.raises(InputError, match=f"{option} must not be given for .*{name}', {kind}, which says it itself"):
+            find_import_batches([tmp_path / name], ImportOptions(**SAID[option]))
+
+
+@pytest.mark.parametrize("option", ["--force-n", "--taken"])
+def test_a_snapshot_and_a_recording_say_force_and_time_themselves(tmp_path: Path, recorded: Path, option: str) -> None:
+    save(tmp_path / "shots", 1)
+    for source in (tmp_path / "shots", recorded):
+        with pytest.raises(InputError, match=f"{option} must not be given for "):
+            find_import_batches([source], ImportOptions(**SAID[option]))
+
+
+def test_a_snapshot_of_another_role_refuses_it(tmp_path: Path) -> None:
+    saved = save(tmp_path, 1)
+    rewrite(saved.sidecar, role="untouched")
+    with pytest.raises(InputError, match=r"--role must not be given for .*, a snapshot of role 'untouched', which"):
+        find_import_batches([tmp_path], ImportOptions(role="plain"))
+    for role in (None, "untouched"):
+        (found,) = find_import_batches([tmp_path], ImportOptions(role=role))
+        assert found.presses[0].role == "untouched"

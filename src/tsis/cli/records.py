@@ -396,7 +396,10 @@ def import_(
         str | None,
         typer.Option(help="Number of the target, or new.", show_default="that of the files, else new"),
     ] = None,
-    role: Annotated[str, typer.Option(help="What was pressed: target, plain, untouched or ball.")] = "target",
+    role: Annotated[
+        str | None,
+        typer.Option(help="What was pressed: target, plain, untouched or ball.", show_default="target"),
+    ] = None,
     force_n: Annotated[
         list[float] | None, typer.Option(help="Force in newtons of image files: one for all, or one for each.")
     ] = None,
@@ -416,7 +419,8 @@ def import_(
     """Import frames into a store, each once; their files are verified before anything is stored.
 
     Frames that the store has are skipped, so repeating an interrupted import completes it. The estimate of
-    a demo folder is recomputed from its frames; a bundle contains its own.
+    a demo folder is recomputed from its frames; a bundle contains its own. Options that files of a kind say themselves
+    are refused.
     """
     from tsis.calibration.file import read_calibration
     from tsis.records.importing import ImportProgress, import_batches, require_importable

@@ -51,6 +51,7 @@ if TYPE_CHECKING:
 
 
 MOST_FRAMES = 100_000  # of one import
+TARGET = "target"  # role where nothing says another
 SCAN_ROLES = {"press": "target", "reference": "plain"}  # by the kind of a press in poses.csv
 
 
@@ -63,17 +64,45 @@ def no_calibration(_cited: str) -> ProbeCalibration | None:
 class ImportOptions:
     """Metadata from the user, for frames whose files lack it; other fields as in `StoredPress`.
 
-    ``force_n`` has a force for all image files, or one for each. ``taken`` is the time of image files, by default their
-    modification time. ``calibration_of`` finds a calibration by the SHA-256 that a file cites.
+    Files that say a value themselves refuse another. ``role`` is ``"target"`` by default. ``force_n`` has a force for
+    all image files, or one for each. ``taken`` is the time of image files, by default their modification time.
+    ``calibration_of`` finds a calibration by the SHA-256 that a file cites.
     """
 
-    role: str = "target"
+    role: str | None = None
     force_n: tuple[float, ...] = ()
     mm_per_pixel: tuple[float, float] | None = None
     probe: str = ""
     calibration: ProbeCalibration | None = None
     taken: datetime | None = None
     calibration_of: Callable[[str], ProbeCalibration | None] = no_calibration
+
+
+CHANGED_LATER = ("role", "force_n")  # what an edit of a stored press can change
+
+
+def refuse_said(source: Path, kind: str, options: ImportOptions, names: Iterable[str]) -> None:
+    """Raise `InputError` for the first of these options that was given: files of this kind say it themselves."""
+    for name in names:
+        value = getattr(options, name)
+        if value is None or value in ((), ""):
+            continue
+        option = {"mm_per_pixel": "--scale-mm"}.get(name, f"--{name.replace('_', '-')}")
+        shown = value.name if name == "calibration" else ", ".join(map(str, value)) if type(value) is tuple else value
+        cure = "; tsis records edit changes a stored press" if name in CHANGED_LATER else ""
+        raise InputError(
+            f"{option} must not be given for {printable_path(source)}, {kind}, which says it itself; got "
+            f"{shown!s:.80} (leave it out{cure})"
+        )
+
+
+def scale_of_frames(options: ImportOptions, calibration: ProbeCalibration | None) -> tuple[float, float] | None:
+    """The scale of the calibration, else that of the user; `InputError` where both have one."""
+    if calibration is None or calibration.scale is None:
+        return options.mm_per_pixel
+    if options.mm_per_pixel is not None:
+        raise InputError("--scale-mm is not used with this calibration, which holds the scale; leave it out")
+    return calibration.scale.mm_per_pixel
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -270,6 +299,7 @@ def snapshots(
     `FileInputError` when a sidecar is damaged, or its frame differs from its hash.
     """
     targets: dict[int, list[IncomingPress]] = {}
+    said = ("force_n", "taken")
     notes: dict[int, dict[str, None]] = {}
     first: dict[int, Path] = {}
     for sidecar in sidecars:
@@ -280,6 +310,9 @@ def snapshots(
             raise file_error(
                 sidecar, f"must be the sidecar of a snapshot ({SIDECAR_FORMAT}); got {document.get('format')!r:.60}"
             )
+        refuse_said(sidecar, "a snapshot", options, said)
+        if document.get("role") not in (None, options.role):
+            refuse_said(sidecar, f"a snapshot of role {document['role']!r:.40}", options, ("role",))
         with written_by("tsis acquire", sidecar):
             target, press, of_press = _snapshot(sidecar, document, options)
         targets.setdefault(target, []).append(press)
@@ -309,13 +342,15 @@ def _snapshot(
     if checked["sha256"] != hashes[ending]:
         raise file_error(raw, "must be as it was saved; its content does not match its sidecar")
     known, notes = cited_calibration(sidecar, document.get("calibration"), options)
-    scale = options.mm_per_pixel if known is None or known.scale is None else known.scale.mm_per_pixel
+    scale = scale_of_frames(options, known)
     settings: dict[str, Any] = {
         name: document[name] for name in ("camera", "sequence", "time_s", "calibration") if name in document
     }
     press = IncomingPress(
         **checked,
-        role=options.role if document.get("role") is None else require_one_of("role", document["role"], ROLES),
+        role=options.role or TARGET
+        if document.get("role") is None
+        else require_one_of("role", document["role"], ROLES),
         taken=from_json_value(datetime, document["taken"], "snapshot.taken"),
         name=printable_name(raw),
         force_n=_force_n(document.get("force")),
@@ -350,6 +385,7 @@ def recording(folder: Path, options: ImportOptions, progress: Callable[[], None]
 
     `FileInputError` when it is no such folder, is a video, or its index does not fit its frames.
     """
+    refuse_said(folder, "a recording", options, ("force_n", "taken"))
     summary = _summary(folder)
     rows = _rows(own_file(folder, RECORDING_INDEX))
     kept = None if summary is None else summary["report"]["kept"]
@@ -358,7 +394,7 @@ def recording(folder: Path, options: ImportOptions, progress: Callable[[], None]
             folder / RECORDING_INDEX, f"must tell of the {kept!r:.20} frames of the report; it tells of {len(rows)}"
         )
     known, notes = cited_calibration(folder / RECORDING_SUMMARY, (summary or {}).get("calibration"), options)
-    scale = options.mm_per_pixel if known is None or known.scale is None else known.scale.mm_per_pixel
+    scale = scale_of_frames(options, known)
     camera = str((summary or {}).get("camera", ""))[:200]
     moment_then, then_s = _clock(folder, summary, last_s=float(rows[-1]["arrived_s"]))
     presses = []
@@ -367,7 +403,7 @@ def recording(folder: Path, options: ImportOptions, progress: Callable[[], None]
         presses.append(
             IncomingPress(
                 **inspect_file(path, full_scale=_full_scale(summary)),
-                role=options.role,
+                role=options.role or TARGET,
                 taken=_moment(moment_then, float(row["arrived_s"]) - then_s),
                 name=path.name,
                 force_n=max(0.0, float(row[FORCE])) if row.get(FORCE) else None,
@@ -574,19 +610,17 @@ def image_files(paths: Sequence[Path], options: ImportOptions, progress: Callabl
     if len(options.force_n) not in (0, 1, len(paths)):
         raise InputError(f"--force-n must be given once, or once for each of {len(paths)}; got {len(options.force_n)}")
     forces = list(options.force_n or [None]) * (len(paths) if len(options.force_n) < 2 else 1)
-    scale = options.calibration.scale if options.calibration is not None else None
-    if scale is not None and options.mm_per_pixel is not None:
-        raise InputError("--scale-mm is not used with this calibration, which holds the scale; leave it out")
+    scale = scale_of_frames(options, options.calibration)
     presses = []
     for path, force in zip(paths, forces, strict=True):
         presses.append(
             IncomingPress(
                 **inspect_file(path),
-                role=options.role,
+                role=options.role or TARGET,
                 taken=options.taken or modification_time(path),
                 name=printable_name(path)[:200],
                 force_n=force,
-                mm_per_pixel=options.mm_per_pixel if scale is None else scale.mm_per_pixel,
+                mm_per_pixel=scale,
                 probe=options.probe or ("" if options.calibration is None else options.calibration.probe),
                 calibration=options.calibration,
             )
@@ -597,8 +631,9 @@ def image_files(paths: Sequence[Path], options: ImportOptions, progress: Callabl
 
 def scanned(folder: Path, options: ImportOptions, progress: Callable[[], None]) -> ImportBatch:
     """The frames of a scan, each with its place; `FileInputError` for presses that are no frames."""
+    refuse_said(folder, "a scan", options, ("role", "force_n"))
     presses, notes = [], []
-    scale = options.calibration.scale if options.calibration is not None else None
+    scale = scale_of_frames(options, options.calibration)
     calibrated = "" if options.calibration is None else options.calibration.probe
     for row in read_csv_rows(folder / POSES_FILE, ("file", "x_mm", "y_mm"), POSE_COLUMNS):
         name = row.text("name") or row.text("file")
@@ -616,7 +651,7 @@ def scanned(folder: Path, options: ImportOptions, progress: Callable[[], None]) 
             taken=options.taken or modification_time(path),
             name=printable_name(path)[:200] if not row.text("name") else row.text("name")[:200],
             force_n=row.number("force_n"),
-            mm_per_pixel=options.mm_per_pixel if scale is None else scale.mm_per_pixel,
+            mm_per_pixel=scale,
             probe=options.probe or row.text("probe") or calibrated,
             calibration=options.calibration,
             settings=place_settings({name: row.number(name) for name in PLACE_NUMBERS}),
@@ -631,7 +666,7 @@ def find_import_batches(
 ) -> tuple[ImportBatch, ...]:
     """Check all files that paths name: folders that tsis wrote, sidecars of snapshots, image files.
 
-    ``given`` has metadata from the user; ``progress`` is called with the number of frames.
+    ``options`` has metadata from the user; ``progress`` is called with the number of frames.
 
     Raises
     ------
@@ -650,7 +685,8 @@ def find_import_batches(
         if progress is not None:
             progress(done)
 
-    require_one_of("role of a press", options.role, ROLES)
+    if options.role is not None:
+        require_one_of("role of a press", options.role, ROLES)
     paths = list({path.absolute(): path for path in paths}.values())
     folders = [path for path in paths if _is_folder(path)]
     files = [path for path in paths if path not in folders]
@@ -660,7 +696,7 @@ def find_import_batches(
     images = [path for path, sidecar in sidecars.items() if sidecar is None]
     batches = chain(
         *(_folder(folder, options, count) for folder in folders),
-        *(_bundle(path) for path in zipped),
+        *(_bundle(path, options) for path in zipped),
         snapshots(named, options, count),
         [image_files(images, options, count)] if images else (),
     )
@@ -676,8 +712,9 @@ def _is_folder(path: Path) -> bool:
 
 def _folder(folder: Path, options: ImportOptions, count: Callable[[], None]) -> tuple[ImportBatch, ...]:
     if all((folder / name).exists() for name in DOCUMENTS):
-        return _bundle(folder)
+        return _bundle(folder, options)
     if (folder / RESULT).exists():
+        _refuse_any(folder, "a folder of tsis demo", options)
         return (result_folder(folder, count),)
     if (folder / RECORDING_INDEX).exists() or (folder / RECORDING_SUMMARY).exists():
         return (recording(folder, options, count),)
@@ -693,6 +730,11 @@ def _folder(folder: Path, options: ImportOptions, count: Callable[[], None]) -> 
     return batches
 
 
-def _bundle(path: Path) -> tuple[ImportBatch, ...]:
+def _refuse_any(source: Path, kind: str, options: ImportOptions) -> None:
+    refuse_said(source, kind, options, ("role", "force_n", "mm_per_pixel", "probe", "calibration", "taken"))
+
+
+def _bundle(path: Path, options: ImportOptions) -> tuple[ImportBatch, ...]:
+    _refuse_any(path, "a bundle", options)
     record = read_bundle(path)
     return (ImportBatch(source=path, kind="bundle", presses=(), record=record),)

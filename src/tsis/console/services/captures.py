@@ -360,6 +360,13 @@ FORCE_IN_NAME = re.compile(r"(?<![\d.])(\d+(?:\.\d+)?) ?N(?![a-z])")
 ROLE_WORDS = {"reference": "plain"}
 
 
+def _options_of(image: OwnImage, options: ImportOptions) -> ImportOptions:
+    """The options with role and force of an image; a snapshot says both itself."""
+    if sidecar_of(image.path) is not None:
+        return options
+    return replace(options, role=image.role, force_n=() if image.force_n is None else (image.force_n,))
+
+
 def written_press(file: Path) -> tuple[str, float | None]:
     """What was pressed and how hard, as a sidecar beside the file says, else as its name does; else the first role.
 
@@ -463,12 +470,6 @@ def save_images(
     """
     if not images:
         raise InputError("a target needs at least one image; open some first")
-    batches = [
-        batch
-        for image in images
-        for batch in find_import_batches(
-            [image.path], replace(options, role=image.role, force_n=() if image.force_n is None else (image.force_n,))
-        )
-    ]
+    batches = [batch for image in images for batch in find_import_batches([image.path], _options_of(image, options))]
     number = number or max((item.target.number for item in store.targets(hidden=True)), default=0) + 1
     return number, sum(item.added for item in import_batches(store, batches, target=number))
