@@ -291,6 +291,11 @@ OTHER_CODES = {
         (["edit", "1", "--press", "", "--note", "x", *STORE], "4 or more letters"),
         (["edit", "1", "--name", "\x1b[2J", *STORE], "must be printable text"),
         (["edit", "1", "--truth", "big", *STORE], "must be a name and a number"),
+        (
+            ["edit", "1", "--truth", "a=1", "--truth", "a = 2", *STORE],
+            "--truth must give each name once; got 'a' twice",
+        ),
+        (["edit", "1", "--truth", "diameter=10", *STORE], "with its unit; got 'diameter=10' (write diameter_mm=10)"),
         (["edit", "1", "--press", "abcd", "--force-n", "much", *STORE], "must be a number of newtons, or none"),
         (["edit", "1", "--press", "abcd", "--force-n", "nan", *STORE], "--force-n must lie in"),
         (["export", "1", "--format", "docx", *STORE], "no form of export is called 'docx'"),

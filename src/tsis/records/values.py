@@ -315,7 +315,8 @@ def parse_truth(lines: Iterable[str], *, called: str = "truth") -> dict[str, flo
     Raises
     ------
     InputError
-        When a line is no name with a number; the message calls it ``called``.
+        When a line is no name with a number, a name comes twice, or the unit of a name of an inclusion is missing; the
+        message calls it ``called``.
 
     Examples
     --------
@@ -324,12 +325,21 @@ def parse_truth(lines: Iterable[str], *, called: str = "truth") -> dict[str, flo
     """
     truth: dict[str, float] = {}
     for line in lines:
-        name, _, value = line.partition("=")
+        name, _, text = line.partition("=")
+        name = name.strip()
         try:
-            truth[name.strip()] = float(value)
+            value = float(text)
         except ValueError as error:
             requirement = "must be a name and a number as diameter_mm=10"
             raise InputError(name=called, requirement=requirement, value=f"{line!r:.60}") from error
+        for known in INCLUSION_RANGES:
+            if known.startswith(f"{name}_"):
+                raise InputError(
+                    f"{called} must name the value with its unit; got {line!r:.60} (write {known}={value:g})"
+                )
+        if name in truth:
+            raise InputError(f"{called} must give each name once; got {name!r:.60} twice (leave one out)")
+        truth[name] = value
     return truth
 
 
