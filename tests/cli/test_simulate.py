@@ -102,3 +102,39 @@ def test_a_gel_that_cannot_be_simulated_is_one_sentence(
     assert finished.code == 2
     assert said in " ".join(finished.err.split())
     assert finished.err.count("\n") == 1
+
+
+SCAN, LUMP = ("--scan", "s"), ("--scan", "s", "--places", "2", "--spacing-mm", "20")  # which ends 10 mm from the middle
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        *(((*SCAN, option, value), f"{option} must be given for a press on a phantom only; --scan does not use it")
+          for option, value in (("--phantom", "size-8"), ("--diameter-mm", "8"), ("--depth-mm", "5"),
+                                ("--young-kpa", "40"), ("--strain", "small"))),
+        *(((option, value), f"{option} must be given for a scan (--scan) only; a press on a phantom does not use it")
+          for option, value in (("--lump", "0,0,5,9,40"), ("--places", "3"), ("--spacing-mm", "5"),
+                                ("--place-sd-mm", "1"))),
+        *(((option, value), f"{option} must be given for a gel sensor (--sensor) only; a press on a phantom does not")
+          for option, value in (("--out", "o"), ("--ball-mm", "5"), ("--ball-kpa", "9"), ("--presses", "2"),
+                                ("--calibration-presses", "2"), ("--drag", "0.1"))),
+        (("--seed", "1"), "--seed must be given for a scan (--scan) or a gel sensor (--sensor) only"),
+        *((("--sensor", "gelsight-mini", option, value), f"{option} must be given for ")
+          for option, value in (("--phantom", "size-8"), ("--strain", "small"), ("--probe", "tsis-2011"),
+                                ("--places", "3"))),
+        ((*SCAN, "--sensor", "gelsight-mini"), "--sensor must be given for a gel sensor (--sensor) only"),
+        (("--list", "--probe", "tsis-2011"), "--probe must be given for"),
+        ((*LUMP, "--lump", "25,0,5,9,40"), "--lump 1 must lie at most 14.5 mm"),
+        ((*LUMP, "--lump", "0,0,5,9,40", "--lump", "20,-20,5,4,40"), "--lump 2 must lie at most 12 mm"),
+        ((*LUMP, "--lump", "0,0,5,9,40", "--lump", "5,0,5,9,40"), "--lump 1 and --lump 2 must not overlap"),
+    ],
+)  # fmt: skip
+def test_options_of_another_mode_and_lumps_out_of_place_are_refused(
+    run_tsis: RunTsis, tmp_path: Path, arguments: tuple[str, ...], said: str
+) -> None:
+    finished = run_tsis("simulate", *arguments)
+    assert finished.code == 2
+    assert said in " ".join(finished.err.split())
+    assert finished.err.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []

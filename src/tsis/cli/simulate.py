@@ -141,6 +141,35 @@ def _lumps(given: list[str] | None) -> list[tsis.virtual.scan.VirtualLump]:
     return lumps
 
 
+BESIDE_MM = 10.0
+
+
+def _require_under(lumps: list[tsis.virtual.scan.VirtualLump], places_mm: NDArray[np.float64]) -> None:
+    """Refuse lumps that no press is near, and lumps that overlap."""
+    low, high = places_mm.min(axis=0), places_mm.max(axis=0)
+    for number, lump in enumerate(lumps, 1):
+        place = np.array([lump.x_mm, lump.y_mm])
+        beside = float(np.hypot(*np.maximum(np.maximum(low - place, place - high), 0.0)))
+        most = lump.diameter_mm / 2 + BESIDE_MM
+        if beside > most:
+            raise InputError(
+                f"--lump {number} must lie at most {most:g} mm, its radius and {BESIDE_MM:g} mm, beside the presses, "
+                f"which end at ({high[0]:g}, {high[1]:g}) mm; got {beside:.3g} mm (move it, or press at more --places)"
+            )
+        for earlier, other in enumerate(lumps[: number - 1], 1):
+            apart, needed = _apart_mm(lump, other), (lump.diameter_mm + other.diameter_mm) / 2
+            if apart < needed:
+                raise InputError(
+                    f"--lump {earlier} and --lump {number} must not overlap: their centres must be {needed:g} mm apart "
+                    f"or more; got {apart:.3g} mm (move one)"
+                )
+
+
+def _apart_mm(one: tsis.virtual.scan.VirtualLump, other: tsis.virtual.scan.VirtualLump) -> float:
+    depth = one.depth_mm + one.diameter_mm / 2 - other.depth_mm - other.diameter_mm / 2
+    return float(np.linalg.norm([one.x_mm - other.x_mm, one.y_mm - other.y_mm, depth]))
+
+
 def write_scan(
     probe: Probe,
     lumps: list[tsis.virtual.scan.VirtualLump],
@@ -177,6 +206,41 @@ def write_scan(
     print_tables([table], ["The kernel of tsis map made these presses: they do not judge it."], where=f"Scan: {folder}")
 
 
+# Options of each mode by the names of the function; --json belongs to all.
+MODES = {
+    "--list": ("show_catalog",),
+    "--scan": ("scan", "probe", "force_n", "lump", "places", "spacing_mm", "place_sd_mm", "seed"),
+    "--sensor": (
+        *("sensor", "force_n", "ball_mm", "ball_kpa", "presses", "calibration_presses", "drag", "seed", "out"),
+    ),
+    "": ("phantom", "probe", "force_n", "diameter_mm", "depth_mm", "young_kpa", "strain"),
+}
+WORDS = {
+    "--list": "the catalog (--list)",
+    "--scan": "a scan (--scan)",
+    "--sensor": "a gel sensor (--sensor)",
+    "": "a press on a phantom",
+}
+OPTION_NAMES = {"show_catalog": "--list"}
+
+
+def _typed(context: typer.Context) -> list[str]:
+    """Names of the parameters that were given on the command line."""
+    sources = {name: context.get_parameter_source(name) for name in context.params}
+    return [name for name, source in sources.items() if source is not None and source.name == "COMMANDLINE"]
+
+
+def _require_own(context: typer.Context, mode: str) -> None:
+    """Refuse options of other modes."""
+    for name in _typed(context):
+        if name not in (*MODES[mode], "as_json"):
+            option = OPTION_NAMES.get(name, f"--{name.replace('_', '-')}")
+            fitting = " or ".join(WORDS[other] for other in MODES if name in MODES[other])
+            raise InputError(
+                f"{option} must be given for {fitting} only; {mode or WORDS['']} does not use it (leave it out)"
+            )
+
+
 class Strain(StrEnum):
     """The strain model."""
 
@@ -185,6 +249,7 @@ class Strain(StrEnum):
 
 
 def simulate(
+    context: typer.Context,
     *,
     phantom: PhantomName = "hardness-100",
     probe: ProbeOption = "tsis-2011",
@@ -241,12 +306,15 @@ def simulate(
 
     With --scan, press it at many places over lumps, by the kernel that tsis map uses.
     """
+    mode = "--list" if show_catalog else "--scan" if scan is not None else "--sensor" if sensor is not None else ""
+    _require_own(context, mode)
     if show_catalog:
         _catalog(as_json=as_json)
         return
     if scan is not None:
-        grid = tsis.virtual.scan.grid_places(places, spacing_mm)
-        write_scan(chosen_probe(probe), _lumps(lump), grid, scan, seed, force_n, place_sd_mm, as_json=as_json)
+        grid, lumps = tsis.virtual.scan.grid_places(places, spacing_mm), _lumps(lump)
+        _require_under(lumps, grid)
+        write_scan(chosen_probe(probe), lumps, grid, scan, seed, force_n, place_sd_mm, as_json=as_json)
         return
     if sensor is not None:
         order = GelOrder(ball_mm, ball_kpa, force_n, presses, calibration_presses, seed, drag)
