@@ -71,6 +71,18 @@ def test_relative_readings_and_shape_are_those_of_python(run_tsis: RunTsis, pres
     assert "Research use only" in page
 
 
+def test_a_reference_that_looks_pressed_is_told_first(run_tsis: RunTsis, pressed: Path) -> None:
+    both, scale = (pressed / "untouched.png", pressed / "t1.0.png"), ("--scale-mm", SCALE_TEXT)
+    swapped = run_tsis("compare", both[0], "--reference", both[1], *scale)
+    assert "untouched.png: The reference looks pressed, and this frame not" in " ".join(swapped.out.split())
+    (shape,) = json.loads(run_tsis("compare", both[0], "--reference", both[1], *scale, "--json").out)["shape"][
+        "presses"
+    ]
+    assert shape["notes"][0].startswith("The reference looks pressed")
+    for frame in both:
+        assert "looks pressed" not in run_tsis("compare", frame, "--reference", both[0], *scale).out
+
+
 def test_the_shape_of_a_drawn_ellipse_is_found(run_tsis: RunTsis, tmp_path: Path) -> None:
     y, x = np.mgrid[:120, :160]
     turned = np.radians(30.0)

@@ -150,8 +150,11 @@ def comparison_document(press_comparison: PressComparison) -> dict[str, Any]:
             "missing": list(press_comparison.missing),
         }
     if press_comparison.shapes:
-        own = press_comparison.shapes
-        shapes = [{"press": name, **_fields_by_name(shape), "notes": list(shape.notes)} for name, shape in own]
+        own, swapped = press_comparison.shapes, _swapped(press_comparison)
+        shapes = [
+            {"press": name, **_fields_by_name(shape), "notes": [*swapped.get(name, ()), *shape.notes]}
+            for name, shape in own
+        ]
         document["shape"] = {"against": press_comparison.against, "presses": shapes}
     return document
 
@@ -192,11 +195,30 @@ def _shape_rows(shape: ObjectShape) -> tuple[tuple[str, str], ...]:
 
 
 def comparison_notes(press_comparison: PressComparison) -> tuple[str, ...]:
-    """Assumptions, notes on presses, and missing readings."""
+    """What looks swapped, assumptions, notes on presses, and missing readings."""
+    swapped = [f"{name}: {note}" for name, notes in _swapped(press_comparison).items() for note in notes]
     values: list[tuple[str, RelativeReading | ObjectShape]] = [*press_comparison.relative, *press_comparison.shapes]
     messages = [f"Assumed: {assumption}" for _, value in values for assumption in value.assumptions]
     messages += [f"{name}: {note}" for name, value in values for note in value.notes]
-    return tuple(dict.fromkeys([*messages, *press_comparison.missing]))
+    return tuple(dict.fromkeys([*swapped, *messages, *press_comparison.missing]))
+
+
+LEAST_FALL, FALL_OVER_RISE = 0.01, 2.0  # of the full scale
+
+
+def _swapped(press_comparison: PressComparison) -> dict[str, tuple[str, ...]]:
+    """A message for each press whose light mostly falls against the untouched probe, by its name."""
+    if press_comparison.against != "untouched probe":  # a soft inclusion is darker than plain tissue
+        return {}
+    messages: dict[str, tuple[str, ...]] = {}
+    for name, change in press_comparison.changes:
+        fall, rise = np.quantile(change.grey, [ODD_FRACTION, 1 - ODD_FRACTION]) * (-1, 1)  # without outliers
+        if fall > max(FALL_OVER_RISE * rise, LEAST_FALL * change.full_scale):
+            messages[name] = (
+                f"The reference looks pressed, and this frame not: against it the light falls by {fall:.0f} grey "
+                f"levels and rises by {max(rise, 0.0):.0f} (give the untouched probe as --reference).",
+            )
+    return messages
 
 
 def comparison_pictures(press_comparison: PressComparison) -> tuple[Picture, ...]:
