@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from tsis.sweep.plan import EXAMPLE, parse_plan_text
+from tsis.sweep.run import SweepSummary
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -52,6 +53,30 @@ def test_a_data_set_is_made_verified_and_kept(run_tsis: RunTsis, tmp_path: Path)
     assert "part-000001.parquet (damaged)" in damaged.err
     repaired = run_tsis("sweep", "run", "plan.toml", "--out", "data", "--workers", "1")
     assert "damaged or foreign, computed again: part-000001.parquet" in " ".join(repaired.out.split())
+
+
+@pytest.mark.usefixtures("plan")
+def test_a_sweep_whose_presses_are_all_refused_is_exit_code_3(
+    run_tsis: RunTsis, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def refused(number: int) -> int:
+        done = SweepSummary(
+            folder=str(tmp_path / "data"),
+            presses=8,
+            refused=number,
+            shards=2,
+            computed=2,
+            kept=0,
+            repaired=(),
+            lost=0,
+            seconds=1.0,
+        )
+        monkeypatch.setattr("tsis.sweep.run.run_sweep", lambda *_, **__: done)
+        codes = [run_tsis("sweep", "run", "plan.toml", "--out", "data", *form).code for form in ((), ("--json",))]
+        assert codes[0] == codes[1]
+        return codes[0]
+
+    assert [refused(number) for number in (0, 7, 8)] == [0, 0, 3]
 
 
 def test_a_dry_run_says_how_much_and_writes_nothing(run_tsis: RunTsis, plan: Path) -> None:

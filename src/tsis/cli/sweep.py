@@ -13,7 +13,7 @@ import typer
 
 import tsis
 from tsis.cli.options import AsJson
-from tsis.cli.output import print_json
+from tsis.cli.output import leave, print_json
 from tsis.cli.progress import progress_bar, stop_interrupted
 from tsis.present.page import Column, Table
 from tsis.present.terminal import people, print_notice, print_tables
@@ -59,7 +59,7 @@ def run(
     """Compute a data set, or resume an interrupted one.
 
     Workers and this program may be killed at any time: repeat the command. Complete files stay, and
-    the data set has the same bytes as without an interruption.
+    the data set has the same bytes as without an interruption. Exit code 3 means that every press was refused.
     """
     chosen = tsis.sweep.plan.load_plan(plan)
     count = tsis.sweep.run.worker_count(workers)
@@ -74,6 +74,7 @@ def run(
         stop_interrupted(f"; finished files stay. Resume with: {again}")
     if as_json:
         print_json(tsis.present.document.envelope("sweep run", **asdict(done)))
+        leave(trusted=done.refused < done.presses)
         return
     console = people()
     console.print(
@@ -90,6 +91,7 @@ def run(
         console.print(f"- {done.lost} batches lost their worker and went to another one.")
     console.print(f"Data set: {done.folder}", soft_wrap=True, markup=False)
     print_notice(console)
+    leave(trusted=done.refused < done.presses)
 
 
 @app.command("verify", epilog="Example: tsis sweep verify data")
