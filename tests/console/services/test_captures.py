@@ -20,6 +20,7 @@ from PIL import Image
 from tests.console.services.instruments import ANN, BOB, LIT, FixedGauge, gauge, lit_instrument
 from tests.console.services.lit_camera import observed
 from tests.console.services.test_camera import calibration_with
+from tests.records.folders import save
 from tests.records.full_disk import FailingDisk
 from tests.waiting import HANGS_S, until
 
@@ -702,3 +703,16 @@ def test_frames_are_saved_with_their_role_and_force(tmp_path: Path) -> None:
         assert {(press.role, press.force_n) for press in record.presses} == {("target", 0.5), ("plain", 0.5)}
         with pytest.raises(InputError, match="at least one image"):
             save_images(store, (), number=None, options=options)
+
+
+@pytest.mark.parametrize(("stated", "stored"), [({}, "plain"), ({"role": "untouched"}, "untouched")])
+def test_a_snapshot_among_own_images_keeps_what_its_sidecar_says(
+    tmp_path: Path, stated: dict[str, Any], stored: str
+) -> None:
+    sidecar = save(tmp_path / "camera", 1, force_n=0.5, **stated).sidecar
+    (raw,) = sidecar.parent.glob(f"{sidecar.stem}-raw.*")
+    mine = OwnImage(path=raw, rows=16, columns=24, role="plain", force_n=0.9)
+    with open_store(tmp_path / "store") as store:
+        number, _ = save_images(store, [mine], number=None, options=ImportOptions(mm_per_pixel=(0.1, 0.1)))
+        (press,) = store.presses(store.target(number))
+    assert (press.force_n, press.role) == (0.5, stored)

@@ -361,9 +361,10 @@ ROLE_WORDS = {"reference": "plain"}
 
 
 def _options_of(image: OwnImage, options: ImportOptions) -> ImportOptions:
-    """The options with role and force of an image; a snapshot says both itself."""
-    if sidecar_of(image.path) is not None:
-        return options
+    """The options with role and force of an image; a snapshot says its force, and its role where it has one."""
+    sidecar = sidecar_of(image.path)
+    if sidecar is not None:
+        return options if read_object(sidecar).get("role") is not None else replace(options, role=image.role)
     return replace(options, role=image.role, force_n=() if image.force_n is None else (image.force_n,))
 
 
