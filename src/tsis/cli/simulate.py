@@ -12,7 +12,17 @@ import numpy as np
 import typer
 
 import tsis
-from tsis.cli.options import AsJson, DepthMm, DiameterMm, ForceN, PhantomName, ProbeOption, YoungKpa, chosen_probe
+from tsis.cli.options import (
+    AsJson,
+    DepthMm,
+    DiameterMm,
+    ForceN,
+    PhantomName,
+    ProbeOption,
+    YoungKpa,
+    chosen_probe,
+    typed_options,
+)
 from tsis.cli.output import RESULT, npy_bytes, plain_json_bytes, print_json, result_bytes
 from tsis.cli.progress import waiting
 from tsis.errors import InputError
@@ -221,20 +231,13 @@ WORDS = {
     "--sensor": "a gel sensor (--sensor)",
     "": "a press on a phantom",
 }
-OPTION_NAMES = {"show_catalog": "--list"}
-
-
-def _typed(context: typer.Context) -> list[str]:
-    """Names of the parameters that were given on the command line."""
-    sources = {name: context.get_parameter_source(name) for name in context.params}
-    return [name for name, source in sources.items() if source is not None and source.name == "COMMANDLINE"]
 
 
 def _require_own(context: typer.Context, mode: str) -> None:
     """Refuse options of other modes."""
-    for name in _typed(context):
-        if name not in (*MODES[mode], "as_json"):
-            option = OPTION_NAMES.get(name, f"--{name.replace('_', '-')}")
+    others = {name: None for names in MODES.values() for name in names if name not in MODES[mode]}
+    for name in others:
+        for option in typed_options(context, (name,)):
             fitting = " or ".join(WORDS[other] for other in MODES if name in MODES[other])
             raise InputError(
                 f"{option} must be given for {fitting} only; {mode or WORDS['']} does not use it (leave it out)"
