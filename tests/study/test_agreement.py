@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Any
 
@@ -10,7 +11,7 @@ import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.stats import linregress, nct, ttest_rel
+from scipy.stats import f, linregress, nct, ttest_rel
 from statsmodels.formula.api import ols
 from statsmodels.stats.anova import anova_lm
 from tests.study.references import REFERENCES
@@ -93,6 +94,38 @@ def test_exact_agreement_is_one_without_an_interval() -> None:
 def test_targets_alike_have_no_interval_of_agreement() -> None:
     with pytest.raises(InputError, match=r"ratings must differ more between targets for an interval of .*; got F = 0"):
         intraclass_correlation([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]).interval()
+
+
+@pytest.mark.parametrize("form", ["ICC(1,1)", "ICC(2,1)", "ICC(3,1)"])
+def test_coarse_ratings_have_an_interval_about_their_value_or_a_reason_for_none(form: str) -> None:
+    # Every table of 4 targets, 2 raters and 2 grades. Some have a correlation of -1, where the formula was 0/0.
+    given, refused = 0, set()
+    for grades in itertools.product((0.0, 1.0), repeat=8):
+        try:
+            found = intraclass_correlation(np.reshape(grades, (4, 2)), form)
+            low, high = found.interval()
+        except InputError as error:
+            refused.add(str(error).split(" for ", maxsplit=1)[0])
+            continue
+        given += 1
+        assert low < found.value < high, grades
+    assert given > 100
+    assert refused <= {
+        "ratings must scatter within targets",
+        "ratings must differ between targets",
+        "ratings must differ more between targets",
+    }
+
+
+def test_an_interval_with_less_than_one_degree_of_freedom_is_that_of_the_residual() -> None:
+    found = intraclass_correlation([[0.0, 1.0], [0.0, 2.0], [0.0, 2.0], [1.0, 1.0]])
+    squares = found.mean_squares
+    assert found.value == pytest.approx(-4 / 23)
+    f_low = f_high = f.ppf(0.975, 3, 3)
+    rest = 2 * squares.raters + 2 * squares.residual  # k MSC + (k n - k - n) MSE of the table of McGraw and Wong
+    low = 4 * (squares.targets - f_low * squares.residual) / (f_low * rest + 4 * squares.targets)
+    high = 4 * (f_high * squares.targets - squares.residual) / (rest + 4 * f_high * squares.targets)
+    assert list(found.interval()) == pytest.approx([low, high])
 
 
 def test_a_mean_of_raters_may_be_bounded_by_nothing_below() -> None:

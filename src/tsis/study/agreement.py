@@ -106,12 +106,17 @@ class IntraclassCorrelation:
     def interval(self, level: float = LEVEL) -> Interval:
         """Interval from the F distribution; that of the forms 2 is approximate, after Satterthwaite.
 
-        ``level`` is the confidence, in (0, 1). Raises `InputError` when it is not, or when raters do not scatter.
+        ``level`` is the confidence, in (0, 1). Raises `InputError` when it is not, when raters do not scatter, or when
+        targets are alike.
         """
         tail = (1 - checked_level(level)) / 2
         if self._residual == 0:
             raise InputError(
                 "ratings must scatter within targets for an interval; got raters who agree exactly: record more digits"
+            )
+        if self.f == 0:  # both ends would be the value, as if it were certain
+            raise InputError(
+                f"ratings must differ more between targets for an interval of {self.form}; got F = 0: rate more targets"
             )
         low, high = self._agreement(tail) if self.form.startswith("ICC(2") else self._by_f(tail)
         if self.form.endswith("k)"):
@@ -142,16 +147,19 @@ class IntraclassCorrelation:
         single = _value("ICC(2,1)", m)
         by_targets, by_raters = m.targets / m.residual, m.raters / m.residual
         part, rest = k * single * by_raters, n * (1 + (k - 1) * single) - k * single
-        freedom = (k - 1) * (n - 1) * (part + rest) ** 2 / ((n - 1) * part**2 + rest**2)
+        spread = (n - 1) * part**2 + rest**2
+        freedom = (k - 1) * (n - 1) * (part + rest) ** 2 / spread if spread > 0 else 0.0
+        # The edge of McGraw and Wong's formula (Psychol. Methods 1 (1996) 30, table 7): Satterthwaite's sum of mean
+        # squares has positive weights, and so at least one degree of freedom, unless the correlation is below 0. There
+        # the sum may vanish, with 0 or 0/0 degrees of freedom; its quantiles fall below 1, and the interval misses the
+        # value. With less than one degree of freedom those of the residual are taken, as at a correlation of 0, the
+        # least that a population has.
+        if freedom < 1:
+            freedom = (k - 1) * (n - 1)
         above, below = (
             float(scipy.special.fdtri(n - 1, freedom, 1 - tail)),
             float(scipy.special.fdtri(freedom, n - 1, 1 - tail)),
         )
-        if not (math.isfinite(above) and below > 0):
-            raise InputError(
-                f"ratings must differ more between targets for an interval of {self.form}; got F = {by_targets:g}: "
-                "rate more targets"
-            )
         between = k * by_raters + k * n - k - n
         low = n * (by_targets - above) / (above * between + n * by_targets)
         high = n * (below * by_targets - 1) / (between + n * below * by_targets)
