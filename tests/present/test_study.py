@@ -13,8 +13,9 @@ from tests.study.made import HEADINGS, made_study, read_study, table
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.errors import FileInputError
+from tsis.files.canonical_json import json_bytes
 from tsis.present.html import html_bytes
-from tsis.present.study import publish_study, study_files, study_page
+from tsis.present.study import publish_study, study_document, study_files, study_page
 from tsis.study.analysis import analyse
 from tsis.study.folder import open_study, unblind, verify_study
 from tsis.study.readings import import_table
@@ -159,6 +160,31 @@ def test_a_report_is_entered_with_its_hashes_and_found_when_it_is_changed(tmp_pa
     assert verify_study(study.folder).sound
     (done.folder / "report.html").write_bytes(b"better")
     assert [fault.file for fault in verify_study(study.folder).faults] == ["analysis/report.html"]
+
+
+@pytest.mark.parametrize("failing", ["tsis.study.analysis.device_analysis", "tsis.present.study.study_page"])
+def test_a_failure_before_the_result_leaves_the_study_blind(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, failing: str
+) -> None:
+    def fails(*_: object) -> None:
+        raise ZeroDivisionError
+
+    study = read_study(tmp_path)
+    monkeypatch.setattr(failing, fails)
+    with pytest.raises(ZeroDivisionError):
+        publish_study(study, by="Ada")
+    assert open_study(study.folder).unblinded is None
+    assert not (study.folder / "analysis").exists()
+
+
+@pytest.mark.usefixtures("rough")
+def test_the_report_of_a_study_that_was_blind_is_that_of_the_unblinded_one(tmp_path: Path) -> None:
+    done = publish_study(read_study(tmp_path), by="Ada")
+    again = json.loads(json_bytes(study_document(analyse(done.study))))
+    was = json.loads((done.folder / "analysis.json").read_bytes())
+    assert was["devices"] == again["devices"]
+    assert was["verification"]["unblinded"].endswith("UTC by Ada")
+    assert was["verification"]["lines"] == again["verification"]["lines"] - 1, "without the line of the analysis itself"
 
 
 @pytest.mark.usefixtures("rough")

@@ -27,8 +27,8 @@ from tsis.present.figures import (
 from tsis.present.html import html_bytes
 from tsis.present.labels import counted, quantity_of
 from tsis.present.page import Card, Page, Picture, Table, on_axes
-from tsis.study.analysis import FEW, analyse
-from tsis.study.folder import ANALYSED, enter_analysis, unblind
+from tsis.study.analysis import FEW, unblind_and_analyse
+from tsis.study.folder import ANALYSED, enter_analysis
 from tsis.study.plan import ANALYSED_READING, QUANTITIES
 from tsis.study.proportions import Interval, Proportion
 
@@ -855,8 +855,9 @@ class PublishedStudy:
 def publish_study(
     study: Study, *, by: str, out: Path | None = None, progress: Callable[[int, int], None] | None = None
 ) -> PublishedStudy:
-    """Unblind a study with readings that is still blind, analyse it and write the report.
+    """Analyse a study with readings, unblind it if it is still blind, and write the report.
 
+    The analysis is computed, and its report drawn, before the unblinding is entered: what fails leaves the study blind.
     The folder, by default ``analysis`` in the study, gets a number where it exists. ``progress`` is called with (done,
     total) devices.
 
@@ -871,7 +872,7 @@ def publish_study(
     require_room(position)  # before the irreversible unblinding
     for device in study.devices:
         study.threshold_of(device)
-    analysis = analyse(unblind(study, by=by), progress=progress)
+    analysis = unblind_and_analyse(study, by=by, publish=study_files, progress=progress)
     files = study_files(analysis)
     folder = write_folder(position, files)
     inside = folder.name if folder.parent == study.folder.resolve() else ""

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
 
 from tsis.errors import InputError, RecordsError, import_extra
 from tsis.study.agreement import bland_altman, intraclass_correlation
-from tsis.study.folder import read_seal, verify_study
-from tsis.study.plan import QUANTITIES
+from tsis.study.folder import open_study, read_seal, unblind, verify_study
+from tsis.study.plan import QUANTITIES, require_short_name
 from tsis.study.precision import repeatability, reproducibility
 from tsis.study.probabilities import brier_interval, recalibration, reliability_curve
 from tsis.study.proportions import Counts, Proportion
@@ -546,6 +546,35 @@ def analyse(study: Study, *, progress: Callable[[int, int], None] | None = None)
     """
     if study.unblinded is None:
         raise RecordsError("a study must be unblinded before it is analysed; this one is blind")
+    return _analysed(study, progress)
+
+
+def unblind_and_analyse(
+    study: Study,
+    *,
+    by: str,
+    publish: Callable[[StudyAnalysis], object] = lambda _analysis: None,
+    progress: Callable[[int, int], None] | None = None,
+) -> StudyAnalysis:
+    """Analyse a study, then enter its unblinding: a failure before leaves it blind.
+
+    ``publish`` is called with the analysis of a study that is still blind, to find out whether it can be published;
+    nobody may see the result. Of a study that is unblinded already it is `analyse`. Errors as `unblind`.
+    """
+    before = open_study(study.folder)
+    if before.unblinded is not None or not before.readings:
+        return analyse(unblind(before, by=by), progress=progress)
+    require_short_name("by", by)
+    done = _analysed(before, progress)
+    publish(done)
+    after = unblind(before, by=by)
+    if after.readings != before.readings:  # others entered some meanwhile
+        return analyse(after)
+    return replace(done, study=after, verification=verify_study(after.folder))
+
+
+def _analysed(study: Study, progress: Callable[[int, int], None] | None) -> StudyAnalysis:
+    """The analysis of a study, blind or not."""
     seal, _ = read_seal(study)
     truths = {code: seal.truths[code] for code in study.plan.codes}
     entries = [
