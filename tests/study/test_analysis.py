@@ -137,6 +137,50 @@ def test_repeats_and_operators_are_compared(tmp_path: Path) -> None:
     assert one.readings == 96
 
 
+def test_the_lowest_repeat_is_judged_in_whatever_order_rows_come(tmp_path: Path) -> None:
+    found = []
+    for name, turned in (("a", False), ("b", True)):
+        study = made_study(tmp_path / name, repeats=2)
+        head, *rows = table(study, operators=("Cleo", "Dan")).splitlines()
+        per_operator = len(rows) // 2
+        cleo, dan = rows[:per_operator], rows[per_operator:]
+        rows = cleo[::-1] + dan[::-1] if turned else rows
+        study = import_table(study, "\n".join([head, *rows]).encode(), "a.csv", device="feeler")
+        (one,) = analysed(study).devices
+        scores = {row.split(",")[0]: float(row.split(",")[1]) for row in cleo if row.split(",")[3] == "1"}
+        assert {target.code: target.score for target in one.results.targets} == scores
+        found.append(one)
+    plain, turned_one = found
+    assert plain.counts == turned_one.counts
+    for was, again in zip(plain.agreements, turned_one.agreements, strict=True):
+        assert again.correlation.value == pytest.approx(was.correlation.value)
+        assert again.coefficient.value == pytest.approx(was.coefficient.value)
+
+
+def test_one_operator_is_judged_where_rows_of_two_are_mixed(tmp_path: Path) -> None:
+    study = made_study(tmp_path / "study", present=4, blank=4)
+    head, *rows = table(study, operators=("Cleo", "Dan")).splitlines()
+    mixed = sorted(rows[1:], key=lambda row: -float(row.split(",")[1]))  # the higher score of a target comes first
+    study = import_table(study, "\n".join([head, rows[0], *mixed]).encode(), "a.csv", device="feeler")
+    (one,) = analysed(study).devices
+    assert {target.reading.operator for target in one.results.targets if target.reading} == {"Cleo"}
+
+
+def test_operators_who_contradict_each_other_are_analysed(tmp_path: Path) -> None:
+    study = made_study(tmp_path / "study", present=5, blank=5)
+    truths = read_seal(study)[0].truths
+    rows = [
+        f"{code},{0.9 if truths[code].has_inclusion == right else 0.1},{who},1,,,"
+        for who, right in (("Bob", False), ("Ada", True))
+        for code in study.plan.codes
+    ]
+    study = import_table(study, "\n".join([HEADINGS, *rows]).encode(), "a.csv", device="feeler")
+    (one,) = analysed(study).devices
+    (between,) = one.agreements
+    assert between.correlation.interval is None
+    assert "ratings must differ more between targets" in between.correlation.remark
+
+
 @pytest.mark.parametrize(("present", "method"), [(8, "bootstrap"), (31, "delong")])
 def test_a_second_device_is_compared_on_the_same_targets(tmp_path: Path, present: int, method: str) -> None:
     study = read_study(tmp_path, present=present, blank=present, apart=3.0)

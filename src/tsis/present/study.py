@@ -176,6 +176,9 @@ def undecided_notes(device_analysis: DeviceAnalysis) -> tuple[str, ...]:
         )
     if results.unread:
         notes.append(f"{results.device}: {counted(len(results.unread), 'target')} not read, left out of the numbers.")
+    later = sum(target.reading is not None and target.reading.repeat > 1 for target in results.targets)
+    if later:
+        notes.append(f"{results.device}: {counted(later, 'target')} judged by a later repeat, as repeat 1 is missing.")
     return tuple(notes)
 
 
@@ -742,9 +745,8 @@ def study_page(analysis: StudyAnalysis) -> Page:
         notes=(
             *record_notes(analysis),
             *(note for device in devices for note in (*few_notes(device), *undecided_notes(device))),
-            f"What counts is {ANALYSED_READING}; repeats serve to tell how well readings agree. Intervals "
-            f"hold 95 %, unless "
-            "said otherwise, for each number by itself.",
+            f"What counts is {ANALYSED_READING}: the lowest repeat of the operator who began with it. Repeats serve to "
+            "tell how well readings agree. Intervals hold 95 %, unless said otherwise, for each number by itself.",
         ),
         pictures=tuple(study_pictures(analysis)),
         tables=(

@@ -11,7 +11,7 @@ import numpy as np
 from tsis.errors import InputError, RecordsError, import_extra
 from tsis.study.agreement import bland_altman, intraclass_correlation
 from tsis.study.folder import open_study, read_seal, unblind, verify_study
-from tsis.study.plan import QUANTITIES, require_short_name
+from tsis.study.plan import QUANTITIES, first_readings, require_short_name
 from tsis.study.precision import repeatability, reproducibility
 from tsis.study.probabilities import brier_interval, recalibration, reliability_curve
 from tsis.study.proportions import Counts, Proportion
@@ -73,11 +73,15 @@ class DeviceResults:
         truths: Mapping[str, TargetTruth],
         codes: Sequence[str],
     ) -> DeviceResults:
-        """Pair the first of the ``readings`` of every target by a device with the truth of its code."""
+        """Pair the first of the ``readings`` of every target by a device with the truth of its code.
+
+        That is the lowest repeat of the operator who began with the device, or of the next who read the target.
+        """
+        own = [reading for reading in readings if reading.device == device]
+        began = {name: place for place, name in enumerate(dict.fromkeys(reading.operator for reading in own))}
         first: dict[str, DeviceReading] = {}
-        for reading in readings:
-            if reading.device == device:
-                first.setdefault(reading.code, reading)
+        for reading in sorted(first_readings(own), key=lambda reading: began[reading.operator]):
+            first.setdefault(reading.code, reading)
         targets = tuple(TargetResult(code=code, truth=truths[code], reading=first.get(code)) for code in codes)
         return cls(device=device, threshold=threshold, targets=targets)
 
@@ -228,6 +232,7 @@ def agreements(device_results: DeviceResults, readings: Sequence[DeviceReading])
     Sizes, depths and moduli are compared on inclusions alone.
     """
     own = [reading for reading in readings if reading.device == device_results.device]
+    own.sort(key=lambda reading: reading.repeat)
     inside = {target.code for target in device_results.targets if target.truth.has_inclusion}
     tables = {name: _table(own, name, None if name == SCORE else inside) for name in (SCORE, *QUANTITIES)}
     found = (of(name, table) for name, table in tables.items() for of in (_within, _between))

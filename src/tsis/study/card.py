@@ -19,7 +19,7 @@ from tsis.model.require import require_integer
 from tsis.study.agreement import bland_altman
 from tsis.study.analysis import DeviceResults
 from tsis.study.folder import new_study, read_seal, unblind, verify_study
-from tsis.study.plan import QUANTITIES, TargetTruth, require_short_name
+from tsis.study.plan import QUANTITIES, TargetTruth, first_readings, require_short_name
 from tsis.study.precision import linearity, repeatability, reproducibility
 from tsis.study.readings import StudyInstrument, press_study
 from tsis.virtual.probe import VirtualProbe
@@ -116,7 +116,7 @@ Values = dict[str, list[float]]  # of each code, in the order of the repeats
 def _table(readings: Sequence[DeviceReading], device: str, quantity: str) -> dict[str, Values]:
     """Values of a device by operator and code."""
     table: dict[str, Values] = {}
-    for reading in readings:
+    for reading in sorted(readings, key=lambda reading: reading.repeat):
         if reading.device == device:
             row = table.setdefault(reading.operator, {}).setdefault(reading.code, [])
             if reading.score is not None and quantity in reading.values:
@@ -232,10 +232,10 @@ def performance_card(
     results = tuple(item for item in analysis.results if item.device == name and item.over == OPERATORS)
     decisions = DeviceResults.of(name, study.threshold_of(name), study.readings, truths, study.plan.codes)
     covered: dict[str, tuple[int, int]] = {}
-    for reading in study.readings:
+    for reading in first_readings(study.readings):
         for quantity, (low, high) in reading.interval_90.items():
             true = truths[reading.code].values.get(quantity)
-            if reading.device == name and reading.repeat == 1 and reading.score is not None and true is not None:
+            if reading.device == name and reading.score is not None and true is not None:
                 hits, count = covered.get(quantity, (0, 0))
                 covered[quantity] = hits + (low <= true <= high), count + 1
     stated = _stated(study, name)

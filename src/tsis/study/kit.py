@@ -22,7 +22,7 @@ from tsis.model.estimate import INTERVAL_LEVEL
 from tsis.model.require import require_number
 from tsis.study.analysis import DeviceResults
 from tsis.study.folder import read_seal, verify_study
-from tsis.study.plan import QUANTITIES
+from tsis.study.plan import QUANTITIES, first_readings
 from tsis.study.proportions import Interval
 
 if TYPE_CHECKING:
@@ -378,8 +378,8 @@ def _inside(
 ) -> Iterator[tuple[bool, bool]]:
     """Whether each first reading's interval holds the truth, as it is and widened by the truth's uncertainty."""
     z = float(scipy.special.ndtri((1 + INTERVAL_LEVEL) / 2))
-    for reading in readings:
-        if reading.repeat == 1 and reading.score is not None and quantity in reading.interval_90:
+    for reading in first_readings(readings):
+        if reading.score is not None and quantity in reading.interval_90:
             true, (low, high) = truths[reading.code].values[quantity], reading.interval_90[quantity]
             more = z * known_sd[reading.code][quantity]
             middle = float(np.clip(reading.values.get(quantity, (low + high) / 2), low, high))

@@ -28,7 +28,7 @@ from tsis.model.require import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 
 QUANTITIES = ("diameter_mm", "depth_mm", "young_kpa")
@@ -107,6 +107,19 @@ class DeviceReading(ContentValue):
 def parse_reading(document: Mapping[str, Any]) -> DeviceReading:
     """The reading in the JSON values of a log entry; `InputError` when they are no reading."""
     return from_json_value(DeviceReading, document, "reading")
+
+
+def first_readings(readings: Iterable[DeviceReading]) -> tuple[DeviceReading, ...]:
+    """Of each target, device and operator the reading with the lowest repeat, in whatever order they were entered.
+
+    The result has the order in which targets, devices and operators first occur.
+    """
+    first: dict[tuple[str, str, str], DeviceReading] = {}
+    for reading in readings:
+        key = reading.code, reading.device, reading.operator
+        if key not in first or reading.repeat < first[key].repeat:
+            first[key] = reading
+    return tuple(first.values())
 
 
 def require_short_name(what: str, name: object) -> str:
