@@ -49,6 +49,18 @@ def test_a_whole_study_of_another_device(run_tsis: RunTsis) -> None:
     check_analysis(run_tsis, folder, found)
 
 
+def test_scores_on_one_side_of_the_threshold_are_told_at_the_import(run_tsis: RunTsis) -> None:
+    folder = made(run_tsis, "--present", "2", "--blank", "2")
+    codes = open_study(folder).plan.codes
+    Path("in.csv").write_text("\n".join([HEADINGS, *(f"{code},4,Ben,1,,," for code in codes)]), encoding="utf-8")
+    refused = run_tsis("study", "import", folder, "in.csv", "--device", "feeler")
+    assert (refused.code, open_study(folder).readings) == (2, ())
+    assert "where no threshold is given" in refused.err
+    done = run_tsis("study", "import", folder, "in.csv", "--device", "feeler", "--threshold", "3", "--json")
+    assert (done.code, json.loads(done.out)["threshold"]) == (0, 3.0)
+    assert "All 4 scores of feeler lie at or above its threshold, 3" in done.err
+
+
 @pytest.mark.slow
 def test_a_whole_study(run_tsis: RunTsis) -> None:
     folder = made(run_tsis, "--present", "2", "--blank", "2")

@@ -30,6 +30,7 @@ from tsis.study.readings import (
     press_study,
     read_truth_table,
     readings_table,
+    threshold_note,
 )
 
 if TYPE_CHECKING:
@@ -239,6 +240,9 @@ def test_no_operator_becomes_a_formula(tmp_path: Path, operator: str) -> None:
         (["CODE,0.5,Cleo,1.5,,,"], "repeat must be a whole number from 1"),
         (["CODE,0.5,Cleo,,,,"], "repeat must be a whole number from 1"),
         (["CODE,0.5,Cleo,0,,,"], "repeat must lie in"),
+        (["CODE,0.5,Cleo,2,,,"], "repeat must be at most 1, which the plan asks for"),
+        (["CODE,4,Cleo,1,,,"], "score must be a probability from 0 to 1 where no threshold is given"),
+        (["CODE,-0.1,Cleo,1,,,"], "got '-0.1' (a.csv, line 2)"),
         (["CODE,0.5,,1,,,"], "operator must be"),
         (["CODE,0.5,a\x1b[2J,1,,,"], "operator must be"),
         (["CODE,0.5,Cleo,1,-3,,"], "diameter_mm must lie in"),
@@ -303,6 +307,39 @@ def test_a_device_keeps_the_threshold_of_its_first_readings(tmp_path: Path) -> N
     study = import_table(study, "".join([rows[0], *rows[4:]]).encode(), "b.csv", device="feeler")
     assert study.threshold_of("feeler") == 3.0
     assert study.threshold_of("another") == 0.5
+
+
+def test_repeats_count_from_1(tmp_path: Path) -> None:
+    study = made_study(tmp_path / "study", repeats=2)
+    code = study.plan.codes[0]
+    second, first = f"{code},0.9,Cleo,2,,,", f"{code},,Cleo,1,,,"
+    with pytest.raises(FileInputError, match=r"repeat must count from 1 .*has 2 of 'Cleo' without 1 \(a.csv, line 2\)"):
+        import_table(study, f"{HEADINGS}\n{second}\n".encode(), "a.csv", device="feeler")
+    assert len(import_table(study, f"{HEADINGS}\n{second}\n{first}\n".encode(), "a.csv", device="feeler").readings) == 2
+    apart = made_study(tmp_path / "apart", repeats=2, seed=3)
+    for row in (first, second):
+        apart = import_table(apart, f"{HEADINGS}\n{row}\n".encode(), "a.csv", device="feeler")
+    assert len(apart.readings) == 2
+
+
+@pytest.mark.parametrize(
+    ("scores", "threshold", "said"),
+    [
+        ((4, 2, 5), 1.0, "All 3 scores of feeler lie at or above its threshold, 1"),
+        ((0.1, 0.2, 0.3), None, "All 3 scores of feeler lie below its threshold, 0.5"),
+        ((0.1, 0.5, 0.3), None, ""),
+        ((0.9,), None, ""),
+    ],
+)
+def test_scores_on_one_side_of_the_threshold_are_told(
+    tmp_path: Path, scores: tuple[float, ...], threshold: float | None, said: str
+) -> None:
+    study = made_study(tmp_path / "study")
+    rows = "\n".join(f"{code},{score},Cleo,1,,," for code, score in zip(study.plan.codes, scores, strict=False))
+    study = import_table(study, f"{HEADINGS}\n{rows}\n".encode(), "a.csv", device="feeler", threshold=threshold)
+    note = threshold_note(study, "feeler")
+    assert note.startswith(said)
+    assert bool(note) == bool(said)
 
 
 def test_the_virtual_probes_name_is_its_own(blind: Study) -> None:
@@ -429,6 +466,20 @@ def test_a_half_interval_is_refused(tmp_path: Path, low: str, high: str) -> None
     (tmp_path / "t.csv").write_text(f"{HEADINGS},diameter_mm_low,diameter_mm_high\n{row}\n", encoding="utf-8")
     with pytest.raises(FileInputError, match=r"diameter_mm_low and diameter_mm_high must be given together.*line 2"):
         import_readings(study, tmp_path / "t.csv", device="feeler")
+
+
+@pytest.mark.parametrize(("value", "said"), [("8", "80 and 90"), ("90.5", "80 and 90"), ("85", "")])
+def test_an_interval_beside_its_value_is_refused(tmp_path: Path, value: str, said: str) -> None:
+    study = made_study(tmp_path / "study")
+    row = f"{study.plan.codes[0]},1,Ben,1,{value},,,80,90"
+    content = f"{HEADINGS},diameter_mm_low,diameter_mm_high\n{row}\n".encode()
+    if not said:
+        assert import_table(study, content, "t.csv", device="feeler").readings[0].interval_90 == {
+            "diameter_mm": (80.0, 90.0)
+        }
+        return
+    with pytest.raises(FileInputError, match=rf"diameter_mm must be between .*{said}.*got '{value}' \(t.csv, line 2\)"):
+        import_table(study, content, "t.csv", device="feeler")
 
 
 def test_without_pandas_one_sentence_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -315,14 +315,17 @@ def import_(
 ) -> None:
     """Enter readings of another device: code, score, operator, repeat, diameter_mm, depth_mm, young_kpa.
 
-    All of them or none. An empty score is an undecided reading; the last three may be empty.
+    All of them or none. An empty score is an undecided reading; the last three may be empty. Scores that are no
+    probabilities need --threshold.
     """
     from tsis.study.folder import open_study
-    from tsis.study.readings import import_readings
+    from tsis.study.readings import import_readings, threshold_note
 
     study = open_study(folder)
     after = import_readings(study, readings, device=device, threshold=threshold)
     entered = len(after.readings) - len(study.readings)
+    if note := threshold_note(after, device):
+        typer.echo(note, err=True)
     if as_json:
         entries = {"folder": str(folder.resolve()), "device": device, "threshold": after.threshold_of(device)}
         print_json(tsis.present.document.envelope("study import", **entries, entered=entered, head=after.chain.head))

@@ -26,7 +26,7 @@ from tsis.model.require import require_integer, require_number, require_one_of
 from tsis.optics.face_light import irradiance
 from tsis.study.folder import PLAN, enter_readings, open_study, read_seal, user
 from tsis.study.log import run_lock
-from tsis.study.plan import QUANTITIES, DeviceReading, TargetTruth, require_short_name
+from tsis.study.plan import MOST_REPEATS, QUANTITIES, DeviceReading, TargetTruth, require_short_name
 from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:
@@ -325,9 +325,10 @@ def import_readings(
     """Enter the readings of a device from a CSV file in UTF-8 with the columns `READING_COLUMNS`, all or none.
 
     An empty score is an undecided reading; sizes, depths and moduli may be empty. `UNCERTAINTY_COLUMNS` may follow: the
-    standard deviation of a quantity, and both ends of its 90 % interval. The ``threshold``, least score of a target
-    that is called one with an inclusion, is that of the study by default; the first import of a device fixes it. Raises
-    `InputError` when a row is invalid, with its line, and `RecordsError` when the study is unblinded.
+    standard deviation of a quantity, and both ends of its 90 % interval. Repeats count from 1 to those of the plan. The
+    ``threshold``, least score of a target that is called one with an inclusion, is that of the study by default, for
+    scores from 0 to 1; the first import of a device fixes it. Raises `InputError` when a row is invalid, with its line,
+    and `RecordsError` when the study is unblinded.
     """
     file = as_path(path)
     return import_table(
@@ -350,16 +351,31 @@ def import_table(
             f"device must not be {device!r:.60}, which tsis study run reads with (choose another name)", name="device"
         )
     limit = _threshold(study, device, threshold)
+    unknown = threshold is None and device not in study.devices
     readings: dict[tuple[str, str, str, int], DeviceReading] = {}
+    places: dict[tuple[str, str, str, int], str] = {}
     entered, codes = {reading.key for reading in study.readings}, frozenset(study.plan.codes)
     for row in parse_csv_rows(content, name, READING_COLUMNS, UNCERTAINTY_COLUMNS):
-        reading = _reading(row, codes, device)
+        reading = _reading(row, codes, device, study.plan.repeats)
+        if unknown and reading.score is not None and not 0 <= reading.score <= 1:
+            raise row.refused(
+                "score",
+                "a probability from 0 to 1 where no threshold is given (give the least score that means an inclusion)",
+                row.text("score"),
+            )
         if reading.key in readings or reading.key in entered:
             raise FileInputError(
                 f"code, operator and repeat must be together but once for a device; {reading.code}, "
                 f"{reading.operator!r:.60} and {reading.repeat} are there already ({row.where})"
             )
-        readings[reading.key] = reading
+        readings[reading.key], places[reading.key] = reading, row.where
+    known = readings.keys() | entered
+    for key, where in places.items():
+        if (*key[:3], 1) not in known:
+            raise FileInputError(
+                f"repeat must count from 1 for each target and operator; {key[0]} has {key[3]} of {key[2]!r:.60} "
+                f"without 1 ({where}): enter it too, its score empty where the device gave none"
+            )
     if not readings:
         raise FileInputError(f"{name} must hold at least one reading; it has headings alone")
     document: dict[str, Any] = {
@@ -371,6 +387,20 @@ def import_table(
         "tsis": __version__,
     }
     return enter_readings(study, list(readings.values()), actor=actor or user(), imported=document)
+
+
+def threshold_note(study: Study, device: str) -> str:
+    """One sentence where all scores of a device, two or more, lie on one side of its threshold; else empty."""
+    scores = [item.score for item in study.readings if item.device == device and item.score is not None]
+    limit = study.threshold_of(device)
+    above = sum(score >= limit for score in scores)
+    if len(scores) < 2 or 0 < above < len(scores):
+        return ""
+    side, called = ("at or above", "one with an inclusion") if above else ("below", "one without an inclusion")
+    return (
+        f"All {len(scores)} scores of {device} lie {side} its threshold, {limit:g}, so each target is called {called}; "
+        "the threshold is fixed: if it is wrong, import under another name of the device."
+    )
 
 
 def _threshold(study: Study, device: str, threshold: float | None) -> float:
@@ -386,12 +416,15 @@ def _threshold(study: Study, device: str, threshold: float | None) -> float:
     return float(threshold)
 
 
-def _reading(row: CsvRow, codes: frozenset[str], device: str) -> DeviceReading:
+def _reading(row: CsvRow, codes: frozenset[str], device: str, repeats: int) -> DeviceReading:
     code, repeat = row.text("code"), row.number("repeat")
     if code not in codes:
         raise row.refused("code", "one of this study's codes", code)
     if repeat is None or not repeat.is_integer():
         raise row.refused("repeat", "a whole number from 1", row.text("repeat"))
+    if repeats < repeat <= MOST_REPEATS:
+        asked = f"at most {repeats}, which the plan asks for (tsis study new --repeats makes a study with more)"
+        raise row.refused("repeat", asked, row.text("repeat"))
     score = row.number("score")
     values = {name: value for name in QUANTITIES if (value := row.number(name)) is not None}
     try:
@@ -417,6 +450,10 @@ def _interval(row: CsvRow, quantity: str) -> tuple[float, float] | None:
     if low is None or high is None or not 0 <= low <= high:
         limits = f"{row.text(f'{quantity}_low')} and {row.text(f'{quantity}_high')}"
         raise row.refused(f"{quantity}_low and {quantity}_high", "given together, from 0 upwards", limits)
+    value = row.number(quantity)
+    if value is not None and not low <= value <= high:
+        wanted = f"between {quantity}_low and {quantity}_high, {low:g} and {high:g}, which are in its unit"
+        raise row.refused(quantity, wanted, row.text(quantity))
     return low, high
 
 

@@ -33,7 +33,7 @@ from tsis.present.study import study_page, targets_table
 from tsis.study.analysis import analyse
 from tsis.study.folder import MOST_TARGETS, open_study, printed_targets, random_targets, verify_study
 from tsis.study.plan import TARGETS
-from tsis.study.readings import READING_COLUMNS, export_readings, import_table
+from tsis.study.readings import READING_COLUMNS, export_readings, import_table, threshold_note
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -407,18 +407,19 @@ def import_button(page: StudyPage) -> ui.button:
         texts = (device.value or "").strip(), threshold.value or "", name_in(viewer, who)
         entered = await widgets.submit(viewer, fields, _enter, page, content, named, *texts)
         if entered is not None:
-            viewer.notify(f"{entered} readings entered.")
+            viewer.notify(entered)
             dialog.close()
 
     upload.on_upload(uploaded)
     return widgets.button("Import readings", dialog.open, icon="upload_file", look="outline dense")
 
 
-def _enter(page: StudyPage, content: bytes, file: str, device: str, threshold: str, actor: str) -> int:
+def _enter(page: StudyPage, content: bytes, file: str, device: str, threshold: str, actor: str) -> str:
     study = page.repository.study(page.name)
     limit = widgets.typed_number("threshold", threshold) if threshold.strip() else None
     after = import_table(study, content, file, device=device, threshold=limit, actor=actor)
-    return len(after.readings) - len(study.readings)
+    said = f"{len(after.readings) - len(study.readings)} readings entered."
+    return f"{said} {note}" if (note := threshold_note(after, device)) else said
 
 
 SHEETS = (20, 50, 200)
