@@ -254,6 +254,36 @@ def test_a_first_check_that_is_refused_fixes_no_plan(tmp_path: Path) -> None:
     assert [item.values["light"] for item in read_checks(folder).checks] == pytest.approx([light, light])
 
 
+def test_checks_of_one_log_have_one_scale(tmp_path: Path) -> None:
+    options = written(tmp_path)
+
+    def check(folder: str, *scale: str) -> BaseException | None:
+        return CliRunner().invoke(app, ["check", str(tmp_path / folder), *options, *scale]).exception
+
+    assert check("mm", "--scale-mm", "0.1") is None
+    assert check("mm", "--scale-mm", "0.1005,0.0995") is None
+    for scale, got in (((), "got none"), (("--scale-mm", "0.102"), "got 0.102 x 0.102 mm")):
+        refused = check("mm", *scale)
+        assert isinstance(refused, InputError)
+        assert "mm_per_pixel must be that of the first check within 1%, 0.1 x 0.1 mm" in str(refused)
+        assert got in str(refused)
+    scales = [item.mm_per_pixel for item in read_checks(tmp_path / "mm").checks]
+    assert scales == [(0.1, 0.1), (0.1005, 0.0995)]
+    assert check("px") is None
+    assert isinstance(check("px", "--scale-mm", "0.1"), InputError)
+    assert len(read_checks(tmp_path / "px").checks) == 1
+
+
+def test_a_log_that_does_not_tell_its_scale_goes_on(tmp_path: Path) -> None:
+    log = begun(tmp_path / "log", checks(3, seed=1))
+    late = replace(log.checks[-1], at=START + timedelta(days=9))
+    log = add_checks(log, replace(late, mm_per_pixel=(0.1, 0.1)))
+    with pytest.raises(InputError, match="mm_per_pixel must be that of the first check"):
+        add_checks(log, replace(late, mm_per_pixel=()))
+    with pytest.raises(InputError, match="mm_per_pixel must"):
+        replace(late, mm_per_pixel=(0.1,))
+
+
 @pytest.mark.slow
 def test_the_virtual_probe_is_checked_and_rehearsed(tmp_path: Path) -> None:
     probe = VirtualProbe(

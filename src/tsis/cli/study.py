@@ -662,8 +662,8 @@ def check(
 ) -> None:
     """Add a daily check of the probe on one phantom, and draw the control charts: Shewhart and EWMA limits.
 
-    The exit code is 3 when a rule warns at the last check. Probe, phantom, force, baseline and tolerance are those of
-    the first check.
+    The exit code is 3 when a rule warns at the last check. Probe, phantom, force, scale, baseline and tolerance are
+    those of the first check.
     """
     from tsis.present.daily_checks import drift_document, drift_page
     from tsis.study.drift import (

@@ -23,7 +23,8 @@ from tsis.files.hash_chain import EMPTY_CHAIN, LogChain, LogDraft, link_entries
 from tsis.files.json_values import from_json_value, to_json_value
 from tsis.files.reading import file_error
 from tsis.imaging import features
-from tsis.model.require import freeze_mappings, require_integer, require_number
+from tsis.model.image import require_pixel_scale
+from tsis.model.require import freeze_mappings, require_integer, require_number, require_pair
 from tsis.study.folder import user
 from tsis.study.log import LOG_FILE, append_log, read_log
 from tsis.study.plan import require_short_name
@@ -31,7 +32,7 @@ from tsis.study.proportions import checked_readings
 from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
     from numpy.typing import ArrayLike, NDArray
@@ -151,6 +152,7 @@ def shewhart_run_length(shift: float, *, width: float = WIDTH) -> float:
 
 
 BEGUN, CHECKED = "checks begun", "checked"
+SCALE_TOLERANCE = 0.01  # relative difference of the scales of checks
 CHARTED = {
     "light": ("light of the press", "grey levels per pixel and newton"),
     "peak": ("peak of the press", "grey levels per newton"),
@@ -179,12 +181,17 @@ class CheckPlan:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DailyCheck:
-    """One check: time with its offset from UTC, operator, values by the names of `CHARTED`, temperature if read."""
+    """One check: time with its offset from UTC, operator, values by the names of `CHARTED`, temperature if read.
+
+    ``mm_per_pixel`` is the scale (x, y) of its frames, empty where they have none, and their diameter is in pixels;
+    None in logs that do not tell.
+    """
 
     at: datetime
     operator: str
     values: Mapping[str, float]
     temperature_c: float | None = None
+    mm_per_pixel: tuple[float, ...] | None = None
     tsis: str = __version__
 
     def __post_init__(self) -> None:
@@ -195,6 +202,10 @@ class DailyCheck:
             require_number(name, value, -1e9, 1e9)
         if self.temperature_c is not None:
             require_number("temperature_c", self.temperature_c, -20.0, 80.0, hint="degrees Celsius")
+        if self.mm_per_pixel is not None:
+            scale = tuple(self.mm_per_pixel)
+            scale = require_pixel_scale(require_pair("mm_per_pixel", scale)) if scale else ()
+            object.__setattr__(self, "mm_per_pixel", scale)
         freeze_mappings(self, "values")
 
 
@@ -228,7 +239,13 @@ def daily_check(
         "diameter": of_press.equivalent_diameter_mm or of_press.equivalent_diameter_px,
         "untouched": float(untouched.grey.mean()),
     }
-    return DailyCheck(at=at, operator=operator or user(), values=values, temperature_c=temperature_c)
+    return DailyCheck(
+        at=at,
+        operator=operator or user(),
+        values=values,
+        temperature_c=temperature_c,
+        mm_per_pixel=press.mm_per_pixel or (),
+    )
 
 
 def begin_checks(folder: Path, plan: CheckPlan, *, actor: str = "") -> CheckLog:
@@ -252,12 +269,31 @@ def read_checks(folder: Path) -> CheckLog:
 
 
 def add_checks(log: CheckLog, *checks: DailyCheck) -> CheckLog:
-    """Append checks, none of them earlier than the last; `RecordsError` when the log was changed."""
+    """Append checks, none of them earlier than the last; `RecordsError` when the log was changed.
+
+    `InputError` when the scale of one is not that of the first check, within 1 %: a chart has one unit.
+    """
     times = [item.at for item in (*log.checks[-1:], *checks)]
     if any(later < earlier for earlier, later in pairwise(times)):
         raise InputError(f"checks must come in order of time; the last is of {times[0].isoformat(timespec='minutes')}")
+    _require_one_scale([*log.checks, *checks])
     drafts = [LogDraft(actor=item.operator, action=CHECKED, content=to_json_value(item)) for item in checks]
     return _parsed(log.folder, append_log(log.folder, lambda _: drafts, log_chain=log.chain))
+
+
+def _require_one_scale(checks: Sequence[DailyCheck]) -> None:
+    """Refuse checks whose scale differs from that of the first one that tells."""
+    told = [item.mm_per_pixel for item in checks if item.mm_per_pixel is not None]
+    for scale in told[1:]:
+        if len(scale) != len(told[0]) or not np.allclose(scale, told[0], rtol=SCALE_TOLERANCE, atol=0.0):
+            raise InputError(
+                f"mm_per_pixel must be that of the first check within {SCALE_TOLERANCE:.0%}, {_scale_text(told[0])}; "
+                f"got {_scale_text(scale)} (give the same --scale-mm, or begin another folder of checks)"
+            )
+
+
+def _scale_text(scale: tuple[float, ...]) -> str:
+    return " x ".join(f"{part:.4g}" for part in scale) + " mm" if scale else "none"
 
 
 def _parsed(folder: Path, chain: LogChain) -> CheckLog:
