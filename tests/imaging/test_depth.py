@@ -24,9 +24,12 @@ from tsis.imaging.depth import (
     polynomial_slopes,
 )
 from tsis.imaging.surface import integrate_gradients
+from tsis.instrument.image_files import read_levels
 from tsis.virtual.gel_frames import marker_ink, rendered_series
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from tsis.model.gel_sensor import GelSensor
 
 
@@ -91,6 +94,81 @@ def test_what_cannot_be_calibrated_is_refused() -> None:
         )
     with pytest.raises(InputError, match="must be a depth calibration"):
         parse_depth_calibration({"format": "other"})
+
+
+def tiny(name: str) -> GelSensor:
+    sensor = load_sensor(name)
+    assert sensor.mm_per_pixel is not None
+    fewer = sensor.image_px[0] / 160
+    across, down = sensor.mm_per_pixel
+    return replace(sensor, image_px=(160, 120), mm_per_pixel=(fewer * across, fewer * down))
+
+
+def test_a_contact_wider_than_the_ball_is_refused() -> None:
+    sensor = tiny("9dtact")
+    made = rendered_series(sensor, 2, ball_radius_mm=3.0, seed=11)
+    scale = sensor.mm_per_pixel
+    assert scale is not None
+    radius = max(press.radius_px for press in made) * scale[0]
+    frames, reference = [press.frame for press in made], made[0].reference
+    assert calibrate_depth(frames, sensor=sensor, reference=reference, ball_mm=6.0).presses == 2
+    said = r"must show a contact that the ball can make, at most .* mm in radius; it shows .*check the diameter of"
+    with pytest.raises(CalibrationError, match=said):
+        calibrate_depth(frames, sensor=sensor, reference=reference, ball_mm=1.6 * radius)
+    wide = replace(sensor, mm_per_pixel=(2.6 * scale[0], 2.6 * scale[1]))
+    with pytest.raises(CalibrationError, match=said):
+        calibrate_depth(frames, sensor=wide, reference=reference, ball_mm=6.0)
+
+
+def test_a_frame_that_is_given_again_counts_once() -> None:
+    sensor = tiny("9dtact")
+    made = rendered_series(sensor, 1, ball_radius_mm=3.0, seed=11)[0]
+    once, thrice = (
+        calibrate_depth([made.frame.copy() for _ in range(count)], sensor=sensor, reference=made.reference, ball_mm=6.0)
+        for count in (1, 3)
+    )
+    assert (thrice.presses, thrice.errors_mm, thrice.sd_relative) == (1, once.errors_mm, once.sd_relative)
+    sensor = tiny("gelsight-mini")
+    made = rendered_series(sensor, 1, ball_radius_mm=3.0, seed=11)[0]
+    with pytest.raises(CalibrationError, match=r"3 good presses of the ball; got 1 of 3 \(a frame is given twice\)"):
+        calibrate_depth([made.frame] * 3, sensor=sensor, reference=made.reference, ball_mm=6.0)
+
+
+@pytest.mark.parametrize("name", ["gelsight-mini", "9dtact"])
+def test_a_press_taken_for_the_untouched_face_is_a_problem_of_the_map(name: str) -> None:
+    sensor = tiny(name)
+    made = rendered_series(sensor, 5, ball_radius_mm=3.0, seed=11)
+    untouched = made[0].reference
+    calibration = calibrate_depth([press.frame for press in made[:4]], sensor=sensor, reference=untouched, ball_mm=6.0)
+    straight = DepthMapper(calibration, sensor, untouched)
+    for press in made:
+        assert straight.map(press.frame).problems == ()
+        problems = DepthMapper(calibration, sensor, press.frame).map(untouched).problems
+        assert any("reference and press may be swapped" in problem for problem in problems)
+    for seed, light in ((1, 0.97), (2, 1.0), (3, 1.02), (4, 0.97)):
+        noise = np.random.default_rng(seed).normal(0.0, 2.0, untouched.shape)
+        again = np.clip(np.rint(light * np.minimum(untouched, 255) + noise), 0, 255).astype(np.uint8)
+        assert straight.map(again).problems == ()
+
+
+def test_real_presses_are_neither_too_wide_nor_swapped(shared_data: Path) -> None:
+    with np.load(shared_data / "real" / "taxim_ball" / "dataPack_small.npz", allow_pickle=False) as data:
+        untouched, presses = data["f0"], data["imgs"][3::12]
+    sensor = load_sensor("gelsight-taxim")
+    calibration = calibrate_depth(list(presses), sensor=sensor, reference=untouched, ball_mm=4.0)
+    assert calibration.presses == len(presses)
+    mapper = DepthMapper(calibration, sensor, untouched)
+    assert not any("swapped" in problem for press in presses for problem in mapper.map(press).problems)
+    for number in (1, 2):
+        folder = shared_data / "real" / "9dtact" / f"sensor_{number}"
+        press, reference = (
+            read_levels(folder / f"depth_calibration_rectify_crop_{kind}.png") for kind in ("sample", "ref")
+        )
+        sensor = load_sensor("9dtact")
+        calibration = calibrate_depth([press], sensor=sensor, reference=reference, ball_mm=8.0)
+        for taken, pressed, swapped in ((reference, press, False), (press, reference, True)):
+            problems = DepthMapper(calibration, sensor, taken).map(pressed).problems
+            assert any("swapped" in problem for problem in problems) == swapped
 
 
 def test_a_relative_calibration_divides_by_the_untouched_brightness() -> None:

@@ -6,6 +6,7 @@ light a grey level gives the depth.
 
 from __future__ import annotations
 
+import hashlib
 import json
 from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement
@@ -59,6 +60,9 @@ DARKEST = 10.0  # levels of the untouched face, by which a change is divided at 
 USED, FLAT = 0.9, 2.2  # of the contact's radius: the ball's slope inside, an almost flat face outside
 UNTOUCHED = 3.0  # contact radii from the centre, beyond which a depth is an error
 DEEPEST = 0.97  # of the ball's radius
+WIDEST = 1.05  # radii of the ball, which no contact exceeds; real presses up to their middle measure 1.007
+LIFTED_MM, LIFTED_SD = 0.05, 3.0  # a face that rises by more, in mm and in standard deviations of a depth, is no noise
+LIFTED = 1.5  # times the deepest point: good maps rise by 0.6 of it at most, most maps against a press by 2 and more
 FEWEST_SLOPE, FEWEST_GREY = 3, 1  # presses
 GREY_TERMS = 3  # of the polynomial of depth, without a constant
 FORMAT, VERSION = "tsis-depth-calibration", 1
@@ -254,6 +258,10 @@ class DepthMap(ContentValue):
 
 PRESSED, MOST_CLIPPED_PRESSED = 0.2, 0.02  # of the depth; fraction of such pixels
 _CLIPPED = "Clipped pixels lie in the contact, where the depth is wrong: lower the exposure or the lamps."
+_LIFTED = (
+    "The face rises by {:.2f} mm above the untouched one, more than it sinks: reference and press may be swapped, or "
+    "the reference shows a contact."
+)
 _LARGE_CHANGE = (
     "The light changed since {} more than can be corrected, or the frame does not tell: set lamps and camera as then, "
     "or calibrate again."
@@ -328,10 +336,13 @@ class DepthMapper:
                 change = change / self.brightness[..., None]
             grey = scipy.ndimage.gaussian_filter(change[..., 0], GREY_BLUR * change.shape[1])
             depth = self.calibration.depth_of_grey(grey)
+            # Such a depth is never below 0: what lies above the untouched face is the depth of the opposite change.
+            lifted = float(self.calibration.depth_of_grey(-np.array([grey.min(), grey.max()])).max())
         else:
             slope = self._slopes(change)
             depth = integrate_gradients(slope[..., 0], slope[..., 1], self.mm_per_pixel)
             depth = self._levelled(depth - np.median(depth[self.strip]))
+            lifted = -float(depth.min())
         relative = np.linalg.norm([self.calibration.sd_relative, *(step.relative_sd for _, step in changes)])
         sd = np.hypot(self.calibration.sd_mm, relative * depth)
         brightest = largest_channel(as_stored)
@@ -340,6 +351,8 @@ class DepthMapper:
         problems = [_LARGE_CHANGE.format(since) for since, step in changes if step.is_large]
         if depth.max() > 3.0 * self.calibration.sd_mm and clipped[pressed].mean() > MOST_CLIPPED_PRESSED:
             problems.append(_CLIPPED)
+        if lifted > max(LIFTED * depth.max(), LIFTED_MM, LIFTED_SD * self.calibration.sd_mm):
+            problems.append(_LIFTED.format(lifted))
         return DepthMap(
             depth_mm=depth,
             sd_mm=np.where(clipped, CLIPPED_SD * sd, sd),
@@ -457,10 +470,11 @@ def calibrate_depth(
 ) -> DepthCalibration:
     """Calibrate depth from presses of a ball of known diameter.
 
-    Only good contacts count. Each press is left out in turn to measure the error; the method that errs less is taken.
+    Only good contacts count, and a frame that is given several times counts once. Each press is left out in turn to
+    measure the error; the method that errs less is taken.
 
-    Raises `CalibrationError` when too few contacts are good; `InputError` as `contacts`, or when the scale is not
-    known.
+    Raises `CalibrationError` when too few contacts are good, or one is wider than the ball; `InputError` as `contacts`,
+    or when the scale is not known.
 
     Parameters
     ----------
@@ -476,16 +490,29 @@ def calibrate_depth(
     require_number("ball_mm", ball_mm, 0.2, 200.0, hint="the ball's diameter in millimetres")
     radius = ball_mm / 2.0
     untouched = gel_levels(reference, sensor, what="reference")
-    if sensor.scale_of(untouched.shape[1], untouched.shape[0]) is None:
+    scale = sensor.scale_of(untouched.shape[1], untouched.shape[0])
+    if scale is None:
         raise InputError(f"mm_per_pixel of {sensor.name} is not known; put it into the sensor's file")
     presses: list[_Press] = []
     reasons: list[str] = []
+    taken: set[bytes] = set()
     for number, frame in enumerate(frames):
         levels = gel_levels(frame, sensor, what=f"frame {number + 1}")
+        digest = hashlib.sha256(levels.tobytes()).digest()
+        if digest in taken:  # left out in turn, it would be calibrated with itself
+            reasons.append("a frame is given twice")
+            continue
+        taken.add(digest)
         change = gel_change(levels, untouched, sensor, what=f"frame {number + 1}")
         contact = find_gel_contact(change, sensor, name=f"frame {number + 1}")
         reasons += contact.reasons
         if contact.good:
+            touched_mm = contact.radius_px * float(np.sqrt(np.prod(scale)))
+            if touched_mm > WIDEST * radius:
+                raise CalibrationError(
+                    f"frame {number + 1} must show a contact that the ball can make, at most {radius:g} mm in radius; "
+                    f"it shows {touched_mm:.2f} mm (check the diameter of the ball, {ball_mm:g} mm, and mm_per_pixel)"
+                )
             presses.append(_press(frame, levels, contact, change.usable, untouched, sensor, radius))
         if progress is not None:
             progress(number + 1, len(frames))
