@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import itertools
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -27,7 +28,7 @@ from tsis.present.page import Column, Table
 from tsis.present.terminal import print_tables
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
@@ -109,27 +110,52 @@ def depth_map(
     )
     files: dict[str, bytes] = {}
     rows: list[tuple[str, float, float]] = []
+    maps: list[dict[str, Any]] = []
     said: dict[str, None] = {}
     trusted = True
     paths = gel_frame_paths(frames)
+    names = _map_names(paths)
     with progress_bar("mapping depth") as advance:
         for number, path in enumerate(paths):
             result = mapper.map(read_gel_frame(path), name=path.name)
-            files |= {f"{path.stem}{ending}": content(result) for ending, content in FORMS.items()}
+            files |= {f"{names[number]}{ending}": content(result) for ending, content in FORMS.items()}
             rows.append((path.name, float(result.depth_mm.max()), _sd(result)))
+            maps.append(
+                dict(zip(("frame", "deepest_mm", "sd_mm"), rows[-1], strict=True))
+                | {"map": names[number], "problems": list(result.problems), "notes": list(result.notes)}
+            )
             said.update(dict.fromkeys((*result.problems, *result.notes)))
             trusted = trusted and not result.problems
             advance(number + 1, len(paths))
     folder = tsis.files.result_folder.write_folder(tsis.files.result_folder.free_folder(out), files)
     if as_json:
-        maps = [dict(zip(("frame", "deepest_mm", "sd_mm"), row, strict=True)) for row in rows]
         print_json(tsis.present.document.envelope("depth map", sensor=chosen.name, maps=maps, folder=str(folder)))
         leave(trusted=trusted)
         return
     depths = (Column(label="deepest", unit="mm", form=".3f"), Column(label="sd there", unit="mm", form=".3f"))
-    table = Table(title="Depth maps", columns=("frame", *depths), values=tuple(rows))
+    columns: tuple[str | Column, ...] = ("frame", *depths)
+    values: list[tuple[Any, ...]] = list(rows)
+    if names != [path.stem for path in paths]:  # frames of one name, from several folders
+        columns, values = (*columns, "map"), [(*row, name) for row, name in zip(rows, names, strict=True)]
+    table = Table(title="Depth maps", columns=columns, values=tuple(values))
     print_tables([table], list(said), where=f"Maps: {folder}")
     leave(trusted=trusted)
+
+
+def _map_names(paths: Sequence[Path]) -> list[str]:
+    """Names of the maps without endings: those of their frames, a second of one name with ``-2``, and so on."""
+    names: list[str] = []
+    taken: set[str] = set()  # files of earlier maps, as systems without capitals see them
+    own = {path.stem.casefold() for path in paths}
+    for path in paths:
+        numbered = (name for number in itertools.count(2) if (name := f"{path.stem}-{number}").casefold() not in own)
+        for name in itertools.chain([path.stem], numbered):
+            files = {f"{name}{ending}".casefold() for ending in FORMS}
+            if not files & taken:
+                break
+        names.append(name)
+        taken |= files
+    return names
 
 
 def _sd(result: DepthMap) -> float:
