@@ -15,9 +15,10 @@ from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.errors import FileInputError
 from tsis.files.canonical_json import json_bytes
 from tsis.present.html import html_bytes
-from tsis.present.study import publish_study, study_document, study_files, study_page
+from tsis.present.study import publish_study, study_document, study_files, study_page, undecided_notes
 from tsis.study.analysis import analyse
-from tsis.study.folder import open_study, unblind, verify_study
+from tsis.study.folder import enter_readings, open_study, unblind, verify_study
+from tsis.study.plan import DeviceReading
 from tsis.study.readings import import_table
 
 if TYPE_CHECKING:
@@ -160,6 +161,16 @@ def test_a_report_is_entered_with_its_hashes_and_found_when_it_is_changed(tmp_pa
     assert verify_study(study.folder).sound
     (done.folder / "report.html").write_bytes(b"better")
     assert [fault.file for fault in verify_study(study.folder).faults] == ["analysis/report.html"]
+
+
+def test_a_later_repeat_that_is_judged_is_told(tmp_path: Path) -> None:
+    study = made_study(tmp_path / "study", present=2, blank=2)
+    readings = [
+        DeviceReading(code=code, device="feeler", operator="Ada", repeat=1 + (place < 3), score=0.2 * place)
+        for place, code in enumerate(study.plan.codes)
+    ]
+    (one,) = analyse(unblind(enter_readings(study, readings, actor="Ada"), by="Ada")).devices
+    assert "feeler: 3 targets judged by a later repeat, as repeat 1 is missing." in undecided_notes(one)
 
 
 @pytest.mark.parametrize("failing", ["tsis.study.analysis.device_analysis", "tsis.present.study.study_page"])

@@ -7,7 +7,7 @@ import pytest
 
 from tsis.errors import InputError
 from tsis.study.folder import printed_targets, random_targets
-from tsis.study.plan import coded
+from tsis.study.plan import DeviceReading, coded, first_readings
 
 TARGETS = [True] * 8 + [False] * 8
 
@@ -66,3 +66,13 @@ def test_printed_targets_are_those_of_the_catalog_and_none_is_no_study() -> None
     assert sum(one.has_inclusion for one in printed_targets(10, 3)) == 10
     with pytest.raises(InputError, match="blank must"):
         printed_targets(0, 0)
+
+
+def test_the_first_reading_is_the_lowest_repeat_of_each_operator_and_device() -> None:
+    rows = [("T-2222", "a", "Ada", 3), ("T-2222", "a", "Ben", 2), ("T-2222", "a", "Ada", 2), ("T-2222", "b", "Ada", 5)]
+    readings = [
+        DeviceReading(code=code, device=device, operator=operator, repeat=repeat, score=0.5)
+        for code, device, operator, repeat in rows
+    ]
+    assert [reading.key for reading in first_readings(readings)] == [rows[2], rows[1], rows[3]]
+    assert first_readings([]) == ()

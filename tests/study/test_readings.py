@@ -478,7 +478,9 @@ def test_an_interval_beside_its_value_is_refused(tmp_path: Path, value: str, sai
             "diameter_mm": (80.0, 90.0)
         }
         return
-    with pytest.raises(FileInputError, match=rf"diameter_mm must be between .*{said}.*got '{value}' \(t.csv, line 2\)"):
+    with pytest.raises(
+        FileInputError, match=rf"diameter_mm must be between .*{said}.*got '{value}' \(t.csv, line 2\)$"
+    ):
         import_table(study, content, "t.csv", device="feeler")
 
 

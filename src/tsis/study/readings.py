@@ -427,6 +427,7 @@ def _reading(row: CsvRow, codes: frozenset[str], device: str, repeats: int) -> D
         raise row.refused("repeat", asked, row.text("repeat"))
     score = row.number("score")
     values = {name: value for name in QUANTITIES if (value := row.number(name)) is not None}
+    intervals = {name: ends for name in QUANTITIES if (ends := _interval(row, name)) is not None}
     try:
         return DeviceReading(
             code=code,
@@ -437,7 +438,7 @@ def _reading(row: CsvRow, codes: frozenset[str], device: str, repeats: int) -> D
             reason=NO_RESPONSE if score is None else "",
             values=values,
             sd={name: sd for name in QUANTITIES if (sd := row.number(f"{name}_sd")) is not None},
-            interval_90={name: ends for name in QUANTITIES if (ends := _interval(row, name)) is not None},
+            interval_90=intervals,
         )
     except InputError as error:
         raise FileInputError(f"{error} ({row.where})") from error
