@@ -30,6 +30,7 @@ from tsis.calibration.file import calibration_sha256
 from tsis.catalog.phantoms import load_phantom
 from tsis.cli.acquire import ROLES
 from tsis.files.atomic import Disk
+from tsis.instrument.image_files import png_bytes
 from tsis.model.image import TactileImage
 from tsis.present.records import ENDINGS
 from tsis.records import values
@@ -82,6 +83,14 @@ def test_a_target_is_shown_with_its_estimate_and_pages_of_presses(run_tsis: RunT
     for words in ("Current estimate: hardness", "Presses, 1 to 2 of 2", "Calibration bench", "Research use only"):
         assert words in people
     assert "No estimate yet" in run_tsis("records", "show", "2", *STORE).out
+
+
+def test_a_frame_without_force_or_scale_is_shown_as_the_schema_says(run_tsis: RunTsis, tmp_path: Path) -> None:
+    """`run_tsis` holds each document against the published schema."""
+    (tmp_path / "press.png").write_bytes(png_bytes(TactileImage(grey=levels(5).astype(float), full_scale=255.0)))
+    assert run_tsis("records", "import", "press.png", *STORE).code == 0
+    (press,) = json.loads(run_tsis("records", "show", "1", *STORE, "--json").out)["presses"]
+    assert (press["force_n"], press["mm_per_pixel"]) == (None, None)
 
 
 def test_the_last_estimate_of_each_kind_is_shown(run_tsis: RunTsis, tmp_path: Path) -> None:
