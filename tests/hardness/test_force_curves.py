@@ -56,6 +56,18 @@ def test_a_ball_of_any_size_tells_the_modulus_of_hertz(radius_mm: float, young_k
     assert estimate.mean["young_kpa"] == pytest.approx(young_kpa, rel=0.06)
 
 
+@pytest.mark.parametrize(("power", "shape"), [(1.0, "punch"), (1.5, "ball"), (2.0, "cone")])
+def test_a_curve_of_another_indenter_is_withheld(power: float, shape: str) -> None:
+    """The force on a thick block grows with the depth to the power 1, 1.5 or 2 under punch, ball and cone."""
+    rng, position = np.random.default_rng(4), np.linspace(-0.2, 0.1, 600)
+    depth = np.maximum(position, 0.0)
+    curve = ForceCurve(position_mm=position, force_n=0.01 * (depth / 0.1) ** power + 5e-5 * rng.standard_normal(600))
+    for stated in ("punch", "ball", "cone"):
+        result = tsis.hardness.indentation(curve, indenter=stated, radius_mm=1.0, half_angle_deg=45.0)
+        assert ("indenter_doubtful" in result.flags) == (stated != shape)
+        assert result.trusted == (stated == shape)
+
+
 def test_signs_and_the_return_do_not_matter() -> None:
     position, force = pressed()
     there = interval(ForceCurve(position_mm=position, force_n=force), radius_mm=RADIUS_MM)

@@ -55,6 +55,16 @@ POOR_FIT = Flag(
     withholds=True,
     says="The curve departs from that of this indenter by {percent:.0f} % of the peak: {cure}.",
 )
+BETTER, LEAST_RESIDUAL = 2.5, 0.005  # ratio of residuals; those of the stated shape over the range of the force
+INDENTER_DOUBTFUL = Flag(
+    name="indenter_doubtful",
+    means="the curve is that of another indenter",
+    cure="check the shape of the indenter, the thickness of the sample and that the curve is not cut",
+    raised=f"residuals of another shape {BETTER:g} times smaller, those of the stated one above "
+    f"{100 * LEAST_RESIDUAL:g} % of the range of the force",
+    withholds=True,
+    says="A {other} fits the curve {ratio:.1f} times better than the stated {stated}: {cure}.",
+)
 CHANGES_WITH_DEPTH = Flag(
     name="changes_with_depth",
     means="shallow parts of the curve give another modulus than the whole",
@@ -72,6 +82,6 @@ ROWS_REPLACED = Flag(
 )
 INDENTATION_FLAGS = declared(
     *(NO_CONTACT, NOT_IDENTIFIED, ADHESION, HOLD_RELAXES, NO_BASELINE, SHALLOW_PART, POOR_FIT, CHANGES_WITH_DEPTH),
-    ROWS_REPLACED,
+    *(ROWS_REPLACED, INDENTER_DOUBTFUL),
 )
 UNTRUSTED_FLAGS = withholding(INDENTATION_FLAGS)

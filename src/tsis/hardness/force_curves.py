@@ -19,8 +19,11 @@ from tsis.compiled import one_blas_thread
 from tsis.errors import InputError
 from tsis.hardness.curve_flags import (
     ADHESION,
+    BETTER,
     CHANGES_WITH_DEPTH,
     HOLD_RELAXES,
+    INDENTER_DOUBTFUL,
+    LEAST_RESIDUAL,
     LIKE_OTHERS,
     NO_BASELINE,
     NO_CONTACT,
@@ -503,6 +506,7 @@ def _estimated(curve: ForceCurve, press: RigidIndenter, rng: np.random.Generator
     residual = float(np.sqrt(np.mean((force - fitted) ** 2)))
     flagged = [
         *_fit_findings(depth, rise, residual, left_out),
+        *_shape_findings(position, force, press),
         *([ROWS_REPLACED.finding(count=moved + jumped)] if moved + jumped else []),
         *_retreat_findings(curve, loading, press, rise, noise, contact_mm),
     ]
@@ -580,6 +584,24 @@ def _fit_findings(depth: Floats, rise: float, residual: float, left_out: float) 
     if left_out > 0:
         used = float(depth.max())
         yield SHALLOW_PART.finding(depth_um=1e3 * used, whole_um=1e3 * (used + left_out))
+
+
+def _shape_findings(position: Floats, force: Floats, press: RigidIndenter) -> Iterator[Finding]:
+    """Whether another indenter fits the curve much better than the stated one: its force grows with another power."""
+    stated = _first_fit(position, force, press)[3]
+    if stated < LEAST_RESIDUAL * float(np.ptp(force)):
+        return
+    others = {}
+    for shape in INDENTERS:
+        if shape != press.shape:
+            other = replace(press, shape=shape, half_angle_deg=45.0, radius_mm=press.radius_mm or 1.0)
+            try:
+                others[shape] = _first_fit(position, force, other)[3]
+            except InputError:  # no table holds that shape on so thin a layer
+                continue
+    best = min(others, key=others.__getitem__, default="")
+    if best and stated > BETTER * others[best]:
+        yield INDENTER_DOUBTFUL.finding(other=best, stated=press.shape, ratio=stated / others[best])
 
 
 def _retreat_findings(
