@@ -6,11 +6,11 @@ import json
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pytest
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    import pytest
     from tests.cli.conftest import RunTsis
 
 
@@ -42,3 +42,32 @@ def test_a_missing_radius_is_told_in_one_sentence(run_tsis: RunTsis, tmp_path: P
     finished = run_tsis("indent", tmp_path / "soft.csv")
     assert finished.err.startswith("Error: radius_mm must be given")
     assert finished.code == 2
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (("--radius-mm", "3", "--half-angle-deg", "30"), "--half-angle-deg must be left out with --indenter ball"),
+        (("--indenter", "cone", "--half-angle-deg", "30", "--radius-mm", "3"), "--radius-mm must be left out"),
+        (("--radius-mm", "3", "--base", "sliding"), "--base must be given with --thickness-mm"),
+        (("--radius-mm", "3", "--thickness-sd", "0.3"), "--thickness-sd must be given with --thickness-mm"),
+        (("--radius-mm", "3", "--indenter", "wedge"), "no indenter is called 'wedge'"),
+    ],
+)
+def test_an_option_that_would_be_ignored_is_refused(
+    options: tuple[str, ...], told: str, run_tsis: RunTsis, tmp_path: Path
+) -> None:
+    curve_file(tmp_path / "soft.csv", 8.0)
+    finished = run_tsis("indent", tmp_path / "soft.csv", *options)
+    assert told in " ".join(finished.err.split())
+    assert finished.code == 2
+
+
+def test_base_and_thickness_sd_count_for_a_layer(run_tsis: RunTsis, tmp_path: Path) -> None:
+    curve_file(tmp_path / "soft.csv", 8.0)
+    layer = ("--radius-mm", "3", "--thickness-mm", "2", "--thickness-sd", "0.03", "--json")
+    sliding, bonded = (
+        json.loads(run_tsis("indent", tmp_path / "soft.csv", *layer, "--base", base).out)["curves"][0]["estimate"]
+        for base in ("sliding", "bonded")
+    )
+    assert bonded["parameters"]["young_kpa"]["mean"] < sliding["parameters"]["young_kpa"]["mean"]

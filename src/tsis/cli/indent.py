@@ -9,14 +9,17 @@ import typer
 
 import tsis
 from tsis.__about__ import LARGEST_SEED, RESEARCH_USE_ONLY, __version__
-from tsis.cli.options import AsJson
+from tsis.cli.options import AsJson, typed_options
 from tsis.cli.output import leave, print_json
 from tsis.cli.progress import progress_bar
 from tsis.errors import InputError
 from tsis.present.terminal import print_page
 
+OF_BALL_OR_PUNCH, OF_CONE, OF_LAYER = ("radius_mm",), ("half_angle_deg",), ("base", "thickness_sd")
+
 
 def indent(
+    context: typer.Context,
     files: Annotated[
         list[Path],
         typer.Argument(help="Curves: CSV or text with units in its headings, Chiaro text or ZIP, JPK files and maps."),
@@ -51,6 +54,7 @@ def indent(
     """
     if page is not None:
         tsis.files.result_folder.require_absent(page)
+    _require_options_that_count(context, indenter, thick=thickness_mm is None)
     options: dict[str, Any] = {
         "radius_mm": radius_mm, "indenter": indenter, "half_angle_deg": half_angle_deg, "thickness_mm": thickness_mm,
         "base": base, "poisson": _poisson(poisson), "compliance_mm_per_n": compliance_mm_per_n, "force_sd": force_sd,
@@ -78,6 +82,16 @@ def indent(
     else:
         print_page(shown, where="" if page is None else f"Page: {page}")
     leave(trusted=any(estimate.trusted for estimate in estimates))
+
+
+def _require_options_that_count(context: typer.Context, indenter: str, *, thick: bool) -> None:
+    """`InputError` for an option that this indenter, or a thick sample, would ignore."""
+    tsis.model.require.require_one_of("indenter", indenter, tsis.mechanics.layer_indentation.INDENTERS)
+    of_others = OF_BALL_OR_PUNCH if indenter == "cone" else OF_CONE
+    for option in typed_options(context, of_others):
+        raise InputError(f"{option} must be left out with --indenter {indenter}, which has none (or name the other)")
+    for option in typed_options(context, OF_LAYER if thick else ()):
+        raise InputError(f"{option} must be given with --thickness-mm, without which the sample is thick; add it")
 
 
 def _poisson(text: str) -> tuple[float, float]:
