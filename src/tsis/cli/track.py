@@ -9,7 +9,7 @@ import typer
 
 import tsis
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.cli.options import AsJson, ScaleMm, chosen_scale
+from tsis.cli.options import AsJson, ScaleMm, chosen_scale, typed_options
 from tsis.cli.output import CommandOutcome, publish
 from tsis.cli.progress import progress_bar
 from tsis.errors import InputError
@@ -25,6 +25,7 @@ MOST_FRAMES = 2000
 
 
 def track(
+    context: typer.Context,
     frames: Annotated[
         list[Path],
         typer.Argument(help="Frames of one press in the order of time, or the folder that tsis acquire recorded."),
@@ -69,6 +70,11 @@ def track(
     if scale is None:
         raise InputError("a movement needs --scale-mm, or a --calibration that contains the scale")
     paths, times = _sequence(frames, interval_s)
+    if times is None and (unused := typed_options(context, ("tolerance", "longest_s"))):
+        raise InputError(
+            f"{' and '.join(unused)} must be given with times, by which a press settles: add --interval-s, or leave "
+            f"{'them' if len(unused) > 1 else 'it'} out"
+        )
     with progress_bar("reading frames") as advance:
         images = []
         for number, path in enumerate(paths):
@@ -86,7 +92,7 @@ def track(
             calibration=None if usable is None else usable.response,
             threshold_grey=threshold_grey,
             tolerance=tolerance,
-            longest_s=longest_s or tsis.calibration.settling.LONGEST_HOLD_S,
+            longest_s=tsis.calibration.settling.LONGEST_HOLD_S if longest_s is None else longest_s,
             progress=advance,
         )
     provenance: dict[str, Any] = {
