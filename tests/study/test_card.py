@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.cli.study import app
-from tsis.errors import RecordsError
+from tsis.errors import InputError, RecordsError
 from tsis.present.html import html_bytes
 from tsis.present.precision import precision_page
 from tsis.study.card import (
@@ -91,6 +91,15 @@ def test_the_command_writes_two_sheets(tmp_path: Path) -> None:
     page = (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
     for text in ("Performance card: feeler", "curvature", "head of the log", "numpy"):
         assert text in page
+
+
+def test_options_of_another_run_are_refused_for_a_study_that_exists(tmp_path: Path) -> None:
+    study = read(tmp_path)
+    options = ["--probe", "tsis-2011", "--operator", "Eve", "--repeats", "9", "--seed", "2", "--strain", "small"]
+    done = CliRunner().invoke(app, ["card", str(study.folder), "--out", str(tmp_path / "out"), *options])
+    assert isinstance(done.exception, InputError)
+    assert "--probe and --operator and --repeats and --seed and --strain must be left out" in str(done.exception)
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_changed_log_fails_a_check(tmp_path: Path) -> None:

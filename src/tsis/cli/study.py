@@ -19,7 +19,7 @@ import typer
 
 import tsis
 from tsis.__about__ import LARGEST_SEED, RESEARCH_USE_ONLY
-from tsis.cli.options import AsJson, PhantomName, ProbeName, read_frames, scale_of
+from tsis.cli.options import AsJson, PhantomName, ProbeName, read_frames, scale_of, typed_options
 from tsis.cli.output import CommandOutcome, CommandResult, Out, print_json, publish, result_bytes, show_result
 from tsis.cli.progress import FAILED, ended_by, progress_bar, stop_interrupted
 from tsis.cli.saving import DATABASE, PHANTOM, opened
@@ -586,8 +586,12 @@ def size(
     )
 
 
+OF_REFERENCE_RUN = ("probe", "operator", "repeats", "seed", "strain")  # by which a card makes its own study
+
+
 @app.command(epilog="Example: tsis study card trial --out trial-card")
 def card(
+    context: typer.Context,
     folder: StudyFolder,
     *,
     calibration: Annotated[
@@ -617,6 +621,11 @@ def card(
     known = None if calibration is None else tsis.calibration.frames.load_calibration(calibration)
     if folder.exists():
         study = open_study(folder)
+        if ignored := typed_options(context, OF_REFERENCE_RUN):
+            raise InputError(
+                f"{' and '.join(ignored)} must be left out for a study that exists, whose readings the card takes as "
+                f"they are; got {tsis.files.reading.printable_path(folder)} (name a new folder for another run)"
+            )
     else:
         with (
             progress_bar("preparing the probe (cached for next time)") as preparing,
