@@ -254,6 +254,34 @@ def test_a_first_check_that_is_refused_fixes_no_plan(tmp_path: Path) -> None:
     assert [item.values["light"] for item in read_checks(folder).checks] == pytest.approx([light, light])
 
 
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (("--probe", "tsis-domed"), "--probe must be tsis-2011, as at the first check; got tsis-domed"),
+        (("--phantom", "size-3"), "--phantom must be size-8, as at the first check; got size-3"),
+        (("--baseline", "9"), "--baseline must be 8, as at the first check; got 9"),
+        (("--tolerance", "0.5"), "--tolerance must be 0.05, as at the first check; got 0.5"),
+        (("--seed", "3", "--ageing", "0.01"), "--ageing and --seed must be left out with frames"),
+    ],
+)
+def test_a_later_check_does_not_ignore_an_option(options: tuple[str, ...], told: str, tmp_path: Path) -> None:
+    folder, frames = str(tmp_path / "log"), written(tmp_path)
+    first = ["--probe", "tsis-2011", "--phantom", "size-8", "--baseline", "8", "--tolerance", "0.05"]
+    for _ in range(2):  # the second gives the same again
+        assert CliRunner().invoke(app, ["check", folder, *frames, *first]).exit_code == 0
+    refused = CliRunner().invoke(app, ["check", folder, *frames, *options])
+    assert isinstance(refused.exception, InputError)
+    assert told in str(refused.exception)
+    assert len(read_checks(tmp_path / "log").checks) == 2
+
+
+def test_a_rehearsal_refuses_options_of_frames(tmp_path: Path) -> None:
+    options = ["--rehearse", "1", "--scale-mm", "0.1", "--temperature-c", "30", "--operator", "Ada"]
+    refused = CliRunner().invoke(app, ["check", str(tmp_path / "log"), *options])
+    assert "--scale-mm and --temperature-c and --operator must be left out" in str(refused.exception)
+    assert not (tmp_path / "log").exists()
+
+
 def test_checks_of_one_log_have_one_scale(tmp_path: Path) -> None:
     options = written(tmp_path)
 

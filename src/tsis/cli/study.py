@@ -647,8 +647,13 @@ def card(
     _publish(card_document(result, now=now), page, out, as_json=as_json, trusted=result.passed)
 
 
+OF_REHEARSAL, OF_FRAMES = ("ageing", "seed"), ("scale_mm", "temperature_c", "operator")  # of a daily check
+PLAN_OF_CHECKS = ("probe", "phantom", "force_n", "baseline", "tolerance")
+
+
 @app.command(epilog="Example: tsis study check checks --rehearse 10 --baseline 8 --seed 2 --out checks-chart")
 def check(
+    context: typer.Context,
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of the checks; begun where there is none.")],
     *,
     press: Annotated[Path | None, typer.Option(help="Frame of the press on the check phantom.")] = None,
@@ -687,13 +692,20 @@ def check(
 
     if (press is None) != (untouched is None) or (press is not None) == (rehearse > 0):
         raise InputError("a check needs --press and --untouched, the frames of the day, or --rehearse with a number")
+    of_others, what = (OF_REHEARSAL, "frames") if press is not None else (OF_FRAMES, "--rehearse")
+    if ignored := typed_options(context, of_others):
+        raise InputError(f"{' and '.join(ignored)} must be left out with {what}, for which it means nothing")
     log = read_checks(folder) if folder.exists() else None
-    begun = 1.0 if log is None else log.plan.force_n
-    force = begun if force_n is None else force_n
+    force = force_n if force_n is not None else 1.0 if log is None else log.plan.force_n
     plan = CheckPlan(probe=probe, phantom=phantom, force_n=force, baseline=baseline, tolerance=tolerance)
-    if log is not None and force != begun:
-        raise InputError(f"--force-n must be {begun:g}, as at the first check; got {force:g} (newtons)")
-    plan = plan if log is None else log.plan
+    if log is not None:
+        for name in PLAN_OF_CHECKS:
+            first, given = getattr(log.plan, name), getattr(plan, name)
+            for option in typed_options(context, (name,)) if given != first else ():
+                raise InputError(
+                    f"{option} must be {first}, as at the first check; got {given} (begin another folder of checks)"
+                )
+        plan = log.plan
     if press is not None and untouched is not None:
         scale = None if scale_mm is None else scale_of(scale_mm)
         frames = read_frames([press, untouched], [plan.force_n, 0.0], scale)
