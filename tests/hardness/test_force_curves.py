@@ -16,6 +16,7 @@ from tsis.hardness.curve_flags import INDENTATION_FLAGS
 from tsis.hardness.force_curves import ForceCurve, repeated_modulus
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from typing import Any
 
     from numpy.typing import NDArray
@@ -111,6 +112,36 @@ def test_rows_that_are_not_in_the_order_of_time_are_put_into_it(tmp_path: Path, 
         found.append(interval(curve, radius_mm=RADIUS_MM))
     assert found[0] == pytest.approx(found[1], rel=1e-6)
     assert dict(curve.recorded or {})["order"] == "rows sorted by time"
+
+
+@pytest.mark.parametrize(
+    ("heading", "labels"), [("curve", ("1", "2")), ("Specimen", ("left", "right")), ("Repeat", ("0", "1"))]
+)
+def test_a_column_that_tells_curves_apart_gives_a_curve_for_each(
+    tmp_path: Path, heading: str, labels: tuple[str, str]
+) -> None:
+    """One fit through both gave a trusted modulus of neither."""
+    presses = [pressed(noise=0.02), pressed(1.2 * YOUNG_KPA, noise=0.02, seed=2)]
+    lines = [
+        f"{label},{x:.9f},{y:.9f}"
+        for label, press in zip(labels, presses, strict=True)
+        for x, y in zip(*press, strict=True)
+    ]
+    (tmp_path / "two.csv").write_text("\n".join([f"{heading},Position (mm),Force (N)", *lines]))
+    curves = read_curves(tmp_path / "two.csv")
+    assert [curve.name for curve in curves] == [f"two.csv, {heading.lower()} {label}" for label in labels]
+    for curve, (position, force) in zip(curves, presses, strict=True):
+        np.testing.assert_allclose(curve.position_mm, position, atol=1e-8)
+        np.testing.assert_allclose(curve.force_n, force, atol=1e-8)
+
+
+@pytest.mark.parametrize("sample", [range(600), [1] * 600, [1] * 590 + [2] * 10, [*[""] * 300, *[1] * 300]])
+def test_a_column_that_counts_points_or_tells_segments_parts_no_curve(tmp_path: Path, sample: Sequence[object]) -> None:
+    position, force = pressed()
+    lines = [f"{label},{x:.9f},{y:.9f}" for label, x, y in zip(sample, position, force, strict=True)]
+    (tmp_path / "one.csv").write_text("\n".join(["Sample,Position (mm),Force (N)", *lines]))
+    (curve,) = read_curves(tmp_path / "one.csv")
+    assert (curve.name, curve.position_mm.size) == ("one.csv", 600)
 
 
 def test_segments_whose_time_begins_anew_stay_as_they_are(tmp_path: Path) -> None:

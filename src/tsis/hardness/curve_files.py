@@ -20,7 +20,7 @@ import numpy as np
 from tsis.errors import FileInputError, InputError, import_extra
 from tsis.files.reading import as_path, file_error, one_line, printable_name, printable_path, read_bytes
 from tsis.files.tables import parse_csv_rows, parse_number, table_text
-from tsis.hardness.force_curves import ForceCurve
+from tsis.hardness.force_curves import LEAST_POINTS, ForceCurve
 
 if TYPE_CHECKING:
     import os
@@ -31,11 +31,16 @@ MOST_CURVES = 10_000
 MOST_SEGMENTS, MUCH = 20, 0.05  # times that go back more often, and in this part of the rows, are not segments
 AFM_ENDINGS = (".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".h5", ".ibw", ".tab")
 DEPTHS = ("depth_mm", "displacement_mm")
+CURVE_HEADINGS = ("curve", "specimen", "sample", "replicate", "repeat")  # of a column that tells curves apart
+HEAD = 50_000  # letters that may hold the headings
 _CHIARO = re.compile(r"^(?P<name>[^\t\n]+?)\t(?P<value>[-+\d.]+)\s*$", re.MULTILINE)
 
 
 def read_curves(path: str | os.PathLike[str]) -> tuple[ForceCurve, ...]:
-    """Curves of a file: one of a table or of a Chiaro text, all of a JPK file or map, those of a ZIP archive.
+    """Curves of a file: one of a Chiaro text, all of a table, a JPK file or a map, those of a ZIP archive.
+
+    A table holds one curve, or one for each value of a column ``curve``, ``specimen``, ``sample``, ``replicate`` or
+    ``repeat``.
 
     Parameters
     ----------
@@ -57,7 +62,7 @@ def read_curves(path: str | os.PathLike[str]) -> tuple[ForceCurve, ...]:
         return tuple(_afm_curves(file))
     if content.startswith(b"PK\x03\x04"):
         return tuple(_zipped(file, content))
-    return (_text_curve(content, name, printable_path(file)),)
+    return _text_curves(content, name, printable_path(file))
 
 
 def _zipped(file: Path, content: bytes) -> Iterator[ForceCurve]:
@@ -75,7 +80,7 @@ def _zipped(file: Path, content: bytes) -> Iterator[ForceCurve]:
     except Exception as error:  # zipfile has a dozen errors for a damaged archive, ValueError and zlib.error among them
         raise file_error(file, f"must be a whole ZIP archive; {one_line(error)}") from error
     for name, text in texts:
-        yield _text_curve(text, name, f"{name} in {printable_path(file)}")
+        yield from _text_curves(text, name, f"{name} in {printable_path(file)}")
 
 
 def _require_few(file: Path, members: Sequence[zipfile.ZipInfo]) -> None:
@@ -85,12 +90,12 @@ def _require_few(file: Path, members: Sequence[zipfile.ZipInfo]) -> None:
         raise file_error(file, f"must hold 1 to {MOST_CURVES} curves of at most {LARGEST_BYTES} bytes together")
 
 
-def _text_curve(content: bytes, name: str, where: str) -> ForceCurve:
+def _text_curves(content: bytes, name: str, where: str) -> tuple[ForceCurve, ...]:
     text = table_text(content, where)
     if "Tip radius (um)" in text[:5000] and "Piezo (nm)" in text[:5000]:
-        return _chiaro_curve(text, name, where)
+        return (_chiaro_curve(text, name, where),)
     if re.search(r"^# columns: .*vDeflection", text, re.MULTILINE):
-        return _jpk_text_curve(text, name, where)
+        return (_jpk_text_curve(text, name, where),)
     if re.search(r"defl_(?:nm|v)_|t-b\s*\(v\)", text[:5000].lower()):
         raise FileInputError(
             f"{where} must hold a force; it holds the deflection of a cantilever: export force and separation, or "
@@ -101,8 +106,34 @@ def _text_curve(content: bytes, name: str, where: str) -> ForceCurve:
         raise FileInputError(f"{where} must hold a curve below its headings; it has no row")
     keys = [key for key in ("force_n", "time_s", *DEPTHS) if key in rows[0]]
     columns = {key: np.array([_cell(row, key) for row in rows]) for key in keys}
-    position = columns[next(key for key in DEPTHS if key in columns)]
-    return _curve(where, name, position, columns["force_n"], columns.get("time_s"), None, {})
+    depth = next(key for key in DEPTHS if key in columns)
+    curves = []
+    for label, own in _parts(content, text, where):
+        of_curve = {key: values[own] for key, values in columns.items()}
+        names = (f"{where}, {label}", f"{name}, {label}") if label else (where, name)
+        curves.append(_curve(*names, of_curve[depth], of_curve["force_n"], of_curve.get("time_s"), None, {}))
+    return tuple(curves)
+
+
+def _parts(content: bytes, text: str, where: str) -> list[tuple[str, Any]]:
+    """Label and rows of each curve by the column that tells them apart; without such a column all rows of one.
+
+    A column with that heading whose every value does not have the rows of a curve counts points, or tells segments.
+    """
+    for heading in CURVE_HEADINGS:
+        if heading not in text[:HEAD].lower():
+            continue
+        own: dict[str, list[int]] = {}
+        try:
+            for number, row in enumerate(
+                parse_csv_rows(content, where, ("force_n", heading), DEPTHS, ignore_others=True)
+            ):
+                own.setdefault(row.text(heading), []).append(number)
+        except FileInputError:  # no such column, or one with a unit
+            continue
+        if 1 < len(own) <= MOST_CURVES and min(map(len, own.values())) >= LEAST_POINTS and all(own):
+            return [(f"{heading} {one_line(value)[:40]}", rows) for value, rows in own.items()]
+    return [("", slice(None))]
 
 
 CHIARO_COLUMNS = ("Time (s)", "Load (uN)", "Cantilever (nm)", "Piezo (nm)")
