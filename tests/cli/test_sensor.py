@@ -61,6 +61,8 @@ def test_show_lists_the_catalog(run_tsis: RunTsis) -> None:
         (("show", "gelsight"), "did you mean 'gelsight-mini'"),
         (("new", "digit"), "choose another, as my-digit"),
         (("new", "mine", "--image-px", "320"), "--image-px must be columns and rows, as 320,240; got '320'"),
+        (("new", "mine", "--image-px", "640,480"), "--image-px must be given with --scale-mm, the scale of its frames"),
+        (("new", "mine", "--young-measured"), "--young-measured must be given with --young-kpa"),
         (("new", "mine", "--young-kpa", "-3"), "young_kpa must lie in [0.1, 1e+06]; got -3"),
     ],
 )

@@ -34,6 +34,7 @@ SensorOption = Annotated[
 ]
 
 MOST_GEL_FRAMES = 2000
+SAME_SIZE = 0.02  # relative difference of frames that one scale may have
 GelFrames = Annotated[
     list[Path],
     typer.Argument(help="Frames of the sensor, or a folder that tsis acquire recorded or tsis session described."),
@@ -217,11 +218,15 @@ def new(
     if name in tsis.catalog.sensors.list_sensors():
         raise InputError(f"the name {name!r} is that of a sensor of the catalog; choose another, as my-{name}")
     start = tsis.catalog.load_sensor(like)
+    if young_measured and young_kpa is None:
+        raise InputError("--young-measured must be given with --young-kpa, the modulus that was measured; add it")
     changes: dict[str, Any] = {"name": name}
     if scale_mm is not None:
         changes["mm_per_pixel"] = scale_of(scale_mm)
     if image_px is not None:
         changes["image_px"] = _pixels(image_px)
+        if scale_mm is None:
+            _require_frames_of_scale(changes["image_px"], start)
     if corners_in is not None:
         if corners_px is not None or raw_px is not None:
             raise InputError("--corners-in must stand without --corners-px and --raw-px: it finds both")
@@ -251,6 +256,18 @@ def new(
         return
     found = [] if corners_in is None or sensor.corners_px is None else [_corners_note(sensor.corners_px)]
     print_tables([sensor_table(sensor)], (*sensor_notes(sensor), *found), where=f"File: {out}")
+
+
+def _require_frames_of_scale(image_px: tuple[int, int], start: GelSensor) -> None:
+    """`InputError` where frames of another size would keep the scale, and the face would become another one."""
+    if start.mm_per_pixel is not None and any(
+        abs(given - known) > SAME_SIZE * known for given, known in zip(image_px, start.image_px, strict=True)
+    ):
+        raise InputError(
+            f"--image-px must be given with --scale-mm, the scale of its frames; {start.name} has "
+            f"{start.mm_per_pixel[0]:g} mm per pixel in frames of {start.image_px[0]} x {start.image_px[1]}, got "
+            f"{image_px[0]} x {image_px[1]}"
+        )
 
 
 def _corners_note(corners: Sequence[tuple[float, float]]) -> str:
