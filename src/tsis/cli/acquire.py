@@ -25,7 +25,7 @@ from rich.markup import escape
 import tsis
 from tsis.__about__ import LARGEST_SEED, LARGEST_TARGET
 from tsis.cli.depth import MOST_WEIGHTS
-from tsis.cli.options import AsJson, ForceN, PhantomName, ProbeName
+from tsis.cli.options import AsJson, ForceN, PhantomName, ProbeName, typed_options
 from tsis.cli.output import print_json, print_watched
 from tsis.cli.progress import FAILED, ended_by, progress_bar, waiting
 from tsis.cli.saving import KindOption, StoreOption, chosen_destination, stop_not_saved
@@ -570,7 +570,24 @@ RING_FRAMES = 256  # eight seconds of a usual camera, for a disk that pauses
 LONGEST_S = 7 * 86400.0
 
 
+OF_VIRTUAL_PROBE, OF_GEL_SENSOR = ("probe", "phantom", "force_n", "seed"), ("reference", "depth")
+OF_SNAPSHOT = ("target", "picture", "map_name", "role")
+
+
+def _require_options_that_count(context: typer.Context, *, virtual: bool, sensor: bool, snapshot: bool) -> None:
+    """`InputError` for an option that this camera, or what is saved, would ignore."""
+    of_others = (
+        (() if virtual else OF_VIRTUAL_PROBE, "the virtual probe: a real camera does not know it"),
+        (() if sensor else OF_GEL_SENSOR, "a gel sensor: give --sensor too"),
+        (() if snapshot else OF_SNAPSHOT, "a snapshot, and neither for a sequence nor with --watch"),
+    )
+    for names, what in of_others:
+        for option in typed_options(context, names):
+            raise InputError(f"{option} must be left out, or given for {what}")
+
+
 def acquire(
+    context: typer.Context,
     *,
     list_found: Annotated[
         bool, typer.Option("--list", help="List cameras, and what other camera drivers lack.")
@@ -641,6 +658,9 @@ def acquire(
         tsis.model.require.require_number("--seconds", seconds, 0.01, LONGEST_S, hint="seconds")
     if save and (sequence or watch):
         raise InputError("--save works for snapshots; import a sequence into a store by tsis records import")
+    if not modes:
+        virtual, snapshot = camera == VIRTUAL, not (sequence or watch)
+        _require_options_that_count(context, virtual=virtual, sensor=sensor is not None, snapshot=snapshot)
     if sensor is not None:
         live = GelCamera(camera=camera, sensor=sensor, reference=reference, seed=seed)
         if watch:
