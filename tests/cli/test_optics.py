@@ -84,6 +84,7 @@ def test_below_cut_off_it_says_what_would_guide(run_tsis: RunTsis) -> None:
         (("--index", "1.4", "--thickness-um", "0"), "thickness_um"),
         (("--index", "1.2", "--thickness-um", "1", "--index-below", "1.4"), "exceed the surroundings' 1.4"),
         (("--preset", "disertation"), "did you mean 'dissertation'"),
+        (("--preset", "realistic", "--index", "1.4", "--thickness-um", "9"), "--preset must be left out with --index"),
     ],
 )
 def test_bad_input_is_one_sentence(run_tsis: RunTsis, arguments: tuple[str, ...], message: str) -> None:

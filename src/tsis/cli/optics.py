@@ -10,7 +10,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import tsis
-from tsis.cli.options import AimDeg, AsJson, HalfAngleDeg, LampHeightMm, ProbeOption, chosen_lit_probe, numbers
+from tsis.cli.options import (
+    AimDeg,
+    AsJson,
+    HalfAngleDeg,
+    LampHeightMm,
+    ProbeOption,
+    chosen_lit_probe,
+    numbers,
+    typed_options,
+)
 from tsis.cli.output import CommandResult, Out, show_result
 from tsis.cli.progress import progress_bar, waiting
 from tsis.errors import InputError, MechanicsError
@@ -146,6 +155,7 @@ class Polarization(StrEnum):
 
 
 def modes(
+    context: typer.Context,
     *,
     preset: Annotated[
         str, typer.Option(help="realistic: PDMS on glass; dissertation: the printed indices; both 10 µm thick.")
@@ -164,6 +174,8 @@ def modes(
     """All guided modes of a stack of layers, and the number that never reach the pressed face."""
     if (index is None) != (thickness_um is None):
         raise InputError("--index and --thickness-um must be given together; got one of them")
+    if index is not None and typed_options(context, ("preset",)):
+        raise InputError("--preset must be left out with --index and --thickness-um, layers of your own")
     if index is not None and thickness_um is not None:
         indices, thicknesses = numbers("--index", index), numbers("--thickness-um", thickness_um)
     else:
