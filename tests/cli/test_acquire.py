@@ -281,6 +281,8 @@ OTHER_CODES = {"no serial port": 1}  # of messages that are no wrong input
         ((*UNTOUCHED, "--frames", "2", "--role", "plain"), "--role must be left out, or given for a snapshot"),
         ((*UNTOUCHED, "--watch", "--map", "inferno"), "--map must be left out, or given for a snapshot"),
         (("--gauge-unit", "N"), "need --gauge"),
+        ((*UNTOUCHED, "--gauge-baud", "115200"), "need --gauge"),
+        ((*UNTOUCHED, "--gauge-latency-ms", "40"), "need --gauge"),
         (("--gauge", "nowhere", *UNTOUCHED), "no serial port is called 'nowhere'"),
         ((*UNTOUCHED, "--out", "blocked"), "must be written into 'blocked/Target1'"),
         ((*UNTOUCHED, "--frames", "2", "--out", "blocked/in"), "must be a folder that can be created"),

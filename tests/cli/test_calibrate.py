@@ -306,6 +306,7 @@ OTHER_CODES = {"no serial port": 1}  # of messages that are no wrong input
         (("--camera", "files:nowhere", "--set", "gain"), "--set must be a name and a number"),
         (("--camera", "files:nowhere", "--gauge", "nowhere"), "no serial port is called 'nowhere'"),
         (("--gauge", "nowhere"), "need --camera; the virtual rig has its own"),
+        (("--gauge-latency-ms", "40"), "need --camera; the virtual rig has its own"),
         (("--set", "gain=1"), "need --camera; the virtual rig has its own"),
         (("--session", "blocked"), "must be a folder that can be written"),
         (("make", "nowhere"), "session.json' does not exist"),

@@ -250,8 +250,10 @@ def gauge_log(
 ) -> Iterator[ForceLog | None]:
     """Readings of the gauge at a serial port, after the first have arrived; None without a port."""
     if port is None:
-        if unit is not None or sends:
-            raise InputError("--gauge-unit and --gauge-sends need --gauge, the port of the gauge")
+        if unit is not None or sends or baud is not None or latency_ms != 0:
+            raise InputError(
+                "--gauge-unit, --gauge-baud, --gauge-sends and --gauge-latency-ms need --gauge, the port of the gauge"
+            )
         yield None
         return
     log = tsis.instrument.force_log.connected_gauge(

@@ -341,7 +341,7 @@ def guide(
         pad_sd=pad_uncertainty,
     )
     if camera == VIRTUAL:
-        if gauge or gauge_unit or gauge_sends or mode or setting or patch_px:
+        if gauge or gauge_unit or gauge_baud or gauge_sends or gauge_latency_ms or mode or setting or patch_px:
             raise InputError("--gauge, --mode, --set and --patch-px need --camera; the virtual rig has its own")
         rig = tsis.virtual.calibration_bench.VirtualBench(
             tsis.catalog.load_probe(probe), rng=np.random.default_rng(seed), pitch_mm=pitch_mm
