@@ -220,9 +220,7 @@ def write_scan(
 MODES = {
     "--list": ("show_catalog",),
     "--scan": ("scan", "probe", "force_n", "lump", "places", "spacing_mm", "place_sd_mm", "seed"),
-    "--sensor": (
-        *("sensor", "force_n", "ball_mm", "ball_kpa", "presses", "calibration_presses", "drag", "seed", "out"),
-    ),
+    "--sensor": ("sensor", "force_n", "ball_mm", "ball_kpa", "presses", "calibration_presses", "drag", "seed", "out"),
     "": ("phantom", "probe", "force_n", "diameter_mm", "depth_mm", "young_kpa", "strain"),
 }
 WORDS = {

@@ -23,7 +23,7 @@ from tsis.model.estimate import INTERVAL_LEVEL
 from tsis.model.require import freeze_mappings
 from tsis.records.places import press_inputs, recorded_scan
 from tsis.records.provenance import changes, comparison_message, environment
-from tsis.records.values import ESTIMATES, MAP, StoredMap, estimate_to_json, map_bytes
+from tsis.records.values import ESTIMATES, MAP, REFERENCE_ROLES, StoredMap, estimate_to_json, map_bytes
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from tsis.records.values import StoredEstimate, StoredPress, Target, TargetRecord
 
 
-REFERENCE_ROLES = {"inclusion": "plain", "hardness": "ball"}  # role of the reference presses
 PRIORS: Mapping[str, type[InclusionPrior | HardnessPrior | MapPrior]] = {
     "inclusion": InclusionPrior,
     "hardness": HardnessPrior,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from tsis.errors import TsisError
 from tsis.records.provenance import shown_value
-from tsis.records.values import MAP
+from tsis.records.values import MAP, REFERENCE_ROLES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     Result = StoredEstimate | StoredMap
 
 FORCE, ROLE = "force_n", "role"
-REFERENCE = {"inclusion": "plain", "hardness": "ball"}  # role of the reference presses
 MOST_NAMED, SHORT = 3, 8
 
 
@@ -133,7 +132,7 @@ def _of_estimate(stored: Result, presses: Sequence[StoredPress]) -> Pairs:
 
 
 def _entries_by_role(stored: Result) -> dict[str, deque[Mapping[str, Any]]]:
-    reference = REFERENCE[stored.kind]
+    reference = REFERENCE_ROLES[stored.kind]
     if stored.kind == "inclusion":
         return {"target": deque(_entries(stored, "images")), reference: deque(_entries(stored, "reference"))}
     entries = _entries(stored, "presses")

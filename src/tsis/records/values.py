@@ -39,6 +39,7 @@ ROLE_NAMES = {
     "untouched": "not touched",
     "ball": "on a known ball",
 }
+REFERENCE_ROLES = {"inclusion": "plain", "hardness": "ball"}  # role of the reference presses
 ROLES = tuple(ROLE_NAMES)  # of presses; a ball is for hardness
 ESTIMATES = ("inclusion", "hardness")
 MAP = "map"  # kind of a result beside the estimates

@@ -15,7 +15,7 @@ from tsis.catalog.phantoms import list_spheres
 from tsis.console.services.choice import CameraChoice, InstrumentSettings, VirtualSubject
 from tsis.console.worker import WorkerProcess
 from tsis.errors import ControlError, InputError, MechanicsError, UnknownNameError
-from tsis.records.recomputation import REFERENCE_ROLES
+from tsis.records.values import REFERENCE_ROLES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

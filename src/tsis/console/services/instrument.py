@@ -46,9 +46,9 @@ from tsis.instrument.discovery import connect
 from tsis.model.require import require_integer, require_one_of
 from tsis.present.page import Page
 from tsis.records.provenance import environment
-from tsis.records.recomputation import REFERENCE_ROLES, EstimationRequest, estimate_stored, recompute, require_options
+from tsis.records.recomputation import EstimationRequest, estimate_stored, recompute, require_options
 from tsis.records.store import open_store
-from tsis.records.values import ESTIMATES
+from tsis.records.values import ESTIMATES, REFERENCE_ROLES
 from tsis.virtual.probe import VirtualProbe
 
 if TYPE_CHECKING:
